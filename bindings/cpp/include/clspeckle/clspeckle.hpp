@@ -1,0 +1,715 @@
+/**
+ * @file clspeckle.hpp
+ * @brief The C++17 binding of clSpeckle: RAII and exceptions over the C interface, header only.
+ *
+ * Every class owns one reference of the C handle of its name, and every method calls the C function of its name
+ * (`Phase::enqueue_refresh` is clspPhaseEnqueueRefresh(), `Pipeline::timings` is clspPipelineGetTimings()), so shapes,
+ * units, ranges and thread rules are those of the C headers. What C reports by status is thrown as clspeckle::Error.
+ *
+ * Descriptions are the C structs; make<ClspApertureDesc>() gives one with its defaults and struct_size filled in.
+ *
+ * A queue is passed as `cl_command_queue`, memory as `cl_mem`: a host's own OpenCL objects go in as they are, and
+ * nobody takes them over. Queue, Buffer and Event convert to them. `borrow` wraps a host's object without owning it,
+ * `adopt` takes over one reference.
+ *
+ * Wait lists are vectors of `cl_event` (`{a, b}` works, also with Event); the event comes last and may be left out.
+ *
+ * Threads: a Context may be used from any number of threads at once. Any other object may be used from one thread at a
+ * time; different objects from different threads at the same time. Copies of a handle share one object.
+ */
+#ifndef CLSPECKLE_CLSPECKLE_HPP
+#define CLSPECKLE_CLSPECKLE_HPP
+
+#include <clspeckle/clspeckle.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace clspeckle {
+
+/** A failed call: what() is "function: message (status)". */
+class Error : public std::runtime_error {
+  public:
+    Error(ClspStatus status, std::int32_t opencl_code, std::string function, std::string message, std::string build_log)
+        : std::runtime_error(function + ": " + message + " (" + clspStatusString(status) + ")"), status_(status),
+          opencl_code_(opencl_code), function_(std::move(function)), message_(std::move(message)),
+          build_log_(std::move(build_log)) {}
+
+    /** CLSP_ERROR_*. */
+    ClspStatus status() const noexcept { return status_; }
+    /** The OpenCL or clFFT error code behind it, 0 if none. */
+    std::int32_t opencl_code() const noexcept { return opencl_code_; }
+    /** Name of the C function that failed. */
+    const std::string &function() const noexcept { return function_; }
+    /** What was wrong, what was expected, what to do. */
+    const std::string &message() const noexcept { return message_; }
+    /** The compiler's output after CLSP_ERROR_BUILD, else empty. */
+    const std::string &build_log() const noexcept { return build_log_; }
+
+  private:
+    ClspStatus status_;
+    std::int32_t opencl_code_;
+    std::string function_;
+    std::string message_;
+    std::string build_log_;
+};
+
+/** Throws the calling thread's last error if `status` is one. For code that mixes C calls in. */
+inline void check(ClspStatus status) {
+    if (status == CLSP_SUCCESS)
+        return;
+    ClspErrorInfo info{};
+    info.struct_size = sizeof(info);
+    if (clspGetLastError(&info) == CLSP_SUCCESS && info.status == status)
+        throw Error(status, info.opencl_code, info.function, info.message, info.build_log);
+    throw Error(status, 0, "clspeckle", "no details are known", "");
+}
+
+namespace detail {
+
+inline void init(ClspContextDesc &desc) {
+    check(clspContextDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspPhiloxDesc &desc) {
+    check(clspPhiloxDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspPatternDesc &desc) {
+    check(clspPatternDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspGeometry &geometry) {
+    check(clspGeometryInit(&geometry, sizeof(geometry)));
+}
+inline void init(ClspPhaseDesc &desc) {
+    check(clspPhaseDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspApertureDesc &desc) {
+    check(clspApertureDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspSensorDesc &desc) {
+    check(clspSensorDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspPipelineDesc &desc) {
+    check(clspPipelineDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspFrame &frame) {
+    check(clspFrameInit(&frame, sizeof(frame)));
+}
+// Structs that the library fills in have no defaults, only a size.
+inline void init(ClspErrorInfo &info) {
+    info.struct_size = sizeof(info);
+}
+inline void init(ClspDeviceInfo &info) {
+    info.struct_size = sizeof(info);
+}
+inline void init(ClspContextInfo &info) {
+    info.struct_size = sizeof(info);
+}
+inline void init(ClspApertureInfo &info) {
+    info.struct_size = sizeof(info);
+}
+inline void init(ClspMoments &moments) {
+    moments.struct_size = sizeof(moments);
+}
+
+/** One reference of a counted handle. */
+template <typename Handle, ClspStatus (*Retain)(Handle), ClspStatus (*Release)(Handle)> class Shared {
+  public:
+    Shared() noexcept = default;
+    Shared(const Shared &other) : handle_(other.handle_) {
+        if (handle_)
+            check(Retain(handle_));
+    }
+    Shared(Shared &&other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
+    Shared &operator=(const Shared &other) {
+        Shared copy(other);
+        std::swap(handle_, copy.handle_);
+        return *this;
+    }
+    Shared &operator=(Shared &&other) noexcept {
+        if (this != &other) {
+            reset();
+            handle_ = std::exchange(other.handle_, nullptr);
+        }
+        return *this;
+    }
+    ~Shared() { reset(); }
+
+    /** The C handle, still owned by this object; nullptr after a move. */
+    Handle get() const noexcept { return handle_; }
+    operator Handle() const noexcept { return handle_; }
+    explicit operator bool() const noexcept { return handle_ != nullptr; }
+    /** Gives the reference up to the caller. */
+    Handle release() noexcept { return std::exchange(handle_, nullptr); }
+    /** Drops the reference. */
+    void reset() noexcept {
+        if (handle_)
+            (void)Release(std::exchange(handle_, nullptr));
+    }
+
+  protected:
+    explicit Shared(Handle handle) noexcept : handle_(handle) {}
+    Handle handle_ = nullptr;
+};
+
+/** An OpenCL object that is owned (one reference, dropped at the end) or borrowed (never touched). */
+template <typename Object, ClspStatus (*Release)(Object)> class Unique {
+  public:
+    Unique() noexcept = default;
+    Unique(const Unique &) = delete;
+    Unique &operator=(const Unique &) = delete;
+    Unique(Unique &&other) noexcept
+        : object_(std::exchange(other.object_, nullptr)), owned_(std::exchange(other.owned_, false)) {}
+    Unique &operator=(Unique &&other) noexcept {
+        if (this != &other) {
+            reset();
+            object_ = std::exchange(other.object_, nullptr);
+            owned_ = std::exchange(other.owned_, false);
+        }
+        return *this;
+    }
+    ~Unique() { reset(); }
+
+    /** The OpenCL object; this object keeps what it owns. */
+    Object get() const noexcept { return object_; }
+    operator Object() const noexcept { return object_; }
+    explicit operator bool() const noexcept { return object_ != nullptr; }
+    /** True if the reference is dropped with this object. */
+    bool owned() const noexcept { return owned_; }
+    /** Gives the object up to the caller, with the reference if it was owned. */
+    Object release() noexcept {
+        owned_ = false;
+        return std::exchange(object_, nullptr);
+    }
+    /** Drops the reference if it is owned. */
+    void reset() noexcept {
+        if (object_ && owned_)
+            (void)Release(object_);
+        object_ = nullptr;
+        owned_ = false;
+    }
+
+  protected:
+    Unique(Object object, bool owned) noexcept : object_(object), owned_(owned) {}
+    Object object_ = nullptr;
+    bool owned_ = false;
+};
+
+template <typename T> constexpr void require_plain() {
+    static_assert(std::is_trivially_copyable<T>::value, "device memory holds plain numbers and structs");
+}
+
+} // namespace detail
+
+/** A C struct with its defaults and struct_size, for example `auto desc = clspeckle::make<ClspApertureDesc>();`. */
+template <typename Struct> Struct make() {
+    Struct result{};
+    detail::init(result);
+    return result;
+}
+
+/** Bytes of one pixel of CLSP_FORMAT_*; 0 for an unknown format. */
+constexpr std::size_t pixel_bytes(std::uint32_t format) noexcept {
+    switch (format) {
+    case CLSP_FORMAT_UINT8:
+        return 1;
+    case CLSP_FORMAT_UINT16:
+        return 2;
+    case CLSP_FORMAT_UINT32:
+    case CLSP_FORMAT_FLOAT32:
+        return 4;
+    case CLSP_FORMAT_FLOAT32X2:
+        return 8;
+    case CLSP_FORMAT_FLOAT32X3:
+        return 12;
+    case CLSP_FORMAT_FLOAT32X4:
+        return 16;
+    default:
+        return 0;
+    }
+}
+
+/**
+ * A view of an image in device memory; owns nothing. `mem` may be a Buffer or the host's own cl_mem.
+ * @param format CLSP_FORMAT_*.
+ * @param pitch_bytes from row to row, 0: tightly packed.
+ * @param offset_bytes where the first pixel lies.
+ */
+inline ClspImage image(cl_mem mem, std::uint32_t width, std::uint32_t height, std::uint32_t format,
+                       std::uint64_t pitch_bytes = 0, std::uint64_t offset_bytes = 0) noexcept {
+    ClspImage view{};
+    view.mem = mem;
+    view.offset_bytes = offset_bytes;
+    view.pitch_bytes = pitch_bytes;
+    view.width = width;
+    view.height = height;
+    view.format = format;
+    return view;
+}
+
+/** The loaded library's release and ABI number. */
+struct Version {
+    std::uint32_t major, minor, patch, abi;
+};
+inline Version version() {
+    Version v{};
+    check(clspGetVersion(&v.major, &v.minor, &v.patch, &v.abi));
+    return v;
+}
+
+/** Every device of every platform, best first; empty if there is none. May be called from any thread. */
+inline std::vector<ClspDeviceInfo> devices() {
+    std::uint32_t count = 0;
+    check(clspDeviceList(0, nullptr, &count));
+    std::vector<ClspDeviceInfo> result(count);
+    if (result.empty())
+        return result;
+    for (ClspDeviceInfo &info : result)
+        info.struct_size = sizeof(info);
+    check(clspDeviceList(count, result.data(), &count));
+    if (count < result.size())
+        result.resize(count);
+    return result;
+}
+
+/** In words: which platforms and devices were seen, which one would be taken, why others were refused, how to get one.
+ *  May be called from any thread. @param selector as ClspContextDesc::device; empty for the default choice. */
+inline std::string explain_devices(const std::string &selector = {}) {
+    const char *which = selector.empty() ? nullptr : selector.c_str();
+    std::uint64_t length = 0;
+    check(clspDeviceExplain(which, 0, nullptr, &length));
+    std::string text(static_cast<std::size_t>(length), '\0');
+    check(clspDeviceExplain(which, text.size(), text.data(), nullptr));
+    text.resize(text.find('\0') == std::string::npos ? text.size() : text.find('\0'));
+    return text;
+}
+
+/** clspFieldGridCompute(): the FFT's size for an image. */
+inline ClspFieldGrid field_grid(std::uint32_t width, std::uint32_t height, std::uint32_t oversampling = 1,
+                                std::uint32_t guard_px = 0) {
+    ClspFieldGrid grid{};
+    grid.width = width;
+    grid.height = height;
+    grid.oversampling = oversampling;
+    grid.guard_px = guard_px;
+    check(clspFieldGridCompute(&grid));
+    return grid;
+}
+
+/** A device, its programs and FFT plans. May be used from any number of threads at once. */
+class Context : public detail::Shared<ClspContext, clspContextRetain, clspContextRelease> {
+  public:
+    /** The best device, or the one that CLSPECKLE_DEVICE names. */
+    Context() { check(clspContextCreate(nullptr, &handle_)); }
+    explicit Context(const ClspContextDesc &desc) { check(clspContextCreate(&desc, &handle_)); }
+    /** A context on the host's own cl_context, which is retained while this one lives. */
+    static Context from_host(cl_context host_context, cl_device_id host_device) {
+        auto desc = make<ClspContextDesc>();
+        desc.cl_context_handle = host_context;
+        desc.cl_device = host_device;
+        return Context(desc);
+    }
+    /** Takes over one reference of a C handle. */
+    static Context adopt(ClspContext handle) noexcept { return Context(handle, 0); }
+
+    ClspContextInfo info() const {
+        auto result = make<ClspContextInfo>();
+        check(clspContextGetInfo(handle_, &result));
+        return result;
+    }
+
+  private:
+    Context(ClspContext handle, int) noexcept : Shared(handle) {}
+};
+
+/** An event. One object may be used from one thread at a time. */
+class Event : public detail::Unique<cl_event, clspEventRelease> {
+  public:
+    Event() noexcept = default;
+    /** Takes over one reference of the host's event. */
+    static Event adopt(cl_event event) noexcept { return Event(event, true); }
+    /** Wraps the host's event, which must outlive the wrapper. */
+    static Event borrow(cl_event event) noexcept { return Event(event, false); }
+
+    /** Blocks until it is complete; throws if its command failed. */
+    void wait() const { check(clspEventWait(1, &object_)); }
+
+  private:
+    Event(cl_event event, bool owned) noexcept : Unique(event, owned) {}
+};
+
+/** Waits for all of them. */
+inline void wait(const std::vector<cl_event> &events) {
+    if (!events.empty())
+        check(clspEventWait(static_cast<std::uint32_t>(events.size()), events.data()));
+}
+
+namespace detail {
+
+/** Where a call writes its event: nowhere, or into the host's Event once the call has succeeded. */
+class EventOut {
+  public:
+    explicit EventOut(Event *target) noexcept : target_(target) {}
+    cl_event *get() noexcept { return target_ ? &event_ : nullptr; }
+    void finish(ClspStatus status) {
+        check(status);
+        if (target_)
+            *target_ = Event::adopt(event_);
+    }
+
+  private:
+    Event *target_;
+    cl_event event_ = nullptr;
+};
+
+inline std::uint32_t count(const std::vector<cl_event> &wait_list) {
+    return static_cast<std::uint32_t>(wait_list.size());
+}
+inline const cl_event *data(const std::vector<cl_event> &wait_list) {
+    return wait_list.empty() ? nullptr : wait_list.data();
+}
+
+} // namespace detail
+
+/** A command queue, our own or a borrowed one. OpenCL allows enqueuing from any thread; the destructor does not wait.
+ */
+class Queue : public detail::Unique<cl_command_queue, clspQueueRelease> {
+  public:
+    Queue() noexcept = default;
+    /** @param flags CLSP_QUEUE_PROFILING, CLSP_QUEUE_OUT_OF_ORDER or 0. */
+    explicit Queue(const Context &context, std::uint32_t flags = 0) {
+        check(clspQueueCreate(context, flags, &object_));
+        owned_ = true;
+    }
+    /** Takes over one reference of the host's queue. */
+    static Queue adopt(cl_command_queue queue) noexcept { return Queue(queue, true); }
+    /** Wraps the host's queue, which must outlive the wrapper. */
+    static Queue borrow(cl_command_queue queue) noexcept { return Queue(queue, false); }
+
+    /** Waits until everything in the queue is done. */
+    void finish() const { check(clspQueueFinish(object_)); }
+
+  private:
+    Queue(cl_command_queue queue, bool owned) noexcept : Unique(queue, owned) {}
+};
+
+/** Device memory, our own or borrowed. */
+class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
+  public:
+    Buffer() noexcept = default;
+    /** Allocates `size_bytes` > 0 of uninitialised device memory. */
+    Buffer(const Context &context, std::uint64_t size_bytes) : size_bytes_(size_bytes) {
+        check(clspBufferCreate(context, size_bytes, &object_));
+        owned_ = true;
+    }
+    /** Memory with a copy of `values`. Blocks. */
+    template <typename T>
+    Buffer(const Context &context, cl_command_queue queue, const std::vector<T> &values)
+        : Buffer(context, values.size() * sizeof(T)) {
+        write(queue, values);
+    }
+    Buffer(Buffer &&other) noexcept
+        : Unique(std::move(other)), size_bytes_(std::exchange(other.size_bytes_, std::uint64_t{0})) {}
+    Buffer &operator=(Buffer &&other) noexcept {
+        if (this != &other) {
+            Unique::operator=(std::move(other));
+            size_bytes_ = std::exchange(other.size_bytes_, std::uint64_t{0});
+        }
+        return *this;
+    }
+    /** Takes over one reference of the host's memory. */
+    static Buffer adopt(cl_mem mem, std::uint64_t size_bytes) noexcept { return Buffer(mem, size_bytes, true); }
+    /** Wraps the host's memory, which must outlive the wrapper. */
+    static Buffer borrow(cl_mem mem, std::uint64_t size_bytes) noexcept { return Buffer(mem, size_bytes, false); }
+
+    std::uint64_t size_bytes() const noexcept { return size_bytes_; }
+
+    /** A view of this memory as an image, see clspeckle::image(). */
+    ClspImage image(std::uint32_t width, std::uint32_t height, std::uint32_t format, std::uint64_t pitch_bytes = 0,
+                    std::uint64_t offset_bytes = 0) const noexcept {
+        return clspeckle::image(object_, width, height, format, pitch_bytes, offset_bytes);
+    }
+
+    /** Blocking copy from host memory. */
+    void write(cl_command_queue queue, const void *data, std::uint64_t size_bytes,
+               std::uint64_t offset_bytes = 0) const {
+        check(clspBufferWrite(queue, data, size_bytes, object_, offset_bytes));
+    }
+    template <typename T>
+    void write(cl_command_queue queue, const std::vector<T> &values, std::uint64_t offset_bytes = 0) const {
+        detail::require_plain<T>();
+        write(queue, values.data(), values.size() * sizeof(T), offset_bytes);
+    }
+    /** Blocking copy to host memory. */
+    void read(cl_command_queue queue, void *data, std::uint64_t size_bytes, std::uint64_t offset_bytes = 0) const {
+        check(clspBufferRead(queue, object_, offset_bytes, size_bytes, data));
+    }
+    /** Fills `values`, whose size says how much to read. Blocks. */
+    template <typename T>
+    void read(cl_command_queue queue, std::vector<T> &values, std::uint64_t offset_bytes = 0) const {
+        detail::require_plain<T>();
+        read(queue, values.data(), values.size() * sizeof(T), offset_bytes);
+    }
+    /** Reads `count` elements from `offset_bytes`. Blocks. */
+    template <typename T>
+    std::vector<T> read(cl_command_queue queue, std::size_t count, std::uint64_t offset_bytes = 0) const {
+        std::vector<T> values(count);
+        read(queue, values, offset_bytes);
+        return values;
+    }
+    /** Asynchronous copies; `data` must stay valid until the event is complete. */
+    void enqueue_write(cl_command_queue queue, const void *data, std::uint64_t size_bytes,
+                       std::uint64_t offset_bytes = 0, const std::vector<cl_event> &wait_list = {},
+                       Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspBufferEnqueueWrite(queue, data, size_bytes, object_, offset_bytes, detail::count(wait_list),
+                                          detail::data(wait_list), out.get()));
+    }
+    void enqueue_read(cl_command_queue queue, void *data, std::uint64_t size_bytes, std::uint64_t offset_bytes = 0,
+                      const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspBufferEnqueueRead(queue, object_, offset_bytes, size_bytes, data, detail::count(wait_list),
+                                         detail::data(wait_list), out.get()));
+    }
+
+  private:
+    Buffer(cl_mem mem, std::uint64_t size_bytes, bool owned) noexcept : Unique(mem, owned), size_bytes_(size_bytes) {}
+    std::uint64_t size_bytes_ = 0;
+};
+
+/** Philox4x32-10, see philox.h. */
+namespace philox {
+
+/** Runs Philox on `count` counters of four uint32. @param local_size work-group size; 0 leaves it to the device. */
+inline void enqueue_blocks(const Context &context, cl_command_queue queue, cl_mem counters,
+                           std::uint64_t counters_offset_bytes, const std::uint32_t (&key)[2], std::uint64_t count,
+                           std::uint64_t local_size, cl_mem blocks, std::uint64_t blocks_offset_bytes,
+                           const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) {
+    detail::EventOut out(event);
+    out.finish(clspPhiloxEnqueueBlocks(context, queue, counters, counters_offset_bytes, key, count, local_size, blocks,
+                                       blocks_offset_bytes, detail::count(wait_list), detail::data(wait_list),
+                                       out.get()));
+}
+
+/** Fills an image with random numbers. */
+inline void enqueue_fill(const Context &context, cl_command_queue queue, const ClspPhiloxDesc &desc,
+                         const ClspImage &image, const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) {
+    detail::EventOut out(event);
+    out.finish(clspPhiloxEnqueueFill(context, queue, &desc, &image, detail::count(wait_list), detail::data(wait_list),
+                                     out.get()));
+}
+
+} // namespace philox
+
+/** The projected pattern, see pattern.h. */
+class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatternRelease> {
+  public:
+    Pattern() noexcept = default;
+    Pattern(const Context &context, const ClspPatternDesc &desc) { check(clspPatternCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Pattern adopt(ClspPattern handle) noexcept { return Pattern(handle); }
+
+    /** Moves the laser. @param laser_from_geometry [R|t], 3 x 4 row-major. */
+    void set_pose(const double (&laser_from_geometry)[12]) const {
+        check(clspPatternSetPose(handle_, laser_from_geometry));
+    }
+    void enqueue_lookup(cl_command_queue queue, const ClspGeometry &geometry, const ClspImage &irradiance,
+                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPatternEnqueueLookup(handle_, queue, &geometry, &irradiance, detail::count(wait_list),
+                                            detail::data(wait_list), out.get()));
+    }
+
+  private:
+    explicit Pattern(ClspPattern handle) noexcept : Shared(handle) {}
+};
+
+/** The surface's random field, see phase.h. */
+class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease> {
+  public:
+    Phase() noexcept = default;
+    Phase(const Context &context, const ClspPhaseDesc &desc) { check(clspPhaseCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Phase adopt(ClspPhase handle) noexcept { return Phase(handle); }
+
+    /** Draws new values where `mask` is not 0, everywhere without one. */
+    void enqueue_refresh(cl_command_queue queue, std::uint64_t frame_index, const ClspImage *mask = nullptr,
+                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPhaseEnqueueRefresh(handle_, queue, frame_index, mask, detail::count(wait_list),
+                                           detail::data(wait_list), out.get()));
+    }
+    void enqueue_field(cl_command_queue queue, std::uint32_t polarization, const ClspImage &field,
+                       const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPhaseEnqueueField(handle_, queue, polarization, &field, detail::count(wait_list),
+                                         detail::data(wait_list), out.get()));
+    }
+    std::uint64_t state_size() const {
+        std::uint64_t size_bytes = 0;
+        check(clspPhaseGetStateSize(handle_, &size_bytes));
+        return size_bytes;
+    }
+    void enqueue_save(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
+                      const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPhaseEnqueueSave(handle_, queue, mem, offset_bytes, detail::count(wait_list),
+                                        detail::data(wait_list), out.get()));
+    }
+    void enqueue_restore(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
+                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPhaseEnqueueRestore(handle_, queue, mem, offset_bytes, detail::count(wait_list),
+                                           detail::data(wait_list), out.get()));
+    }
+
+  private:
+    explicit Phase(ClspPhase handle) noexcept : Shared(handle) {}
+};
+
+/** The lens's aperture, see aperture.h. */
+class Aperture : public detail::Shared<ClspAperture, clspApertureRetain, clspApertureRelease> {
+  public:
+    Aperture() noexcept = default;
+    Aperture(const Context &context, const ClspApertureDesc &desc) {
+        check(clspApertureCreate(context, &desc, &handle_));
+    }
+    /** Takes over one reference of a C handle. */
+    static Aperture adopt(ClspAperture handle) noexcept { return Aperture(handle); }
+
+    ClspApertureInfo info() const {
+        auto result = make<ClspApertureInfo>();
+        check(clspApertureGetInfo(handle_, &result));
+        return result;
+    }
+    /** Gives work memory; the library retains it. */
+    void set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes) const {
+        check(clspApertureSetWorkspace(handle_, mem, offset_bytes, size_bytes));
+    }
+    void enqueue_pupil(cl_command_queue queue, const ClspImage &pupil, const std::vector<cl_event> &wait_list = {},
+                       Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspApertureEnqueuePupil(handle_, queue, &pupil, detail::count(wait_list), detail::data(wait_list),
+                                            out.get()));
+    }
+    void enqueue_intensity(cl_command_queue queue, const Phase &phase, const ClspImage &irradiance,
+                           const ClspImage &intensity, const std::vector<cl_event> &wait_list = {},
+                           Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspApertureEnqueueIntensity(handle_, queue, phase, &irradiance, &intensity,
+                                                detail::count(wait_list), detail::data(wait_list), out.get()));
+    }
+
+  private:
+    explicit Aperture(ClspAperture handle) noexcept : Shared(handle) {}
+};
+
+/** From intensity to codes, see sensor.h. */
+class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRelease> {
+  public:
+    Sensor() noexcept = default;
+    Sensor(const Context &context, const ClspSensorDesc &desc) { check(clspSensorCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Sensor adopt(ClspSensor handle) noexcept { return Sensor(handle); }
+
+    void set_exposure_gain(double exposure_gain_dn) const {
+        check(clspSensorSetExposureGain(handle_, exposure_gain_dn));
+    }
+    void enqueue_expose(cl_command_queue queue, const ClspImage &intensity, std::uint64_t frame_index,
+                        const ClspImage &output, const std::vector<cl_event> &wait_list = {},
+                        Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspSensorEnqueueExpose(handle_, queue, &intensity, frame_index, &output, detail::count(wait_list),
+                                           detail::data(wait_list), out.get()));
+    }
+
+  private:
+    explicit Sensor(ClspSensor handle) noexcept : Shared(handle) {}
+};
+
+/** A whole frame as one command, see pipeline.h. */
+class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
+  public:
+    Pipeline() noexcept = default;
+    Pipeline(const Context &context, const ClspPipelineDesc &desc) {
+        clspeckle::check(clspPipelineCreate(context, &desc, &handle_));
+    }
+    /** Frames bring an ideal image. An empty sensor gives the FLOAT32 intensity. */
+    Pipeline(const Context &context, const Phase &phase, const Aperture &aperture, const Sensor &sensor = {})
+        : Pipeline(context, Pattern(), phase, aperture, sensor) {}
+    /** Frames bring the geometry. */
+    Pipeline(const Context &context, const Pattern &pattern, const Phase &phase, const Aperture &aperture,
+             const Sensor &sensor = {}) {
+        auto desc = make<ClspPipelineDesc>();
+        desc.pattern = pattern;
+        desc.phase = phase;
+        desc.aperture = aperture;
+        desc.sensor = sensor;
+        clspeckle::check(clspPipelineCreate(context, &desc, &handle_));
+    }
+    /** Takes over one reference of a C handle. */
+    static Pipeline adopt(ClspPipeline handle) noexcept { return Pipeline(handle); }
+
+    void enqueue_frame(cl_command_queue queue, const ClspFrame &frame, const std::vector<cl_event> &wait_list = {},
+                       Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPipelineEnqueueFrame(handle_, queue, &frame, detail::count(wait_list), detail::data(wait_list),
+                                            out.get()));
+    }
+    /** Blocks until programs and FFT plans are warm. @param output_format CLSP_FORMAT_* of the coming frames. */
+    void warm_up(cl_command_queue queue, std::uint32_t output_format) const {
+        clspeckle::check(clspPipelineWarmUp(handle_, queue, output_format));
+    }
+    /** Waits, and throws CLSP_ERROR_INVALID_DATA if frames since the last check held bad pixels. */
+    void check(cl_command_queue queue) const { clspeckle::check(clspPipelineCheck(handle_, queue)); }
+    /** Device time per stage of the last frame; the queue needs CLSP_QUEUE_PROFILING. */
+    std::vector<ClspStageTiming> timings() const {
+        std::uint32_t count = 0;
+        clspeckle::check(clspPipelineGetTimings(handle_, 0, nullptr, &count));
+        std::vector<ClspStageTiming> result(count);
+        if (count > 0)
+            clspeckle::check(clspPipelineGetTimings(handle_, count, result.data(), &count));
+        return result;
+    }
+
+  private:
+    explicit Pipeline(ClspPipeline handle) noexcept : Shared(handle) {}
+};
+
+/** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */
+namespace statistics {
+
+/** @param mask UINT8 image, 0 = ignore; nullptr: every pixel counts. */
+inline ClspMoments moments(const Context &context, cl_command_queue queue, const ClspImage &image,
+                           const ClspImage *mask = nullptr) {
+    auto result = make<ClspMoments>();
+    check(clspStatisticsMoments(context, queue, &image, mask, &result));
+    return result;
+}
+
+/** bins + 2 counts: below `low`, the bins of [low, high), at or above `high`. */
+inline std::vector<std::uint64_t> histogram(const Context &context, cl_command_queue queue, const ClspImage &image,
+                                            double low, double high, std::uint32_t bins,
+                                            const ClspImage *mask = nullptr) {
+    std::vector<std::uint64_t> counts(static_cast<std::size_t>(bins) + 2);
+    check(clspStatisticsHistogram(context, queue, &image, mask, low, high, bins, counts.data()));
+    return counts;
+}
+
+/** (2 max_lag + 1)^2 values, lag (0, 0) in the centre. */
+inline std::vector<float> autocovariance(const Context &context, cl_command_queue queue, const ClspImage &image,
+                                         std::uint32_t max_lag) {
+    const std::size_t side = 2 * static_cast<std::size_t>(max_lag) + 1;
+    std::vector<float> result(side * side);
+    check(clspStatisticsAutocovariance(context, queue, &image, max_lag, result.data()));
+    return result;
+}
+
+} // namespace statistics
+} // namespace clspeckle
+
+#endif // CLSPECKLE_CLSPECKLE_HPP

@@ -1,0 +1,138 @@
+// Opaque handles: reference counted, and looked up before use, so that a NULL, released or wrong handle is an error and not a crash.
+#pragma once
+
+#include "clspeckle/types.h"
+#include "pipeline/pipeline.hpp"
+#include "runtime/context.hpp"
+#include "runtime/error.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <shared_mutex>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+// The public handle types are pointers to these; only their addresses matter.
+struct ClspContext_ {
+    char unused;
+};
+struct ClspPattern_ {
+    char unused;
+};
+struct ClspPhase_ {
+    char unused;
+};
+struct ClspAperture_ {
+    char unused;
+};
+struct ClspSensor_ {
+    char unused;
+};
+struct ClspPipeline_ {
+    char unused;
+};
+
+namespace clsp::capi {
+
+// The engine's class behind each handle type, and what messages call it.
+template <typename Handle> struct HandleTraits;
+template <> struct HandleTraits<ClspContext> {
+    using Object = Context;
+    static constexpr const char *kName = "context";
+};
+template <> struct HandleTraits<ClspPattern> {
+    using Object = Pattern;
+    static constexpr const char *kName = "pattern";
+};
+template <> struct HandleTraits<ClspPhase> {
+    using Object = Phase;
+    static constexpr const char *kName = "phase";
+};
+template <> struct HandleTraits<ClspAperture> {
+    using Object = Aperture;
+    static constexpr const char *kName = "aperture";
+};
+template <> struct HandleTraits<ClspSensor> {
+    using Object = Sensor;
+    static constexpr const char *kName = "sensor";
+};
+template <> struct HandleTraits<ClspPipeline> {
+    using Object = Pipeline;
+    static constexpr const char *kName = "pipeline";
+};
+
+// All live handles of one type. One table for each type and process, never destroyed: handles may be released late at exit.
+template <typename Handle> class HandleTable {
+  public:
+    using Object = typename HandleTraits<Handle>::Object;
+
+    static HandleTable &instance() {
+        static auto *table = new HandleTable;
+        return *table;
+    }
+
+    Handle add(std::shared_ptr<Object> object) {
+        auto entry = std::make_unique<Entry>();
+        entry->object = std::move(object);
+        const Handle handle = &entry->key;
+        const std::unique_lock<std::shared_mutex> lock(mutex_);
+        entries_.emplace(handle, std::move(entry));
+        return handle;
+    }
+
+    std::shared_ptr<Object> get(Handle handle) const {
+        const std::shared_lock<std::shared_mutex> lock(mutex_);
+        return find(handle).object;
+    }
+
+    void retain(Handle handle) {
+        const std::unique_lock<std::shared_mutex> lock(mutex_);
+        ++find(handle).references;
+    }
+
+    void release(Handle handle) {
+        if (!handle)
+            return;
+        std::unique_ptr<Entry> last; // destroyed after the lock is given up
+        const std::unique_lock<std::shared_mutex> lock(mutex_);
+        Entry &entry = find(handle);
+        if (--entry.references == 0) {
+            const auto found = entries_.find(handle);
+            last = std::move(found->second);
+            entries_.erase(found);
+        }
+        // `last` was declared first, so it goes after `lock`.
+    }
+
+  private:
+    struct Entry {
+        std::remove_pointer_t<Handle> key;
+        std::uint32_t references = 1;
+        std::shared_ptr<Object> object;
+    };
+
+    Entry &find(Handle handle) const {
+        const auto found = entries_.find(handle);
+        if (found == entries_.end())
+            throw Error(Status::kInvalidHandle,
+                        std::string(HandleTraits<Handle>::kName) +
+                            (handle ? " is not a live handle: it was released, or is not a handle of this kind" : " is NULL"));
+        return *found->second;
+    }
+
+    mutable std::shared_mutex mutex_;
+    std::unordered_map<Handle, std::unique_ptr<Entry>> entries_;
+};
+
+template <typename Handle> std::shared_ptr<typename HandleTraits<Handle>::Object> object(Handle handle) {
+    return HandleTable<Handle>::instance().get(handle);
+}
+
+// Makes the handle of a new object; *handle is written only when all went well.
+template <typename Handle> void give(Handle *handle, std::shared_ptr<typename HandleTraits<Handle>::Object> object) {
+    *handle = HandleTable<Handle>::instance().add(std::move(object));
+}
+
+} // namespace clsp::capi

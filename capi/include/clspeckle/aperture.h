@@ -1,0 +1,99 @@
+/**
+ * @file aperture.h
+ * @brief The lens's aperture: field, FFT, pupil, inverse FFT, intensity, both polarizations.
+ *
+ *     U_k = sqrt(I0) z_k              on the field grid (each sample takes I0 of its pixel; padding that of the nearest edge pixel)
+ *     V_k = IFFT2( FFT2(U_k) P )      P the amplitude transmission of the pupil, radius D/2 cycles per pixel
+ *     I   = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2                                         (thesis eq. 32 and 40)
+ * and with oversampling the mean of I over the samples of each pixel (integration over a fully filled pixel).
+ *
+ * D = pixel_pitch_m / (wavelength_m * f_number) is the relative diameter, in cycles per pixel. The grid carries frequencies
+ * up to oversampling / 2 cycles per pixel and axis, so D <= oversampling is needed; the intensity has twice the field's bandwidth, so it is
+ * free of aliasing for D <= oversampling / 2.
+ *
+ * The circular pupil passes kx^2 GH^2 + ky^2 GW^2 < (1 - 2^-40) (D/s)^2 GW^2 GH^2 / 4 (decided in integers; GW x GH grid, s
+ * oversampling): frequencies exactly on the rim are out, as in thesis eq. 24, so the pupil is symmetric.
+ */
+#ifndef CLSPECKLE_APERTURE_H
+#define CLSPECKLE_APERTURE_H
+
+#include "types.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CLSP_PUPIL_CIRCLE 0u
+#define CLSP_PUPIL_IMAGE 1u
+
+#define CLSP_NORMALIZATION_TRANSMISSION 0u  /**< P is the transmission, 0 to 1: a smaller aperture passes less light (~ D^2). */
+#define CLSP_NORMALIZATION_UNIT_MEAN 1u     /**< P is scaled so that the mean of |P|^2 over the grid's frequencies is 1: mean of I = mean of I0. */
+
+/** How an aperture is made. Give relative_diameter, or f_number, pixel_pitch_m and wavelength_m. */
+typedef struct ClspApertureDesc {
+    uint32_t struct_size;
+    uint32_t width;                  /**< Image width in pixels. */
+    uint32_t height;                 /**< Image height in pixels. */
+    uint32_t oversampling;           /**< Default 1. */
+    uint32_t guard_px;               /**< Default 0. */
+    uint32_t pupil;                  /**< CLSP_PUPIL_*; default CIRCLE. */
+    uint32_t normalization;          /**< CLSP_NORMALIZATION_*; default TRANSMISSION. */
+    uint32_t workspace_from_host;    /**< 1: the host gives the work memory by clspApertureSetWorkspace(). Default 0. */
+    double relative_diameter;        /**< D in cycles per pixel, > 0; 0 (default): from the three below. */
+    double f_number;                 /**< > 0; default 5.6. */
+    double pixel_pitch_m;            /**< > 0; default 2.9e-6. */
+    double wavelength_m;             /**< > 0; default 940e-9. */
+    double soft_rim;                 /**< Part of the radius, 0 to 1, over which a circular pupil falls from 1 to 0 by a raised cosine; default 0. */
+    double degree_of_polarization;   /**< p, 0 to 1; default 1. */
+    const float *pupil_image;        /**< Host memory, pupil_height x pupil_width amplitude transmissions in [0, 1]; copied. The image covers
+                                          the square of side D around the axis, edges on its boundary; looked up bilinearly, 0 outside. */
+    uint32_t pupil_width;            /**< 1 to 16384. */
+    uint32_t pupil_height;
+    uint64_t pupil_pitch_bytes;      /**< From row to row; 0 (default) means tightly packed. */
+} ClspApertureDesc;
+
+CLSP_API ClspStatus clspApertureDescInit(ClspApertureDesc *desc, uint32_t struct_size);
+CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDesc *desc, ClspAperture *aperture);
+CLSP_API ClspStatus clspApertureRetain(ClspAperture aperture);
+CLSP_API ClspStatus clspApertureRelease(ClspAperture aperture);
+
+/** What an aperture turned out to be. */
+typedef struct ClspApertureInfo {
+    uint32_t struct_size;
+    uint32_t grid_width;          /**< Size of the FFT; larger than oversampling * width where padding was needed. */
+    uint32_t grid_height;
+    uint32_t pupil_samples;       /**< Grid frequencies with a transmission above 0. */
+    double relative_diameter;     /**< D in cycles per pixel. */
+    double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image. */
+    uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
+    char fft_backend[32];         /**< "clFFT". */
+} ClspApertureInfo;
+
+CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo *info);
+
+/** Gives the work memory (workspace_from_host = 1): at least workspace_bytes from offset_bytes, which must be a multiple of 4096.
+ *  It is retained, and its content is undefined after each frame: the host may share it between apertures that never run at once. */
+CLSP_API ClspStatus clspApertureSetWorkspace(ClspAperture aperture, cl_mem mem, uint64_t offset_bytes,
+                                             uint64_t size_bytes);
+
+/** Writes P, FFT order (frequency 0 first), after normalization. @param pupil FLOAT32 image of grid_width x grid_height. */
+CLSP_API ClspStatus clspApertureEnqueuePupil(ClspAperture aperture, cl_command_queue queue, const ClspImage *pupil,
+                                             uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                             cl_event *event);
+
+/**
+ * Speckles an image.
+ * @param phase      same width, height, oversampling and guard_px; two polarizations if p < 1. Must have been refreshed once.
+ * @param irradiance FLOAT32 ideal image I0. NaN, infinite and negative pixels count as 0 (clspPipelineCheck() reports them).
+ * @param intensity  FLOAT32 image I, fully written; may be the irradiance itself, else must not overlap it.
+ */
+CLSP_API ClspStatus clspApertureEnqueueIntensity(ClspAperture aperture, cl_command_queue queue, ClspPhase phase,
+                                                 const ClspImage *irradiance, const ClspImage *intensity,
+                                                 uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                                 cl_event *event);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* CLSPECKLE_APERTURE_H */

@@ -1,0 +1,18 @@
+/**
+ * @file clspeckle.h
+ * @brief The whole C interface of clSpeckle. See types.h for the conventions that hold throughout.
+ */
+#ifndef CLSPECKLE_H
+#define CLSPECKLE_H
+
+#include "aperture.h"
+#include "pattern.h"
+#include "phase.h"
+#include "philox.h"
+#include "pipeline.h"
+#include "runtime.h"
+#include "sensor.h"
+#include "statistics.h"
+#include "types.h"
+
+#endif /* CLSPECKLE_H */

@@ -1,0 +1,112 @@
+#include "clspeckle/phase.h"
+
+#include "convert.hpp"
+#include "handles.hpp"
+#include "stages/phase.hpp"
+
+using namespace clsp;
+using namespace clsp::capi;
+
+namespace {
+
+ClspPhaseDesc phase_defaults() {
+    const PhaseParameters p;
+    ClspPhaseDesc desc{};
+    desc.struct_size = sizeof desc;
+    desc.oversampling = p.oversampling;
+    desc.guard_px = p.guard_px;
+    desc.field = static_cast<std::uint32_t>(p.field);
+    desc.polarization_count = p.polarization_count;
+    desc.seed = p.seed;
+    return desc;
+}
+
+} // namespace
+
+extern "C" {
+
+CLSP_API ClspStatus clspFieldGridCompute(ClspFieldGrid *grid) {
+    return guarded("clspFieldGridCompute", [&] {
+        ClspFieldGrid &g = required(grid, "grid");
+        const FieldGrid made = make_field_grid(g.width, g.height, g.oversampling, g.guard_px);
+        g.grid_width = made.grid_width;
+        g.grid_height = made.grid_height;
+    });
+}
+
+CLSP_API ClspStatus clspPhaseDescInit(ClspPhaseDesc *desc, uint32_t struct_size) {
+    return guarded("clspPhaseDescInit", [&] { init_struct(desc, struct_size, phase_defaults(), "desc"); });
+}
+
+CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *desc, ClspPhase *phase) {
+    return guarded("clspPhaseCreate", [&] {
+        const auto c = object(context);
+        required(phase, "phase");
+        const ClspPhaseDesc d = read_struct(desc, phase_defaults(), "desc");
+        check_reserved(d.reserved, "desc->reserved");
+        PhaseParameters p;
+        p.width = d.width;
+        p.height = d.height;
+        p.oversampling = d.oversampling;
+        p.guard_px = d.guard_px;
+        p.field = static_cast<FieldKind>(d.field);
+        p.polarization_count = d.polarization_count;
+        p.seed = d.seed;
+        give(phase, std::make_shared<Phase>(c, p));
+    });
+}
+
+CLSP_API ClspStatus clspPhaseRetain(ClspPhase phase) {
+    return guarded("clspPhaseRetain", [&] { HandleTable<ClspPhase>::instance().retain(phase); });
+}
+
+CLSP_API ClspStatus clspPhaseRelease(ClspPhase phase) {
+    return guarded("clspPhaseRelease", [&] { HandleTable<ClspPhase>::instance().release(phase); });
+}
+
+CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue queue, uint64_t frame_index,
+                                            const ClspImage *mask, uint32_t num_events_in_wait_list,
+                                            const cl_event *event_wait_list, cl_event *event) {
+    return guarded("clspPhaseEnqueueRefresh", [&] {
+        const auto p = object(phase);
+        const ImageView view = mask ? p->check_mask(description(*mask), "mask") : ImageView{};
+        enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { p->enqueue_refresh(chain, frame_index, view); });
+    });
+}
+
+CLSP_API ClspStatus clspPhaseEnqueueField(ClspPhase phase, cl_command_queue queue, uint32_t polarization,
+                                          const ClspImage *field, uint32_t num_events_in_wait_list,
+                                          const cl_event *event_wait_list, cl_event *event) {
+    return guarded("clspPhaseEnqueueField", [&] {
+        const auto p = object(phase);
+        enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { p->enqueue_field(chain, polarization, description(field, "field")); });
+    });
+}
+
+CLSP_API ClspStatus clspPhaseGetStateSize(ClspPhase phase, uint64_t *size_bytes) {
+    return guarded("clspPhaseGetStateSize", [&] { required(size_bytes, "size_bytes") = object(phase)->state_bytes(); });
+}
+
+CLSP_API ClspStatus clspPhaseEnqueueSave(ClspPhase phase, cl_command_queue queue, cl_mem mem, uint64_t offset_bytes,
+                                         uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                         cl_event *event) {
+    return guarded("clspPhaseEnqueueSave", [&] {
+        const auto p = object(phase);
+        enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { p->enqueue_save(chain, mem, offset_bytes); });
+    });
+}
+
+CLSP_API ClspStatus clspPhaseEnqueueRestore(ClspPhase phase, cl_command_queue queue, cl_mem mem, uint64_t offset_bytes,
+                                            uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                            cl_event *event) {
+    return guarded("clspPhaseEnqueueRestore", [&] {
+        const auto p = object(phase);
+        enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { p->enqueue_restore(chain, mem, offset_bytes); });
+    });
+}
+
+} // extern "C"

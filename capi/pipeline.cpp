@@ -1,0 +1,116 @@
+#include "clspeckle/pipeline.h"
+
+#include "convert.hpp"
+#include "handles.hpp"
+#include "pipeline/pipeline.hpp"
+
+#include <cstring>
+
+using namespace clsp;
+using namespace clsp::capi;
+
+namespace {
+
+ClspPipelineDesc pipeline_defaults() {
+    ClspPipelineDesc desc{};
+    desc.struct_size = sizeof desc;
+    return desc;
+}
+
+ClspFrame frame_defaults() {
+    ClspFrame frame{};
+    frame.struct_size = sizeof frame;
+    frame.refresh = CLSP_REFRESH_MASK;
+    return frame;
+}
+
+template <typename Handle> auto optional_object(Handle handle) {
+    return handle ? object(handle) : std::shared_ptr<typename HandleTraits<Handle>::Object>();
+}
+
+// Calls function(frame) with the engine's view of the caller's frame.
+template <typename Function> void with_frame(const ClspFrame *user, Function function) {
+    const ClspFrame f = read_struct(user, frame_defaults(), "frame");
+    Geometry g;
+    if (f.geometry)
+        g = geometry(f.geometry);
+    Frame frame;
+    frame.refresh = static_cast<Refresh>(f.refresh);
+    frame.frame_index = f.frame_index;
+    frame.geometry = f.geometry ? &g : nullptr;
+    frame.irradiance = optional_description(&f.irradiance);
+    frame.refresh_mask = optional_description(&f.refresh_mask);
+    frame.output = description(f.output);
+    function(frame);
+}
+
+} // namespace
+
+extern "C" {
+
+CLSP_API ClspStatus clspPipelineDescInit(ClspPipelineDesc *desc, uint32_t struct_size) {
+    return guarded("clspPipelineDescInit", [&] { init_struct(desc, struct_size, pipeline_defaults(), "desc"); });
+}
+
+CLSP_API ClspStatus clspFrameInit(ClspFrame *frame, uint32_t struct_size) {
+    return guarded("clspFrameInit", [&] { init_struct(frame, struct_size, frame_defaults(), "frame"); });
+}
+
+CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDesc *desc, ClspPipeline *pipeline) {
+    return guarded("clspPipelineCreate", [&] {
+        const auto c = object(context);
+        required(pipeline, "pipeline");
+        const ClspPipelineDesc d = read_struct(desc, pipeline_defaults(), "desc");
+        check_reserved(d.reserved, "desc->reserved");
+        PipelineStages stages{optional_object(d.pattern), optional_object(d.phase), optional_object(d.aperture),
+                              optional_object(d.sensor)};
+        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages)));
+    });
+}
+
+CLSP_API ClspStatus clspPipelineRetain(ClspPipeline pipeline) {
+    return guarded("clspPipelineRetain", [&] { HandleTable<ClspPipeline>::instance().retain(pipeline); });
+}
+
+CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline) {
+    return guarded("clspPipelineRelease", [&] { HandleTable<ClspPipeline>::instance().release(pipeline); });
+}
+
+CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame,
+                                             uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                             cl_event *event) {
+    return guarded("clspPipelineEnqueueFrame", [&] {
+        const auto p = object(pipeline);
+        with_frame(frame, [&](const Frame &f) { p->enqueue_frame(queue, f, num_events_in_wait_list, event_wait_list, event); });
+    });
+}
+
+CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame) {
+    return guarded("clspPipelineWarmUp", [&] {
+        const auto p = object(pipeline);
+        with_frame(frame, [&](const Frame &f) { p->warm_up(queue, f); });
+    });
+}
+
+CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue queue) {
+    return guarded("clspPipelineCheck", [&] { object(pipeline)->check(queue); });
+}
+
+CLSP_API ClspStatus clspPipelineGetTimings(ClspPipeline pipeline, uint32_t capacity, ClspStageTiming *timings,
+                                           uint32_t *count) {
+    return guarded("clspPipelineGetTimings", [&] {
+        const auto p = object(pipeline);
+        required(count, "count");
+        if (capacity > 0 && !timings)
+            throw Error(Status::kInvalidArgument, "timings is NULL although capacity is not 0");
+        const std::vector<StageTiming> stages = p->timings();
+        for (std::size_t i = 0; i < stages.size() && i < capacity; ++i) {
+            timings[i] = {};
+            std::strncpy(timings[i].stage, stages[i].stage.c_str(), sizeof timings[i].stage - 1);
+            timings[i].milliseconds = stages[i].milliseconds;
+        }
+        *count = static_cast<std::uint32_t>(stages.size());
+    });
+}
+
+} // extern "C"

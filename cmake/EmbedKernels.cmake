@@ -1,0 +1,18 @@
+# Writes OUTPUT, a C++ file that holds each of FILES as a raw string. Run with cmake -P.
+set(text "// Made from kernels/ by cmake/EmbedKernels.cmake.\n#include \"runtime/embedded_kernels.hpp\"\n\n")
+string(APPEND text "namespace clsp {\n\nconst EmbeddedKernel kEmbeddedKernels[] = {\n")
+list(LENGTH FILES count)
+foreach(file IN LISTS FILES)
+    get_filename_component(name "${file}" NAME)
+    file(READ "${file}" content)
+    # A literal may not exceed 64 KiB on some compilers, and may not hold its own end mark.
+    string(LENGTH "${content}" length)
+    string(FIND "${content}" ")CLSP\"" mark)
+    if(length GREATER 60000 OR NOT mark EQUAL -1)
+        message(FATAL_ERROR "${name} cannot be embedded as one string")
+    endif()
+    string(APPEND text "    {\"${name}\", R\"CLSP(${content})CLSP\"},\n")
+endforeach()
+string(APPEND text "};\nconst std::size_t kEmbeddedKernelCount = ${count};\n\n} // namespace clsp\n")
+file(WRITE "${OUTPUT}.tmp" "${text}")
+file(RENAME "${OUTPUT}.tmp" "${OUTPUT}")

@@ -1,0 +1,117 @@
+#include "runtime/context.hpp"
+
+#include "runtime/device.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <fmt/core.h>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+std::string environment(const char *name) {
+    const char *value = std::getenv(name);
+    return value ? value : "";
+}
+
+std::string default_cache_dir() {
+    if (const std::string dir = environment("CLSPECKLE_CACHE_DIR"); !dir.empty())
+        return dir;
+    if (const std::string dir = environment("XDG_CACHE_HOME"); !dir.empty())
+        return dir + "/clspeckle";
+    if (const std::string dir = environment("HOME"); !dir.empty())
+        return dir + "/.cache/clspeckle";
+    return {};
+}
+
+// clFFT keeps every program that it has compiled, and with it the cl_context, until the process ends; its only way to let go of them
+// (clfftTeardown) would break a host that uses clFFT itself. Contexts of our own therefore share one cl_context for each device, so that
+// making and releasing them over and over does not pile up. It is deliberately never released: OpenCL drivers may be gone
+// before static destructors run.
+cl::Context shared_cl_context(const cl::Device &device) {
+    static std::mutex mutex;
+    static auto *contexts = new std::map<cl_device_id, cl::Context>;
+    const std::lock_guard<std::mutex> lock(mutex);
+    auto found = contexts->find(device());
+    if (found == contexts->end())
+        found = contexts->emplace(device(), cl::Context(device)).first;
+    return found->second;
+}
+
+} // namespace
+
+std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
+    std::shared_ptr<Context> context(new Context);
+    if (parameters.host_context) {
+        if (!parameters.host_device)
+            throw Error(Status::kInvalidArgument, "cl_context_handle was given without cl_device: name the device of that "
+                                                  "context which clSpeckle is to use");
+        context->context_ = cl::Context(parameters.host_context, true);
+        context->device_ = cl::Device(parameters.host_device, true);
+        std::vector<cl::Device> devices;
+        try {
+            devices = context->context_.getInfo<CL_CONTEXT_DEVICES>();
+        } catch (const cl::Error &error) {
+            throw Error(Status::kInvalidArgument, "cl_context_handle is not a valid cl_context", error.err());
+        }
+        const auto is_ours = [&](const cl::Device &device) { return device() == parameters.host_device; };
+        if (std::none_of(devices.begin(), devices.end(), is_ours))
+            throw Error(Status::kWrongContext, "cl_device is not a device of cl_context_handle");
+        if (!parameters.device.empty())
+            throw Error(Status::kInvalidArgument, "device (a selector) and cl_context_handle were both given; with a context of "
+                                                  "the host's, the device is cl_device");
+    } else {
+        if (parameters.host_device)
+            throw Error(Status::kInvalidArgument, "cl_device was given without cl_context_handle; to choose a device for a "
+                                                  "context of clSpeckle's own, use the selector `device`");
+        context->device_ = select_device(parameters.device).device;
+        context->context_ = shared_cl_context(context->device_);
+    }
+    const cl::Platform platform(context->device_.getInfo<CL_DEVICE_PLATFORM>());
+    context->device_name_ = context->device_.getInfo<CL_DEVICE_NAME>();
+    context->platform_name_ = platform.getInfo<CL_PLATFORM_NAME>();
+
+    ProgramCache::Parameters cache;
+    cache.kernel_dir = parameters.kernel_dir.empty() ? environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
+    // PoCL keeps compiled programs on disk by itself.
+    const bool is_pocl = context->platform_name_.find("Portable Computing Language") != std::string::npos;
+    if (parameters.disk_cache == DiskCache::kOn || (parameters.disk_cache == DiskCache::kAuto && !is_pocl))
+        cache.cache_dir = parameters.cache_dir.empty() ? default_cache_dir() : parameters.cache_dir;
+    context->programs_ = std::make_unique<ProgramCache>(context->context_, context->device_, cache);
+    return context;
+}
+
+cl::Kernel Context::kernel(const std::string &file, const std::string &name, const std::string &defines) {
+    return cl::Kernel(programs_->get(file, defines), name.c_str());
+}
+
+std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height) {
+    const std::lock_guard<std::mutex> lock(fft_mutex_);
+    std::weak_ptr<Fft> &entry = ffts_[{width, height}];
+    std::shared_ptr<Fft> plan = entry.lock();
+    if (!plan) {
+        plan = make_clfft(context_, device_, width, height);
+        entry = plan;
+    }
+    return plan;
+}
+
+void Context::check_queue(cl_command_queue queue) const {
+    if (!queue)
+        throw Error(Status::kInvalidArgument, "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
+    ::cl_context queue_context = nullptr;
+    cl_device_id queue_device = nullptr;
+    check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof queue_context, &queue_context, nullptr),
+                 "clGetCommandQueueInfo");
+    check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_DEVICE, sizeof queue_device, &queue_device, nullptr),
+                 "clGetCommandQueueInfo");
+    if (queue_context != context_())
+        throw Error(Status::kWrongContext, "the queue belongs to another cl_context than the clSpeckle context");
+    if (queue_device != device_())
+        throw Error(Status::kWrongContext,
+                    fmt::format("the queue belongs to another device than the clSpeckle context, which uses {}", device_name_));
+}
+
+} // namespace clsp

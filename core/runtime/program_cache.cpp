@@ -1,0 +1,200 @@
+#include "runtime/program_cache.hpp"
+
+#include "runtime/embedded_kernels.hpp"
+#include "runtime/error.hpp"
+
+#include <cstring>
+#include <filesystem>
+#include <fmt/core.h>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <utility>
+#include <vector>
+
+#include <unistd.h>
+
+namespace clsp {
+namespace {
+
+namespace fs = std::filesystem;
+
+// FNV-1a, 64 bit. A cache key, not a safeguard: the stored key text is compared as a whole before a file is used.
+std::uint64_t fnv1a(const std::string &text, std::uint64_t hash = 0xcbf29ce484222325u) {
+    for (const unsigned char c : text)
+        hash = (hash ^ c) * 0x100000001b3u;
+    return hash;
+}
+
+bool read_file(const fs::path &path, std::string &content) {
+    std::ifstream file(path, std::ios::binary);
+    if (!file)
+        return false;
+    content.assign(std::istreambuf_iterator<char>(file), {});
+    return !file.bad();
+}
+
+constexpr char kCacheMagic[] = "clspeckle-program-1\n";
+
+} // namespace
+
+ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters)
+    : context_(context), device_(device), parameters_(std::move(parameters)) {
+    if (!parameters_.kernel_dir.empty() && !fs::is_directory(parameters_.kernel_dir))
+        throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
+                                             "built-in kernels",
+                                             parameters_.kernel_dir));
+    common_options_ = "-cl-std=CL1.2";
+    // With square roots rounded right, random numbers have the same bits on every device.
+    if (device_.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT)
+        common_options_ += " -cl-fp32-correctly-rounded-divide-sqrt";
+    const cl::Platform platform(device_.getInfo<CL_DEVICE_PLATFORM>());
+    device_key_ = platform.getInfo<CL_PLATFORM_NAME>() + '\n' + platform.getInfo<CL_PLATFORM_VERSION>() + '\n' +
+                  device_.getInfo<CL_DEVICE_NAME>() + '\n' + device_.getInfo<CL_DEVICE_VERSION>() + '\n' +
+                  device_.getInfo<CL_DRIVER_VERSION>() + '\n';
+}
+
+std::string ProgramCache::source(const std::string &file) const {
+    if (!parameters_.kernel_dir.empty()) {
+        const fs::path path = fs::path(parameters_.kernel_dir) / file;
+        std::error_code ignored;
+        if (fs::exists(path, ignored)) {
+            std::string content;
+            if (!read_file(path, content))
+                throw Error(Status::kIo, fmt::format("cannot read {}", path.string()));
+            return content;
+        }
+    }
+    for (std::size_t i = 0; i < kEmbeddedKernelCount; ++i)
+        if (file == kEmbeddedKernels[i].name)
+            return kEmbeddedKernels[i].source;
+    throw Error(Status::kBuild, fmt::format("there is no kernel file \"{}\", neither built in nor in kernel_dir", file));
+}
+
+// Replaces #include "file" lines by the file: embedded sources have no folder for the compiler to look in. Include guards do the
+// rest.
+std::string ProgramCache::expanded(const std::string &file, int depth) const {
+    if (depth > 8)
+        throw Error(Status::kBuild, fmt::format("kernel file \"{}\" includes itself", file));
+    std::istringstream lines(source(file));
+    std::string text = fmt::format("#line 1 \"{}\"\n", file), line;
+    for (int number = 1; std::getline(lines, line); ++number) {
+        constexpr const char *kInclude = "#include \"";
+        if (line.rfind(kInclude, 0) == 0) {
+            const std::size_t first = std::strlen(kInclude), last = line.find('"', first);
+            text += expanded(line.substr(first, last - first), depth + 1);
+            text += fmt::format("#line {} \"{}\"\n", number + 1, file);
+        } else {
+            text += line + '\n';
+        }
+    }
+    return text;
+}
+
+cl::Program ProgramCache::get(const std::string &file, const std::string &defines) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const std::string key = file + ' ' + defines;
+    if (const auto found = programs_.find(key); found != programs_.end())
+        return found->second;
+
+    const std::string text = expanded(file, 0);
+    const std::string options = common_options_ + ' ' + defines;
+    const std::string path = parameters_.cache_dir.empty() ? "" : disk_path(text, options);
+    cl::Program program;
+    if (!path.empty())
+        program = load(path, options);
+    if (program()) {
+        ++from_disk_;
+    } else {
+        program = cl::Program(context_, text);
+        try {
+            program.build({device_}, options.c_str());
+        } catch (const cl::Error &error) {
+            std::string log;
+            try {
+                log = program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_);
+            } catch (const cl::Error &) {
+                log = "(the driver gave no build log)";
+            }
+            throw Error(Status::kBuild,
+                        fmt::format("kernel file \"{}\" does not build with \"{}\": {}; the build log tells where", file, options,
+                                    opencl_code_name(error.err())),
+                        error.err(), log);
+        }
+        ++built_;
+        if (!path.empty())
+            store(program, path, options);
+    }
+    programs_.emplace(key, program);
+    return program;
+}
+
+std::string ProgramCache::disk_path(const std::string &source_text, const std::string &options) const {
+    const std::uint64_t hash = fnv1a(source_text, fnv1a(options, fnv1a(device_key_)));
+    return (fs::path(parameters_.cache_dir) / fmt::format("{:016x}.clbin", hash)).string();
+}
+
+// A cache file: magic, the device key and options in full, the binary's size and hash, the binary. Anything that does not fit makes the
+// program be built anew.
+cl::Program ProgramCache::load(const std::string &path, const std::string &options) const {
+    std::string content;
+    if (!read_file(path, content))
+        return {};
+    const std::string head = kCacheMagic + device_key_ + options + '\n';
+    if (content.compare(0, head.size(), head) != 0)
+        return {};
+    std::uint64_t size = 0, hash = 0;
+    if (content.size() < head.size() + 2 * sizeof size)
+        return {};
+    std::memcpy(&size, content.data() + head.size(), sizeof size);
+    std::memcpy(&hash, content.data() + head.size() + sizeof size, sizeof hash);
+    const std::string binary = content.substr(head.size() + 2 * sizeof size);
+    if (binary.size() != size || fnv1a(binary) != hash)
+        return {};
+    try {
+        std::vector<cl_int> status;
+        cl::Program program(context_, {device_}, cl::Program::Binaries{{binary.begin(), binary.end()}}, &status);
+        program.build({device_}, options.c_str());
+        return program;
+    } catch (const cl::Error &) {
+        return {};
+    }
+}
+
+// A cache that cannot be written costs time, not correctness: failures are silent. The rename makes a half-written file impossible.
+void ProgramCache::store(const cl::Program &program, const std::string &path, const std::string &options) const {
+    try {
+        const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
+        const auto devices = program.getInfo<CL_PROGRAM_DEVICES>();
+        for (std::size_t i = 0; i < devices.size(); ++i) {
+            if (devices[i]() != device_() || binaries[i].empty())
+                continue;
+            const std::string binary(binaries[i].begin(), binaries[i].end());
+            const std::uint64_t size = binary.size(), hash = fnv1a(binary);
+            std::error_code failed;
+            fs::create_directories(fs::path(path).parent_path(), failed);
+            if (failed)
+                return;
+            static std::atomic<unsigned> counter{0};
+            const std::string temporary = fmt::format("{}.{}.{}", path, ::getpid(), counter++);
+            bool good = false;
+            {
+                std::ofstream file(temporary, std::ios::binary);
+                file << kCacheMagic << device_key_ << options << '\n';
+                file.write(reinterpret_cast<const char *>(&size), sizeof size);
+                file.write(reinterpret_cast<const char *>(&hash), sizeof hash);
+                file.write(binary.data(), std::streamsize(binary.size()));
+                file.close();
+                good = file.good();
+            }
+            if (good)
+                fs::rename(temporary, path, failed);
+            if (!good || failed)
+                fs::remove(temporary, failed);
+        }
+    } catch (const cl::Error &) {
+    } catch (const fs::filesystem_error &) {
+    }
+}
+
+} // namespace clsp

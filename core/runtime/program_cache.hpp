@@ -1,0 +1,46 @@
+// Compiled OpenCL programs of a context: in memory, and on disk where that helps.
+#pragma once
+
+#include "runtime/opencl.hpp"
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+
+namespace clsp {
+
+class ProgramCache {
+  public:
+    struct Parameters {
+        std::string kernel_dir; // files here replace the built-in ones; "" for none
+        std::string cache_dir;  // "" turns the disk cache off
+    };
+
+    ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters);
+
+    // The program of kernel file `file` built with `defines` ("-DNAME=VALUE ..."); built once. Throws kBuild with the log.
+    cl::Program get(const std::string &file, const std::string &defines);
+
+    std::uint32_t built() const { return built_; }
+    std::uint32_t from_disk() const { return from_disk_; }
+
+  private:
+    std::string source(const std::string &file) const;
+    std::string expanded(const std::string &file, int depth) const;
+    std::string disk_path(const std::string &source_text, const std::string &options) const;
+    cl::Program load(const std::string &path, const std::string &options) const;
+    void store(const cl::Program &program, const std::string &path, const std::string &options) const;
+
+    cl::Context context_;
+    cl::Device device_;
+    Parameters parameters_;
+    std::string common_options_;
+    std::string device_key_;
+    std::mutex mutex_;
+    std::map<std::string, cl::Program> programs_;
+    std::atomic<std::uint32_t> built_{0}, from_disk_{0};
+};
+
+} // namespace clsp

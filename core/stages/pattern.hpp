@@ -1,0 +1,63 @@
+// The projected pattern looked up per pixel. The equations are in pattern.h of the C API.
+#pragma once
+
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/image_view.hpp"
+#include "stages/bad_pixels.hpp"
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+
+namespace clsp {
+
+enum class Projection : std::uint32_t { kTangentPlane = 0, kDirectionCosines = 1 };
+enum class PatternQuantity : std::uint32_t { kRadiantIntensity = 0, kPlaneIrradiance = 1 };
+enum class DepthKind : std::uint32_t { kAlongAxis = 0, kAlongRay = 1 };
+
+using Pose = std::array<double, 12>; // [R|t], row-major
+
+struct PatternParameters {
+    Projection projection = Projection::kTangentPlane;
+    PatternQuantity quantity = PatternQuantity::kRadiantIntensity;
+    std::uint32_t width = 0, height = 0;
+    const float *texels = nullptr; // host memory, only read during construction
+    std::uint64_t texels_pitch_bytes = 0;
+    double half_extent_x = 0.5, half_extent_y = 0.5;
+    double power_scale = 1.0;
+    Pose laser_from_geometry{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+};
+
+struct Geometry {
+    DepthKind depth_kind = DepthKind::kAlongAxis;
+    ImageDescription position, depth, normal, albedo, visibility;
+    double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+};
+
+class Pattern {
+  public:
+    Pattern(std::shared_ptr<Context> context, const PatternParameters &parameters);
+
+    const std::shared_ptr<Context> &context() const { return context_; }
+    void set_pose(const Pose &laser_from_geometry);
+    BadPixelCounter &bad_pixels() { return bad_pixels_; }
+
+    // size {0, 0}: any size, as long as all images agree.
+    void enqueue_lookup(CommandChain &chain, const Geometry &geometry, const ImageView &irradiance);
+
+  private:
+    std::shared_ptr<Context> context_;
+    Projection projection_;
+    PatternQuantity quantity_;
+    cl_int width_, height_;
+    cl_float4 extent_;
+    cl_float16 pose_{};
+    DeviceBuffer texels_;
+    BadPixelCounter bad_pixels_;
+    std::map<std::string, cl::Kernel> kernels_; // by build options: which inputs there are
+};
+
+} // namespace clsp

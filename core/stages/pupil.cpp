@@ -1,0 +1,121 @@
+#include "stages/pupil.hpp"
+
+#include "runtime/error.hpp"
+#include "runtime/image_view.hpp"
+
+#include <cmath>
+#include <fmt/core.h>
+#include <functional>
+
+namespace clsp {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// Signed frequency of FFT bin i of n.
+std::int64_t frequency(std::uint32_t i, std::uint32_t n) {
+    return i < (n + 1) / 2 ? std::int64_t{i} : std::int64_t{i} - n;
+}
+
+void check_pupil_image(const PupilParameters &p) {
+    if (!p.image)
+        throw Error(Status::kInvalidArgument, "pupil_image is NULL; CLSP_PUPIL_IMAGE needs pupil_height x pupil_width floats");
+    check_image_size(p.image_width, p.image_height, "pupil_image");
+    const std::uint64_t row = std::uint64_t{p.image_width} * sizeof(float);
+    if (p.image_pitch_bytes != 0 && (p.image_pitch_bytes < row || p.image_pitch_bytes % sizeof(float) != 0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("pupil_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", p.image_pitch_bytes, row));
+}
+
+class PupilImage {
+  public:
+    explicit PupilImage(const PupilParameters &p)
+        : p_(p), pitch_(p.image_pitch_bytes ? p.image_pitch_bytes : std::uint64_t{p.image_width} * sizeof(float)) {
+        for (std::int64_t y = 0; y < p.image_height; ++y)
+            for (std::int64_t x = 0; x < p.image_width; ++x)
+                if (const float t = at(x, y); !(t >= 0.0f && t <= 1.0f))
+                    throw Error(Status::kInvalidData,
+                                fmt::format("pupil_image[{}][{}] (row, column) is {}; transmissions must be 0 to 1", y, x, t));
+    }
+    // (u, v) in [-1, 1]: pupil coordinates, the rim at 1.
+    double operator()(double u, double v) const {
+        const double x = (u + 1.0) * 0.5 * p_.image_width - 0.5, y = (v + 1.0) * 0.5 * p_.image_height - 0.5;
+        const double fx = std::floor(x), fy = std::floor(y), ax = x - fx, ay = y - fy;
+        const auto ix = static_cast<std::int64_t>(fx), iy = static_cast<std::int64_t>(fy);
+        return (1 - ay) * ((1 - ax) * at(ix, iy) + ax * at(ix + 1, iy)) + ay * ((1 - ax) * at(ix, iy + 1) + ax * at(ix + 1, iy + 1));
+    }
+
+  private:
+    float at(std::int64_t x, std::int64_t y) const {
+        if (x < 0 || y < 0 || x >= p_.image_width || y >= p_.image_height)
+            return 0.0f;
+        return reinterpret_cast<const float *>(reinterpret_cast<const char *>(p_.image) + static_cast<std::uint64_t>(y) * pitch_)[x];
+    }
+
+    const PupilParameters &p_;
+    std::uint64_t pitch_;
+};
+
+} // namespace
+
+Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relative_diameter) {
+    if (p.shape != PupilShape::kCircle && p.shape != PupilShape::kImage)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("pupil is {}, expected CLSP_PUPIL_CIRCLE or CLSP_PUPIL_IMAGE", static_cast<std::uint32_t>(p.shape)));
+    if (p.normalization != Normalization::kTransmission && p.normalization != Normalization::kUnitMean)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("normalization is {}, expected CLSP_NORMALIZATION_TRANSMISSION or _UNIT_MEAN",
+                                static_cast<std::uint32_t>(p.normalization)));
+    if (!(p.soft_rim >= 0.0 && p.soft_rim <= 1.0))
+        throw Error(Status::kInvalidArgument, fmt::format("soft_rim is {}, it must be 0 to 1", p.soft_rim));
+
+    const std::uint32_t width = grid.grid_width, height = grid.grid_height;
+    // D in cycles per field sample; radius in bins is D W / 2 along x and D H / 2 along y.
+    const double d = relative_diameter / grid.oversampling;
+    // kx^2 H^2 + ky^2 W^2 < (1 - 2^-40) D^2 W^2 H^2 / 4, decided in integers (sides are at most 2^14: everything fits in 63 bits and
+    // in the 64 bits of a long double): a float test errs at 3-4-5 triangles, and the margin settles D that are not binary
+    // fractions.
+    const auto w2 = std::int64_t{width} * width, h2 = std::int64_t{height} * height;
+    const long double limit = (1.0L - 0x1p-40L) * static_cast<long double>(d) * d * w2 * h2 / 4.0L;
+
+    Pupil pupil;
+    pupil.transmission.assign(grid.samples(), 0.0f);
+    std::function<double(double, double)> shape;
+    if (p.shape == PupilShape::kImage) {
+        check_pupil_image(p);
+        shape = PupilImage(p);
+    }
+    double sum = 0.0;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        const std::int64_t ky = frequency(y, height);
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::int64_t kx = frequency(x, width);
+            double t = 0.0;
+            // Pupil coordinates, 1 at the rim.
+            const double u = 2.0 * double(kx) / (d * width), v = 2.0 * double(ky) / (d * height);
+            if (shape) {
+                if (std::abs(u) <= 1.0 && std::abs(v) <= 1.0)
+                    t = shape(u, v);
+            } else if (static_cast<long double>(kx * kx * h2 + ky * ky * w2) < limit) {
+                const double rho = std::sqrt(u * u + v * v), start = 1.0 - p.soft_rim;
+                t = rho <= start ? 1.0 : 0.5 * (1.0 + std::cos(kPi * (rho - start) / p.soft_rim));
+            }
+            if (t > 0.0) {
+                ++pupil.samples;
+                sum += t * t;
+            }
+            pupil.transmission[std::size_t{y} * width + x] = static_cast<float>(t);
+        }
+    }
+    pupil.mean_transmission = sum / double(grid.samples());
+    if (!(sum > 0.0))
+        throw Error(Status::kInvalidArgument, "the pupil passes nothing: its image is 0 everywhere that the grid samples it");
+    if (p.normalization == Normalization::kUnitMean) {
+        const auto scale = static_cast<float>(1.0 / std::sqrt(pupil.mean_transmission));
+        for (float &t : pupil.transmission)
+            t *= scale;
+    }
+    return pupil;
+}
+
+} // namespace clsp

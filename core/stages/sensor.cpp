@@ -1,0 +1,144 @@
+#include "stages/sensor.hpp"
+
+#include "runtime/error.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "stages/philox.hpp"
+
+#include <cmath>
+#include <fmt/core.h>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+void check_not_negative(double value, const char *name) {
+    if (!(value >= 0.0) || !std::isfinite(value))
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be finite and not negative", name, value));
+}
+
+void check_fraction(double value, const char *name) {
+    if (!(value >= 0.0 && value <= 1.0))
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be 0 to 1", name, value));
+}
+
+std::vector<float> checked_dark_frame(const SensorParameters &p) {
+    std::vector<float> dark(std::size_t{p.width} * p.height, 0.0f);
+    if (!p.dark_frame_dn)
+        return dark;
+    const std::uint64_t row = std::uint64_t{p.width} * sizeof(float);
+    const std::uint64_t pitch = p.dark_frame_pitch_bytes ? p.dark_frame_pitch_bytes : row;
+    if (pitch < row || pitch % sizeof(float) != 0)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("dark_frame_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", pitch, row));
+    for (std::uint32_t y = 0; y < p.height; ++y) {
+        const auto *from = reinterpret_cast<const float *>(reinterpret_cast<const char *>(p.dark_frame_dn) + y * pitch);
+        for (std::uint32_t x = 0; x < p.width; ++x) {
+            if (!std::isfinite(from[x]))
+                throw Error(Status::kInvalidData, fmt::format("dark_frame_dn[{}][{}] (row, column) is {}; it must be finite", y, x, from[x]));
+            dark[std::size_t{y} * p.width + x] = from[x];
+        }
+    }
+    return dark;
+}
+
+} // namespace
+
+Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p) : context_(std::move(context)), parameters_(p) {
+    check_image_size(p.width, p.height, "the sensor");
+    if (p.bits < 8 || p.bits > 16)
+        throw Error(Status::kInvalidArgument, fmt::format("bits is {}, it must be 8 to 16", p.bits));
+    check_not_negative(p.exposure_gain_dn, "exposure_gain_dn");
+    if (!(p.saturation_dn > 0.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("saturation_dn is {}, it must be above 0 (infinity for a sensor that only the ADC clips)", p.saturation_dn));
+    if (!std::isfinite(p.black_level_dn))
+        throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite", p.black_level_dn));
+    check_not_negative(p.read_noise_dn, "read_noise_dn");
+    check_fraction(p.hot_pixel_fraction, "hot_pixel_fraction");
+    check_not_negative(p.hot_pixel_mean_dn, "hot_pixel_mean_dn");
+    check_fraction(p.cold_pixel_fraction, "cold_pixel_fraction");
+    if (!(p.float_full_scale > 0.0) || !std::isfinite(p.float_full_scale))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("float_full_scale is {}, it must be a finite number above 0", p.float_full_scale));
+    has_defects_ = p.hot_pixel_fraction > 0.0 || p.cold_pixel_fraction > 0.0;
+    has_offset_ = p.dark_frame_dn || p.hot_pixel_fraction > 0.0;
+    if (has_defects_ || has_offset_)
+        make_fixed_pattern();
+    parameters_.dark_frame_dn = nullptr;
+}
+
+void Sensor::make_fixed_pattern() {
+    const SensorParameters &p = parameters_;
+    const std::vector<float> dark = checked_dark_frame(p);
+    offset_ = DeviceBuffer(context_, dark.size() * sizeof(float), dark.data());
+    if (!has_defects_)
+        return;
+    response_ = DeviceBuffer(context_, dark.size());
+    const std::uint32_t quarter = quarter_rows(p.height);
+    cl::Kernel kernel = context_->kernel("sensor.cl", "sensor_defects");
+    KernelArguments(kernel)
+        .add(offset_.get())
+        .add(response_.get())
+        .add(cl_uint{p.width})
+        .add(cl_uint{p.height})
+        .add(cl_uint{quarter})
+        .add(philox_key(p.seed))
+        .add(static_cast<cl_float>(p.hot_pixel_fraction))
+        .add(static_cast<cl_float>(p.hot_pixel_mean_dn))
+        .add(static_cast<cl_float>(p.cold_pixel_fraction));
+    cl::CommandQueue queue(context_->cl_context(), context_->device());
+    CommandChain chain(queue(), 0, nullptr);
+    chain.run("sensor", kernel, p.width, quarter);
+    queue.finish();
+}
+
+void Sensor::set_exposure_gain(double exposure_gain_dn) {
+    check_not_negative(exposure_gain_dn, "exposure_gain_dn");
+    parameters_.exposure_gain_dn = exposure_gain_dn;
+}
+
+ImageView Sensor::check_output(const ImageDescription &output) const {
+    const ImageView view = check_image(output, "output", context_->cl_context()(), {parameters_.width, parameters_.height},
+                                       {Format::kUint16, Format::kUint8, Format::kFloat32});
+    if (view.format == Format::kUint8 && parameters_.bits > 8)
+        throw Error(Status::kInvalidFormat,
+                    fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16", parameters_.bits));
+    return view;
+}
+
+void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index, const ImageView &output) {
+    check_frame_index(frame_index);
+    if (overlap(intensity, output) && !same_pixels(intensity, output))
+        throw Error(Status::kOverlap, "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
+    const SensorParameters &p = parameters_;
+    auto found = kernels_.find(output.format);
+    if (found == kernels_.end()) {
+        const bool quantize = p.quantize || output.format != Format::kFloat32;
+        const std::string options =
+            fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}", static_cast<std::uint32_t>(output.format),
+                        p.read_noise_dn > 0.0 ? 1 : 0, has_defects_ ? 1 : 0, has_offset_ ? 1 : 0, quantize ? 1 : 0);
+        found = kernels_.emplace(output.format, context_->kernel("sensor.cl", "sensor_expose", options)).first;
+    }
+    const double top_code = double((1u << p.bits) - 1u);
+    const std::uint32_t quarter = quarter_rows(p.height);
+    KernelArguments(found->second)
+        .add(intensity)
+        .add(offset_.get())
+        .add(response_.get())
+        .add(cl_uint{p.width})
+        .add(cl_uint{p.height})
+        .add(cl_uint{quarter})
+        .add(philox_key(p.seed))
+        .add(frame_low(frame_index))
+        .add(frame_high(frame_index))
+        .add(static_cast<cl_float>(p.exposure_gain_dn))
+        .add(static_cast<cl_float>(p.saturation_dn))
+        .add(static_cast<cl_float>(p.black_level_dn))
+        .add(static_cast<cl_float>(p.read_noise_dn))
+        .add(static_cast<cl_float>(top_code))
+        .add(static_cast<cl_float>(p.float_full_scale / top_code))
+        .add(output);
+    chain.run("sensor", found->second, p.width, quarter);
+}
+
+} // namespace clsp

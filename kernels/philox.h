@@ -1,0 +1,86 @@
+// Philox4x32-10 (Salmon et al., SC'11) and its conversions, the same bits on every device: integer arithmetic, fma(),
+// conversions and square roots that round correctly; no other built-in.
+#ifndef CLSP_PHILOX_H
+#define CLSP_PHILOX_H
+
+#include "common.h"
+
+// Streams: the fourth counter word below bit 16. The same numbers as core/stages/philox.hpp.
+#define STREAM_PHASE 0x01u      // + polarization
+#define STREAM_MAGNITUDE 0x03u  // + polarization
+#define STREAM_READ_NOISE 0x10u
+#define STREAM_HOT_PIXEL 0x11u
+#define STREAM_HOT_OFFSET 0x12u
+#define STREAM_COLD_PIXEL 0x13u
+
+static inline uint4 philox4x32_10(uint4 counter, uint2 key) {
+    for (int round = 0; round < 10; ++round) {
+        const uint hi0 = mul_hi(0xD2511F53u, counter.x), lo0 = 0xD2511F53u * counter.x;
+        const uint hi1 = mul_hi(0xCD9E8D57u, counter.z), lo1 = 0xCD9E8D57u * counter.z;
+        counter = (uint4)(hi1 ^ counter.y ^ key.x, lo1, hi0 ^ counter.w ^ key.y, lo0);
+        key += (uint2)(0x9E3779B9u, 0xBB67AE85u);
+    }
+    return counter;
+}
+
+// The counter of column x and row y mod Q of an image (philox.h of the C API: four rows share a block).
+static inline uint4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+    return philox4x32_10((uint4)(x, row, frame_low, stream | frame_high << 16), key);
+}
+
+static inline uint word_of(uint4 block, uint j) { return j == 0 ? block.x : j == 1 ? block.y : j == 2 ? block.z : block.w; }
+
+// (0, 1].
+static inline float uniform_from_word(uint word) { return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f); }
+
+// exp(2 pi i word / 2^32). The quadrant is split off exactly in integers; what is left, f in [-1/8, 1/8) turns, goes through
+// minimax polynomials of sin(2 pi f) / f and (cos(2 pi f) - 1) / f^2 in f^2 (errors 5e-12 and 6e-11 before rounding).
+static inline float2 phasor_from_word(uint word) {
+    const uint quadrant = (word + 0x20000000u) >> 30;
+    const float f = convert_float_rte((int)(word - (quadrant << 30))) * 0x1p-32f;
+    const float g = f * f;
+    float s = fma(g, 41.46989059448242f, -76.6977767944336f);
+    s = fma(g, s, 81.6052017211914f);
+    s = fma(g, s, -41.34170150756836f);
+    s = fma(g, s, 6.2831854820251465f) * f;
+    float c = fma(g, 59.24596405029297f, -85.44374084472656f);
+    c = fma(g, c, 64.93932342529297f);
+    c = fma(g, c, -19.739208221435547f);
+    c = fma(g, c, 1.0f);
+    const float2 axis = (quadrant & 1u) ? (float2)(-s, c) : (float2)(c, s);
+    return (quadrant & 2u) ? -axis : axis;
+}
+
+// -ln(u) of a uniform u in (0, 1]: exponent and mantissa m in [sqrt(1/2), sqrt(2)) split in bits, t = m - 1,
+// ln(1 + t) = t - t^2/2 + t^3 P(t) with P minimax (relative error 6e-9 before rounding).
+static inline float minus_log(float u) {
+    const int bits = as_int(u);
+    const int shifted = bits - 0x3f3504f3; // 0x3f3504f3 is sqrt(1/2)
+    const int exponent = shifted >> 23;
+    const float e = convert_float_rte(exponent);
+    const float t = as_float(bits - (exponent << 23)) - 1.0f;
+    float p = fma(t, -0.07634496688842773f, 0.1276157647371292f);
+    p = fma(t, p, -0.13160182535648346f);
+    p = fma(t, p, 0.14201757311820984f);
+    p = fma(t, p, -0.16623356938362122f);
+    p = fma(t, p, 0.20001226663589478f);
+    p = fma(t, p, -0.2500081956386566f);
+    p = fma(t, p, 0.3333333134651184f);
+    const float t2 = t * t;
+    // ln 2 in two parts: the first has 15 significant bits, so its product with the exponent is exact.
+    const float low = fma(e, 1.428606765330187e-06f, fma(t2 * t, p, -0.5f * t2));
+    return -(fma(e, 0.693145751953125f, t) + low);
+}
+
+// Box-Muller, two normals from two words.
+static inline float2 normals_from_words(uint magnitude_word, uint phase_word) {
+    const float r = sqrt(2.0f * minus_log(uniform_from_word(magnitude_word)));
+    return r * phasor_from_word(phase_word);
+}
+
+// Four normals of a block, word 0 and 1 first.
+static inline float4 normals_from_block(uint4 block) {
+    return (float4)(normals_from_words(block.x, block.y), normals_from_words(block.z, block.w));
+}
+
+#endif

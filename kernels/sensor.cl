@@ -1,0 +1,72 @@
+// From intensity to codes. The equations are in sensor.h of the C API.
+#include "philox.h"
+
+// Fixed pattern, drawn once: offset (dark frame already in it) gains the hot pixels' offsets; cold pixels get a NaN-free mark in
+// `response`: 0 instead of 1. One work-item a Philox block.
+__kernel void sensor_defects(__global float *offset, __global uchar *response, uint width, uint height, uint quarter,
+                             uint2 key, float hot_fraction, float hot_mean, float cold_fraction) {
+    const uint x = get_global_id(0), row = get_global_id(1);
+    if (x >= width || row >= quarter)
+        return;
+    const uint4 hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
+    const uint4 hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
+    const uint4 cold = image_block(x, row, 0, 0, STREAM_COLD_PIXEL, key);
+    for (uint j = 0; j < 4; ++j) {
+        const uint y = row + j * quarter;
+        if (y >= height)
+            continue;
+        const ulong i = (ulong)y * width + x;
+        if (uniform_from_word(word_of(hot, j)) < hot_fraction)
+            offset[i] += hot_mean * minus_log(uniform_from_word(word_of(hot_offset, j)));
+        response[i] = uniform_from_word(word_of(cold, j)) < cold_fraction ? 0 : 1;
+    }
+}
+
+#if OUTPUT_FORMAT == FORMAT_UINT8
+typedef uchar output_t;
+#elif OUTPUT_FORMAT == FORMAT_UINT16
+typedef ushort output_t;
+#else
+typedef float output_t;
+#endif
+
+// One work-item a Philox block: four pixels, one in each quarter of the rows.
+__kernel void sensor_expose(__global const float *intensity, ulong intensity_offset, uint intensity_pitch,
+                            __global const float *offset, __global const uchar *response, uint width, uint height,
+                            uint quarter, uint2 key, uint frame_low, uint frame_high, float gain, float saturation,
+                            float black_level, float read_noise, float top_code, float output_scale,
+                            __global output_t *output, ulong output_offset, uint output_pitch) {
+    const uint x = get_global_id(0), row = get_global_id(1);
+    if (x >= width || row >= quarter)
+        return;
+#if READ_NOISE
+    const float4 noise = normals_from_block(image_block(x, row, frame_low, frame_high, STREAM_READ_NOISE, key));
+#endif
+    for (uint j = 0; j < 4; ++j) {
+        const uint y = row + j * quarter;
+        if (y >= height)
+            continue;
+        float value = fmin(gain * intensity[intensity_offset + (ulong)y * intensity_pitch + x], saturation);
+#if DEFECTS
+        if (response[(ulong)y * width + x] == 0)
+            value = 0.0f;
+#endif
+        value += black_level;
+#if OFFSET
+        value += offset[(ulong)y * width + x];
+#endif
+#if READ_NOISE
+        value += read_noise * (j == 0 ? noise.x : j == 1 ? noise.y : j == 2 ? noise.z : noise.w);
+#endif
+#if QUANTIZE
+        value = rint(value);
+#endif
+        // fmax drops NaN: what reaches the converter is a number.
+        value = fmin(fmax(value, 0.0f), top_code);
+#if OUTPUT_FORMAT == FORMAT_FLOAT32
+        output[output_offset + (ulong)y * output_pitch + x] = value * output_scale;
+#else
+        output[output_offset + (ulong)y * output_pitch + x] = (output_t)value;
+#endif
+    }
+}
