@@ -1,21 +1,16 @@
 // The projected pattern, looked up per pixel. The equations are in pattern.h of the C API.
 #include "common.h"
 
-// A bilinear texel lookup in float arithmetic: texture units interpolate with 8 bits and differ between devices.
-static inline float texel(__global const float *texels, int x, int y, int width, int height) {
-    return x >= 0 && y >= 0 && x < width && y < height ? texels[(ulong)y * width + x] : 0.0f;
-}
-
+// A bilinear lookup in float arithmetic: texture units interpolate with 8 bits and differ between devices. (x, y) in texels, 0 at the first texel's centre.
 static inline float bilinear(__global const float *texels, int width, int height, float x, float y) {
-    // Outside by more than a texel (or not a number): nothing, and no conversion that overflows.
-    if (!(x > -1.0f && y > -1.0f && x < (float)width && y < (float)height))
+    // Outside, or not a number: nothing, and no conversion that overflows.
+    if (!(x >= -0.5f && y >= -0.5f && x <= (float)width - 0.5f && y <= (float)height - 0.5f))
         return 0.0f;
-    const float fx = floor(x), fy = floor(y);
-    const int ix = (int)fx, iy = (int)fy;
-    const float ax = x - fx, ay = y - fy;
-    const float top = mix(texel(texels, ix, iy, width, height), texel(texels, ix + 1, iy, width, height), ax);
-    const float bottom = mix(texel(texels, ix, iy + 1, width, height), texel(texels, ix + 1, iy + 1, width, height), ax);
-    return mix(top, bottom, ay);
+    const float cx = clamp(x, 0.0f, (float)(width - 1)), cy = clamp(y, 0.0f, (float)(height - 1));
+    const int x0 = min((int)cx, width - 2), y0 = min((int)cy, height - 2);
+    const float ax = cx - (float)x0, ay = cy - (float)y0;
+    __global const float *row = texels + (ulong)y0 * width + x0;
+    return mix(mix(row[0], row[1], ax), mix(row[width], row[width + 1], ax), ay);
 }
 
 // pose: the rows of [R|t], laser from geometry, in s0..s11. extent: half_extent_x, half_extent_y, power_scale.

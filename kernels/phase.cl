@@ -6,7 +6,7 @@
 #if FIELD_UNIT_PHASOR
 typedef uint state_t;
 #else
-typedef float2 state_t;
+typedef complex_float state_t;
 #endif
 
 // One work-item a Philox block: four samples, one in each quarter of the grid's rows; the third dimension is the polarization.
@@ -36,9 +36,9 @@ __kernel void phase_refresh(__global state_t *state, uint grid_width, uint grid_
 #else
     const uint selected = 15u;
 #endif
-    const uint4 phase = image_block(x, row, frame_low, frame_high, STREAM_PHASE + polarization, key);
+    const words4 phase = image_block(x, row, frame_low, frame_high, STREAM_PHASE + polarization, key);
 #if !FIELD_UNIT_PHASOR
-    const uint4 magnitude = image_block(x, row, frame_low, frame_high, STREAM_MAGNITUDE + polarization, key);
+    const words4 magnitude = image_block(x, row, frame_low, frame_high, STREAM_MAGNITUDE + polarization, key);
 #endif
     state += (ulong)polarization * grid_width * grid_height;
     for (uint j = 0; j < 4; ++j) {
@@ -50,12 +50,15 @@ __kernel void phase_refresh(__global state_t *state, uint grid_width, uint grid_
         state[i] = word_of(phase, j);
 #else
         // |z|^2 is exponential with mean 1 (Goodman): |z| = sqrt(-ln u).
-        state[i] = sqrt(minus_log(uniform_from_word(word_of(magnitude, j)))) * phasor_from_word(word_of(phase, j));
+        const float r = sqrt(minus_log(uniform_from_word(word_of(magnitude, j))));
+        const complex_float p = phasor_from_word(word_of(phase, j));
+        const state_t z = {r * p.re, r * p.im};
+        state[i] = z;
 #endif
     }
 }
 
-static inline float2 unit_field(state_t state) {
+static inline complex_float unit_field(state_t state) {
 #if FIELD_UNIT_PHASOR
     return phasor_from_word(state);
 #else
@@ -69,16 +72,16 @@ __kernel void phase_field(__global const state_t *state, ulong first, uint grid_
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;
-    const float2 z = unit_field(state[first + (ulong)y * grid_width + x]);
+    const complex_float z = unit_field(state[first + (ulong)y * grid_width + x]);
     __global float *out = field + field_offset + (ulong)y * field_pitch + 2u * x;
-    out[0] = z.x;
-    out[1] = z.y;
+    out[0] = z.re;
+    out[1] = z.im;
 }
 
 // U = sqrt(I0) z on the field grid: the input of the aperture's transform (thesis section 3.3).
 __kernel void phase_illuminate(__global const state_t *state, ulong first, uint grid_width, uint grid_height,
                                __global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch, uint width,
-                               uint height, uint oversampling, __global float2 *field, __global uint *bad) {
+                               uint height, uint oversampling, __global complex_float *field, __global uint *bad) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;
@@ -92,5 +95,8 @@ __kernel void phase_illuminate(__global const state_t *state, ulong first, uint 
         i0 = 0.0f;
     }
     const ulong i = (ulong)y * grid_width + x;
-    field[i] = sqrt(i0) * unit_field(state[first + i]);
+    const complex_float z = unit_field(state[first + i]);
+    const float amplitude = sqrt(i0);
+    const complex_float u = {amplitude * z.re, amplitude * z.im};
+    field[i] = u;
 }

@@ -6,8 +6,14 @@ __kernel void philox_blocks(__global const uint *counters, ulong counters_offset
     const ulong i = get_global_id(0);
     if (i >= count)
         return;
-    const uint4 counter = vload4(i, counters + counters_offset);
-    vstore4(philox4x32_10(counter, key), i, blocks + blocks_offset);
+    __global const uint *from = counters + counters_offset + 4 * i;
+    const words4 counter = {from[0], from[1], from[2], from[3]};
+    const words4 block = philox4x32_10(counter, key);
+    __global uint *to = blocks + blocks_offset + 4 * i;
+    to[0] = block.w0;
+    to[1] = block.w1;
+    to[2] = block.w2;
+    to[3] = block.w3;
 }
 
 // One work-item a block: four pixels, one in each quarter of the rows.
@@ -16,16 +22,21 @@ __kernel void philox_fill(__global uint *image, ulong offset, uint pitch, uint w
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
-    uint4 block = image_block(x, row, frame_low, frame_high, stream, key);
-#if DISTRIBUTION == 1
-    block = as_uint4((float4)(uniform_from_word(block.x), uniform_from_word(block.y), uniform_from_word(block.z),
-                              uniform_from_word(block.w)));
-#elif DISTRIBUTION == 2
-    block = as_uint4(normals_from_block(block));
+    const words4 block = image_block(x, row, frame_low, frame_high, stream, key);
+#if DISTRIBUTION == 2
+    const normals4 normals = normals_from_block(block);
+    const float n[4] = {normals.n0, normals.n1, normals.n2, normals.n3};
 #endif
     for (uint j = 0; j < 4; ++j) {
         const uint y = row + j * quarter;
-        if (y < height)
-            image[offset + (ulong)y * pitch + x] = word_of(block, j);
+        if (y >= height)
+            continue;
+#if DISTRIBUTION == 0
+        image[offset + (ulong)y * pitch + x] = word_of(block, j);
+#elif DISTRIBUTION == 1
+        image[offset + (ulong)y * pitch + x] = as_uint(uniform_from_word(word_of(block, j)));
+#else
+        image[offset + (ulong)y * pitch + x] = as_uint(n[j]);
+#endif
     }
 }

@@ -13,29 +13,45 @@
 #define STREAM_HOT_OFFSET 0x12u
 #define STREAM_COLD_PIXEL 0x13u
 
-static inline uint4 philox4x32_10(uint4 counter, uint2 key) {
+// Four words, and two or four floats. Plain structs: compilers that vectorize across work-items (PoCL) give up on OpenCL's own vector
+// types, and on mul_hi.
+typedef struct {
+    uint w0, w1, w2, w3;
+} words4;
+typedef struct {
+    float re, im;
+} complex_float;
+typedef struct {
+    float n0, n1, n2, n3;
+} normals4;
+
+static inline words4 philox4x32_10(words4 counter, uint2 key) {
+    uint k0 = key.x, k1 = key.y;
+#pragma unroll
     for (int round = 0; round < 10; ++round) {
-        const uint hi0 = mul_hi(0xD2511F53u, counter.x), lo0 = 0xD2511F53u * counter.x;
-        const uint hi1 = mul_hi(0xCD9E8D57u, counter.z), lo1 = 0xCD9E8D57u * counter.z;
-        counter = (uint4)(hi1 ^ counter.y ^ key.x, lo1, hi0 ^ counter.w ^ key.y, lo0);
-        key += (uint2)(0x9E3779B9u, 0xBB67AE85u);
+        const ulong p0 = (ulong)0xD2511F53u * counter.w0, p1 = (ulong)0xCD9E8D57u * counter.w2;
+        const words4 next = {(uint)(p1 >> 32) ^ counter.w1 ^ k0, (uint)p1, (uint)(p0 >> 32) ^ counter.w3 ^ k1, (uint)p0};
+        counter = next;
+        k0 += 0x9E3779B9u;
+        k1 += 0xBB67AE85u;
     }
     return counter;
 }
 
-// The counter of column x and row y mod Q of an image (philox.h of the C API: four rows share a block).
-static inline uint4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
-    return philox4x32_10((uint4)(x, row, frame_low, stream | frame_high << 16), key);
+// The block of column x and row y mod Q of an image (philox.h of the C API: four rows share a block).
+static inline words4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+    const words4 counter = {x, row, frame_low, stream | frame_high << 16};
+    return philox4x32_10(counter, key);
 }
 
-static inline uint word_of(uint4 block, uint j) { return j == 0 ? block.x : j == 1 ? block.y : j == 2 ? block.z : block.w; }
+static inline uint word_of(words4 block, uint j) { return j == 0 ? block.w0 : j == 1 ? block.w1 : j == 2 ? block.w2 : block.w3; }
 
 // (0, 1].
 static inline float uniform_from_word(uint word) { return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f); }
 
 // exp(2 pi i word / 2^32). The quadrant is split off exactly in integers; what is left, f in [-1/8, 1/8) turns, goes through
 // minimax polynomials of sin(2 pi f) / f and (cos(2 pi f) - 1) / f^2 in f^2 (errors 5e-12 and 6e-11 before rounding).
-static inline float2 phasor_from_word(uint word) {
+static inline complex_float phasor_from_word(uint word) {
     const uint quadrant = (word + 0x20000000u) >> 30;
     const float f = convert_float_rte((int)(word - (quadrant << 30))) * 0x1p-32f;
     const float g = f * f;
@@ -47,8 +63,9 @@ static inline float2 phasor_from_word(uint word) {
     c = fma(g, c, 64.93932342529297f);
     c = fma(g, c, -19.739208221435547f);
     c = fma(g, c, 1.0f);
-    const float2 axis = (quadrant & 1u) ? (float2)(-s, c) : (float2)(c, s);
-    return (quadrant & 2u) ? -axis : axis;
+    const float re = (quadrant & 1u) ? -s : c, im = (quadrant & 1u) ? c : s;
+    const complex_float phasor = {(quadrant & 2u) ? -re : re, (quadrant & 2u) ? -im : im};
+    return phasor;
 }
 
 // -ln(u) of a uniform u in (0, 1]: exponent and mantissa m in [sqrt(1/2), sqrt(2)) split in bits, t = m - 1,
@@ -72,15 +89,13 @@ static inline float minus_log(float u) {
     return -(fma(e, 0.693145751953125f, t) + low);
 }
 
-// Box-Muller, two normals from two words.
-static inline float2 normals_from_words(uint magnitude_word, uint phase_word) {
-    const float r = sqrt(2.0f * minus_log(uniform_from_word(magnitude_word)));
-    return r * phasor_from_word(phase_word);
-}
-
-// Four normals of a block, word 0 and 1 first.
-static inline float4 normals_from_block(uint4 block) {
-    return (float4)(normals_from_words(block.x, block.y), normals_from_words(block.z, block.w));
+// Box-Muller: four normals from the four words of a block, two from each pair.
+static inline normals4 normals_from_block(words4 block) {
+    const float r0 = sqrt(2.0f * minus_log(uniform_from_word(block.w0)));
+    const float r1 = sqrt(2.0f * minus_log(uniform_from_word(block.w2)));
+    const complex_float p0 = phasor_from_word(block.w1), p1 = phasor_from_word(block.w3);
+    const normals4 normals = {r0 * p0.re, r0 * p0.im, r1 * p1.re, r1 * p1.im};
+    return normals;
 }
 
 #endif

@@ -8,9 +8,9 @@ __kernel void sensor_defects(__global float *offset, __global uchar *response, u
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
-    const uint4 hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
-    const uint4 hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
-    const uint4 cold = image_block(x, row, 0, 0, STREAM_COLD_PIXEL, key);
+    const words4 hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
+    const words4 hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
+    const words4 cold = image_block(x, row, 0, 0, STREAM_COLD_PIXEL, key);
     for (uint j = 0; j < 4; ++j) {
         const uint y = row + j * quarter;
         if (y >= height)
@@ -30,6 +30,31 @@ typedef ushort output_t;
 typedef float output_t;
 #endif
 
+// One pixel: signal to output.
+static inline void expose(float intensity, float noise, ulong i, __global const float *offset, __global const uchar *response,
+                          float gain, float saturation, float black_level, float top_code, float output_scale,
+                          __global output_t *output) {
+    float value = fmin(gain * intensity, saturation);
+#if DEFECTS
+    value = response[i] == 0 ? 0.0f : value;
+#endif
+    value += black_level;
+#if OFFSET
+    value += offset[i];
+#endif
+    value += noise;
+#if QUANTIZE
+    value = rint(value);
+#endif
+    // fmax drops NaN: what reaches the converter is a number.
+    value = fmin(fmax(value, 0.0f), top_code);
+#if OUTPUT_FORMAT == FORMAT_FLOAT32
+    *output = value * output_scale;
+#else
+    *output = (output_t)(int)value;
+#endif
+}
+
 // One work-item a Philox block: four pixels, one in each quarter of the rows.
 __kernel void sensor_expose(__global const float *intensity, ulong intensity_offset, uint intensity_pitch,
                             __global const float *offset, __global const uchar *response, uint width, uint height,
@@ -37,36 +62,19 @@ __kernel void sensor_expose(__global const float *intensity, ulong intensity_off
                             float black_level, float read_noise, float top_code, float output_scale,
                             __global output_t *output, ulong output_offset, uint output_pitch) {
     const uint x = get_global_id(0), row = get_global_id(1);
-    if (x >= width || row >= quarter)
-        return;
 #if READ_NOISE
-    const float4 noise = normals_from_block(image_block(x, row, frame_low, frame_high, STREAM_READ_NOISE, key));
-#endif
-    for (uint j = 0; j < 4; ++j) {
-        const uint y = row + j * quarter;
-        if (y >= height)
-            continue;
-        float value = fmin(gain * intensity[intensity_offset + (ulong)y * intensity_pitch + x], saturation);
-#if DEFECTS
-        if (response[(ulong)y * width + x] == 0)
-            value = 0.0f;
-#endif
-        value += black_level;
-#if OFFSET
-        value += offset[(ulong)y * width + x];
-#endif
-#if READ_NOISE
-        value += read_noise * (j == 0 ? noise.x : j == 1 ? noise.y : j == 2 ? noise.z : noise.w);
-#endif
-#if QUANTIZE
-        value = rint(value);
-#endif
-        // fmax drops NaN: what reaches the converter is a number.
-        value = fmin(fmax(value, 0.0f), top_code);
-#if OUTPUT_FORMAT == FORMAT_FLOAT32
-        output[output_offset + (ulong)y * output_pitch + x] = value * output_scale;
+    const normals4 noise = normals_from_block(image_block(x, row, frame_low, frame_high, STREAM_READ_NOISE, key));
 #else
-        output[output_offset + (ulong)y * output_pitch + x] = (output_t)value;
+    const normals4 noise = {0.0f, 0.0f, 0.0f, 0.0f};
 #endif
+#define EXPOSE(j, n)                                                                                                   \
+    if (row + j * quarter < height) {                                                                                  \
+        const ulong y = row + j * quarter;                                                                             \
+        expose(intensity[intensity_offset + y * intensity_pitch + x], n, y * width + x, offset, response, gain, saturation, \
+               black_level, top_code, output_scale, output + output_offset + y * output_pitch + x);                    \
     }
+    EXPOSE(0, read_noise * noise.n0)
+    EXPOSE(1, read_noise * noise.n1)
+    EXPOSE(2, read_noise * noise.n2)
+    EXPOSE(3, read_noise * noise.n3)
 }

@@ -3,6 +3,7 @@
 #include "runtime/error.hpp"
 #include "runtime/image_view.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
 #include <functional>
@@ -39,16 +40,17 @@ class PupilImage {
     }
     // (u, v) in [-1, 1]: pupil coordinates, the rim at 1.
     double operator()(double u, double v) const {
-        const double x = (u + 1.0) * 0.5 * p_.image_width - 0.5, y = (v + 1.0) * 0.5 * p_.image_height - 0.5;
-        const double fx = std::floor(x), fy = std::floor(y), ax = x - fx, ay = y - fy;
-        const auto ix = static_cast<std::int64_t>(fx), iy = static_cast<std::int64_t>(fy);
-        return (1 - ay) * ((1 - ax) * at(ix, iy) + ax * at(ix + 1, iy)) + ay * ((1 - ax) * at(ix, iy + 1) + ax * at(ix + 1, iy + 1));
+        const double x = std::clamp((u + 1.0) * 0.5 * p_.image_width - 0.5, 0.0, p_.image_width - 1.0);
+        const double y = std::clamp((v + 1.0) * 0.5 * p_.image_height - 0.5, 0.0, p_.image_height - 1.0);
+        const auto x0 = static_cast<std::int64_t>(x), y0 = static_cast<std::int64_t>(y);
+        const std::int64_t x1 = std::min<std::int64_t>(x0 + 1, p_.image_width - 1);
+        const std::int64_t y1 = std::min<std::int64_t>(y0 + 1, p_.image_height - 1);
+        const double ax = x - double(x0), ay = y - double(y0);
+        return (1 - ay) * ((1 - ax) * at(x0, y0) + ax * at(x1, y0)) + ay * ((1 - ax) * at(x0, y1) + ax * at(x1, y1));
     }
 
   private:
     float at(std::int64_t x, std::int64_t y) const {
-        if (x < 0 || y < 0 || x >= p_.image_width || y >= p_.image_height)
-            return 0.0f;
         return reinterpret_cast<const float *>(reinterpret_cast<const char *>(p_.image) + static_cast<std::uint64_t>(y) * pitch_)[x];
     }
 
@@ -94,7 +96,8 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
             // Pupil coordinates, 1 at the rim.
             const double u = 2.0 * double(kx) / (d * width), v = 2.0 * double(ky) / (d * height);
             if (shape) {
-                if (std::abs(u) <= 1.0 && std::abs(v) <= 1.0)
+                // The boundary itself is out, as the circle's rim is; the margin is the circle's.
+                if (std::max(std::abs(u), std::abs(v)) < 1.0 - 0x1p-41)
                     t = shape(u, v);
             } else if (static_cast<long double>(kx * kx * h2 + ky * ky * w2) < limit) {
                 const double rho = std::sqrt(u * u + v * v), start = 1.0 - p.soft_rim;

@@ -46,7 +46,8 @@ typedef struct ClspApertureDesc {
     double soft_rim;                 /**< Part of the radius, 0 to 1, over which a circular pupil falls from 1 to 0 by a raised cosine; default 0. */
     double degree_of_polarization;   /**< p, 0 to 1; default 1. */
     const float *pupil_image;        /**< Host memory, pupil_height x pupil_width amplitude transmissions in [0, 1]; copied. The image covers
-                                          the square of side D around the axis, edges on its boundary; looked up bilinearly, 0 outside. */
+                                          the square of side D around the axis, edges on its boundary: looked up bilinearly inside (the edge
+                                          samples reach to the boundary), 0 on the boundary and outside. */
     uint32_t pupil_width;            /**< 1 to 16384. */
     uint32_t pupil_height;
     uint64_t pupil_pitch_bytes;      /**< From row to row; 0 (default) means tightly packed. */

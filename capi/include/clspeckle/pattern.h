@@ -5,8 +5,8 @@
  * For a pixel with position X, unit normal N and albedo a in the geometry frame: X_L = R X + t in the laser frame (the laser
  * at the origin, looking along +z, x to the right, y down), d = |X_L|, w = X_L / d. Nothing arrives where X_L.z <= 0.
  * Pattern coordinates are (X_L.x / X_L.z, X_L.y / X_L.z) (tangent plane) or (w.x, w.y) (direction cosines); the pattern image
- * covers [-half_extent_x, half_extent_x] x [-half_extent_y, half_extent_y], pixel edges on the boundary, looked up bilinearly,
- * 0 outside. With J the radiant intensity found there,
+ * covers [-half_extent_x, half_extent_x] x [-half_extent_y, half_extent_y], texel edges on the boundary: looked up bilinearly inside
+ * (the edge texels reach to the boundary), 0 outside. With J the radiant intensity found there,
  *     irradiance on the surface  E = power_scale * J * max(0, -w . R N) / d^2 * visibility
  *     value of the ideal image   I0 = E * albedo / pi                              (the radiance of a Lambertian surface)
  * Thesis section 3.3; the cosine is Lambert's law.

@@ -7,7 +7,7 @@
  * or a circular complex Gaussian number (`circular Gaussian`, the limit of very many scatterers per pixel; contrast 1 for any
  * aperture). A refreshed sample takes phi from Philox stream 1 + polarization and, if Gaussian, |z| = sqrt(-ln u) with u from stream
  * 3 + polarization, at the frame index of the refresh. A sample follows the mask of its pixel; padding follows the nearest edge
- * pixel, counted around the (periodic) border.
+ * pixel, counted around the (periodic) border; the middle of an odd padding follows the last pixel.
  */
 #ifndef CLSPECKLE_PHASE_H
 #define CLSPECKLE_PHASE_H
