@@ -23,15 +23,15 @@
 extern "C" {
 #endif
 
-#define CLSP_PUPIL_CIRCLE 0u
-#define CLSP_PUPIL_IMAGE 1u
+#define CLSP_PUPIL_CIRCLE 0u  /**< A circle of diameter D, with a soft rim if wanted. */
+#define CLSP_PUPIL_IMAGE 1u   /**< Amplitude transmissions from an image. */
 
 #define CLSP_NORMALIZATION_TRANSMISSION 0u  /**< P is the transmission, 0 to 1: a smaller aperture passes less light (~ D^2). */
 #define CLSP_NORMALIZATION_UNIT_MEAN 1u     /**< P is scaled so that the mean of |P|^2 over the grid's frequencies is 1: mean of I = mean of I0. */
 
 /** How an aperture is made. Give relative_diameter, or f_number, pixel_pitch_m and wavelength_m. */
 typedef struct ClspApertureDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t width;                  /**< Image width in pixels. */
     uint32_t height;                 /**< Image height in pixels. */
     uint32_t oversampling;           /**< Default 1. */
@@ -49,20 +49,24 @@ typedef struct ClspApertureDesc {
                                           the square of side D around the axis, edges on its boundary: looked up bilinearly inside (the edge
                                           samples reach to the boundary), 0 on the boundary and outside. */
     uint32_t pupil_width;            /**< 1 to 16384. */
-    uint32_t pupil_height;
+    uint32_t pupil_height;           /**< 1 to 16384. */
     uint64_t pupil_pitch_bytes;      /**< From row to row; 0 (default) means tightly packed. */
 } ClspApertureDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspApertureDesc). */
 CLSP_API ClspStatus clspApertureDescInit(ClspApertureDesc *desc, uint32_t struct_size);
+/** Makes a aperture; *aperture gets one reference. Computes the pupil, bakes the FFT plan (seconds, the first time on some devices) and allocates the work memory. */
 CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDesc *desc, ClspAperture *aperture);
+/** Adds a reference. */
 CLSP_API ClspStatus clspApertureRetain(ClspAperture aperture);
+/** Drops a reference; with the last one the aperture is gone, once what was enqueued is done. NULL is allowed. */
 CLSP_API ClspStatus clspApertureRelease(ClspAperture aperture);
 
 /** What an aperture turned out to be. */
 typedef struct ClspApertureInfo {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t grid_width;          /**< Size of the FFT; larger than oversampling * width where padding was needed. */
-    uint32_t grid_height;
+    uint32_t grid_height;         /**< Likewise. */
     uint32_t pupil_samples;       /**< Grid frequencies with a transmission above 0. */
     double relative_diameter;     /**< D in cycles per pixel. */
     double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image. */
@@ -70,6 +74,7 @@ typedef struct ClspApertureInfo {
     char fft_backend[32];         /**< "clFFT". */
 } ClspApertureInfo;
 
+/** Fills in *info; its struct_size must be set. */
 CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo *info);
 
 /** Gives the work memory (workspace_from_host = 1): at least workspace_bytes from offset_bytes, which must be a multiple of 4096.

@@ -33,7 +33,7 @@ extern "C" {
 
 /** How a pattern is made. */
 typedef struct ClspPatternDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t projection;          /**< CLSP_PROJECTION_*; default TANGENT_PLANE. */
     uint32_t quantity;            /**< CLSP_QUANTITY_*; default RADIANT_INTENSITY. */
     uint32_t width;               /**< Pattern image width in texels, 2 to 16384. */
@@ -47,9 +47,13 @@ typedef struct ClspPatternDesc {
     double laser_from_geometry[12]; /**< [R|t], 3 x 4 row-major, R a rotation, t in metres; default identity. */
 } ClspPatternDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspPatternDesc). */
 CLSP_API ClspStatus clspPatternDescInit(ClspPatternDesc *desc, uint32_t struct_size);
+/** Makes a pattern; *pattern gets one reference. Copies the texels to the device. Fails with CLSP_ERROR_INVALID_DATA for texels that are NaN, infinite or negative. */
 CLSP_API ClspStatus clspPatternCreate(ClspContext context, const ClspPatternDesc *desc, ClspPattern *pattern);
+/** Adds a reference. */
 CLSP_API ClspStatus clspPatternRetain(ClspPattern pattern);
+/** Drops a reference; with the last one the pattern is gone, once what was enqueued is done. NULL is allowed. */
 CLSP_API ClspStatus clspPatternRelease(ClspPattern pattern);
 
 /** Moves the laser; later Enqueue calls use the new pose. @param laser_from_geometry 12 doubles, see ClspPatternDesc. */
@@ -57,7 +61,7 @@ CLSP_API ClspStatus clspPatternSetPose(ClspPattern pattern, const double laser_f
 
 /** What a renderer knows about every pixel. Give `position`, or `depth` with the intrinsics. All images have the same size. */
 typedef struct ClspGeometry {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t depth_kind;     /**< CLSP_DEPTH_*; default ALONG_AXIS. */
     ClspImage position;      /**< FLOAT32X3 or X4, metres. NaN or infinite: no surface here, nothing is returned. */
     ClspImage depth;         /**< FLOAT32, metres; the geometry frame is then the camera frame. <= 0, NaN, infinite: no surface. */
@@ -65,11 +69,12 @@ typedef struct ClspGeometry {
     ClspImage albedo;        /**< FLOAT32 in [0, 1]; optional: 1. NaN or negative values count as invalid data and as 0. */
     ClspImage visibility;    /**< FLOAT32 in [0, 1] or UINT8 (0 to 255): does the laser see the point; optional: 1. */
     double fx_px;            /**< Focal length in pixels, for depth. */
-    double fy_px;
+    double fy_px;            /**< Likewise, vertically. */
     double cx_px;            /**< Principal point, for depth. */
-    double cy_px;
+    double cy_px;            /**< Likewise, vertically. */
 } ClspGeometry;
 
+/** Writes the defaults (no images) into *geometry. @param struct_size sizeof(ClspGeometry). */
 CLSP_API ClspStatus clspGeometryInit(ClspGeometry *geometry, uint32_t struct_size);
 
 /**

@@ -31,12 +31,12 @@ typedef struct ClspFieldGrid {
 /** Fills in grid_width and grid_height from the other four members. */
 CLSP_API ClspStatus clspFieldGridCompute(ClspFieldGrid *grid);
 
-#define CLSP_FIELD_CIRCULAR_GAUSSIAN 0u
-#define CLSP_FIELD_UNIT_PHASOR 1u
+#define CLSP_FIELD_CIRCULAR_GAUSSIAN 0u  /**< Very many scatterers per pixel: fully developed at any aperture. */
+#define CLSP_FIELD_UNIT_PHASOR 1u        /**< One scatterer per sample, as in the thesis. */
 
 /** How a phase state is made. */
 typedef struct ClspPhaseDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t width;               /**< Image width in pixels. */
     uint32_t height;              /**< Image height in pixels. */
     uint32_t oversampling;        /**< Default 1. */
@@ -47,9 +47,13 @@ typedef struct ClspPhaseDesc {
     uint64_t seed;                /**< Default 0. */
 } ClspPhaseDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspPhaseDesc). */
 CLSP_API ClspStatus clspPhaseDescInit(ClspPhaseDesc *desc, uint32_t struct_size);
+/** Makes a phase; *phase gets one reference. Allocates the state; it holds no values until the first refresh or restore. Compiles the kernels. */
 CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *desc, ClspPhase *phase);
+/** Adds a reference. */
 CLSP_API ClspStatus clspPhaseRetain(ClspPhase phase);
+/** Drops a reference; with the last one the phase is gone, once what was enqueued is done. NULL is allowed. */
 CLSP_API ClspStatus clspPhaseRelease(ClspPhase phase);
 
 /**

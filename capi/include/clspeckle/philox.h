@@ -42,7 +42,7 @@ CLSP_API ClspStatus clspPhiloxEnqueueBlocks(ClspContext context, cl_command_queu
 
 /** What clspPhiloxEnqueueFill() draws. */
 typedef struct ClspPhiloxDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t distribution;  /**< CLSP_DISTRIBUTION_*; default UNIFORM. */
     uint64_t seed;          /**< Default 0. */
     uint64_t frame_index;   /**< Below 2^48; default 0. */
@@ -50,6 +50,7 @@ typedef struct ClspPhiloxDesc {
     uint32_t local_size;    /**< Work-group size; 0 (default) leaves it to the device. */
 } ClspPhiloxDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspPhiloxDesc). */
 CLSP_API ClspStatus clspPhiloxDescInit(ClspPhiloxDesc *desc, uint32_t struct_size);
 
 /** Fills an image with random numbers by the mapping at the top of this file. */

@@ -17,7 +17,7 @@ extern "C" {
 
 /** Which stages a pipeline runs; it retains them. All must come from the same context and have the same image size. */
 typedef struct ClspPipelineDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t reserved;      /**< 0. */
     ClspPattern pattern;    /**< NULL: frames bring an ideal image. */
     ClspPhase phase;        /**< Required. */
@@ -25,9 +25,13 @@ typedef struct ClspPipelineDesc {
     ClspSensor sensor;      /**< NULL: the output is the FLOAT32 intensity. */
 } ClspPipelineDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */
 CLSP_API ClspStatus clspPipelineDescInit(ClspPipelineDesc *desc, uint32_t struct_size);
+/** Makes a pipeline; *pipeline gets one reference. Checks that the stages fit together and allocates the image between them. Fails with CLSP_ERROR_WRONG_CONTEXT for a stage of another context. */
 CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDesc *desc, ClspPipeline *pipeline);
+/** Adds a reference. */
 CLSP_API ClspStatus clspPipelineRetain(ClspPipeline pipeline);
+/** Drops a reference; with the last one the pipeline is gone, once what was enqueued is done. NULL is allowed. */
 CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline);
 
 #define CLSP_REFRESH_MASK 0u  /**< New phases where refresh_mask is not 0; nowhere if there is no mask. */
@@ -35,7 +39,7 @@ CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline);
 
 /** One frame. */
 typedef struct ClspFrame {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t refresh;              /**< CLSP_REFRESH_*; default MASK. The first frame always draws all phases. */
     uint64_t frame_index;          /**< Counter of the noise and of refreshed phases, below 2^48; default 0. */
     const ClspGeometry *geometry;  /**< With a pattern. */
@@ -44,6 +48,7 @@ typedef struct ClspFrame {
     ClspImage output;              /**< UINT16, UINT8 or FLOAT32 as ClspSensor takes; FLOAT32 without a sensor. Must not overlap an input. */
 } ClspFrame;
 
+/** Writes the defaults (no images, frame 0) into *frame. @param struct_size sizeof(ClspFrame). */
 CLSP_API ClspStatus clspFrameInit(ClspFrame *frame, uint32_t struct_size);
 
 /** Renders a frame. The queue may be in-order or out-of-order; frames of one pipeline must run one after the other (an in-order

@@ -58,12 +58,12 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
 /** @{ */
 
 #define CLSP_DISK_CACHE_AUTO 0u /**< On, except on PoCL, which has a cache of its own. */
-#define CLSP_DISK_CACHE_OFF 1u
-#define CLSP_DISK_CACHE_ON 2u
+#define CLSP_DISK_CACHE_OFF 1u  /**< Programs are compiled in every process. */
+#define CLSP_DISK_CACHE_ON 2u   /**< On every platform. */
 
 /** How a context is made. */
 typedef struct ClspContextDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t disk_cache;          /**< CLSP_DISK_CACHE_*; default AUTO. */
     cl_context cl_context_handle; /**< The host's context, retained; NULL (default): clSpeckle makes its own. */
     cl_device_id cl_device;       /**< The host's device; required with cl_context_handle, else NULL. */
@@ -79,6 +79,7 @@ typedef struct ClspContextDesc {
     const char *cache_dir;
 } ClspContextDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspContextDesc). */
 CLSP_API ClspStatus clspContextDescInit(ClspContextDesc *desc, uint32_t struct_size);
 
 /**
@@ -88,22 +89,25 @@ CLSP_API ClspStatus clspContextDescInit(ClspContextDesc *desc, uint32_t struct_s
  * @param desc NULL for all defaults.
  */
 CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *context);
+/** Adds a reference. */
 CLSP_API ClspStatus clspContextRetain(ClspContext context);
+/** Drops a reference; stages made from the context keep what they need of it. NULL is allowed. */
 CLSP_API ClspStatus clspContextRelease(ClspContext context);
 
 /** What a context is and holds. */
 typedef struct ClspContextInfo {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t programs_built;         /**< Programs compiled from source since creation. */
     uint32_t programs_from_cache;    /**< Programs loaded from the disk cache since creation. */
     uint32_t allocation_count;       /**< Device buffers that the library holds now (host buffers not counted). */
     uint64_t allocated_bytes;        /**< Their size in bytes. */
     cl_context cl_context_handle;    /**< Not retained for the caller. */
     cl_device_id cl_device;          /**< Not retained for the caller. */
-    char device_name[128];
-    char platform_name[128];
+    char device_name[128];           /**< CL_DEVICE_NAME. */
+    char platform_name[128];         /**< CL_PLATFORM_NAME. */
 } ClspContextInfo;
 
+/** Fills in *info; its struct_size must be set. */
 CLSP_API ClspStatus clspContextGetInfo(ClspContext context, ClspContextInfo *info);
 /** @} */
 
@@ -111,16 +115,18 @@ CLSP_API ClspStatus clspContextGetInfo(ClspContext context, ClspContextInfo *inf
  *  They are plain OpenCL objects and may be mixed with the host's own. */
 /** @{ */
 #define CLSP_QUEUE_PROFILING 1u    /**< Needed for clspPipelineGetTimings(). */
-#define CLSP_QUEUE_OUT_OF_ORDER 2u
+#define CLSP_QUEUE_OUT_OF_ORDER 2u /**< Commands wait only for their wait lists. */
 
 /** Makes a command queue. @param flags CLSP_QUEUE_* or 0. */
 CLSP_API ClspStatus clspQueueCreate(ClspContext context, uint32_t flags, cl_command_queue *queue);
 /** Waits until everything in the queue is done. */
 CLSP_API ClspStatus clspQueueFinish(cl_command_queue queue);
+/** Drops a reference. Releasing NULL is allowed. */
 CLSP_API ClspStatus clspQueueRelease(cl_command_queue queue);
 
 /** Allocates `size_bytes` > 0 of uninitialised device memory. */
 CLSP_API ClspStatus clspBufferCreate(ClspContext context, uint64_t size_bytes, cl_mem *mem);
+/** Drops a reference. Releasing NULL is allowed. */
 CLSP_API ClspStatus clspBufferRelease(cl_mem mem);
 
 /** Copies host memory to a buffer. `data` must stay valid and unchanged until the event is complete. */
@@ -140,7 +146,7 @@ CLSP_API ClspStatus clspBufferRead(cl_command_queue queue, cl_mem mem, uint64_t 
 
 /** Waits for events; fails if one of them ended with an error. */
 CLSP_API ClspStatus clspEventWait(uint32_t num_events, const cl_event *events);
-/** Releasing NULL is allowed. */
+/** Drops a reference. Releasing NULL is allowed. */
 CLSP_API ClspStatus clspEventRelease(cl_event event);
 /** @} */
 

@@ -20,9 +20,9 @@ extern "C" {
 
 /** How a sensor is made. */
 typedef struct ClspSensorDesc {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t width;              /**< Image width in pixels, 1 to 16384. */
-    uint32_t height;
+    uint32_t height;             /**< Image height in pixels, 1 to 16384. */
     uint32_t bits;               /**< 8 to 16; default 10. */
     uint64_t seed;               /**< Default 0. */
     double exposure_gain_dn;     /**< DN per unit of intensity, >= 0; default 512. */
@@ -39,9 +39,13 @@ typedef struct ClspSensorDesc {
     uint32_t reserved;           /**< 0. */
 } ClspSensorDesc;
 
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspSensorDesc). */
 CLSP_API ClspStatus clspSensorDescInit(ClspSensorDesc *desc, uint32_t struct_size);
+/** Makes a sensor; *sensor gets one reference. Draws hot and cold pixels and copies the dark frame; waits for the device if there are any. */
 CLSP_API ClspStatus clspSensorCreate(ClspContext context, const ClspSensorDesc *desc, ClspSensor *sensor);
+/** Adds a reference. */
 CLSP_API ClspStatus clspSensorRetain(ClspSensor sensor);
+/** Drops a reference; with the last one the sensor is gone, once what was enqueued is done. NULL is allowed. */
 CLSP_API ClspStatus clspSensorRelease(ClspSensor sensor);
 
 /** Changes the exposure; later Enqueue calls use it. @param exposure_gain_dn finite, >= 0. */

@@ -13,16 +13,16 @@ extern "C" {
 
 /** First-order statistics of the pixels that count. */
 typedef struct ClspMoments {
-    uint32_t struct_size;
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t reserved;            /**< 0. */
     uint64_t count;               /**< Pixels that count (mask not 0). */
-    double mean;
+    double mean;                  /**< Sum over count. */
     double standard_deviation;    /**< Divided by count - 1; 0 for one pixel. */
     double contrast;              /**< standard_deviation / mean; NaN where the mean is 0. */
     double skewness;              /**< Third central moment over the cube of the standard deviation; NaN where that is 0. */
     double excess_kurtosis;       /**< Fourth central moment over the fourth power, less 3; NaN likewise. */
-    double minimum;
-    double maximum;
+    double minimum;               /**< Smallest value. */
+    double maximum;               /**< Largest value. */
 } ClspMoments;
 
 /**

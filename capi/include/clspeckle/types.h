@@ -24,11 +24,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/** The OpenCL version that these headers are written for; a host may ask for a later one. */
 #ifndef CL_TARGET_OPENCL_VERSION
 #define CL_TARGET_OPENCL_VERSION 120
 #endif
 #include <CL/cl.h>
 
+/** Marks what the library exports. */
 #if defined(_WIN32)
 #if defined(CLSP_BUILDING_LIBRARY)
 #define CLSP_API __declspec(dllexport)
@@ -39,10 +41,9 @@
 #define CLSP_API __attribute__((visibility("default")))
 #endif
 
-/** Release number of these headers. */
-#define CLSP_VERSION_MAJOR 0
-#define CLSP_VERSION_MINOR 1
-#define CLSP_VERSION_PATCH 0
+#define CLSP_VERSION_MAJOR 0 /**< Release number of these headers, first part. */
+#define CLSP_VERSION_MINOR 1 /**< Release number, second part. */
+#define CLSP_VERSION_PATCH 0 /**< Release number, third part. */
 /** ABI number (the SOVERSION); counts up only when a binary built against an older header would break. */
 #define CLSP_ABI_VERSION 0
 
@@ -52,9 +53,9 @@ extern "C" {
 
 /** @name Status */
 /** @{ */
-typedef int32_t ClspStatus;
+typedef int32_t ClspStatus; /**< CLSP_SUCCESS or one of CLSP_ERROR_*. */
 
-#define CLSP_SUCCESS 0
+#define CLSP_SUCCESS 0 /**< All went well. */
 /** An argument is NULL, out of range, NaN, or contradicts another one. */
 #define CLSP_ERROR_INVALID_ARGUMENT (-1)
 /** struct_size is smaller than the first version of the struct, or the unknown tail of a newer struct is not zero. */
@@ -112,17 +113,17 @@ CLSP_API ClspStatus clspGetVersion(uint32_t *major, uint32_t *minor, uint32_t *p
 
 /** @name Handles */
 /** @{ */
-typedef struct ClspContext_ *ClspContext;
-typedef struct ClspPattern_ *ClspPattern;
-typedef struct ClspPhase_ *ClspPhase;
-typedef struct ClspAperture_ *ClspAperture;
-typedef struct ClspSensor_ *ClspSensor;
-typedef struct ClspPipeline_ *ClspPipeline;
+typedef struct ClspContext_ *ClspContext;   /**< A device and its programs (runtime.h). */
+typedef struct ClspPattern_ *ClspPattern;   /**< A projected pattern (pattern.h). */
+typedef struct ClspPhase_ *ClspPhase;       /**< A surface's random field (phase.h). */
+typedef struct ClspAperture_ *ClspAperture; /**< A lens's aperture (aperture.h). */
+typedef struct ClspSensor_ *ClspSensor;     /**< A sensor (sensor.h). */
+typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
 /** @} */
 
 /** @name Images in device memory */
 /** @{ */
-#define CLSP_FORMAT_NONE 0u
+#define CLSP_FORMAT_NONE 0u       /**< Not an image. */
 #define CLSP_FORMAT_UINT8 1u      /**< One unsigned byte per pixel. */
 #define CLSP_FORMAT_UINT16 2u     /**< One unsigned 16-bit integer per pixel. */
 #define CLSP_FORMAT_UINT32 3u     /**< One unsigned 32-bit integer per pixel. */

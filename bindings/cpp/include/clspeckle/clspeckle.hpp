@@ -660,9 +660,10 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
         out.finish(clspPipelineEnqueueFrame(handle_, queue, &frame, detail::count(wait_list), detail::data(wait_list),
                                             out.get()));
     }
-    /** Blocks until programs and FFT plans are warm. @param output_format CLSP_FORMAT_* of the coming frames. */
-    void warm_up(cl_command_queue queue, std::uint32_t output_format) const {
-        clspeckle::check(clspPipelineWarmUp(handle_, queue, output_format));
+    /** Renders a frame like the ones to come and waits: programs and FFT plans are warm after it. Writes the frame's
+     *  output; leaves the phase state as it was. */
+    void warm_up(cl_command_queue queue, const ClspFrame &frame) const {
+        clspeckle::check(clspPipelineWarmUp(handle_, queue, &frame));
     }
     /** Waits, and throws CLSP_ERROR_INVALID_DATA if frames since the last check held bad pixels. */
     void check(cl_command_queue queue) const { clspeckle::check(clspPipelineCheck(handle_, queue)); }

@@ -1,0 +1,90 @@
+// The stages one by one.
+#include "bench.hpp"
+
+namespace {
+
+struct Size {
+    explicit Size(const benchmark::State &state)
+        : width(static_cast<std::uint32_t>(state.range(0))), height(static_cast<std::uint32_t>(state.range(1))),
+          pixels(std::size_t{width} * height) {}
+    std::uint32_t width, height;
+    std::size_t pixels;
+};
+
+void philox_normal(benchmark::State &state) {
+    const Size size(state);
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+    const clspeckle::Buffer buffer(context, size.pixels * sizeof(float));
+    const ClspImage image = buffer.image(size.width, size.height, CLSP_FORMAT_FLOAT32);
+    auto desc = clspeckle::make<ClspPhiloxDesc>();
+    desc.distribution = CLSP_DISTRIBUTION_NORMAL;
+    for (auto _ : state) {
+        clspeckle::philox::enqueue_fill(context, queue, desc, image);
+        queue.finish();
+    }
+}
+BENCHMARK(philox_normal)->Apply(bench::sizes);
+
+void phase_refresh(benchmark::State &state) {
+    const Size size(state);
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+    auto desc = clspeckle::make<ClspPhaseDesc>();
+    desc.width = size.width;
+    desc.height = size.height;
+    desc.polarization_count = 1;
+    const clspeckle::Phase phase(context, desc);
+    std::uint64_t frame_index = 0;
+    for (auto _ : state) {
+        phase.enqueue_refresh(queue, frame_index++);
+        queue.finish();
+    }
+}
+BENCHMARK(phase_refresh)->Apply(bench::sizes);
+
+void pattern_lookup(benchmark::State &state) {
+    const Size size(state);
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+    const std::vector<float> texels(1024 * 1024, 1.0f);
+    auto desc = clspeckle::make<ClspPatternDesc>();
+    desc.width = desc.height = 1024;
+    desc.texels = texels.data();
+    const clspeckle::Pattern pattern(context, desc);
+    const clspeckle::Buffer depth(context, queue, std::vector<float>(size.pixels, 1.0f));
+    const clspeckle::Buffer albedo(context, queue, std::vector<float>(size.pixels, 0.5f));
+    const clspeckle::Buffer irradiance(context, size.pixels * sizeof(float));
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.image(size.width, size.height, CLSP_FORMAT_FLOAT32);
+    geometry.albedo = albedo.image(size.width, size.height, CLSP_FORMAT_FLOAT32);
+    geometry.fx_px = geometry.fy_px = size.width;
+    geometry.cx_px = 0.5 * (size.width - 1);
+    geometry.cy_px = 0.5 * (size.height - 1);
+    for (auto _ : state) {
+        pattern.enqueue_lookup(queue, geometry, irradiance.image(size.width, size.height, CLSP_FORMAT_FLOAT32));
+        queue.finish();
+    }
+}
+BENCHMARK(pattern_lookup)->Apply(bench::sizes);
+
+void sensor_expose(benchmark::State &state) {
+    const Size size(state);
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+    auto desc = clspeckle::make<ClspSensorDesc>();
+    desc.width = size.width;
+    desc.height = size.height;
+    const clspeckle::Sensor sensor(context, desc);
+    const clspeckle::Buffer intensity(context, queue, std::vector<float>(size.pixels, 1.0f));
+    const clspeckle::Buffer codes(context, size.pixels * sizeof(std::uint16_t));
+    std::uint64_t frame_index = 0;
+    for (auto _ : state) {
+        sensor.enqueue_expose(queue, intensity.image(size.width, size.height, CLSP_FORMAT_FLOAT32), frame_index++,
+                              codes.image(size.width, size.height, CLSP_FORMAT_UINT16));
+        queue.finish();
+    }
+}
+BENCHMARK(sensor_expose)->Apply(bench::sizes);
+
+} // namespace

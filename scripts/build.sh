@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Builds into build/ and installs the Python package into .venv. Further arguments go to cmake.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCLSP_PYTHON="$PWD/.venv/bin/python" "$@"
+cmake --build build --parallel
+.venv/bin/python -m pip install -q --disable-pip-version-check --no-build-isolation ./bindings/python

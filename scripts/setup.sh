@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Installs what is missing: Debian packages (with sudo if need be) and a Python virtual environment in .venv.
+# usage: scripts/setup.sh build|test
+set -euo pipefail
+cd "$(dirname "$0")/.."
+level="${1:-build}"
+
+packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers
+          pocl-opencl-icd libclfft-dev libfmt-dev libcli11-dev nlohmann-json3-dev libstb-dev libspng-dev libtiff-dev
+          libopenexr-dev libxtensor-dev python3 python3-venv)
+if [ "$level" = test ]; then
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind git)
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+done
+if [ "${#missing[@]}" -gt 0 ]; then
+    sudo=""
+    if [ "$(id -u)" -ne 0 ]; then
+        command -v sudo >/dev/null || { echo "These packages are missing, and neither root nor sudo is at hand to install them: ${missing[*]}" >&2; exit 1; }
+        sudo=sudo
+    fi
+    echo "Installing: ${missing[*]}"
+    export DEBIAN_FRONTEND=noninteractive
+    $sudo apt-get -q update
+    $sudo apt-get -q install -y --no-install-recommends "${missing[@]}"
+fi
+
+[ -x .venv/bin/python ] || python3 -m venv .venv
+.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23" "scikit-build-core>=0.8" "numpy>=1.24" matplotlib
+if [ "$level" = test ]; then
+    requirements=()
+    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/cli/requirements.txt; do
+        requirements+=(-r "$file")
+    done
+    .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"
+fi

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds, and runs every test. A missing OpenCL device, a failed test and a test that was skipped without a
+# reason listed in tests/allowed_skips.txt all end with an error. Further arguments go to ctest.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export POCL_AFFINITY=1
+scripts/setup.sh test
+scripts/build.sh -DCLSP_WARNINGS_AS_ERRORS=ON
+
+echo "== devices"
+build/bin/clspeckle devices
+
+echo "== tests"
+results="$PWD/build/test-results"
+rm -rf "$results"
+mkdir -p "$results"
+export CLSP_TEST_RESULTS="$results"
+status=0
+ctest --test-dir build --output-on-failure --no-tests=error --label-exclude nightly --output-junit "$results/ctest.xml" "$@" || status=$?
+.venv/bin/python scripts/check_skips.py "$results" tests/allowed_skips.txt || status=1
+exit "$status"
