@@ -38,7 +38,8 @@ void frame(benchmark::State &state) {
         queue.finish();
         ++description.frame_index;
     }
-    state.counters["pixels_per_second"] = benchmark::Counter(double(pixels), benchmark::Counter::kIsIterationInvariantRate);
+    state.counters["pixels_per_second"] =
+        benchmark::Counter(double(pixels), benchmark::Counter::kIsIterationInvariantRate);
 }
 
 BENCHMARK(frame)

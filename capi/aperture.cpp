@@ -110,8 +110,10 @@ CLSP_API ClspStatus clspApertureEnqueueIntensity(ClspAperture aperture, cl_comma
         const auto p = object(phase);
         const ImageSize size{a->grid().width, a->grid().height};
         const ::cl_context context = a->context()->cl_context()();
-        const ImageView in = check_image(description(irradiance, "irradiance"), "irradiance", context, size, {Format::kFloat32});
-        const ImageView out = check_image(description(intensity, "intensity"), "intensity", context, size, {Format::kFloat32});
+        const ImageView in =
+            check_image(description(irradiance, "irradiance"), "irradiance", context, size, {Format::kFloat32});
+        const ImageView out =
+            check_image(description(intensity, "intensity"), "intensity", context, size, {Format::kFloat32});
         enqueue(*a->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { a->enqueue_intensity(chain, *p, in, out); });
     });

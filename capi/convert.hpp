@@ -11,15 +11,19 @@
 
 namespace clsp::capi {
 
-static_assert(static_cast<std::uint32_t>(Format::kFloat32x4) == CLSP_FORMAT_FLOAT32X4, "Format and CLSP_FORMAT_* must agree");
+static_assert(static_cast<std::uint32_t>(Format::kFloat32x4) == CLSP_FORMAT_FLOAT32X4,
+              "Format and CLSP_FORMAT_* must agree");
 static_assert(static_cast<std::uint32_t>(Format::kUint8) == CLSP_FORMAT_UINT8, "Format and CLSP_FORMAT_* must agree");
 
 inline ImageDescription description(const ClspImage &image) {
     check_reserved(image.reserved, "ClspImage::reserved");
-    return {image.mem, image.offset_bytes, image.pitch_bytes, image.width, image.height, static_cast<Format>(image.format)};
+    return {image.mem,   image.offset_bytes, image.pitch_bytes,
+            image.width, image.height,       static_cast<Format>(image.format)};
 }
 
-inline ImageDescription description(const ClspImage *image, const char *name) { return description(required(image, name)); }
+inline ImageDescription description(const ClspImage *image, const char *name) {
+    return description(required(image, name));
+}
 
 // Empty where the pointer is NULL or has no buffer.
 inline ImageDescription optional_description(const ClspImage *image) {

@@ -1,4 +1,5 @@
-// Opaque handles: reference counted, and looked up before use, so that a NULL, released or wrong handle is an error and not a crash.
+// Opaque handles: reference counted, and looked up before use, so that a NULL, released or wrong handle is an error and
+// not a crash.
 #pragma once
 
 #include "clspeckle/types.h"
@@ -63,7 +64,8 @@ template <> struct HandleTraits<ClspPipeline> {
     static constexpr const char *kName = "pipeline";
 };
 
-// All live handles of one type. One table for each type and process, never destroyed: handles may be released late at exit.
+// All live handles of one type. One table for each type and process, never destroyed: handles may be released late at
+// exit.
 template <typename Handle> class HandleTable {
   public:
     using Object = typename HandleTraits<Handle>::Object;
@@ -116,9 +118,10 @@ template <typename Handle> class HandleTable {
     Entry &find(Handle handle) const {
         const auto found = entries_.find(handle);
         if (found == entries_.end())
-            throw Error(Status::kInvalidHandle,
-                        std::string(HandleTraits<Handle>::kName) +
-                            (handle ? " is not a live handle: it was released, or is not a handle of this kind" : " is NULL"));
+            throw Error(
+                Status::kInvalidHandle,
+                std::string(HandleTraits<Handle>::kName) +
+                    (handle ? " is not a live handle: it was released, or is not a handle of this kind" : " is NULL"));
         return *found->second;
     }
 

@@ -105,15 +105,16 @@ CLSP_API ClspStatus clspPatternSetPose(ClspPattern pattern, const double laser_f
     });
 }
 
-CLSP_API ClspStatus clspPatternEnqueueLookup(ClspPattern pattern, cl_command_queue queue, const ClspGeometry *user_geometry,
-                                             const ClspImage *irradiance, uint32_t num_events_in_wait_list,
-                                             const cl_event *event_wait_list, cl_event *event) {
+CLSP_API ClspStatus clspPatternEnqueueLookup(ClspPattern pattern, cl_command_queue queue,
+                                             const ClspGeometry *user_geometry, const ClspImage *irradiance,
+                                             uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                             cl_event *event) {
     return guarded("clspPatternEnqueueLookup", [&] {
         const auto p = object(pattern);
         const Context &context = *p->context();
         const Geometry g = geometry(user_geometry);
-        const ImageView view = check_image(description(irradiance, "irradiance"), "irradiance", context.cl_context()(), {0, 0},
-                                           {Format::kFloat32});
+        const ImageView view = check_image(description(irradiance, "irradiance"), "irradiance", context.cl_context()(),
+                                           {0, 0}, {Format::kFloat32});
         enqueue(context, queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { p->enqueue_lookup(chain, g, view); });
     });

@@ -33,7 +33,8 @@ CLSP_API ClspStatus clspPhiloxEnqueueBlocks(ClspContext context, cl_command_queu
     return guarded("clspPhiloxEnqueueBlocks", [&] {
         const auto c = object(context);
         enqueue(*c, queue, num_events_in_wait_list, event_wait_list, event, [&](CommandChain &chain) {
-            enqueue_philox_blocks(*c, chain, counters, counters_offset_bytes, key, count, local_size, blocks, blocks_offset_bytes);
+            enqueue_philox_blocks(*c, chain, counters, counters_offset_bytes, key, count, local_size, blocks,
+                                  blocks_offset_bytes);
         });
     });
 }

@@ -81,7 +81,9 @@ CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_q
                                              cl_event *event) {
     return guarded("clspPipelineEnqueueFrame", [&] {
         const auto p = object(pipeline);
-        with_frame(frame, [&](const Frame &f) { p->enqueue_frame(queue, f, num_events_in_wait_list, event_wait_list, event); });
+        with_frame(frame, [&](const Frame &f) {
+            p->enqueue_frame(queue, f, num_events_in_wait_list, event_wait_list, event);
+        });
     });
 }
 

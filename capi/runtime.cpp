@@ -18,7 +18,9 @@ template <std::size_t N> void copy_text(char (&to)[N], const std::string &from) 
     to[length] = '\0';
 }
 
-std::string text_or_empty(const char *text) { return text ? text : ""; }
+std::string text_or_empty(const char *text) {
+    return text ? text : "";
+}
 
 ClspDeviceInfo device_info(const DeviceRecord &record, std::uint32_t rank) {
     ClspDeviceInfo info{};
@@ -52,13 +54,16 @@ ClspContextDesc context_defaults() {
 
 ::cl_context context_of(cl_command_queue queue) {
     if (!queue)
-        throw Error(Status::kInvalidArgument, "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
+        throw Error(Status::kInvalidArgument,
+                    "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
     ::cl_context context = nullptr;
-    check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, nullptr), "clGetCommandQueueInfo");
+    check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, nullptr),
+                 "clGetCommandQueueInfo");
     return context;
 }
 
-void check_transfer(cl_command_queue queue, const void *data, std::uint64_t size_bytes, cl_mem mem, std::uint64_t offset_bytes) {
+void check_transfer(cl_command_queue queue, const void *data, std::uint64_t size_bytes, cl_mem mem,
+                    std::uint64_t offset_bytes) {
     const ::cl_context context = context_of(queue);
     if (!data)
         throw Error(Status::kInvalidArgument, "data is NULL");
@@ -75,8 +80,8 @@ void write(cl_command_queue queue, const void *data, std::uint64_t size_bytes, c
                  "clEnqueueWriteBuffer");
 }
 
-void read(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes, void *data, cl_bool blocking,
-          cl_uint num_waits, const cl_event *waits, cl_event *event) {
+void read(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes, void *data,
+          cl_bool blocking, cl_uint num_waits, const cl_event *waits, cl_event *event) {
     check_transfer(queue, data, size_bytes, mem, offset_bytes);
     check_wait_list(context_of(queue), num_waits, waits);
     check_opencl(clEnqueueReadBuffer(queue, mem, blocking, offset_bytes, size_bytes, data, num_waits, waits, event),
@@ -97,7 +102,8 @@ CLSP_API ClspStatus clspDeviceList(uint32_t capacity, ClspDeviceInfo *devices, u
         const std::vector<DeviceRecord> records = list_devices();
         const std::uint32_t stride = capacity > 0 ? devices->struct_size : 0;
         for (std::uint32_t i = 0; i < capacity && i < records.size(); ++i) {
-            auto *element = reinterpret_cast<ClspDeviceInfo *>(reinterpret_cast<char *>(devices) + std::size_t{i} * stride);
+            auto *element =
+                reinterpret_cast<ClspDeviceInfo *>(reinterpret_cast<char *>(devices) + std::size_t{i} * stride);
             element->struct_size = stride;
             write_struct(*element, device_info(records[i], i), "devices");
         }
@@ -171,8 +177,9 @@ CLSP_API ClspStatus clspQueueCreate(ClspContext context, uint32_t flags, cl_comm
         const auto c = object(context);
         required(queue, "queue");
         if (flags & ~(CLSP_QUEUE_PROFILING | CLSP_QUEUE_OUT_OF_ORDER))
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("flags is {:#x}, expected CLSP_QUEUE_PROFILING and CLSP_QUEUE_OUT_OF_ORDER or 0", flags));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("flags is {:#x}, expected CLSP_QUEUE_PROFILING and CLSP_QUEUE_OUT_OF_ORDER or 0", flags));
         const cl_command_queue_properties properties =
             (flags & CLSP_QUEUE_PROFILING ? CL_QUEUE_PROFILING_ENABLE : 0) |
             (flags & CLSP_QUEUE_OUT_OF_ORDER ? CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE : 0);
@@ -207,8 +214,8 @@ CLSP_API ClspStatus clspBufferCreate(ClspContext context, uint64_t size_bytes, c
             throw Error(Status::kInvalidArgument, "size_bytes is 0");
         if (size_bytes > c->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>())
             throw Error(Status::kOutOfMemory,
-                        fmt::format("size_bytes is {}, but {} allocates at most {} bytes at once", size_bytes, c->device_name(),
-                                    c->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>()));
+                        fmt::format("size_bytes is {}, but {} allocates at most {} bytes at once", size_bytes,
+                                    c->device_name(), c->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>()));
         cl_int code = CL_SUCCESS;
         const cl_mem made = clCreateBuffer(c->cl_context()(), CL_MEM_READ_WRITE, size_bytes, nullptr, &code);
         check_opencl(code, "clCreateBuffer");
@@ -231,9 +238,9 @@ CLSP_API ClspStatus clspBufferEnqueueWrite(cl_command_queue queue, const void *d
     });
 }
 
-CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes, uint64_t size_bytes,
-                                          void *data, uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
-                                          cl_event *event) {
+CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes,
+                                          uint64_t size_bytes, void *data, uint32_t num_events_in_wait_list,
+                                          const cl_event *event_wait_list, cl_event *event) {
     return guarded("clspBufferEnqueueRead", [&] {
         read(queue, mem, offset_bytes, size_bytes, data, CL_FALSE, num_events_in_wait_list, event_wait_list, event);
     });
@@ -241,12 +248,14 @@ CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, ui
 
 CLSP_API ClspStatus clspBufferWrite(cl_command_queue queue, const void *data, uint64_t size_bytes, cl_mem mem,
                                     uint64_t offset_bytes) {
-    return guarded("clspBufferWrite", [&] { write(queue, data, size_bytes, mem, offset_bytes, CL_TRUE, 0, nullptr, nullptr); });
+    return guarded("clspBufferWrite",
+                   [&] { write(queue, data, size_bytes, mem, offset_bytes, CL_TRUE, 0, nullptr, nullptr); });
 }
 
 CLSP_API ClspStatus clspBufferRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes, uint64_t size_bytes,
                                    void *data) {
-    return guarded("clspBufferRead", [&] { read(queue, mem, offset_bytes, size_bytes, data, CL_TRUE, 0, nullptr, nullptr); });
+    return guarded("clspBufferRead",
+                   [&] { read(queue, mem, offset_bytes, size_bytes, data, CL_TRUE, 0, nullptr, nullptr); });
 }
 
 CLSP_API ClspStatus clspEventWait(uint32_t num_events, const cl_event *events) {

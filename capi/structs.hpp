@@ -12,15 +12,17 @@
 
 namespace clsp::capi {
 
-// Size of each struct in the first release that had it: the least that a caller may have. All structs are still as they were first
-// made; a struct that gets a member keeps its old size here, as a number.
+// Size of each struct in the first release that had it: the least that a caller may have. All structs are still as they
+// were first made; a struct that gets a member keeps its old size here, as a number.
 template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 
 inline void check_struct_size(std::uint32_t size, std::uint32_t first, const char *name) {
     if (size < first)
-        throw Error(Status::kInvalidStructSize,
-                    fmt::format("{}->struct_size is {}, expected at least {}; set it by the struct's Init function or to sizeof", name, size,
-                                first));
+        throw Error(
+            Status::kInvalidStructSize,
+            fmt::format(
+                "{}->struct_size is {}, expected at least {}; set it by the struct's Init function or to sizeof", name,
+                size, first));
 }
 
 // What the caller's struct says, over the defaults for what it is too old to say.
@@ -31,14 +33,17 @@ template <typename T> T read_struct(const T *user, const T &defaults, const char
     check_struct_size(size, kFirstSize<T>, name);
     constexpr std::uint32_t kLargest = 1u << 16;
     if (size > kLargest)
-        throw Error(Status::kInvalidStructSize, fmt::format("{}->struct_size is {}, which no version of it has", name, size));
+        throw Error(Status::kInvalidStructSize,
+                    fmt::format("{}->struct_size is {}, which no version of it has", name, size));
     const auto *bytes = reinterpret_cast<const unsigned char *>(user);
     for (std::uint32_t i = sizeof(T); i < size; ++i)
         if (bytes[i] != 0)
-            throw Error(Status::kInvalidStructSize,
-                        fmt::format("{} is from a newer release and uses a member (at byte {}) that this library does not know; "
-                                    "update the library",
-                                    name, i));
+            throw Error(
+                Status::kInvalidStructSize,
+                fmt::format(
+                    "{} is from a newer release and uses a member (at byte {}) that this library does not know; "
+                    "update the library",
+                    name, i));
     T result = defaults;
     std::memcpy(static_cast<void *>(&result), bytes, std::min<std::size_t>(size, sizeof(T)));
     return result;

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export POCL_AFFINITY=1
 scripts/setup.sh test
-scripts/build.sh -DCLSP_WARNINGS_AS_ERRORS=ON
+scripts/build.sh -DCLSP_BUILD_TESTS=ON -DCLSP_BUILD_BENCH=ON -DCLSP_WARNINGS_AS_ERRORS=ON
 
 echo "== devices"
 build/bin/clspeckle devices

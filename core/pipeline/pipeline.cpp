@@ -26,8 +26,8 @@ Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages)
     const FieldGrid &grid = stages_.aperture->grid();
     if (stages_.sensor && (stages_.sensor->width() != grid.width || stages_.sensor->height() != grid.height))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("the sensor has {} x {} pixels (width x height), the aperture {} x {}", stages_.sensor->width(),
-                                stages_.sensor->height(), grid.width, grid.height));
+                    fmt::format("the sensor has {} x {} pixels (width x height), the aperture {} x {}",
+                                stages_.sensor->width(), stages_.sensor->height(), grid.width, grid.height));
     if (stages_.pattern || stages_.sensor)
         image_ = DeviceBuffer(context_, std::size_t{grid.width} * grid.height * sizeof(float));
 }
@@ -39,11 +39,13 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
     const ::cl_context cl_context = context_->cl_context()();
     check_wait_list(cl_context, num_waits, waits);
     check_frame_index(frame.frame_index);
+    stages_.aperture->check_workspace();
     const FieldGrid &grid = stages_.aperture->grid();
     const ImageSize size{grid.width, grid.height};
     if (frame.refresh != Refresh::kMask && frame.refresh != Refresh::kAll)
-        throw Error(Status::kInvalidArgument, fmt::format("refresh is {}, expected CLSP_REFRESH_MASK or CLSP_REFRESH_ALL",
-                                                          static_cast<std::uint32_t>(frame.refresh)));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("refresh is {}, expected CLSP_REFRESH_MASK or CLSP_REFRESH_ALL",
+                                static_cast<std::uint32_t>(frame.refresh)));
     const ImageView output = stages_.sensor ? stages_.sensor->check_output(frame.output)
                                             : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
     ImageView mask;
@@ -53,16 +55,20 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
     }
     ImageView own;
     if (image_)
-        own = check_image({image_.get()(), 0, 0, size.width, size.height, Format::kFloat32}, "image", cl_context, size, {Format::kFloat32});
+        own = check_image({image_.get()(), 0, 0, size.width, size.height, Format::kFloat32}, "image", cl_context, size,
+                          {Format::kFloat32});
     ImageView irradiance = own;
     if (stages_.pattern) {
         if (!frame.geometry)
-            throw Error(Status::kInvalidArgument, "geometry is NULL; this pipeline has a pattern and needs the frame's geometry");
+            throw Error(Status::kInvalidArgument,
+                        "geometry is NULL; this pipeline has a pattern and needs the frame's geometry");
         if (frame.irradiance)
-            throw Error(Status::kInvalidArgument, "irradiance was given to a pipeline with a pattern; give geometry alone, or make the "
-                                                  "pipeline without a pattern");
-        for (const ImageDescription *image : {&frame.geometry->position, &frame.geometry->depth, &frame.geometry->normal,
-                                              &frame.geometry->albedo, &frame.geometry->visibility})
+            throw Error(Status::kInvalidArgument,
+                        "irradiance was given to a pipeline with a pattern; give geometry alone, or make the "
+                        "pipeline without a pattern");
+        for (const ImageDescription *image :
+             {&frame.geometry->position, &frame.geometry->depth, &frame.geometry->normal, &frame.geometry->albedo,
+              &frame.geometry->visibility})
             if (*image)
                 refuse_overlap(output, "output",
                                check_image(*image, "geometry", cl_context, size,
@@ -70,8 +76,9 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
                                "an image of the geometry");
     } else {
         if (frame.geometry)
-            throw Error(Status::kInvalidArgument, "geometry was given to a pipeline without a pattern; give irradiance, or make the "
-                                                  "pipeline with a pattern");
+            throw Error(Status::kInvalidArgument,
+                        "geometry was given to a pipeline without a pattern; give irradiance, or make the "
+                        "pipeline with a pattern");
         irradiance = check_image(frame.irradiance, "irradiance", cl_context, size, {Format::kFloat32});
         refuse_overlap(output, "output", irradiance, "irradiance");
     }
@@ -119,7 +126,8 @@ void Pipeline::check(cl_command_queue queue) {
         if (bad.not_finite == 0 && bad.negative == 0)
             return;
         const std::uint32_t width = stages_.aperture->grid().width;
-        message += fmt::format("{}{}: {} NaN or infinite and {} negative pixels since the last check, the first at x = {}, y = {}; they were "
+        message += fmt::format("{}{}: {} NaN or infinite and {} negative pixels since the last check, the first at x = "
+                               "{}, y = {}; they were "
                                "taken as 0",
                                message.empty() ? "" : "; ", what, bad.not_finite, bad.negative, bad.first_index % width,
                                bad.first_index / width);
@@ -135,15 +143,17 @@ std::vector<StageTiming> Pipeline::timings() {
     if (!has_frame_)
         throw Error(Status::kInvalidState, "no frame has been enqueued yet");
     if (profile_.entries.empty())
-        throw Error(Status::kInvalidState, "the last frame's queue had no profiling; make it with CLSP_QUEUE_PROFILING or "
-                                           "CL_QUEUE_PROFILING_ENABLE");
+        throw Error(Status::kInvalidState,
+                    "the last frame's queue had no profiling; make it with CLSP_QUEUE_PROFILING or "
+                    "CL_QUEUE_PROFILING_ENABLE");
     profile_.entries.back().event.wait();
     std::vector<StageTiming> timings;
     cl_ulong previous_end = 0;
     for (const ChainProfile::Entry &entry : profile_.entries) {
         const cl_ulong end = entry.event.getProfilingInfo<CL_PROFILING_COMMAND_END>();
         const cl_ulong own_start = entry.event.getProfilingInfo<CL_PROFILING_COMMAND_START>();
-        // A transform is several kernels of which we see the last one's event: its time runs from the end of the step before.
+        // A transform is several kernels of which we see the last one's event: its time runs from the end of the step
+        // before.
         const std::string stage = entry.stage;
         const bool is_transform = stage == "fft" || stage == "inverse_fft";
         const cl_ulong start = is_transform && previous_end != 0 ? std::min(previous_end, own_start) : own_start;

@@ -40,7 +40,8 @@ class Pipeline {
 
     const std::shared_ptr<Context> &context() const { return context_; }
 
-    void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits, cl_event *event);
+    void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
+                       cl_event *event);
     // Renders the frame, waits, and puts the phase state back.
     void warm_up(cl_command_queue queue, const Frame &frame);
     // Throws kInvalidData if a frame since the last check had bad pixels. Blocks.

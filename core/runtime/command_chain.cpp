@@ -17,7 +17,8 @@ CommandChain::CommandChain(cl_command_queue queue, cl_uint num_waits, const cl_e
 
 void CommandChain::run(const char *stage, const cl::Kernel &kernel, std::size_t width, std::size_t height,
                        std::size_t depth, std::size_t local_width) {
-    const std::size_t global[3] = {local_width ? (width + local_width - 1) / local_width * local_width : width, height, depth};
+    const std::size_t global[3] = {local_width ? (width + local_width - 1) / local_width * local_width : width, height,
+                                   depth};
     const std::size_t local[3] = {local_width, 1, 1};
     const cl_uint dimensions = depth > 1 ? 3 : height > 1 ? 2 : 1;
     cl_event event = nullptr;
@@ -64,13 +65,14 @@ void CommandChain::finish(cl_event *event) {
 void check_wait_list(::cl_context context, cl_uint num_waits, const cl_event *waits) {
     if ((num_waits == 0) != (waits == nullptr))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("num_events_in_wait_list is {} but event_wait_list is {}; give both or neither", num_waits,
-                                waits ? "not NULL" : "NULL"));
+                    fmt::format("num_events_in_wait_list is {} but event_wait_list is {}; give both or neither",
+                                num_waits, waits ? "not NULL" : "NULL"));
     for (cl_uint i = 0; i < num_waits; ++i) {
         if (!waits[i])
             throw Error(Status::kInvalidArgument, fmt::format("event_wait_list[{}] is NULL", i));
         ::cl_context event_context = nullptr;
-        check_opencl(clGetEventInfo(waits[i], CL_EVENT_CONTEXT, sizeof event_context, &event_context, nullptr), "clGetEventInfo");
+        check_opencl(clGetEventInfo(waits[i], CL_EVENT_CONTEXT, sizeof event_context, &event_context, nullptr),
+                     "clGetEventInfo");
         if (event_context != context)
             throw Error(Status::kWrongContext, fmt::format("event_wait_list[{}] belongs to another cl_context", i));
     }

@@ -18,8 +18,9 @@ struct ChainProfile {
     std::vector<Entry> entries;
 };
 
-// One Enqueue call of the API: takes the caller's wait list, runs commands in order, gives the caller an event. On an in-order queue
-// no event is made for the steps between; on an out-of-order queue each command waits for the one before.
+// One Enqueue call of the API: takes the caller's wait list, runs commands in order, gives the caller an event. On an
+// in-order queue no event is made for the steps between; on an out-of-order queue each command waits for the one
+// before.
 class CommandChain {
   public:
     // profile: where to keep events, if the queue has profiling on; may be nullptr.
@@ -30,14 +31,16 @@ class CommandChain {
     cl_command_queue queue() const { return queue_; }
 
     // A kernel over width x height x depth work-items (not rounded: the device chooses the work-group).
-    void run(const char *stage, const cl::Kernel &kernel, std::size_t width, std::size_t height = 1, std::size_t depth = 1) {
+    void run(const char *stage, const cl::Kernel &kernel, std::size_t width, std::size_t height = 1,
+             std::size_t depth = 1) {
         run(stage, kernel, width, height, depth, 0);
     }
     // The same with a work-group of local_width; width is rounded up to a multiple of it.
     void run(const char *stage, const cl::Kernel &kernel, std::size_t width, std::size_t height, std::size_t depth,
              std::size_t local_width);
 
-    void copy(const char *stage, cl_mem from, std::size_t from_offset, cl_mem to, std::size_t to_offset, std::size_t bytes);
+    void copy(const char *stage, cl_mem from, std::size_t from_offset, cl_mem to, std::size_t to_offset,
+              std::size_t bytes);
 
     // A command of another library: function(num_waits, waits, event or nullptr).
     template <typename Function> void run_foreign(const char *stage, Function function) {
@@ -61,8 +64,8 @@ class CommandChain {
     ChainProfile *profile_;
 };
 
-// Throws kInvalidArgument if the list and its length contradict each other or an event is NULL, kWrongContext if an event belongs to
-// another context.
+// Throws kInvalidArgument if the list and its length contradict each other or an event is NULL, kWrongContext if an
+// event belongs to another context.
 void check_wait_list(::cl_context context, cl_uint num_waits, const cl_event *waits);
 
 } // namespace clsp

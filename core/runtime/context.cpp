@@ -26,10 +26,10 @@ std::string default_cache_dir() {
     return {};
 }
 
-// clFFT keeps every program that it has compiled, and with it the cl_context, until the process ends; its only way to let go of them
-// (clfftTeardown) would break a host that uses clFFT itself. Contexts of our own therefore share one cl_context for each device, so that
-// making and releasing them over and over does not pile up. It is deliberately never released: OpenCL drivers may be gone
-// before static destructors run.
+// clFFT keeps every program that it has compiled, and with it the cl_context, until the process ends; its only way to
+// let go of them (clfftTeardown) would break a host that uses clFFT itself. Contexts of our own therefore share one
+// cl_context for each device, so that making and releasing them over and over does not pile up. It is deliberately
+// never released: OpenCL drivers may be gone before static destructors run.
 cl::Context shared_cl_context(const cl::Device &device) {
     static std::mutex mutex;
     static auto *contexts = new std::map<cl_device_id, cl::Context>;
@@ -46,8 +46,9 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     std::shared_ptr<Context> context(new Context);
     if (parameters.host_context) {
         if (!parameters.host_device)
-            throw Error(Status::kInvalidArgument, "cl_context_handle was given without cl_device: name the device of that "
-                                                  "context which clSpeckle is to use");
+            throw Error(Status::kInvalidArgument,
+                        "cl_context_handle was given without cl_device: name the device of that "
+                        "context which clSpeckle is to use");
         context->context_ = cl::Context(parameters.host_context, true);
         context->device_ = cl::Device(parameters.host_device, true);
         std::vector<cl::Device> devices;
@@ -60,12 +61,14 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
         if (std::none_of(devices.begin(), devices.end(), is_ours))
             throw Error(Status::kWrongContext, "cl_device is not a device of cl_context_handle");
         if (!parameters.device.empty())
-            throw Error(Status::kInvalidArgument, "device (a selector) and cl_context_handle were both given; with a context of "
-                                                  "the host's, the device is cl_device");
+            throw Error(Status::kInvalidArgument,
+                        "device (a selector) and cl_context_handle were both given; with a context of "
+                        "the host's, the device is cl_device");
     } else {
         if (parameters.host_device)
-            throw Error(Status::kInvalidArgument, "cl_device was given without cl_context_handle; to choose a device for a "
-                                                  "context of clSpeckle's own, use the selector `device`");
+            throw Error(Status::kInvalidArgument,
+                        "cl_device was given without cl_context_handle; to choose a device for a "
+                        "context of clSpeckle's own, use the selector `device`");
         context->device_ = select_device(parameters.device).device;
         context->context_ = shared_cl_context(context->device_);
     }
@@ -100,7 +103,8 @@ std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height) {
 
 void Context::check_queue(cl_command_queue queue) const {
     if (!queue)
-        throw Error(Status::kInvalidArgument, "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
+        throw Error(Status::kInvalidArgument,
+                    "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
     ::cl_context queue_context = nullptr;
     cl_device_id queue_device = nullptr;
     check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof queue_context, &queue_context, nullptr),
@@ -110,8 +114,9 @@ void Context::check_queue(cl_command_queue queue) const {
     if (queue_context != context_())
         throw Error(Status::kWrongContext, "the queue belongs to another cl_context than the clSpeckle context");
     if (queue_device != device_())
-        throw Error(Status::kWrongContext,
-                    fmt::format("the queue belongs to another device than the clSpeckle context, which uses {}", device_name_));
+        throw Error(
+            Status::kWrongContext,
+            fmt::format("the queue belongs to another device than the clSpeckle context, which uses {}", device_name_));
 }
 
 } // namespace clsp

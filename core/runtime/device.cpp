@@ -12,7 +12,8 @@ namespace clsp {
 namespace {
 
 constexpr const char *kInstallHint =
-    "To install a device: on Debian and Ubuntu `apt install pocl-opencl-icd` runs OpenCL on any CPU; for a GPU install its "
+    "To install a device: on Debian and Ubuntu `apt install pocl-opencl-icd` runs OpenCL on any CPU; for a GPU install "
+    "its "
     "driver's OpenCL part (nvidia-opencl-icd, intel-opencl-icd, mesa-opencl-icd or rocm-opencl-runtime). OpenCL finds "
     "drivers through /etc/OpenCL/vendors/*.icd, or the folder in the environment variable OCL_ICD_VENDORS.";
 
@@ -62,7 +63,8 @@ DeviceRecord inspect(const cl::Platform &platform, const cl::Device &device, std
         record.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
         record.reason = why_unusable(device);
     } catch (const cl::Error &error) {
-        record.reason = fmt::format("the driver failed to describe it: {} in {}", opencl_code_name(error.err()), error.what());
+        record.reason =
+            fmt::format("the driver failed to describe it: {} in {}", opencl_code_name(error.err()), error.what());
     }
     record.usable = record.reason.empty();
     return record;
@@ -122,10 +124,11 @@ std::string explanation(const std::vector<DeviceRecord> &records, const std::str
                             record.version, record.driver_version, verdict);
     }
     if (!records.empty() && !chosen)
-        text += selector.empty() ? "None of the devices is usable.\n"
-                                 : fmt::format("No usable device matches \"{}\". A device is named by \"platform:device\" as listed "
-                                               "above, \"gpu\", \"cpu\", \"accelerator\", or a part of its name.\n",
-                                               selector);
+        text += selector.empty()
+                    ? "None of the devices is usable.\n"
+                    : fmt::format("No usable device matches \"{}\". A device is named by \"platform:device\" as listed "
+                                  "above, \"gpu\", \"cpu\", \"accelerator\", or a part of its name.\n",
+                                  selector);
     if (!chosen)
         text += std::string(kInstallHint) + "\n";
     return text;

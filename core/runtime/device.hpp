@@ -21,11 +21,12 @@ struct DeviceRecord {
     std::string reason; // why not
 };
 
-// Every device of every platform, best first: usable before unusable, GPU before accelerator before CPU, then by compute units.
+// Every device of every platform, best first: usable before unusable, GPU before accelerator before CPU, then by
+// compute units.
 std::vector<DeviceRecord> list_devices();
 
-// The device that a selector names (see ClspContextDesc::device); "" means CLSPECKLE_DEVICE or the best one. Throws kNoDevice with an
-// explanation.
+// The device that a selector names (see ClspContextDesc::device); "" means CLSPECKLE_DEVICE or the best one. Throws
+// kNoDevice with an explanation.
 DeviceRecord select_device(const std::string &selector);
 
 // What was seen, what is taken and why, what to install.

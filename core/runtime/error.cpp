@@ -68,15 +68,17 @@ Error from_opencl(std::int32_t code, const char *call) {
                                  call, name),
                      code);
     case CL_INVALID_EVENT_WAIT_LIST:
-        return Error(Status::kInvalidArgument,
-                     fmt::format("{} failed with {}: num_events_in_wait_list and event_wait_list contradict each other, "
-                                 "or an event is not valid",
-                                 call, name),
-                     code);
+        return Error(
+            Status::kInvalidArgument,
+            fmt::format("{} failed with {}: num_events_in_wait_list and event_wait_list contradict each other, "
+                        "or an event is not valid",
+                        call, name),
+            code);
     case CL_INVALID_CONTEXT:
-        return Error(Status::kWrongContext,
-                     fmt::format("{} failed with {}: queue, buffers and events must belong to one cl_context", call, name),
-                     code);
+        return Error(
+            Status::kWrongContext,
+            fmt::format("{} failed with {}: queue, buffers and events must belong to one cl_context", call, name),
+            code);
     default:
         return Error(Status::kOpenCl, fmt::format("{} failed with {}", call, name), code);
     }

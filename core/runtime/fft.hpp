@@ -13,8 +13,8 @@ class CommandChain;
 
 enum class FftDirection { kForward, kInverse };
 
-// A 2-D complex single-precision transform of one size: interleaved, tightly packed, in place. The inverse divides by the number of
-// samples. Safe to enqueue from several threads.
+// A 2-D complex single-precision transform of one size: interleaved, tightly packed, in place. The inverse divides by
+// the number of samples. Safe to enqueue from several threads.
 class Fft {
   public:
     virtual ~Fft() = default;

@@ -1,10 +1,11 @@
 // clFFT behind the Fft interface.
 //
-// clFFT is one process-wide singleton. It is set up once and never torn down (clfftTeardown() would break a host that uses clFFT too);
-// plans are made, baked and destroyed under one lock, because baking from several threads at once aborts.
+// clFFT is one process-wide singleton. It is set up once and never torn down (clfftTeardown() would break a host that
+// uses clFFT too); plans are made, baked and destroyed under one lock, because baking from several threads at once
+// aborts.
+#include "runtime/fft.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fft.hpp"
 
 #include <clFFT.h>
 #include <fmt/core.h>
@@ -22,12 +23,14 @@ void check_clfft(clfftStatus status, const char *call, std::uint32_t width, std:
     if (status == CLFFT_SUCCESS)
         return;
     if (status == CLFFT_NOTIMPLEMENTED)
-        throw Error(Status::kUnsupported,
-                    fmt::format("clFFT does not take a transform of {} x {} ({}: CLFFT_NOTIMPLEMENTED)", width, height, call),
-                    status);
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("clFFT does not take a transform of {} x {} ({}: CLFFT_NOTIMPLEMENTED)", width, height, call),
+            status);
     if (status >= CLFFT_BUGCHECK)
-        throw Error(Status::kUnsupported, fmt::format("clFFT failed in {} for a transform of {} x {} with status {}", call, width,
-                                                      height, static_cast<int>(status)),
+        throw Error(Status::kUnsupported,
+                    fmt::format("clFFT failed in {} for a transform of {} x {} with status {}", call, width, height,
+                                static_cast<int>(status)),
                     status);
     throw from_opencl(status, call);
 }
@@ -44,11 +47,12 @@ class ClFft final : public Fft {
         }();
         check_clfft(setup, "clfftSetup", width, height);
         const std::size_t lengths[2] = {width, height};
-        check_clfft(clfftCreateDefaultPlan(&plan_, context(), CLFFT_2D, lengths), "clfftCreateDefaultPlan", width, height);
+        check_clfft(clfftCreateDefaultPlan(&plan_, context(), CLFFT_2D, lengths), "clfftCreateDefaultPlan", width,
+                    height);
         try {
             check_clfft(clfftSetPlanPrecision(plan_, CLFFT_SINGLE), "clfftSetPlanPrecision", width, height);
-            check_clfft(clfftSetLayout(plan_, CLFFT_COMPLEX_INTERLEAVED, CLFFT_COMPLEX_INTERLEAVED), "clfftSetLayout", width,
-                        height);
+            check_clfft(clfftSetLayout(plan_, CLFFT_COMPLEX_INTERLEAVED, CLFFT_COMPLEX_INTERLEAVED), "clfftSetLayout",
+                        width, height);
             check_clfft(clfftSetResultLocation(plan_, CLFFT_INPLACE), "clfftSetResultLocation", width, height);
             // Baking needs a queue only to learn the device.
             cl::CommandQueue queue(context, device);
@@ -75,7 +79,8 @@ class ClFft final : public Fft {
         chain.run_foreign(stage, [&](cl_uint num_waits, const cl_event *waits, cl_event *event) {
             cl_command_queue queue = chain.queue();
             cl_mem buffer = field();
-            check_clfft(clfftEnqueueTransform(plan_, direction == FftDirection::kForward ? CLFFT_FORWARD : CLFFT_BACKWARD, 1,
+            check_clfft(clfftEnqueueTransform(plan_,
+                                              direction == FftDirection::kForward ? CLFFT_FORWARD : CLFFT_BACKWARD, 1,
                                               &queue, num_waits, waits, event, &buffer, nullptr, scratch()),
                         "clfftEnqueueTransform", width_, height_);
         });

@@ -76,12 +76,15 @@ MemoryInfo inspect(cl_mem mem, const char *name, ::cl_context context) {
     if (clGetMemObjectInfo(mem, CL_MEM_CONTEXT, sizeof mem_context, &mem_context, nullptr) != CL_SUCCESS)
         throw Error(Status::kInvalidArgument, fmt::format("{} is not a valid cl_mem", name), CL_INVALID_MEM_OBJECT);
     if (mem_context != context)
-        throw Error(Status::kWrongContext, fmt::format("{} belongs to another cl_context than the clSpeckle context", name));
+        throw Error(Status::kWrongContext,
+                    fmt::format("{} belongs to another cl_context than the clSpeckle context", name));
     check_opencl(clGetMemObjectInfo(mem, CL_MEM_TYPE, sizeof type, &type, nullptr), "clGetMemObjectInfo");
     if (type != CL_MEM_OBJECT_BUFFER)
-        throw Error(Status::kInvalidArgument, fmt::format("{} is a cl_image; clSpeckle takes buffers (clCreateBuffer)", name));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{} is a cl_image; clSpeckle takes buffers (clCreateBuffer)", name));
     check_opencl(clGetMemObjectInfo(mem, CL_MEM_SIZE, sizeof bytes, &bytes, nullptr), "clGetMemObjectInfo");
-    check_opencl(clGetMemObjectInfo(mem, CL_MEM_ASSOCIATED_MEMOBJECT, sizeof parent, &parent, nullptr), "clGetMemObjectInfo");
+    check_opencl(clGetMemObjectInfo(mem, CL_MEM_ASSOCIATED_MEMOBJECT, sizeof parent, &parent, nullptr),
+                 "clGetMemObjectInfo");
     if (parent)
         check_opencl(clGetMemObjectInfo(mem, CL_MEM_OFFSET, sizeof offset, &offset, nullptr), "clGetMemObjectInfo");
     return {bytes, parent ? parent : mem, parent ? offset : 0};
@@ -94,8 +97,9 @@ void check_buffer(cl_mem mem, const char *name, ::cl_context context, std::uint6
         throw Error(Status::kInvalidArgument, fmt::format("{} is NULL", name));
     const MemoryInfo memory = inspect(mem, name, context);
     if (offset > memory.bytes || bytes > memory.bytes - offset)
-        throw Error(Status::kBufferTooSmall, fmt::format("{} needs {} bytes from offset {}, but the buffer has {} bytes", name,
-                                                         bytes, offset, memory.bytes));
+        throw Error(Status::kBufferTooSmall,
+                    fmt::format("{} needs {} bytes from offset {}, but the buffer has {} bytes", name, bytes, offset,
+                                memory.bytes));
 }
 
 ImageView check_image(const ImageDescription &image, const char *name, ::cl_context context, ImageSize size,
@@ -111,26 +115,30 @@ ImageView check_image(const ImageDescription &image, const char *name, ::cl_cont
     }
     check_image_size(image.width, image.height, name);
     if (size.width != 0 && (image.width != size.width || image.height != size.height))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {} x {} pixels (width x height), expected {} x {}", name,
-                                                          image.width, image.height, size.width, size.height));
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {} x {} pixels (width x height), expected {} x {}",
+                                                          name, image.width, image.height, size.width, size.height));
     const std::uint64_t component = component_bytes(image.format);
     const std::uint64_t row = component * component_count(image.format) * image.width;
     if (image.offset_bytes % component != 0 || image.pitch_bytes % component != 0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("{}: offset_bytes ({}) and pitch_bytes ({}) must be multiples of {}, the size of a component of {}",
-                                name, image.offset_bytes, image.pitch_bytes, component, format_name(image.format)));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format(
+                "{}: offset_bytes ({}) and pitch_bytes ({}) must be multiples of {}, the size of a component of {}",
+                name, image.offset_bytes, image.pitch_bytes, component, format_name(image.format)));
     const std::uint64_t pitch = image.pitch_bytes ? image.pitch_bytes : row;
     if (pitch < row)
-        throw Error(Status::kBufferTooSmall,
-                    fmt::format("{}.pitch_bytes is {}, but a row of {} pixels takes {} bytes", name, pitch, image.width, row));
+        throw Error(Status::kBufferTooSmall, fmt::format("{}.pitch_bytes is {}, but a row of {} pixels takes {} bytes",
+                                                         name, pitch, image.width, row));
     if (pitch / component > 0xffffffffu)
         throw Error(Status::kInvalidArgument, fmt::format("{}.pitch_bytes is {}, too large", name, pitch));
     const MemoryInfo memory = inspect(image.mem, name, context);
     const std::uint64_t needed = pitch * (image.height - 1) + row;
     if (image.offset_bytes > memory.bytes || needed > memory.bytes - image.offset_bytes)
-        throw Error(Status::kBufferTooSmall,
-                    fmt::format("{} needs {} bytes from offset {} ({} x {} pixels, {} bytes a row), but the buffer has {} bytes", name,
-                                needed, image.offset_bytes, image.width, image.height, pitch, memory.bytes));
+        throw Error(
+            Status::kBufferTooSmall,
+            fmt::format(
+                "{} needs {} bytes from offset {} ({} x {} pixels, {} bytes a row), but the buffer has {} bytes", name,
+                needed, image.offset_bytes, image.width, image.height, pitch, memory.bytes));
     ImageView view;
     view.mem = image.mem;
     view.offset = image.offset_bytes / component;
@@ -155,7 +163,8 @@ bool same_pixels(const ImageView &a, const ImageView &b) {
 
 void refuse_overlap(const ImageView &output, const char *output_name, const ImageView &input, const char *input_name) {
     if (overlap(output, input))
-        throw Error(Status::kOverlap, fmt::format("{} and {} share memory; they must not overlap", output_name, input_name));
+        throw Error(Status::kOverlap,
+                    fmt::format("{} and {} share memory; they must not overlap", output_name, input_name));
 }
 
 } // namespace clsp

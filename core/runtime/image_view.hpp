@@ -57,8 +57,8 @@ struct ImageSize {
     std::uint32_t width, height;
 };
 
-// Checks everything that can be checked of an image: context, size, format, alignment, pitch, room in the buffer. `name` is what messages call
-// it. size {0, 0} takes any size.
+// Checks everything that can be checked of an image: context, size, format, alignment, pitch, room in the buffer.
+// `name` is what messages call it. size {0, 0} takes any size.
 ImageView check_image(const ImageDescription &image, const char *name, ::cl_context context, ImageSize size,
                       std::initializer_list<Format> formats);
 

@@ -41,9 +41,10 @@ constexpr char kCacheMagic[] = "clspeckle-program-1\n";
 ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters)
     : context_(context), device_(device), parameters_(std::move(parameters)) {
     if (!parameters_.kernel_dir.empty() && !fs::is_directory(parameters_.kernel_dir))
-        throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
-                                             "built-in kernels",
-                                             parameters_.kernel_dir));
+        throw Error(Status::kIo,
+                    fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
+                                "built-in kernels",
+                                parameters_.kernel_dir));
     common_options_ = "-cl-std=CL1.2";
     // With square roots rounded right, random numbers have the same bits on every device.
     if (device_.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT)
@@ -68,11 +69,12 @@ std::string ProgramCache::source(const std::string &file) const {
     for (std::size_t i = 0; i < kEmbeddedKernelCount; ++i)
         if (file == kEmbeddedKernels[i].name)
             return kEmbeddedKernels[i].source;
-    throw Error(Status::kBuild, fmt::format("there is no kernel file \"{}\", neither built in nor in kernel_dir", file));
+    throw Error(Status::kBuild,
+                fmt::format("there is no kernel file \"{}\", neither built in nor in kernel_dir", file));
 }
 
-// Replaces #include "file" lines by the file: embedded sources have no folder for the compiler to look in. Include guards do the
-// rest.
+// Replaces #include "file" lines by the file: embedded sources have no folder for the compiler to look in. Include
+// guards do the rest.
 std::string ProgramCache::expanded(const std::string &file, int depth) const {
     if (depth > 8)
         throw Error(Status::kBuild, fmt::format("kernel file \"{}\" includes itself", file));
@@ -117,8 +119,8 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
                 log = "(the driver gave no build log)";
             }
             throw Error(Status::kBuild,
-                        fmt::format("kernel file \"{}\" does not build with \"{}\": {}; the build log tells where", file, options,
-                                    opencl_code_name(error.err())),
+                        fmt::format("kernel file \"{}\" does not build with \"{}\": {}; the build log tells where",
+                                    file, options, opencl_code_name(error.err())),
                         error.err(), log);
         }
         ++built_;
@@ -134,8 +136,8 @@ std::string ProgramCache::disk_path(const std::string &source_text, const std::s
     return (fs::path(parameters_.cache_dir) / fmt::format("{:016x}.clbin", hash)).string();
 }
 
-// A cache file: magic, the device key and options in full, the binary's size and hash, the binary. Anything that does not fit makes the
-// program be built anew.
+// A cache file: magic, the device key and options in full, the binary's size and hash, the binary. Anything that does
+// not fit makes the program be built anew.
 cl::Program ProgramCache::load(const std::string &path, const std::string &options) const {
     std::string content;
     if (!read_file(path, content))
@@ -161,7 +163,8 @@ cl::Program ProgramCache::load(const std::string &path, const std::string &optio
     }
 }
 
-// A cache that cannot be written costs time, not correctness: failures are silent. The rename makes a half-written file impossible.
+// A cache that cannot be written costs time, not correctness: failures are silent. The rename makes a half-written file
+// impossible.
 void ProgramCache::store(const cl::Program &program, const std::string &path, const std::string &options) const {
     try {
         const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();

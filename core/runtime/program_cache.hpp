@@ -20,7 +20,8 @@ class ProgramCache {
 
     ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters);
 
-    // The program of kernel file `file` built with `defines` ("-DNAME=VALUE ..."); built once. Throws kBuild with the log.
+    // The program of kernel file `file` built with `defines` ("-DNAME=VALUE ..."); built once. Throws kBuild with the
+    // log.
     cl::Program get(const std::string &file, const std::string &defines);
 
     std::uint32_t built() const { return built_; }

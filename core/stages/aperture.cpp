@@ -9,8 +9,8 @@
 namespace clsp {
 namespace {
 
-// Host memory for sub-buffers must be aligned so on every device that we know (CL_DEVICE_MEM_BASE_ADDR_ALIGN is at most 4096 bits there;
-// a page is generous).
+// Host memory for sub-buffers must be aligned so on every device that we know (CL_DEVICE_MEM_BASE_ADDR_ALIGN is at most
+// 4096 bits there; a page is generous).
 constexpr std::uint64_t kWorkspaceAlignment = 4096;
 
 std::uint64_t aligned(std::uint64_t bytes) {
@@ -26,7 +26,8 @@ double positive(double value, const char *name) {
 double diameter_of(const ApertureParameters &p) {
     if (p.relative_diameter != 0.0)
         return positive(p.relative_diameter, "relative_diameter");
-    return positive(p.pixel_pitch_m, "pixel_pitch_m") / (positive(p.wavelength_m, "wavelength_m") * positive(p.f_number, "f_number"));
+    return positive(p.pixel_pitch_m, "pixel_pitch_m") /
+           (positive(p.wavelength_m, "wavelength_m") * positive(p.f_number, "f_number"));
 }
 
 } // namespace
@@ -39,10 +40,12 @@ Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p
                     fmt::format("degree_of_polarization is {}, it must be 0 to 1", p.degree_of_polarization));
     if (relative_diameter_ > grid_.oversampling)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("the relative diameter D is {:.4g} cycles per pixel, but a grid with oversampling {} carries at most {}; set "
+                    fmt::format("the relative diameter D is {:.4g} cycles per pixel, but a grid with oversampling {} "
+                                "carries at most {}; set "
                                 "oversampling to {} or more (at most {}), or use a larger f_number",
                                 relative_diameter_, grid_.oversampling, grid_.oversampling,
-                                static_cast<std::uint64_t>(std::ceil(std::min(relative_diameter_, 1e9))), kMaxOversampling));
+                                static_cast<std::uint64_t>(std::ceil(std::min(relative_diameter_, 1e9))),
+                                kMaxOversampling));
     const Pupil pupil = make_pupil(p.pupil, grid_, relative_diameter_);
     mean_transmission_ = pupil.mean_transmission;
     pupil_samples_ = pupil.samples;
@@ -71,7 +74,8 @@ void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
             return {};
         const cl_buffer_region region{offset + first, end - first};
         cl_int code = CL_SUCCESS;
-        const cl_mem part = clCreateSubBuffer(memory(), CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
+        const cl_mem part =
+            clCreateSubBuffer(memory(), CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
         check_opencl(code, "clCreateSubBuffer");
         return cl::Buffer(part);
     };
@@ -82,18 +86,22 @@ void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
 
 void Aperture::set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes) {
     if (own_workspace_)
-        throw Error(Status::kInvalidState, "the aperture has work memory of its own; create it with workspace_from_host = 1 to give it yours");
+        throw Error(Status::kInvalidState,
+                    "the aperture has work memory of its own; create it with workspace_from_host = 1 to give it yours");
     if (offset_bytes % kWorkspaceAlignment != 0)
         throw Error(Status::kInvalidArgument,
                     fmt::format("offset_bytes is {}, it must be a multiple of {}", offset_bytes, kWorkspaceAlignment));
     if (size_bytes < workspace_bytes_)
         throw Error(Status::kBufferTooSmall,
-                    fmt::format("size_bytes is {}, but the aperture needs {} bytes of work memory", size_bytes, workspace_bytes_));
+                    fmt::format("size_bytes is {}, but the aperture needs {} bytes of work memory", size_bytes,
+                                workspace_bytes_));
     check_buffer(mem, "mem", context_->cl_context()(), offset_bytes, size_bytes);
     cl_mem parent = nullptr;
-    check_opencl(clGetMemObjectInfo(mem, CL_MEM_ASSOCIATED_MEMOBJECT, sizeof parent, &parent, nullptr), "clGetMemObjectInfo");
+    check_opencl(clGetMemObjectInfo(mem, CL_MEM_ASSOCIATED_MEMOBJECT, sizeof parent, &parent, nullptr),
+                 "clGetMemObjectInfo");
     if (parent)
-        throw Error(Status::kInvalidArgument, "mem is a sub-buffer, which cannot be divided again; give its parent and an offset");
+        throw Error(Status::kInvalidArgument,
+                    "mem is a sub-buffer, which cannot be divided again; give its parent and an offset");
     slice_workspace(cl::Buffer(mem, true), offset_bytes);
 }
 
@@ -108,8 +116,8 @@ void Aperture::enqueue_pupil(CommandChain &chain, const ImageDescription &pupil)
     // A rectangle copy wants its origin within a row; an offset that makes a row straddle two is copied row by row.
     if (origin_to[0] + row <= pitch) {
         chain.run_foreign("pupil", [&](cl_uint num_waits, const cl_event *waits, cl_event *event) {
-            check_opencl(clEnqueueCopyBufferRect(chain.queue(), pupil_.get()(), view.mem, origin_from, origin_to, region, row, 0, pitch, 0,
-                                                 num_waits, waits, event),
+            check_opencl(clEnqueueCopyBufferRect(chain.queue(), pupil_.get()(), view.mem, origin_from, origin_to,
+                                                 region, row, 0, pitch, 0, num_waits, waits, event),
                          "clEnqueueCopyBufferRect");
         });
         return;
@@ -124,21 +132,32 @@ void Aperture::check_phase(const Phase &phase) const {
     const FieldGrid &other = phase.grid();
     if (!grid_.same_as(other))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("phase and aperture differ: the phase is for {} x {} pixels, oversampling {}, guard {}; the aperture for {} x {}, "
+                    fmt::format("phase and aperture differ: the phase is for {} x {} pixels, oversampling {}, guard "
+                                "{}; the aperture for {} x {}, "
                                 "oversampling {}, guard {}",
-                                other.width, other.height, other.oversampling, other.guard_px, grid_.width, grid_.height,
-                                grid_.oversampling, grid_.guard_px));
+                                other.width, other.height, other.oversampling, other.guard_px, grid_.width,
+                                grid_.height, grid_.oversampling, grid_.guard_px));
     if (degree_of_polarization_ < 1.0 && phase.polarization_count() < 2)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("degree_of_polarization is {}, which needs a phase with polarization_count 2", degree_of_polarization_));
+                    fmt::format("degree_of_polarization is {}, which needs a phase with polarization_count 2",
+                                degree_of_polarization_));
 }
 
-void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance, const ImageView &intensity) {
-    check_phase(phase);
+void Aperture::check_workspace() const {
     if (!field_())
-        throw Error(Status::kInvalidState, "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
+        throw Error(
+            Status::kInvalidState,
+            "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
+}
+
+void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance,
+                                 const ImageView &intensity) {
+    check_phase(phase);
+    check_workspace();
     if (overlap(irradiance, intensity) && !same_pixels(irradiance, intensity))
-        throw Error(Status::kOverlap, "irradiance and intensity overlap without being the same image; use one image for both, or two apart");
+        throw Error(
+            Status::kOverlap,
+            "irradiance and intensity overlap without being the same image; use one image for both, or two apart");
 
     const std::uint32_t polarizations = degree_of_polarization_ < 1.0 ? 2 : 1;
     for (std::uint32_t k = 0; k < polarizations; ++k) {
@@ -148,8 +167,8 @@ void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageV
         chain.run("pupil", apply_pupil_, grid_.samples());
         fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
 
-        // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40). The first sum waits in the work memory, because the output
-        // may be the irradiance that the second field still needs.
+        // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40). The first sum waits in the work memory, because
+        // the output may be the irradiance that the second field still needs.
         const double sign = k == 0 ? 1.0 : -1.0;
         const auto weight = static_cast<cl_float>(0.5 * (1.0 + sign * degree_of_polarization_));
         ImageView partial = intensity;
@@ -161,7 +180,9 @@ void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageV
         arguments.add(field_).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
         if (k == 1)
             arguments.add(partial);
-        arguments.add(k + 1 == polarizations ? intensity : partial).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+        arguments.add(k + 1 == polarizations ? intensity : partial)
+            .add(cl_uint{grid_.width})
+            .add(cl_uint{grid_.height});
         chain.run("intensity", kernel, grid_.width, grid_.height);
     }
 }

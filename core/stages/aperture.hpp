@@ -41,6 +41,8 @@ class Aperture {
     void enqueue_pupil(CommandChain &chain, const ImageDescription &pupil);
     // Throws unless the phase fits: same context, grid, enough polarizations.
     void check_phase(const Phase &phase) const;
+    // Throws unless there is work memory.
+    void check_workspace() const;
     // irradiance and intensity may be the same pixels.
     void enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance, const ImageView &intensity);
 

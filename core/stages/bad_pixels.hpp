@@ -24,10 +24,12 @@ class BadPixelCounter {
     // Reads and resets the counts. Blocks.
     BadPixels take(cl_command_queue queue) {
         std::array<cl_uint, 3> counts = kEmpty;
-        check_opencl(clEnqueueReadBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof counts, counts.data(), 0, nullptr, nullptr),
-                     "clEnqueueReadBuffer");
-        check_opencl(clEnqueueWriteBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof kEmpty, kEmpty.data(), 0, nullptr, nullptr),
-                     "clEnqueueWriteBuffer");
+        check_opencl(
+            clEnqueueReadBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof counts, counts.data(), 0, nullptr, nullptr),
+            "clEnqueueReadBuffer");
+        check_opencl(
+            clEnqueueWriteBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof kEmpty, kEmpty.data(), 0, nullptr, nullptr),
+            "clEnqueueWriteBuffer");
         return {counts[0], counts[1], counts[2]};
     }
 

@@ -18,21 +18,24 @@ std::uint32_t fft_size_at_least(std::uint32_t least) {
     }
 }
 
-FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32_t oversampling, std::uint32_t guard_px) {
+FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32_t oversampling,
+                          std::uint32_t guard_px) {
     check_image_size(width, height, "the image");
     if (oversampling < 1 || oversampling > kMaxOversampling)
         throw Error(Status::kInvalidArgument,
                     fmt::format("oversampling is {}, it must be 1 to {}", oversampling, kMaxOversampling));
     if (guard_px > kMaxImageSide)
-        throw Error(Status::kInvalidArgument, fmt::format("guard_px is {}, it must be 0 to {}", guard_px, kMaxImageSide));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("guard_px is {}, it must be 0 to {}", guard_px, kMaxImageSide));
     FieldGrid grid{width, height, oversampling, guard_px, 0, 0};
     grid.grid_width = fft_size_at_least(oversampling * (width + guard_px));
     grid.grid_height = fft_size_at_least(oversampling * (height + guard_px));
     if (grid.grid_width > kMaxImageSide || grid.grid_height > kMaxImageSide)
-        throw Error(Status::kUnsupported,
-                    fmt::format("the field grid would be {} x {} samples ({} x {} pixels, oversampling {}, guard {}); each side may have "
-                                "at most {}",
-                                grid.grid_width, grid.grid_height, width, height, oversampling, guard_px, kMaxImageSide));
+        throw Error(Status::kUnsupported, fmt::format("the field grid would be {} x {} samples ({} x {} pixels, "
+                                                      "oversampling {}, guard {}); each side may have "
+                                                      "at most {}",
+                                                      grid.grid_width, grid.grid_height, width, height, oversampling,
+                                                      guard_px, kMaxImageSide));
     return grid;
 }
 

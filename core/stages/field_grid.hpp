@@ -19,7 +19,8 @@ struct FieldGrid {
 };
 
 // Checks the first four members and computes the grid's size.
-FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32_t oversampling, std::uint32_t guard_px);
+FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32_t oversampling,
+                          std::uint32_t guard_px);
 
 // The smallest n >= least that has no prime factor above 13.
 std::uint32_t fft_size_at_least(std::uint32_t least);

@@ -18,15 +18,18 @@ std::vector<float> checked_texels(const PatternParameters &p) {
     const std::uint64_t row = std::uint64_t{p.width} * sizeof(float);
     const std::uint64_t pitch = p.texels_pitch_bytes ? p.texels_pitch_bytes : row;
     if (pitch < row || pitch % sizeof(float) != 0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("texels_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", pitch, row));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("texels_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", pitch, row));
     std::vector<float> texels(std::size_t{p.width} * p.height);
     for (std::uint32_t y = 0; y < p.height; ++y) {
         const auto *from = reinterpret_cast<const float *>(reinterpret_cast<const char *>(p.texels) + y * pitch);
         for (std::uint32_t x = 0; x < p.width; ++x) {
             if (!(from[x] >= 0.0f && std::isfinite(from[x])))
-                throw Error(Status::kInvalidData,
-                            fmt::format("texels[{}][{}] (row, column) is {}; pattern values must be finite and not negative", y, x, from[x]));
+                throw Error(
+                    Status::kInvalidData,
+                    fmt::format("texels[{}][{}] (row, column) is {}; pattern values must be finite and not negative", y,
+                                x, from[x]));
             texels[std::size_t{y} * p.width + x] = from[x];
         }
     }
@@ -41,11 +44,12 @@ void check_positive(double value, const char *name) {
 } // namespace
 
 Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
-    : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity), width_(static_cast<cl_int>(p.width)),
-      height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
+    : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity),
+      width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
     if (p.width < 2 || p.height < 2 || p.width > kMaxImageSide || p.height > kMaxImageSide)
-        throw Error(Status::kInvalidArgument, fmt::format("the pattern is {} x {} texels (width x height); each side must be 2 to {}",
-                                                          p.width, p.height, kMaxImageSide));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the pattern is {} x {} texels (width x height); each side must be 2 to {}", p.width,
+                                p.height, kMaxImageSide));
     if (p.projection != Projection::kTangentPlane && p.projection != Projection::kDirectionCosines)
         throw Error(Status::kInvalidArgument,
                     fmt::format("projection is {}, expected CLSP_PROJECTION_TANGENT_PLANE or _DIRECTION_COSINES",
@@ -57,10 +61,13 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     check_positive(p.half_extent_x, "half_extent_x");
     check_positive(p.half_extent_y, "half_extent_y");
     if (p.projection == Projection::kDirectionCosines && (p.half_extent_x > 1.0 || p.half_extent_y > 1.0))
-        throw Error(Status::kInvalidArgument, "half_extent_x and half_extent_y are direction cosines here and cannot exceed 1");
+        throw Error(Status::kInvalidArgument,
+                    "half_extent_x and half_extent_y are direction cosines here and cannot exceed 1");
     if (!(p.power_scale >= 0.0) || !std::isfinite(p.power_scale))
-        throw Error(Status::kInvalidArgument, fmt::format("power_scale is {}, it must be finite and not negative", p.power_scale));
-    extent_ = {{static_cast<float>(p.half_extent_x), static_cast<float>(p.half_extent_y), static_cast<float>(p.power_scale), 0.0f}};
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("power_scale is {}, it must be finite and not negative", p.power_scale));
+    extent_ = {{static_cast<float>(p.half_extent_x), static_cast<float>(p.half_extent_y),
+                static_cast<float>(p.power_scale), 0.0f}};
     set_pose(p.laser_from_geometry);
     const std::vector<float> texels = checked_texels(p);
     texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());
@@ -69,7 +76,8 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
 void Pattern::set_pose(const Pose &pose) {
     for (std::size_t i = 0; i < pose.size(); ++i)
         if (!std::isfinite(pose[i]))
-            throw Error(Status::kInvalidArgument, fmt::format("laser_from_geometry[{}] is {}; it must be finite", i, pose[i]));
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("laser_from_geometry[{}] is {}; it must be finite", i, pose[i]));
     // R R^T must be the identity and det R = +1; single-precision poses are let through.
     constexpr double kTolerance = 1e-4;
     const auto row = [&](int i) { return &pose[std::size_t(4 * i)]; };
@@ -79,31 +87,47 @@ void Pattern::set_pose(const Pose &pose) {
             for (int k = 0; k < 3; ++k)
                 dot += row(i)[k] * row(j)[k];
             if (std::abs(dot - (i == j ? 1.0 : 0.0)) > kTolerance)
-                throw Error(Status::kInvalidArgument, "the left 3 x 3 part of laser_from_geometry is not a rotation: its rows must be "
-                                                      "orthonormal (row-major [R|t], t in metres)");
+                throw Error(Status::kInvalidArgument,
+                            "the left 3 x 3 part of laser_from_geometry is not a rotation: its rows must be "
+                            "orthonormal (row-major [R|t], t in metres)");
         }
     const double *a = row(0), *b = row(1), *c = row(2);
-    const double determinant = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
-                               a[2] * (b[0] * c[1] - b[1] * c[0]);
+    const double determinant =
+        a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
     if (determinant < 0)
-        throw Error(Status::kInvalidArgument, "the left 3 x 3 part of laser_from_geometry is a reflection (determinant -1); flip an "
-                                              "axis to get a rotation");
+        throw Error(Status::kInvalidArgument,
+                    "the left 3 x 3 part of laser_from_geometry is a reflection (determinant -1); flip an "
+                    "axis to get a rotation");
     for (std::size_t i = 0; i < pose.size(); ++i)
         pose_.s[i] = static_cast<float>(pose[i]);
+}
+
+cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
+    const auto found = kernels_.find(inputs);
+    if (found != kernels_.end())
+        return found->second;
+    const auto [position, depth_along_ray, normal, albedo, visibility] = inputs;
+    const std::string options =
+        fmt::format("-DDIRECTION_COSINES={} -DPLANE_IRRADIANCE={} -DHAS_POSITION={} -DDEPTH_ALONG_RAY={} "
+                    "-DHAS_NORMAL={} -DHAS_ALBEDO={} "
+                    "-DVISIBILITY_FORMAT={}",
+                    projection_ == Projection::kDirectionCosines ? 1 : 0,
+                    quantity_ == PatternQuantity::kPlaneIrradiance ? 1 : 0, position ? 1 : 0, depth_along_ray ? 1 : 0,
+                    normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility));
+    return kernels_.emplace(inputs, context_->kernel("pattern.cl", "pattern_lookup", options)).first->second;
 }
 
 void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const ImageView &irradiance) {
     const ::cl_context cl_context = context_->cl_context()();
     const ImageSize size{irradiance.width, irradiance.height};
     if (static_cast<bool>(g.position) == static_cast<bool>(g.depth))
-        throw Error(Status::kInvalidArgument, g.position ? "geometry has both position and depth; give one of them"
-                                                         : "geometry has neither position nor depth; one of them is needed");
+        throw Error(Status::kInvalidArgument, g.position
+                                                  ? "geometry has both position and depth; give one of them"
+                                                  : "geometry has neither position nor depth; one of them is needed");
     if (g.depth_kind != DepthKind::kAlongAxis && g.depth_kind != DepthKind::kAlongRay)
-        throw Error(Status::kInvalidArgument, fmt::format("depth_kind is {}, expected CLSP_DEPTH_ALONG_AXIS or _ALONG_RAY",
-                                                          static_cast<std::uint32_t>(g.depth_kind)));
-    std::string options = fmt::format("-DDIRECTION_COSINES={} -DPLANE_IRRADIANCE={}",
-                                      projection_ == Projection::kDirectionCosines ? 1 : 0,
-                                      quantity_ == PatternQuantity::kPlaneIrradiance ? 1 : 0);
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("depth_kind is {}, expected CLSP_DEPTH_ALONG_AXIS or _ALONG_RAY",
+                                static_cast<std::uint32_t>(g.depth_kind)));
     ImageView position, depth, normal, albedo, visibility;
     const auto take = [&](const ImageDescription &image, const char *name, std::initializer_list<Format> formats) {
         const ImageView view = check_image(image, name, cl_context, size, formats);
@@ -125,13 +149,9 @@ void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const Image
         albedo = take(g.albedo, "geometry.albedo", {Format::kFloat32});
     if (g.visibility)
         visibility = take(g.visibility, "geometry.visibility", {Format::kFloat32, Format::kUint8});
-    options += fmt::format(" -DHAS_POSITION={} -DDEPTH_ALONG_RAY={} -DHAS_NORMAL={} -DHAS_ALBEDO={} -DVISIBILITY_FORMAT={}",
-                           position ? 1 : 0, g.depth_kind == DepthKind::kAlongRay ? 1 : 0, normal ? 1 : 0, albedo ? 1 : 0,
-                           static_cast<std::uint32_t>(visibility.format));
-    auto found = kernels_.find(options);
-    if (found == kernels_.end())
-        found = kernels_.emplace(options, context_->kernel("pattern.cl", "pattern_lookup", options)).first;
-    cl::Kernel &kernel = found->second;
+    const InputSet inputs{static_cast<bool>(position), g.depth_kind == DepthKind::kAlongRay, static_cast<bool>(normal),
+                          static_cast<bool>(albedo), visibility.format};
+    cl::Kernel &kernel = kernel_for(inputs);
     KernelArguments arguments(kernel);
     arguments.add(texels_.get()).add(width_).add(height_).add(extent_).add(pose_);
     arguments.add(cl_uint{size.width}).add(cl_uint{size.height});

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <string>
+#include <tuple>
 
 namespace clsp {
 
@@ -49,6 +49,11 @@ class Pattern {
     void enqueue_lookup(CommandChain &chain, const Geometry &geometry, const ImageView &irradiance);
 
   private:
+    // Which inputs a frame has, and so which variant of the kernel it needs: position (else depth), depth along the
+    // ray, normal, albedo, format of the visibility.
+    using InputSet = std::tuple<bool, bool, bool, bool, Format>;
+    cl::Kernel &kernel_for(const InputSet &inputs);
+
     std::shared_ptr<Context> context_;
     Projection projection_;
     PatternQuantity quantity_;
@@ -57,7 +62,7 @@ class Pattern {
     cl_float16 pose_{};
     DeviceBuffer texels_;
     BadPixelCounter bad_pixels_;
-    std::map<std::string, cl::Kernel> kernels_; // by build options: which inputs there are
+    std::map<InputSet, cl::Kernel> kernels_;
 };
 
 } // namespace clsp

@@ -9,14 +9,15 @@
 namespace clsp {
 
 Phase::Phase(std::shared_ptr<Context> context, const PhaseParameters &p)
-    : context_(std::move(context)), grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)), field_(p.field),
-      polarization_count_(p.polarization_count), seed_(p.seed) {
+    : context_(std::move(context)), grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)),
+      field_(p.field), polarization_count_(p.polarization_count), seed_(p.seed) {
     if (field_ != FieldKind::kCircularGaussian && field_ != FieldKind::kUnitPhasor)
         throw Error(Status::kInvalidArgument,
                     fmt::format("field is {}, expected CLSP_FIELD_CIRCULAR_GAUSSIAN or CLSP_FIELD_UNIT_PHASOR",
                                 static_cast<std::uint32_t>(field_)));
     if (polarization_count_ != 1 && polarization_count_ != 2)
-        throw Error(Status::kInvalidArgument, fmt::format("polarization_count is {}, it must be 1 or 2", polarization_count_));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("polarization_count is {}, it must be 1 or 2", polarization_count_));
     const std::uint64_t sample_bytes = field_ == FieldKind::kUnitPhasor ? sizeof(cl_uint) : sizeof(cl_float2);
     state_ = DeviceBuffer(context_, polarization_count_ * grid_.samples() * sample_bytes);
     const std::string options = fmt::format("-DFIELD_UNIT_PHASOR={}", field_ == FieldKind::kUnitPhasor ? 1 : 0);
@@ -28,13 +29,14 @@ Phase::Phase(std::shared_ptr<Context> context, const PhaseParameters &p)
 
 void Phase::check_refreshed() const {
     if (!refreshed_)
-        throw Error(Status::kInvalidState, "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
+        throw Error(Status::kInvalidState,
+                    "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
 }
 
 void Phase::check_polarization(std::uint32_t polarization) const {
     if (polarization >= polarization_count_)
-        throw Error(Status::kInvalidArgument, fmt::format("polarization is {}, but the phase has {} (numbered from 0)", polarization,
-                                                          polarization_count_));
+        throw Error(Status::kInvalidArgument, fmt::format("polarization is {}, but the phase has {} (numbered from 0)",
+                                                          polarization, polarization_count_));
 }
 
 ImageView Phase::check_mask(const ImageDescription &mask, const char *name) const {

@@ -11,9 +11,10 @@ namespace {
 void check_local_size(Context &context, std::uint64_t local_size) {
     const std::size_t largest = context.device().getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
     if (local_size > largest)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("local_size is {}, but {} takes at most {} work-items in a group; 0 leaves it to the device",
-                                local_size, context.device_name(), largest));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("local_size is {}, but {} takes at most {} work-items in a group; 0 leaves it to the device",
+                        local_size, context.device_name(), largest));
 }
 
 } // namespace
@@ -32,15 +33,17 @@ void enqueue_philox_blocks(Context &context, CommandChain &chain, cl_mem counter
     if (count == 0 || count > 0xffffffffu)
         throw Error(Status::kInvalidArgument, fmt::format("count is {}, it must be 1 to 2^32 - 1", count));
     if (counters_offset_bytes % 4 != 0 || blocks_offset_bytes % 4 != 0)
-        throw Error(Status::kInvalidArgument, fmt::format("counters_offset_bytes ({}) and blocks_offset_bytes ({}) must be multiples of 4",
-                                                          counters_offset_bytes, blocks_offset_bytes));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("counters_offset_bytes ({}) and blocks_offset_bytes ({}) must be multiples of 4",
+                                counters_offset_bytes, blocks_offset_bytes));
     check_local_size(context, local_size);
     check_buffer(counters, "counters", context.cl_context()(), counters_offset_bytes, count * kBlockBytes);
     check_buffer(blocks, "blocks", context.cl_context()(), blocks_offset_bytes, count * kBlockBytes);
     const bool same = counters == blocks && counters_offset_bytes == blocks_offset_bytes;
     if (!same && counters == blocks && counters_offset_bytes < blocks_offset_bytes + count * kBlockBytes &&
         blocks_offset_bytes < counters_offset_bytes + count * kBlockBytes)
-        throw Error(Status::kOverlap, "counters and blocks overlap without being the same; use one place for both, or two apart");
+        throw Error(Status::kOverlap,
+                    "counters and blocks overlap without being the same; use one place for both, or two apart");
     cl::Kernel kernel = context.kernel("philox.cl", "philox_blocks", "-DDISTRIBUTION=0");
     KernelArguments(kernel)
         .add(counters)
@@ -56,12 +59,14 @@ void enqueue_philox_fill(Context &context, CommandChain &chain, const PhiloxPara
                          const ImageDescription &image) {
     const auto distribution = static_cast<std::uint32_t>(parameters.distribution);
     if (distribution > 2)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("distribution is {}, expected CLSP_DISTRIBUTION_BITS, _UNIFORM or _NORMAL", distribution));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("distribution is {}, expected CLSP_DISTRIBUTION_BITS, _UNIFORM or _NORMAL", distribution));
     if (parameters.stream < 0x8000 || parameters.stream > 0xffff)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("stream is {:#x}; streams for the host are 0x8000 to 0xffff, lower ones are the library's own",
-                                parameters.stream));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("stream is {:#x}; streams for the host are 0x8000 to 0xffff, lower ones are the library's own",
+                        parameters.stream));
     check_frame_index(parameters.frame_index);
     check_local_size(context, parameters.local_size);
     const ImageView view =

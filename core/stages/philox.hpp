@@ -27,11 +27,17 @@ inline cl_uint2 philox_key(std::uint64_t seed) {
 // Frame indices fill 32 bits of one counter word and the upper 16 of another.
 constexpr std::uint64_t kMaxFrameIndex = (std::uint64_t{1} << 48) - 1;
 void check_frame_index(std::uint64_t frame_index);
-inline cl_uint frame_low(std::uint64_t frame_index) { return static_cast<cl_uint>(frame_index & 0xffffffffu); }
-inline cl_uint frame_high(std::uint64_t frame_index) { return static_cast<cl_uint>(frame_index >> 32); }
+inline cl_uint frame_low(std::uint64_t frame_index) {
+    return static_cast<cl_uint>(frame_index & 0xffffffffu);
+}
+inline cl_uint frame_high(std::uint64_t frame_index) {
+    return static_cast<cl_uint>(frame_index >> 32);
+}
 
 // Rows that share Philox blocks: row y takes word y / quarter of the block of row y mod quarter.
-inline std::uint32_t quarter_rows(std::uint32_t height) { return (height + 3) / 4; }
+inline std::uint32_t quarter_rows(std::uint32_t height) {
+    return (height + 3) / 4;
+}
 
 void enqueue_philox_blocks(Context &context, CommandChain &chain, cl_mem counters, std::uint64_t counters_offset_bytes,
                            const std::uint32_t key[2], std::uint64_t count, std::uint64_t local_size, cl_mem blocks,

@@ -20,12 +20,14 @@ std::int64_t frequency(std::uint32_t i, std::uint32_t n) {
 
 void check_pupil_image(const PupilParameters &p) {
     if (!p.image)
-        throw Error(Status::kInvalidArgument, "pupil_image is NULL; CLSP_PUPIL_IMAGE needs pupil_height x pupil_width floats");
+        throw Error(Status::kInvalidArgument,
+                    "pupil_image is NULL; CLSP_PUPIL_IMAGE needs pupil_height x pupil_width floats");
     check_image_size(p.image_width, p.image_height, "pupil_image");
     const std::uint64_t row = std::uint64_t{p.image_width} * sizeof(float);
     if (p.image_pitch_bytes != 0 && (p.image_pitch_bytes < row || p.image_pitch_bytes % sizeof(float) != 0))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("pupil_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", p.image_pitch_bytes, row));
+                    fmt::format("pupil_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)",
+                                p.image_pitch_bytes, row));
 }
 
 class PupilImage {
@@ -35,8 +37,9 @@ class PupilImage {
         for (std::int64_t y = 0; y < p.image_height; ++y)
             for (std::int64_t x = 0; x < p.image_width; ++x)
                 if (const float t = at(x, y); !(t >= 0.0f && t <= 1.0f))
-                    throw Error(Status::kInvalidData,
-                                fmt::format("pupil_image[{}][{}] (row, column) is {}; transmissions must be 0 to 1", y, x, t));
+                    throw Error(
+                        Status::kInvalidData,
+                        fmt::format("pupil_image[{}][{}] (row, column) is {}; transmissions must be 0 to 1", y, x, t));
     }
     // (u, v) in [-1, 1]: pupil coordinates, the rim at 1.
     double operator()(double u, double v) const {
@@ -51,7 +54,8 @@ class PupilImage {
 
   private:
     float at(std::int64_t x, std::int64_t y) const {
-        return reinterpret_cast<const float *>(reinterpret_cast<const char *>(p_.image) + static_cast<std::uint64_t>(y) * pitch_)[x];
+        return reinterpret_cast<const float *>(reinterpret_cast<const char *>(p_.image) +
+                                               static_cast<std::uint64_t>(y) * pitch_)[x];
     }
 
     const PupilParameters &p_;
@@ -62,8 +66,8 @@ class PupilImage {
 
 Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relative_diameter) {
     if (p.shape != PupilShape::kCircle && p.shape != PupilShape::kImage)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("pupil is {}, expected CLSP_PUPIL_CIRCLE or CLSP_PUPIL_IMAGE", static_cast<std::uint32_t>(p.shape)));
+        throw Error(Status::kInvalidArgument, fmt::format("pupil is {}, expected CLSP_PUPIL_CIRCLE or CLSP_PUPIL_IMAGE",
+                                                          static_cast<std::uint32_t>(p.shape)));
     if (p.normalization != Normalization::kTransmission && p.normalization != Normalization::kUnitMean)
         throw Error(Status::kInvalidArgument,
                     fmt::format("normalization is {}, expected CLSP_NORMALIZATION_TRANSMISSION or _UNIT_MEAN",
@@ -74,9 +78,9 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     const std::uint32_t width = grid.grid_width, height = grid.grid_height;
     // D in cycles per field sample; radius in bins is D W / 2 along x and D H / 2 along y.
     const double d = relative_diameter / grid.oversampling;
-    // kx^2 H^2 + ky^2 W^2 < (1 - 2^-40) D^2 W^2 H^2 / 4, decided in integers (sides are at most 2^14: everything fits in 63 bits and
-    // in the 64 bits of a long double): a float test errs at 3-4-5 triangles, and the margin settles D that are not binary
-    // fractions.
+    // kx^2 H^2 + ky^2 W^2 < (1 - 2^-40) D^2 W^2 H^2 / 4, decided in integers (sides are at most 2^14: everything fits
+    // in 63 bits and in the 64 bits of a long double): a float test errs at 3-4-5 triangles, and the margin settles D
+    // that are not binary fractions.
     const auto w2 = std::int64_t{width} * width, h2 = std::int64_t{height} * height;
     const long double limit = (1.0L - 0x1p-40L) * static_cast<long double>(d) * d * w2 * h2 / 4.0L;
 
@@ -112,7 +116,8 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     }
     pupil.mean_transmission = sum / double(grid.samples());
     if (!(sum > 0.0))
-        throw Error(Status::kInvalidArgument, "the pupil passes nothing: its image is 0 everywhere that the grid samples it");
+        throw Error(Status::kInvalidArgument,
+                    "the pupil passes nothing: its image is 0 everywhere that the grid samples it");
     if (p.normalization == Normalization::kUnitMean) {
         const auto scale = static_cast<float>(1.0 / std::sqrt(pupil.mean_transmission));
         for (float &t : pupil.transmission)

@@ -11,9 +11,12 @@
 namespace clsp {
 namespace {
 
+// Kernels compute in single precision; far below its limit nothing can overflow.
+constexpr double kLargestDn = 1e30;
+
 void check_not_negative(double value, const char *name) {
-    if (!(value >= 0.0) || !std::isfinite(value))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be finite and not negative", name, value));
+    if (!(value >= 0.0 && value <= kLargestDn))
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be 0 to {}", name, value, kLargestDn));
 }
 
 void check_fraction(double value, const char *name) {
@@ -29,12 +32,14 @@ std::vector<float> checked_dark_frame(const SensorParameters &p) {
     const std::uint64_t pitch = p.dark_frame_pitch_bytes ? p.dark_frame_pitch_bytes : row;
     if (pitch < row || pitch % sizeof(float) != 0)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("dark_frame_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", pitch, row));
+                    fmt::format("dark_frame_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)",
+                                pitch, row));
     for (std::uint32_t y = 0; y < p.height; ++y) {
         const auto *from = reinterpret_cast<const float *>(reinterpret_cast<const char *>(p.dark_frame_dn) + y * pitch);
         for (std::uint32_t x = 0; x < p.width; ++x) {
             if (!std::isfinite(from[x]))
-                throw Error(Status::kInvalidData, fmt::format("dark_frame_dn[{}][{}] (row, column) is {}; it must be finite", y, x, from[x]));
+                throw Error(Status::kInvalidData,
+                            fmt::format("dark_frame_dn[{}][{}] (row, column) is {}; it must be finite", y, x, from[x]));
             dark[std::size_t{y} * p.width + x] = from[x];
         }
     }
@@ -43,16 +48,20 @@ std::vector<float> checked_dark_frame(const SensorParameters &p) {
 
 } // namespace
 
-Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p) : context_(std::move(context)), parameters_(p) {
+Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
+    : context_(std::move(context)), parameters_(p) {
     check_image_size(p.width, p.height, "the sensor");
     if (p.bits < 8 || p.bits > 16)
         throw Error(Status::kInvalidArgument, fmt::format("bits is {}, it must be 8 to 16", p.bits));
     check_not_negative(p.exposure_gain_dn, "exposure_gain_dn");
     if (!(p.saturation_dn > 0.0))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("saturation_dn is {}, it must be above 0 (infinity for a sensor that only the ADC clips)", p.saturation_dn));
-    if (!std::isfinite(p.black_level_dn))
-        throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite", p.black_level_dn));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("saturation_dn is {}, it must be above 0 (infinity for a sensor that only the ADC clips)",
+                        p.saturation_dn));
+    if (!(std::abs(p.black_level_dn) <= kLargestDn))
+        throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite and at most {}",
+                                                          p.black_level_dn, kLargestDn));
     check_not_negative(p.read_noise_dn, "read_noise_dn");
     check_fraction(p.hot_pixel_fraction, "hot_pixel_fraction");
     check_not_negative(p.hot_pixel_mean_dn, "hot_pixel_mean_dn");
@@ -98,25 +107,31 @@ void Sensor::set_exposure_gain(double exposure_gain_dn) {
 }
 
 ImageView Sensor::check_output(const ImageDescription &output) const {
-    const ImageView view = check_image(output, "output", context_->cl_context()(), {parameters_.width, parameters_.height},
-                                       {Format::kUint16, Format::kUint8, Format::kFloat32});
+    const ImageView view =
+        check_image(output, "output", context_->cl_context()(), {parameters_.width, parameters_.height},
+                    {Format::kUint16, Format::kUint8, Format::kFloat32});
     if (view.format == Format::kUint8 && parameters_.bits > 8)
-        throw Error(Status::kInvalidFormat,
-                    fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16", parameters_.bits));
+        throw Error(
+            Status::kInvalidFormat,
+            fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16",
+                        parameters_.bits));
     return view;
 }
 
-void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index, const ImageView &output) {
+void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
+                            const ImageView &output) {
     check_frame_index(frame_index);
     if (overlap(intensity, output) && !same_pixels(intensity, output))
-        throw Error(Status::kOverlap, "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
+        throw Error(Status::kOverlap,
+                    "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
     const SensorParameters &p = parameters_;
     auto found = kernels_.find(output.format);
     if (found == kernels_.end()) {
         const bool quantize = p.quantize || output.format != Format::kFloat32;
         const std::string options =
-            fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}", static_cast<std::uint32_t>(output.format),
-                        p.read_noise_dn > 0.0 ? 1 : 0, has_defects_ ? 1 : 0, has_offset_ ? 1 : 0, quantize ? 1 : 0);
+            fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}",
+                        static_cast<std::uint32_t>(output.format), p.read_noise_dn > 0.0 ? 1 : 0, has_defects_ ? 1 : 0,
+                        has_offset_ ? 1 : 0, quantize ? 1 : 0);
         found = kernels_.emplace(output.format, context_->kernel("sensor.cl", "sensor_expose", options)).first;
     }
     const double top_code = double((1u << p.bits) - 1u);

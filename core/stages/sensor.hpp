@@ -37,7 +37,8 @@ class Sensor {
     void set_exposure_gain(double exposure_gain_dn);
     // Checks an output image against this sensor.
     ImageView check_output(const ImageDescription &output) const;
-    void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index, const ImageView &output);
+    void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
+                        const ImageView &output);
 
   private:
     void make_fixed_pattern();

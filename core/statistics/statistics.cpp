@@ -22,13 +22,16 @@ struct Inputs {
     std::string options;
 };
 
-Inputs check_inputs(Context &context, cl_command_queue queue, const ImageDescription &image, const ImageDescription &mask) {
+Inputs check_inputs(Context &context, cl_command_queue queue, const ImageDescription &image,
+                    const ImageDescription &mask) {
     context.check_queue(queue);
     Inputs inputs;
-    inputs.image = check_image(image, "image", context.cl_context()(), {0, 0}, {Format::kUint8, Format::kUint16, Format::kFloat32});
+    inputs.image = check_image(image, "image", context.cl_context()(), {0, 0},
+                               {Format::kUint8, Format::kUint16, Format::kFloat32});
     if (mask)
         inputs.mask = check_image(mask, "mask", context.cl_context()(), {image.width, image.height}, {Format::kUint8});
-    inputs.options = fmt::format("-DIMAGE_FORMAT={} -DHAS_MASK={}", static_cast<std::uint32_t>(image.format), mask ? 1 : 0);
+    inputs.options =
+        fmt::format("-DIMAGE_FORMAT={} -DHAS_MASK={}", static_cast<std::uint32_t>(image.format), mask ? 1 : 0);
     return inputs;
 }
 
@@ -38,13 +41,15 @@ void add_inputs(KernelArguments &arguments, const Inputs &inputs) {
 
 template <typename T> std::vector<T> read(cl_command_queue queue, const DeviceBuffer &buffer) {
     std::vector<T> values(buffer.bytes() / sizeof(T));
-    check_opencl(clEnqueueReadBuffer(queue, buffer.get()(), CL_TRUE, 0, buffer.bytes(), values.data(), 0, nullptr, nullptr),
-                 "clEnqueueReadBuffer");
+    check_opencl(
+        clEnqueueReadBuffer(queue, buffer.get()(), CL_TRUE, 0, buffer.bytes(), values.data(), 0, nullptr, nullptr),
+        "clEnqueueReadBuffer");
     return values;
 }
 
 [[noreturn]] void refuse_not_finite(std::uint64_t count) {
-    throw Error(Status::kInvalidData, fmt::format("{} pixels of the image are NaN or infinite; mask them or repair the image", count));
+    throw Error(Status::kInvalidData,
+                fmt::format("{} pixels of the image are NaN or infinite; mask them or repair the image", count));
 }
 
 } // namespace
@@ -101,7 +106,8 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
             s[k] += double(p.s[2 * k]) + double(p.s[2 * k + 1]);
     // From moments about `centre` (a float) to moments about the mean.
     const double d = s[0] / n, r2 = s[1] / n, r3 = s[2] / n, r4 = s[3] / n;
-    const double m2 = r2 - d * d, m3 = r3 - 3 * d * r2 + 2 * d * d * d, m4 = r4 - 4 * d * r3 + 6 * d * d * r2 - 3 * d * d * d * d;
+    const double m2 = r2 - d * d, m3 = r3 - 3 * d * r2 + 2 * d * d * d,
+                 m4 = r4 - 4 * d * r3 + 6 * d * d * r2 - 3 * d * d * d * d;
     const double scale = 1.0 / double(inverse_scale);
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const bool varies = range > 0.0 && m2 > 0.0;
@@ -113,11 +119,12 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
 }
 
 std::vector<std::uint64_t> compute_histogram(const std::shared_ptr<Context> &context, cl_command_queue queue,
-                                             const ImageDescription &image, const ImageDescription &mask, double low, double high,
-                                             std::uint32_t bins) {
+                                             const ImageDescription &image, const ImageDescription &mask, double low,
+                                             double high, std::uint32_t bins) {
     constexpr std::uint32_t kMaxBins = 1u << 20;
     if (!(std::isfinite(low) && std::isfinite(high) && low < high))
-        throw Error(Status::kInvalidArgument, fmt::format("low is {} and high is {}; they must be finite with low < high", low, high));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("low is {} and high is {}; they must be finite with low < high", low, high));
     if (bins == 0 || bins > kMaxBins)
         throw Error(Status::kInvalidArgument, fmt::format("bins is {}, it must be 1 to {}", bins, kMaxBins));
     const Inputs inputs = check_inputs(*context, queue, image, mask);
@@ -144,15 +151,17 @@ std::vector<float> compute_autocovariance(const std::shared_ptr<Context> &contex
                                           const ImageDescription &image, std::uint32_t max_lag) {
     const Inputs inputs = check_inputs(*context, queue, image, {});
     if (max_lag >= std::min(image.width, image.height))
-        throw Error(Status::kInvalidArgument, fmt::format("max_lag is {}, it must be below the smaller side of the image ({} x {})", max_lag,
-                                                          image.width, image.height));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("max_lag is {}, it must be below the smaller side of the image ({} x {})", max_lag,
+                                image.width, image.height));
     const Moments moments = compute_moments(context, queue, image, {});
     const std::uint32_t side = 2 * max_lag + 1;
     std::vector<float> result(std::size_t{side} * side, std::numeric_limits<float>::quiet_NaN());
     if (moments.standard_deviation == 0.0)
         return result;
 
-    const std::uint32_t width = fft_size_at_least(image.width + max_lag), height = fft_size_at_least(image.height + max_lag);
+    const std::uint32_t width = fft_size_at_least(image.width + max_lag),
+                        height = fft_size_at_least(image.height + max_lag);
     const std::size_t samples = std::size_t{width} * height;
     const std::shared_ptr<Fft> fft = context->fft(width, height);
     const DeviceBuffer field(context, samples * sizeof(cl_float2));

@@ -21,8 +21,8 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
 
 // bins + 2 counts.
 std::vector<std::uint64_t> compute_histogram(const std::shared_ptr<Context> &context, cl_command_queue queue,
-                                             const ImageDescription &image, const ImageDescription &mask, double low, double high,
-                                             std::uint32_t bins);
+                                             const ImageDescription &image, const ImageDescription &mask, double low,
+                                             double high, std::uint32_t bins);
 
 // (2 max_lag + 1)^2 values, row by row.
 std::vector<float> compute_autocovariance(const std::shared_ptr<Context> &context, cl_command_queue queue,

@@ -19,8 +19,8 @@ typedef struct ClspMoments {
     double mean;                  /**< Sum over count. */
     double standard_deviation;    /**< Divided by count - 1; 0 for one pixel. */
     double contrast;              /**< standard_deviation / mean; NaN where the mean is 0. */
-    double skewness;              /**< Third central moment over the cube of the standard deviation; NaN where that is 0. */
-    double excess_kurtosis;       /**< Fourth central moment over the fourth power, less 3; NaN likewise. */
+    double skewness;              /**< g1: third central moment over the 3/2 power of the second; NaN for a constant image. */
+    double excess_kurtosis;       /**< g2: fourth central moment over the square of the second, less 3; NaN likewise. */
     double minimum;               /**< Smallest value. */
     double maximum;               /**< Largest value. */
 } ClspMoments;

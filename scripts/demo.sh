@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds, renders the office desk sequence on the best OpenCL device, and draws a figure.
+# usage: scripts/demo.sh [OUTPUT_FOLDER]      (default: demo-output)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+output="${1:-demo-output}"
+export POCL_AFFINITY=1
+scripts/setup.sh build
+scripts/build.sh -DCLSP_BUILD_TESTS=OFF -DCLSP_BUILD_BENCH=OFF
+
+program=build/bin/clspeckle
+office=examples/office/gbuffers
+[ -e "$office/frame_0000.exr" ] || cmake -E chdir "$office" cmake -E tar xf frames.tar.xz
+
+echo
+echo "== devices"
+"$program" devices
+
+echo
+echo "== the sequence: ideal images, frames and previews in $output/office"
+"$program" render "$office/sequence.json" -o "$output/office" --exposure-gain auto --save-ideal --profile
+
+echo
+echo "== its first frame without noise or sensor"
+"$program" render "$office/sequence.json" -o "$output/intensity" --frames 1 --no-sensor --no-preview --quiet
+
+# Another pattern, if the image is at hand: a photographed projector pattern (structured light of a Kinect).
+pattern=../shared/data/ctd_pattern/kinect_pattern.png
+if [ -e "$pattern" ]; then
+    echo
+    echo "== the same scene under $pattern"
+    "$program" render "$office/sequence.json" -o "$output/kinect" --frames 1 --exposure-gain auto --pattern "$pattern"
+fi
+
+echo
+.venv/bin/python examples/office/figure.py "$output" --figure "$output/office.png"
