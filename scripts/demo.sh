@@ -17,19 +17,20 @@ echo "== devices"
 "$program" devices
 
 echo
+# The laser light that comes back from a desk is not polarized (thesis 2.9).
 echo "== the sequence: ideal images, frames and previews in $output/office"
-"$program" render "$office/sequence.json" -o "$output/office" --exposure-gain auto --save-ideal --profile
+"$program" render "$office/sequence.json" -o "$output/office" --degree-of-polarization 0 --exposure-gain auto --save-ideal --profile
 
 echo
 echo "== its first frame without noise or sensor"
-"$program" render "$office/sequence.json" -o "$output/intensity" --frames 1 --no-sensor --no-preview --quiet
+"$program" render "$office/sequence.json" -o "$output/intensity" --degree-of-polarization 0 --frames 1 --no-sensor --format float-npy --no-preview --quiet
 
 # Another pattern, if the image is at hand: a photographed projector pattern (structured light of a Kinect).
 pattern=../shared/data/ctd_pattern/kinect_pattern.png
 if [ -e "$pattern" ]; then
     echo
     echo "== the same scene under $pattern"
-    "$program" render "$office/sequence.json" -o "$output/kinect" --frames 1 --exposure-gain auto --pattern "$pattern"
+    "$program" render "$office/sequence.json" -o "$output/kinect" --degree-of-polarization 0 --frames 1 --exposure-gain auto --pattern "$pattern"
 fi
 
 echo

@@ -29,7 +29,7 @@ if [ "${#missing[@]}" -gt 0 ]; then
 fi
 
 [ -x .venv/bin/python ] || python3 -m venv .venv
-.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23" "scikit-build-core>=0.8" "numpy>=1.24" matplotlib
+.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()
     for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/cli/requirements.txt; do

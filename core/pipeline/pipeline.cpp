@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <fmt/core.h>
+#include <utility>
 
 namespace clsp {
 
@@ -83,9 +84,8 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
         refuse_overlap(output, "output", irradiance, "irradiance");
     }
 
-    profile_.entries.clear();
-    has_frame_ = true;
-    CommandChain chain(queue, num_waits, waits, &profile_);
+    next_profile_.entries.clear();
+    CommandChain chain(queue, num_waits, waits, &next_profile_);
     if (stages_.pattern)
         stages_.pattern->enqueue_lookup(chain, *frame.geometry, irradiance);
     if (frame.refresh == Refresh::kAll || !stages_.phase->refreshed())
@@ -96,6 +96,9 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
     if (stages_.sensor)
         stages_.sensor->enqueue_expose(chain, own, frame.frame_index, output);
     chain.finish(event);
+    // Only now is it the last frame: a refused one leaves the times of the one before.
+    std::swap(profile_, next_profile_);
+    has_frame_ = true;
 }
 
 void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {

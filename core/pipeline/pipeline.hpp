@@ -54,7 +54,7 @@ class Pipeline {
     PipelineStages stages_;
     // The pattern's image and, with a sensor, the intensity; empty where the frame's own images do.
     DeviceBuffer image_;
-    ChainProfile profile_;
+    ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;
 };
 

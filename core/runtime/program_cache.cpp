@@ -27,6 +27,9 @@ std::uint64_t fnv1a(const std::string &text, std::uint64_t hash = 0xcbf29ce48422
 }
 
 bool read_file(const fs::path &path, std::string &content) {
+    std::error_code ignored;
+    if (!fs::is_regular_file(path, ignored)) // a folder opens as a stream, too
+        return false;
     std::ifstream file(path, std::ios::binary);
     if (!file)
         return false;
@@ -62,7 +65,7 @@ std::string ProgramCache::source(const std::string &file) const {
         if (fs::exists(path, ignored)) {
             std::string content;
             if (!read_file(path, content))
-                throw Error(Status::kIo, fmt::format("cannot read {}", path.string()));
+                throw Error(Status::kIo, fmt::format("cannot read {}; kernel_dir must hold readable files", path.string()));
             return content;
         }
     }

@@ -16,8 +16,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
-# Columns and rows of the zooms: the mug and its shadow, the face, the keyboard.
-ZOOMS = {"mug": (350, 288, 96), "face": (90, 92, 96), "keyboard": (262, 262, 96)}
+BLACK_LEVEL_DN = 64.0  # the program's default
+# Left, top, width, height of the zooms.
+ZOOMS = {"mug": (350, 284, 84, 63), "face and collar": (90, 100, 84, 63)}
 
 
 def first(folder: Path, pattern: str) -> Path:
@@ -41,21 +42,23 @@ def main() -> None:
         "recorded, 10 bit": codes,
     }
 
-    figure, axes = plt.subplots(1 + len(ZOOMS), 3, figsize=(13, 4 * 3.28), height_ratios=[3, 4, 4, 4], layout="constrained")
+    figure, axes = plt.subplots(1 + len(ZOOMS), 3, figsize=(15, 11.8), layout="constrained")
     for column, (title, image) in enumerate(columns.items()):
-        # The ideal image and the speckle share the scale of the ideal one's mean; codes run from the black level up.
-        low, high = (0.0, np.percentile(image, 99.7)) if column < 2 else (40.0, 1023.0)
-        axes[0, column].imshow(image, cmap="gray", vmin=low, vmax=high)
-        axes[0, column].set_title(title, fontsize=13)
-        for row, (name, (x, y, side)) in enumerate(ZOOMS.items(), start=1):
-            axes[0, column].add_patch(Rectangle((x - 0.5, y - 0.5), side, side, fill=False, color="tab:orange", lw=1))
-            axes[row, column].imshow(image[y : y + side, x : x + side], cmap="gray", vmin=low, vmax=high, interpolation="nearest")
+        # Brightness as the square root, as a display shows it; codes from the black level up.
+        shown = np.sqrt(np.maximum(image - (BLACK_LEVEL_DN if image is codes else 0.0), 0.0))
+        low, high = 0.0, np.percentile(shown, 99.8)
+        axes[0, column].imshow(shown, cmap="gray", vmin=low, vmax=high)
+        axes[0, column].set_title(title, fontsize=15)
+        for row, (name, (x, y, width, height)) in enumerate(ZOOMS.items(), start=1):
+            axes[0, column].add_patch(Rectangle((x - 0.5, y - 0.5), width, height, fill=False, color="tab:orange", lw=1.5))
+            zoom = shown[y : y + height, x : x + width]
+            axes[row, column].imshow(zoom, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
             if column == 0:
-                axes[row, 0].set_ylabel(f"{name}, {side} x {side} pixels", fontsize=11)
+                axes[row, 0].set_ylabel(f"{name}, {width} x {height} pixels", fontsize=13)
     for axis in axes.flat:
         axis.set(xticks=[], yticks=[])
     temporary = arguments.figure.with_name(arguments.figure.name + ".tmp.png")
-    figure.savefig(temporary, dpi=90)
+    figure.savefig(temporary, dpi=70)
     temporary.replace(arguments.figure)
     print(f"figure: {arguments.figure}")
 

@@ -1,0 +1,61 @@
+"""What the README and the docs show is what the project holds: code, options, files."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BIN = Path(os.environ.get("CLSPECKLE_BIN", ROOT / "build" / "bin"))
+README = (ROOT / "README.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize(("language", "file"), [("c", "readme.c"), ("python", "readme.py")])
+def test_readme_code_is_the_example(language: str, file: str) -> None:
+    blocks = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+    assert blocks, f"the README shows no {language} code"
+    assert blocks[0] == (ROOT / "examples" / "readme" / file).read_text()
+
+
+def test_readme_examples_run_and_agree() -> None:
+    """Both print the first codes; Python's seed covers the sensor too, C's leaves it at 0: the speckle agrees, the noise need not."""
+    c = subprocess.run([BIN / "example_readme"], check=True, capture_output=True, text=True).stdout
+    python = subprocess.run(
+        [sys.executable, ROOT / "examples" / "readme" / "readme.py"], check=True, capture_output=True, text=True
+    ).stdout
+    codes = [[int(word) for word in text.split(":")[1].split()] for text in (c, python)]
+    assert len(codes[0]) == len(codes[1]) == 3
+    # Read noise is 4 DN: eight standard deviations of a difference, 4 * sqrt(2) * 8.
+    assert all(abs(a - b) < 46 for a, b in zip(*codes))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text())
+    missing = [link for link in links if not (page.parent / link).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_options_of_the_program_exist(page: Path) -> None:
+    """Every `clspeckle COMMAND --option` in a code line or code span is an option of that command."""
+    for line in re.findall(r"clspeckle (render|statistics|devices)([^\n`]*)", page.read_text()):
+        command, rest = line
+        text = subprocess.run([BIN / "clspeckle", command, "--help"], check=True, capture_output=True, text=True).stdout
+        for option in re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", rest):
+            assert option in text, f"{page.name}: clspeckle {command} has no {option}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_c_names_exist(page: Path) -> None:
+    headers = "".join(header.read_text() for header in (ROOT / "capi" / "include" / "clspeckle").glob("*.h"))
+    names = set(re.findall(r"\bclsp[A-Z]\w+|\bCLSP_[A-Z0-9_]+\b|\bClsp[A-Z]\w+", page.read_text()))
+    cmake = (ROOT / "CMakeLists.txt").read_text()
+    unknown = {name for name in names if name not in headers and name not in cmake and not name.endswith("_")}
+    assert not unknown

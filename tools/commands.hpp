@@ -1,0 +1,48 @@
+/**
+ * @file commands.hpp
+ * @brief The sub-commands.
+ */
+#ifndef CLSPECKLE_TOOLS_COMMANDS_HPP
+#define CLSPECKLE_TOOLS_COMMANDS_HPP
+
+#include "console.hpp"
+#include "input.hpp"
+#include "options.hpp"
+
+#include <clspeckle/clspeckle.hpp>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+/** A context on the device that a selector names; empty: the best one. */
+clspeckle::Context make_context(const std::string &device);
+
+/** @return the exit code: exit_device if there is no device that can be used. */
+int run_devices(const std::string &device, Console &console);
+
+/** @param folder where the files go. */
+void run_render(Config &config, Input &input, const std::string &folder, Console &console);
+
+struct StatisticsArguments {
+    std::vector<std::string> files;
+    std::string device;
+    std::string mask;
+    std::vector<std::uint32_t> region; ///< x, y, width, height; or empty.
+    std::uint32_t bits = 0;            ///< 0: unknown.
+    std::uint32_t histogram_bins = 0;  ///< 0: none.
+    std::vector<double> histogram_range; ///< low, high; or empty.
+    std::string channel;
+    bool temporal = false;
+};
+
+void run_statistics(const StatisticsArguments &arguments, Console &console);
+
+/** Throws Interrupted once the user has asked the program to stop. */
+void check_interrupt();
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_COMMANDS_HPP

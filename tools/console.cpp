@@ -1,0 +1,115 @@
+#include "console.hpp"
+
+#include "errors.hpp"
+
+#include <fmt/format.h>
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+namespace tools {
+
+Console::Console(bool json, bool quiet)
+    : json_(json), quiet_(quiet), bar_(!quiet && ::isatty(STDERR_FILENO) == 1), started_(now()) {
+    if (!json_)
+        return;
+    std::fflush(stdout);
+    const int copy = ::dup(STDOUT_FILENO);
+    std::FILE *own = copy >= 0 ? ::fdopen(copy, "w") : nullptr;
+    if (!own)
+        throw OutputError("standard output cannot be written");
+    out_ = own;
+    ::dup2(STDERR_FILENO, STDOUT_FILENO);
+}
+
+Console::~Console() {
+    clear_progress();
+    if (out_ != stdout) {
+        std::fflush(stdout);
+        std::fflush(out_);
+        ::dup2(::fileno(out_), STDOUT_FILENO);
+        std::fclose(out_);
+    }
+}
+
+void Console::print(const std::string &text) {
+    if (json_ || quiet_)
+        return;
+    clear_progress();
+    std::fputs((text + "\n").c_str(), out_);
+}
+
+void Console::warn(const std::string &text) {
+    if (std::find(warnings_.begin(), warnings_.end(), text) != warnings_.end())
+        return;
+    warnings_.push_back(text);
+    clear_progress();
+    std::fputs(("clspeckle: warning: " + text + "\n").c_str(), stderr);
+}
+
+void Console::result(const std::string &text) {
+    clear_progress();
+    std::fputs((text + "\n").c_str(), out_);
+}
+
+void Console::finish() {
+    clear_progress();
+    if (std::fflush(out_) != 0 || std::ferror(out_))
+        throw OutputError(fmt::format("standard output cannot be written: {}", std::strerror(errno)));
+}
+
+void Console::progress(std::uint64_t done, std::uint64_t total) {
+    if (!bar_ || total < 2)
+        return;
+    const double time = now();
+    if (bar_shown_ && done < total && time - drawn_ < 0.1)
+        return;
+    drawn_ = time;
+    winsize size{};
+    const int columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+    const double rate = time > started_ ? static_cast<double>(done) / (time - started_) : 0;
+    const double left = rate > 0 ? static_cast<double>(total - done) / rate : 0;
+    const std::string numbers = fmt::format(" {}/{} frames, {:.1f}/s, {:.0f} s left", done, total, rate, left);
+    const int cells = std::clamp(columns - static_cast<int>(numbers.size()) - 3, 5, 50);
+    const int full = static_cast<int>(static_cast<double>(cells) * static_cast<double>(done) / static_cast<double>(total));
+    std::fputs(fmt::format("\r[{:=<{}}{: <{}}]{}\x1b[K", "", full, "", cells - full, numbers).c_str(), stderr);
+    std::fflush(stderr);
+    bar_shown_ = true;
+}
+
+void Console::clear_progress() {
+    if (!bar_shown_)
+        return;
+    std::fputs("\r\x1b[K", stderr);
+    std::fflush(stderr);
+    bar_shown_ = false;
+}
+
+std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent) {
+    std::vector<std::size_t> widths;
+    for (const auto &row : rows) {
+        widths.resize(std::max(widths.size(), row.size()), 0);
+        for (std::size_t i = 0; i < row.size(); ++i)
+            widths[i] = std::max(widths[i], row[i].size());
+    }
+    std::string text;
+    for (const auto &row : rows) {
+        std::string line = indent;
+        for (std::size_t i = 0; i < row.size(); ++i)
+            line += i + 1 < row.size() ? fmt::format("{:<{}}  ", row[i], widths[i]) : row[i];
+        line.erase(line.find_last_not_of(' ') + 1);
+        text += (text.empty() ? "" : "\n") + line;
+    }
+    return text;
+}
+
+double now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+} // namespace tools

@@ -1,0 +1,61 @@
+/**
+ * @file console.hpp
+ * @brief What goes to the terminal: results and summaries on standard output, everything else on standard error.
+ */
+#ifndef CLSPECKLE_TOOLS_CONSOLE_HPP
+#define CLSPECKLE_TOOLS_CONSOLE_HPP
+
+#include "options.hpp"
+
+#include <cstdint>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+/**
+ * With --json standard output belongs to one JSON document: whatever a driver prints there meanwhile goes to standard error.
+ */
+class Console {
+  public:
+    Console(bool json, bool quiet);
+    ~Console();
+    Console(const Console &) = delete;
+    Console &operator=(const Console &) = delete;
+
+    bool json() const { return json_; }
+    /** Lines for eyes: on standard output, nothing with --quiet or --json. */
+    void print(const std::string &text);
+    /** A line on standard error that --quiet does not silence. Repeated ones are shown once. */
+    void warn(const std::string &text);
+    const std::vector<std::string> &warnings() const { return warnings_; }
+    /** The document of --json, or any result that --quiet must not silence. */
+    void result(const std::string &text);
+    /** Throws OutputError if standard output could not take everything. */
+    void finish();
+
+    /** Draws or redraws the progress bar: on a terminal only, and not with --quiet. */
+    void progress(std::uint64_t done, std::uint64_t total);
+
+  private:
+    void clear_progress();
+    bool json_;
+    bool quiet_;
+    bool bar_;
+    bool bar_shown_ = false;
+    std::FILE *out_ = stdout;
+    std::vector<std::string> warnings_;
+    double started_ = 0;
+    double drawn_ = 0;
+};
+
+/** Columns of text, left-aligned, the first row as header. */
+std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent = "");
+
+/** Seconds on a steady clock. */
+double now();
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_CONSOLE_HPP

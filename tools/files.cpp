@@ -1,0 +1,123 @@
+#include "files.hpp"
+
+#include "errors.hpp"
+#include "image_io/image_io.hpp"
+
+#include <fmt/format.h>
+
+#include <glob.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <filesystem>
+#include <map>
+
+namespace tools {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::uint64_t max_json_bytes = std::uint64_t{16} << 20;
+
+std::string lower(std::string text) {
+    for (char &c : text)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+}
+
+bool natural_less(const std::string &a, const std::string &b) { return ::strverscmp(a.c_str(), b.c_str()) < 0; }
+
+std::vector<std::string> images_of(const std::string &folder) {
+    std::map<std::string, std::vector<std::string>> by_extension;
+    std::error_code code;
+    for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
+        const std::string name = entry.path().filename().string();
+        std::string extension = lower(entry.path().extension().string());
+        if (extension == ".tif")
+            extension = ".tiff";
+        static const char *const known[] = {".png", ".tiff", ".exr", ".hdr", ".npy", ".pgm"};
+        const bool image = std::any_of(std::begin(known), std::end(known), [&](const char *k) { return extension == k; });
+        if (name[0] != '.' && image && entry.is_regular_file())
+            by_extension[extension].push_back(entry.path().string());
+    }
+    if (code)
+        throw InputError(fmt::format("{}: cannot be read: {}", folder, code.message()));
+    if (by_extension.empty())
+        throw InputError(fmt::format("{}: the folder holds neither sequence.json nor PNG, TIFF, EXR, HDR, NPY or PGM images",
+                                     folder));
+    if (by_extension.size() > 1) {
+        std::string kinds;
+        for (const auto &[extension, files] : by_extension)
+            kinds += fmt::format("{}{} {}", kinds.empty() ? "" : ", ", files.size(), extension);
+        throw InputError(fmt::format("{}: the folder holds several kinds of images ({}); say which, for example '{}/*{}'",
+                                     folder, kinds, folder, by_extension.begin()->first));
+    }
+    return by_extension.begin()->second;
+}
+
+} // namespace
+
+Json read_json(const std::string &path) {
+    image_io::detail::InputFile file(path);
+    if (file.size() > max_json_bytes)
+        throw InputError(fmt::format("{}: {} bytes are too many for a JSON file", path, file.size()));
+    std::string text(static_cast<std::size_t>(file.size()), '\0');
+    file.read(text.data(), text.size());
+    try {
+        return Json::parse(text);
+    } catch (const Json::exception &error) {
+        std::string what = error.what();
+        const std::size_t bracket = what.find("] ");
+        if (bracket != std::string::npos)
+            what = what.substr(bracket + 2);
+        throw InputError(fmt::format("{}: is not valid JSON: {}", path, what));
+    }
+}
+
+std::vector<std::string> expand(const std::string &argument) {
+    std::error_code code;
+    const fs::file_status status = fs::status(argument, code);
+    std::vector<std::string> files;
+    if (fs::is_directory(status)) {
+        const fs::path description = fs::path(argument) / "sequence.json";
+        if (fs::exists(description, code))
+            return {description.string()};
+        files = images_of(argument);
+    } else if (fs::exists(status) || argument.find_first_of("*?[") == std::string::npos) {
+        return {argument};
+    } else {
+        glob_t matches{};
+        const int result = ::glob(argument.c_str(), 0, nullptr, &matches);
+        for (std::size_t i = 0; i < matches.gl_pathc; ++i)
+            files.emplace_back(matches.gl_pathv[i]);
+        ::globfree(&matches);
+        if (result != 0 || files.empty())
+            throw InputError(fmt::format("{}: no file matches", argument));
+    }
+    std::sort(files.begin(), files.end(), natural_less);
+    return files;
+}
+
+std::vector<std::string> make_output_folder(const std::string &path) {
+    std::vector<std::string> created;
+    std::error_code code;
+    for (fs::path part = fs::absolute(path).lexically_normal(); !fs::exists(part, code) && part.has_relative_path();
+         part = part.parent_path())
+        if (part.has_filename())
+            created.insert(created.begin(), part.string());
+    fs::create_directories(path, code);
+    if (code || !fs::is_directory(path)) {
+        const std::string reason = code ? code.message() : "it is not a folder";
+        throw OutputError(fmt::format("{}: the output folder cannot be made: {}; choose another one with -o", path, reason));
+    }
+    try {
+        const image_io::AtomicFile probe((fs::path(path) / "probe").string());
+    } catch (const image_io::WriteError &error) {
+        throw OutputError(fmt::format("no files can be made in the output folder; choose another one with -o ({})", error.what()));
+    }
+    return created;
+}
+
+} // namespace tools

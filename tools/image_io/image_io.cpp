@@ -1,0 +1,224 @@
+#include "image_io.hpp"
+
+#include <fmt/format.h>
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+
+namespace image_io {
+
+namespace {
+
+std::string error_text(int code) { return std::strerror(code); }
+
+std::array<unsigned char, 10> first_bytes(const std::string &path) {
+    detail::InputFile file(path);
+    std::array<unsigned char, 10> bytes{};
+    if (std::fread(bytes.data(), 1, bytes.size(), file.stream()) == 0)
+        throw ReadError(path, "cannot be read");
+    return bytes;
+}
+
+bool begins_with(const std::array<unsigned char, 10> &bytes, std::initializer_list<int> magic) {
+    return std::equal(magic.begin(), magic.end(), bytes.begin(), [](int a, unsigned char b) { return a == int{b}; });
+}
+
+constexpr std::initializer_list<int> exr_magic = {0x76, 0x2f, 0x31, 0x01};
+
+} // namespace
+
+void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
+    if (width == 0 || height == 0)
+        fail(fmt::format("the image is empty ({} x {} pixels)", width, height));
+    if (width > max_side || height > max_side)
+        fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side, max_side));
+}
+
+bool is_exr(const std::string &path) { return begins_with(first_bytes(path), exr_magic); }
+
+std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options) {
+    const auto bytes = first_bytes(path);
+    if (begins_with(bytes, exr_magic))
+        return detail::open_exr(path, options.channel);
+    if (!options.channel.empty())
+        throw ReadError(path, fmt::format("a channel (\"{}\") can be named for EXR files only", options.channel));
+    if (begins_with(bytes, {0x89, 'P', 'N', 'G'}))
+        return detail::open_png(path);
+    if (begins_with(bytes, {'I', 'I', 42, 0}) || begins_with(bytes, {'M', 'M', 0, 42}) ||
+        begins_with(bytes, {'I', 'I', 43, 0}) || begins_with(bytes, {'M', 'M', 0, 43}))
+        return detail::open_tiff(path);
+    if (begins_with(bytes, {0x93, 'N', 'U', 'M', 'P', 'Y'}))
+        return detail::open_npy(path);
+    if (begins_with(bytes, {'#', '?'}))
+        return detail::open_hdr(path);
+    if (begins_with(bytes, {'P', '2'}) || begins_with(bytes, {'P', '5'}))
+        return detail::open_pgm(path);
+    throw ReadError(path, "is not a PNG, TIFF, EXR, Radiance HDR, NPY or PGM file (the content decides, not the name)");
+}
+
+void Plane::normalize() {
+    if (full_scale <= 0)
+        return;
+    for (float &value : values)
+        value = static_cast<float>(value / full_scale);
+    full_scale = 0;
+}
+
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings) {
+    const Info &info = reader.info();
+    for (const std::string &warning : info.warnings)
+        warnings.push_back(reader.path() + ": " + warning);
+    const std::uint32_t colors = info.channels - (info.alpha ? 1 : 0);
+    Plane plane;
+    plane.width = info.width;
+    plane.height = info.height;
+    plane.full_scale = info.full_scale;
+    plane.sample = info.sample;
+    const std::size_t row_values = info.width;
+    plane.values.reserve(row_values * info.height);
+    const double opaque = info.full_scale > 0 ? info.full_scale : 1.0;
+    bool colored = false;
+    bool transparent = false;
+    reader.read_rows(frame, [&](const float *row) {
+        const std::size_t start = plane.values.size();
+        plane.values.resize(start + row_values);
+        float *out = plane.values.data() + start;
+        for (std::size_t x = 0; x < row_values; ++x, row += info.channels) {
+            // Exact for equal values: 3 v fits into a double.
+            double sum = row[0];
+            for (std::uint32_t c = 1; c < colors; ++c) {
+                sum += row[c];
+                colored |= row[c] != row[0] && !(std::isnan(row[c]) && std::isnan(row[0]));
+            }
+            transparent |= info.alpha && row[colors] != opaque;
+            out[x] = static_cast<float>(sum / colors);
+        }
+    });
+    if (colored)
+        warnings.push_back(fmt::format("{}: the {} color channels differ; their mean is taken (luminance weights mean "
+                                       "nothing in the infrared)",
+                                       reader.path(), colors));
+    if (transparent)
+        warnings.push_back(reader.path() + ": the opacity channel is ignored");
+    return plane;
+}
+
+VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
+    const Info &info = reader.info();
+    const bool fits = info.channels == 3 || (info.channels == 4 && info.alpha);
+    if (!fits)
+        throw ReadError(reader.path(), fmt::format("three values per pixel (x, y, z) are needed, the file has {}; an NPY "
+                                                   "array is height x width x 3, or frames x height x width x 3",
+                                                   info.channels));
+    if (info.full_scale > 0)
+        throw ReadError(reader.path(), fmt::format("positions and normals must be floating-point, not {}", info.sample));
+    VectorPlane plane;
+    plane.width = info.width;
+    plane.height = info.height;
+    const std::size_t row_values = std::size_t{3} * info.width;
+    plane.values.reserve(row_values * info.height);
+    reader.read_rows(frame, [&](const float *row) {
+        for (std::uint32_t x = 0; x < info.width; ++x, row += info.channels)
+            plane.values.insert(plane.values.end(), row, row + 3);
+    });
+    return plane;
+}
+
+AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
+    static std::atomic<unsigned> counter{0};
+    const std::size_t slash = path_.find_last_of('/');
+    const std::string folder = slash == std::string::npos ? "" : path_.substr(0, slash + 1);
+    const std::string name = slash == std::string::npos ? path_ : path_.substr(slash + 1);
+    temporary_path_ = fmt::format("{}.{}.{}-{}.part", folder, name, ::getpid(), counter++);
+    stream_ = std::fopen(temporary_path_.c_str(), "wb");
+    if (!stream_)
+        throw WriteError(path_, "cannot be written: " + error_text(errno));
+}
+
+AtomicFile::~AtomicFile() {
+    if (stream_)
+        std::fclose(stream_);
+    if (!done_)
+        std::remove(temporary_path_.c_str());
+}
+
+void AtomicFile::fail(const char *what, int code) const {
+    throw WriteError(path_, fmt::format("{}: {}", what, error_text(code)));
+}
+
+void AtomicFile::write(const void *data, std::size_t size_bytes) {
+    if (size_bytes > 0 && std::fwrite(data, 1, size_bytes, stream_) != size_bytes)
+        fail("cannot be written", errno);
+}
+
+void AtomicFile::close() {
+    if (!stream_)
+        return;
+    std::FILE *stream = stream_;
+    const bool flushed = std::fflush(stream) == 0;
+    const int flush_error = errno;
+    stream_ = nullptr;
+    const bool closed = std::fclose(stream) == 0;
+    if (!flushed || !closed)
+        fail("cannot be written", flushed ? errno : flush_error);
+}
+
+void AtomicFile::commit() {
+    close();
+    if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
+        fail("cannot be put in place", errno);
+    done_ = true;
+}
+
+void write_text(const std::string &path, const std::string &text) {
+    AtomicFile file(path);
+    file.write(text.data(), text.size());
+    file.commit();
+}
+
+namespace detail {
+
+InputFile::InputFile(const std::string &path) : path_(path) {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0)
+        throw ReadError(path, "cannot be read: " + error_text(errno));
+    if (S_ISDIR(status.st_mode))
+        throw ReadError(path, "is a folder, an image file is needed here");
+    // Pipes and devices have no size to check a header against.
+    if (!S_ISREG(status.st_mode))
+        throw ReadError(path, "is not a regular file");
+    if (status.st_size == 0)
+        throw ReadError(path, "is empty (0 bytes)");
+    stream_ = std::fopen(path.c_str(), "rb");
+    if (!stream_)
+        throw ReadError(path, "cannot be read: " + error_text(errno));
+    size_ = static_cast<std::uint64_t>(status.st_size);
+}
+
+InputFile::~InputFile() {
+    if (stream_)
+        std::fclose(stream_);
+}
+
+void InputFile::seek(std::uint64_t offset) {
+    if (::fseeko(stream_, static_cast<off_t>(offset), SEEK_SET) != 0)
+        throw ReadError(path_, "cannot be read: " + error_text(errno));
+}
+
+void InputFile::read(void *data, std::size_t size_bytes) {
+    if (std::fread(data, 1, size_bytes, stream_) == size_bytes)
+        return;
+    if (std::ferror(stream_))
+        throw ReadError(path_, "cannot be read: " + error_text(errno));
+    throw ReadError(path_, fmt::format("is truncated: it ends at byte {} within its data", size_));
+}
+
+} // namespace detail
+} // namespace image_io

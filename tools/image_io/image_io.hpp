@@ -1,0 +1,232 @@
+/**
+ * @file image_io.hpp
+ * @brief Reading and writing of the image files that the command line program takes.
+ *
+ * A file is recognised by its content, not by its name. Readers never trust a header: sizes are checked against
+ * max_side and, where the format allows, against the size of the file before memory is taken, and rows are handed over one
+ * by one, so that a damaged header costs nothing.
+ */
+#ifndef CLSPECKLE_TOOLS_IMAGE_IO_HPP
+#define CLSPECKLE_TOOLS_IMAGE_IO_HPP
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace image_io {
+
+/** The library's own limit on both sides of an image. */
+constexpr std::uint32_t max_side = 16384;
+/** Frames of a stack; only to keep damaged headers from looping for hours. */
+constexpr std::uint64_t max_frames = 1000000;
+
+/** A file that cannot be read: the message begins with its name. */
+class ReadError : public std::runtime_error {
+  public:
+    ReadError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
+};
+
+/** A file that cannot be written: the message begins with its name. */
+class WriteError : public std::runtime_error {
+  public:
+    WriteError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
+};
+
+/** What a file holds. */
+struct Info {
+    std::string format;      ///< "PNG", "TIFF", "EXR", "HDR", "NPY" or "PGM".
+    std::string sample;      ///< For example "uint16" or "float32".
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::uint32_t channels = 1;       ///< Interleaved samples per pixel, alpha included.
+    bool alpha = false;               ///< The last channel is an opacity, no measurement.
+    std::uint64_t frame_count = 1;    ///< Pages of a TIFF, frames of an NPY stack.
+    double full_scale = 0;            ///< Top code of an unsigned integer format; 0: the values are what they are.
+    std::vector<std::string> warnings; ///< What was ignored.
+};
+
+/** Takes one row of width * channels samples, as stored: integers are not scaled. */
+using RowSink = std::function<void(const float *row)>;
+
+/** An open image file. One thread at a time. */
+class Reader {
+  public:
+    virtual ~Reader() = default;
+    Reader(const Reader &) = delete;
+    Reader &operator=(const Reader &) = delete;
+
+    const Info &info() const { return info_; }
+    const std::string &path() const { return path_; }
+    /** Calls the sink once per row, top to bottom. Throws ReadError for damaged data. */
+    virtual void read_rows(std::uint64_t frame, const RowSink &sink) = 0;
+
+  protected:
+    explicit Reader(std::string path) : path_(std::move(path)) {}
+    [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, what); }
+    /** Refuses empty and oversized images. */
+    void check_size(std::uint64_t width, std::uint64_t height) const;
+
+    std::string path_;
+    Info info_;
+};
+
+/** How a file is to be read. */
+struct ReadOptions {
+    /** Channel of an EXR file; empty: its only channel, Y, or R, G and B. */
+    std::string channel;
+};
+
+/** Opens an image of any known format. */
+std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options = {});
+
+/** True if the file begins as an OpenEXR file does; throws ReadError if it cannot be read at all. */
+bool is_exr(const std::string &path);
+
+/** One value per pixel. */
+struct Plane {
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::vector<float> values; ///< height x width.
+    double full_scale = 0;     ///< As Info::full_scale.
+    std::string sample;        ///< As Info::sample.
+
+    bool empty() const { return values.empty(); }
+    float at(std::uint32_t x, std::uint32_t y) const { return values[static_cast<std::size_t>(y) * width + x]; }
+    /** Divides integers by their top code, so that 1 is full scale in every format. */
+    void normalize();
+};
+
+/** Three values per pixel. */
+struct VectorPlane {
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::vector<float> values; ///< height x width x 3.
+    bool empty() const { return values.empty(); }
+};
+
+/** Reads a frame as one value per pixel: the only channel; equal R, G and B; else their mean, with a warning. Opacity is
+ *  ignored, with a warning where it is not full. */
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings);
+
+/** Reads a frame of three channels. */
+VectorPlane read_vectors(Reader &reader, std::uint64_t frame);
+
+/** @name EXR files with many channels */
+/** @{ */
+class ExrFile {
+  public:
+    explicit ExrFile(std::string path);
+    ~ExrFile();
+    ExrFile(ExrFile &&) noexcept;
+    ExrFile &operator=(ExrFile &&) noexcept;
+
+    const std::string &path() const;
+    /** Of the display window, which is the image; what lies outside the data window reads as 0. */
+    std::uint32_t width() const;
+    std::uint32_t height() const;
+    const std::vector<std::string> &channels() const;
+    bool has(const std::string &channel) const;
+    /** Type of a channel: "float16", "float32" or "uint32". */
+    std::string sample(const std::string &channel) const;
+    /** Reads some channels, interleaved in the order given, row by row. */
+    void read_rows(const std::vector<std::string> &names, const RowSink &sink) const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+/** @} */
+
+/** @name Writing
+ *  Everything is written to a temporary name in the same folder and renamed when it is complete. */
+/** @{ */
+
+/** A file that appears under its name only when it is complete. */
+class AtomicFile {
+  public:
+    explicit AtomicFile(std::string path);
+    ~AtomicFile();
+    AtomicFile(const AtomicFile &) = delete;
+    AtomicFile &operator=(const AtomicFile &) = delete;
+
+    std::FILE *stream() const { return stream_; }
+    const std::string &temporary_path() const { return temporary_path_; }
+    void write(const void *data, std::size_t size_bytes);
+    /** Closes the stream for writers that open the temporary name themselves. */
+    void close();
+    /** Flushes, closes and renames. Without it the destructor removes the file. */
+    void commit();
+
+  private:
+    [[noreturn]] void fail(const char *what, int code) const;
+    std::string path_;
+    std::string temporary_path_;
+    std::FILE *stream_ = nullptr;
+    bool done_ = false;
+};
+
+void write_png16(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
+void write_png8(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint8_t *codes);
+void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
+void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
+void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
+void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
+void write_text(const std::string &path, const std::string &text);
+
+/** A 3-D NPY file, frame by frame. */
+class NpyStackWriter {
+  public:
+    /** @param sample_bytes 2: uint16, 4: float32. */
+    NpyStackWriter(const std::string &path, std::uint64_t frame_count, std::uint32_t width, std::uint32_t height,
+                   std::size_t sample_bytes);
+    void append(const void *frame);
+    void commit();
+
+  private:
+    AtomicFile file_;
+    std::size_t frame_bytes_;
+};
+/** @} */
+
+namespace detail {
+
+/** An open regular file, with its size known. */
+class InputFile {
+  public:
+    explicit InputFile(const std::string &path);
+    ~InputFile();
+    InputFile(const InputFile &) = delete;
+    InputFile &operator=(const InputFile &) = delete;
+
+    std::FILE *stream() const { return stream_; }
+    std::uint64_t size() const { return size_; }
+    const std::string &path() const { return path_; }
+    void seek(std::uint64_t offset);
+    /** Reads exactly so many bytes or throws that the file is truncated. */
+    void read(void *data, std::size_t size_bytes);
+    /** The next byte, or -1 at the end. */
+    int get() { return std::getc(stream_); }
+
+  private:
+    std::string path_;
+    std::FILE *stream_ = nullptr;
+    std::uint64_t size_ = 0;
+};
+
+std::unique_ptr<Reader> open_png(const std::string &path);
+std::unique_ptr<Reader> open_tiff(const std::string &path);
+std::unique_ptr<Reader> open_exr(const std::string &path, const std::string &channel);
+std::unique_ptr<Reader> open_hdr(const std::string &path);
+std::unique_ptr<Reader> open_npy(const std::string &path);
+std::unique_ptr<Reader> open_pgm(const std::string &path);
+
+} // namespace detail
+} // namespace image_io
+
+#endif // CLSPECKLE_TOOLS_IMAGE_IO_HPP

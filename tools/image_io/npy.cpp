@@ -1,0 +1,337 @@
+// NPY (format versions 1 to 3 of NumPy's lib.format). A reader of our own: xtensor's loads a whole stack at once, takes memory
+// for whatever shape a header claims, and neither swaps bytes nor converts types.
+#include "image_io.hpp"
+
+#include <fmt/format.h>
+
+#include <Imath/half.h>
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cstring>
+
+namespace image_io {
+
+namespace {
+
+/** The three entries of the header: a Python dictionary literal of known shape. */
+class HeaderParser {
+  public:
+    HeaderParser(const std::string &path, const std::string &text) : path_(path), text_(text) {
+        expect('{');
+        while (!accept('}')) {
+            const std::string key = quoted();
+            expect(':');
+            if (key == "descr")
+                descr = description();
+            else if (key == "fortran_order")
+                fortran_order = boolean();
+            else if (key == "shape")
+                tuple();
+            else
+                fail(fmt::format("its header has an unknown key '{}'", key));
+            if (!accept(',')) {
+                expect('}');
+                break;
+            }
+        }
+        if (descr.empty() || !has_shape_)
+            fail("its header lacks 'descr' or 'shape'");
+    }
+
+    std::string descr;
+    bool fortran_order = false;
+    std::vector<std::uint64_t> shape;
+
+  private:
+    [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, "is damaged: " + what); }
+    void skip() {
+        while (at_ < text_.size() && std::isspace(static_cast<unsigned char>(text_[at_])))
+            ++at_;
+    }
+    bool accept(char c) {
+        skip();
+        if (at_ >= text_.size() || text_[at_] != c)
+            return false;
+        ++at_;
+        return true;
+    }
+    void expect(char c) {
+        if (!accept(c))
+            fail(fmt::format("its header is not a dictionary ('{}' expected at character {})", c, at_));
+    }
+    std::string quoted() {
+        skip();
+        if (at_ >= text_.size() || (text_[at_] != '\'' && text_[at_] != '"'))
+            fail(fmt::format("its header is not a dictionary (a string expected at character {})", at_));
+        const std::size_t end = text_.find(text_[at_], at_ + 1);
+        if (end == std::string::npos)
+            fail("a string in its header does not end");
+        const std::string value = text_.substr(at_ + 1, end - at_ - 1);
+        at_ = end + 1;
+        return value;
+    }
+    std::string description() {
+        skip();
+        if (at_ < text_.size() && text_[at_] == '[')
+            throw ReadError(path_, "holds records with named fields; a plain array of numbers is needed");
+        return quoted();
+    }
+    bool boolean() {
+        skip();
+        for (const bool value : {true, false}) {
+            const std::string word = value ? "True" : "False";
+            if (text_.compare(at_, word.size(), word) == 0) {
+                at_ += word.size();
+                return value;
+            }
+        }
+        fail("'fortran_order' in its header is neither True nor False");
+    }
+    void tuple() {
+        expect('(');
+        has_shape_ = true;
+        shape.clear();
+        while (!accept(')')) {
+            skip();
+            std::uint64_t value = 0;
+            const char *first = text_.data() + at_;
+            const auto result = std::from_chars(first, text_.data() + text_.size(), value);
+            if (result.ec != std::errc())
+                fail("'shape' in its header is not a tuple of numbers");
+            at_ += static_cast<std::size_t>(result.ptr - first);
+            shape.push_back(value);
+            if (shape.size() > 8)
+                fail("'shape' in its header has more than 8 numbers");
+            if (!accept(',')) {
+                expect(')');
+                break;
+            }
+        }
+    }
+
+    const std::string &path_;
+    const std::string &text_;
+    std::size_t at_ = 0;
+    bool has_shape_ = false;
+};
+
+template <typename T> float to_float(const unsigned char *bytes) {
+    T value;
+    std::memcpy(&value, bytes, sizeof(T));
+    return static_cast<float>(value);
+}
+
+float half_to_float(const unsigned char *bytes) {
+    std::uint16_t bits;
+    std::memcpy(&bits, bytes, 2);
+    Imath::half value;
+    value.setBits(bits);
+    return static_cast<float>(value);
+}
+
+float bool_to_float(const unsigned char *bytes) { return *bytes ? 1.0f : 0.0f; }
+
+struct SampleType {
+    const char *code;
+    const char *name;
+    std::size_t size_bytes;
+    double full_scale;
+    float (*convert)(const unsigned char *);
+};
+
+constexpr SampleType sample_types[] = {
+    {"b1", "bool", 1, 0, bool_to_float},
+    {"u1", "uint8", 1, 255, to_float<std::uint8_t>},
+    {"u2", "uint16", 2, 65535, to_float<std::uint16_t>},
+    {"u4", "uint32", 4, 0, to_float<std::uint32_t>},
+    {"u8", "uint64", 8, 0, to_float<std::uint64_t>},
+    {"i1", "int8", 1, 0, to_float<std::int8_t>},
+    {"i2", "int16", 2, 0, to_float<std::int16_t>},
+    {"i4", "int32", 4, 0, to_float<std::int32_t>},
+    {"i8", "int64", 8, 0, to_float<std::int64_t>},
+    {"f2", "float16", 2, 0, half_to_float},
+    {"f4", "float32", 4, 0, to_float<float>},
+    {"f8", "float64", 8, 0, to_float<double>},
+};
+
+class NpyReader final : public Reader {
+  public:
+    explicit NpyReader(const std::string &path) : Reader(path), file_(path) {
+        unsigned char start[10] = {};
+        file_.read(start, 10);
+        const unsigned version = start[6];
+        if (version < 1 || version > 3)
+            fail(fmt::format("NPY format version {}.{} is not known (1 to 3 are)", version, start[7]));
+        std::uint64_t length = start[8] | start[9] << 8;
+        data_offset_ = 10;
+        if (version > 1) {
+            unsigned char more[2];
+            file_.read(more, 2);
+            length |= std::uint64_t{more[0]} << 16 | std::uint64_t{more[1]} << 24;
+            data_offset_ = 12;
+        }
+        if (length > 65535)
+            fail(fmt::format("is damaged: its header claims {} bytes (at most 65535 are taken)", length));
+        std::string text(static_cast<std::size_t>(length), '\0');
+        file_.read(text.data(), text.size());
+        data_offset_ += length;
+        const HeaderParser header(path_, text);
+        fortran_order_ = header.fortran_order;
+        set_type(header.descr);
+        set_shape(header.shape);
+        info_.format = "NPY";
+        const std::uint64_t needed =
+            info_.frame_count * info_.width * info_.height * info_.channels * type_->size_bytes;
+        if (file_.size() - data_offset_ < needed)
+            fail(fmt::format("is truncated: its header claims {} bytes of data, {} are there", needed,
+                             file_.size() - data_offset_));
+    }
+
+    void read_rows(std::uint64_t frame, const RowSink &sink) override {
+        if (fortran_order_)
+            read_fortran(frame, sink);
+        else
+            read_c(frame, sink);
+    }
+
+  private:
+    void set_type(const std::string &descr) {
+        const bool marked = !descr.empty() && std::strchr("<>|=", descr[0]) != nullptr;
+        const std::string code = marked ? descr.substr(1) : descr;
+        for (const SampleType &type : sample_types)
+            if (code == type.code)
+                type_ = &type;
+        if (!type_)
+            fail(fmt::format("its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken",
+                             descr.substr(0, 40)));
+        // The program runs on little-endian hosts only; '=' and '|' mean host order and no order.
+        swap_ = marked && descr[0] == '>' && type_->size_bytes > 1;
+        info_.sample = type_->name;
+        info_.full_scale = type_->full_scale;
+    }
+
+    void set_shape(std::vector<std::uint64_t> shape) {
+        std::string text;
+        for (const std::uint64_t side : shape)
+            text += (text.empty() ? "" : " x ") + std::to_string(side);
+        for (const std::uint64_t side : shape)
+            if (side == 0)
+                fail(fmt::format("holds an empty array ({})", text));
+        // A stack of frames that are 1 to 4 pixels wide makes no sense, so a short last axis is the channels.
+        const bool colored =
+            (shape.size() == 3 && shape[2] <= 4 && shape[1] > 4) || (shape.size() == 4 && shape[3] <= 4);
+        if (colored) {
+            info_.channels = static_cast<std::uint32_t>(shape.back());
+            info_.alpha = info_.channels == 2 || info_.channels == 4;
+            shape.pop_back();
+        }
+        if (shape.size() != 2 && shape.size() != 3)
+            fail(fmt::format("holds an array of {} ({} axes); height x width, frames x height x width, and either with 1 to 4 "
+                             "channels behind are taken",
+                             text.empty() ? "one number" : text, shape.size()));
+        if (shape.size() == 3) {
+            if (shape[0] > max_frames)
+                fail(fmt::format("holds {} frames; at most {} are taken", shape[0], max_frames));
+            info_.frame_count = shape[0];
+        }
+        const std::uint64_t height = shape[shape.size() - 2];
+        const std::uint64_t width = shape[shape.size() - 1];
+        check_size(width, height);
+        info_.width = static_cast<std::uint32_t>(width);
+        info_.height = static_cast<std::uint32_t>(height);
+    }
+
+    float convert(unsigned char *bytes) const {
+        if (swap_)
+            std::reverse(bytes, bytes + type_->size_bytes);
+        return type_->convert(bytes);
+    }
+
+    void read_c(std::uint64_t frame, const RowSink &sink) {
+        const std::size_t samples = std::size_t{info_.width} * info_.channels;
+        std::vector<unsigned char> bytes(samples * type_->size_bytes);
+        std::vector<float> row(samples);
+        file_.seek(data_offset_ + frame * info_.height * bytes.size());
+        for (std::uint32_t y = 0; y < info_.height; ++y) {
+            file_.read(bytes.data(), bytes.size());
+            for (std::size_t i = 0; i < samples; ++i)
+                row[i] = convert(bytes.data() + i * type_->size_bytes);
+            sink(row.data());
+        }
+    }
+
+    /** Element (n, y, x, c) lies at n + N (y + H (x + W c)): the whole file is needed for any frame. */
+    void read_fortran(std::uint64_t frame, const RowSink &sink) {
+        const std::size_t frames = info_.frame_count;
+        const std::size_t height = info_.height;
+        const std::size_t width = info_.width;
+        const std::size_t channels = info_.channels;
+        std::vector<unsigned char> bytes(frames * height * width * channels * type_->size_bytes);
+        file_.seek(data_offset_);
+        file_.read(bytes.data(), bytes.size());
+        std::vector<float> row(width * channels);
+        for (std::size_t y = 0; y < height; ++y) {
+            for (std::size_t x = 0; x < width; ++x)
+                for (std::size_t c = 0; c < channels; ++c)
+                    row[x * channels + c] =
+                        convert(bytes.data() + (frame + frames * (y + height * (x + width * c))) * type_->size_bytes);
+            sink(row.data());
+        }
+    }
+
+    detail::InputFile file_;
+    std::uint64_t data_offset_ = 0;
+    bool fortran_order_ = false;
+    const SampleType *type_ = nullptr;
+    bool swap_ = false;
+};
+
+std::string npy_header(const char *descr, const std::vector<std::uint64_t> &shape) {
+    std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': (", descr);
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        text += (i ? ", " : "") + std::to_string(shape[i]);
+    text += "), }";
+    // Version 1.0: the data begin at a multiple of 64 bytes.
+    text.append((64 - (10 + text.size() + 1) % 64) % 64, ' ');
+    text += '\n';
+    std::string header = "\x93NUMPY";
+    header += '\x01';
+    header += '\0';
+    header += static_cast<char>(text.size() & 255);
+    header += static_cast<char>(text.size() >> 8);
+    return header + text;
+}
+
+void write_npy(const std::string &path, const std::string &header, const void *data, std::size_t size_bytes) {
+    AtomicFile file(path);
+    file.write(header.data(), header.size());
+    file.write(data, size_bytes);
+    file.commit();
+}
+
+} // namespace
+
+void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
+    write_npy(path, npy_header("<u2", {height, width}), codes, std::size_t{width} * height * sizeof(*codes));
+}
+
+void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values) {
+    write_npy(path, npy_header("<f4", {height, width}), values, std::size_t{width} * height * sizeof(*values));
+}
+
+NpyStackWriter::NpyStackWriter(const std::string &path, std::uint64_t frame_count, std::uint32_t width,
+                               std::uint32_t height, std::size_t sample_bytes)
+    : file_(path), frame_bytes_(std::size_t{width} * height * sample_bytes) {
+    const std::string header = npy_header(sample_bytes == 2 ? "<u2" : "<f4", {frame_count, height, width});
+    file_.write(header.data(), header.size());
+}
+
+void NpyStackWriter::append(const void *frame) { file_.write(frame, frame_bytes_); }
+
+void NpyStackWriter::commit() { file_.commit(); }
+
+std::unique_ptr<Reader> detail::open_npy(const std::string &path) { return std::make_unique<NpyReader>(path); }
+
+} // namespace image_io

@@ -1,0 +1,162 @@
+// PNG by libspng: unlike stb_image it verifies the checksums, so that a damaged file does not pass for a picture.
+#include "image_io.hpp"
+
+#include <fmt/format.h>
+#include <spng.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace image_io {
+
+namespace {
+
+struct ContextDeleter {
+    void operator()(spng_ctx *context) const { spng_ctx_free(context); }
+};
+using Context = std::unique_ptr<spng_ctx, ContextDeleter>;
+
+class PngReader final : public Reader {
+  public:
+    explicit PngReader(const std::string &path) : Reader(path), file_(path) {
+        const Context context = start();
+        width_bytes_ = 0;
+        info_.format = "PNG";
+        info_.width = header_.width;
+        info_.height = header_.height;
+        const bool indexed = header_.color_type == SPNG_COLOR_TYPE_INDEXED;
+        const bool two_bytes = header_.bit_depth == 16;
+        info_.alpha = header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE_ALPHA ||
+                      header_.color_type == SPNG_COLOR_TYPE_TRUECOLOR_ALPHA;
+        const bool gray =
+            header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE || header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE_ALPHA;
+        info_.channels = (gray ? 1 : 3) + (info_.alpha ? 1 : 0);
+        info_.sample = two_bytes ? "uint16" : "uint8";
+        info_.full_scale = two_bytes ? 65535 : 255;
+        // G8 and RGB8 widen 1, 2 and 4 bits and look palettes up; PNG gives the samples as they are, in host order.
+        output_format_ = indexed ? SPNG_FMT_RGB8
+                         : header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE && !two_bytes ? SPNG_FMT_G8
+                                                                                         : SPNG_FMT_PNG;
+        width_bytes_ = std::size_t{info_.width} * info_.channels * (two_bytes ? 2 : 1);
+        // Deflate cannot shrink by more than 1032, and rows of less than a byte per pixel are an eighth at the least.
+        if (width_bytes_ / (two_bytes || header_.bit_depth == 8 ? 1 : 24) * info_.height > file_.size() * 1040)
+            fail(fmt::format("is truncated or damaged: {} bytes cannot hold {} x {} pixels", file_.size(), info_.width,
+                             info_.height));
+    }
+
+    void read_rows(std::uint64_t, const RowSink &sink) override {
+        const Context context = start();
+        std::vector<float> row(std::size_t{info_.width} * info_.channels);
+        if (header_.interlace_method != SPNG_INTERLACE_NONE) {
+            std::size_t size = 0;
+            check(spng_decoded_image_size(context.get(), output_format_, &size));
+            if (size != width_bytes_ * info_.height)
+                fail("is damaged: its rows have an unexpected size");
+            std::vector<unsigned char> image(size);
+            check(spng_decode_image(context.get(), image.data(), image.size(), output_format_, 0));
+            finish(context.get());
+            for (std::uint32_t y = 0; y < info_.height; ++y) {
+                convert(image.data() + y * width_bytes_, row);
+                sink(row.data());
+            }
+            return;
+        }
+        check(spng_decode_image(context.get(), nullptr, 0, output_format_, SPNG_DECODE_PROGRESSIVE));
+        std::vector<unsigned char> bytes(width_bytes_);
+        for (std::uint32_t y = 0; y < info_.height; ++y) {
+            const int status = spng_decode_row(context.get(), bytes.data(), bytes.size());
+            if (status != SPNG_OK && !(status == SPNG_EOI && y + 1 == info_.height))
+                check(status);
+            convert(bytes.data(), row);
+            sink(row.data());
+        }
+        finish(context.get());
+    }
+
+  private:
+    Context start() {
+        file_.seek(0);
+        Context context(spng_ctx_new(0));
+        if (!context)
+            throw std::bad_alloc();
+        check(spng_set_chunk_limits(context.get(), std::size_t{16} << 20, std::size_t{64} << 20));
+        check(spng_set_png_file(context.get(), file_.stream()));
+        check(spng_get_ihdr(context.get(), &header_));
+        check_size(header_.width, header_.height);
+        return context;
+    }
+
+    /** Reads to the end of the file, so that a checksum there or a missing end is seen. */
+    void finish(spng_ctx *context) { check(spng_decode_chunks(context)); }
+
+    void check(int status) const {
+        if (status == SPNG_OK)
+            return;
+        if (status == SPNG_IO_EOF || status == SPNG_EOF || status == SPNG_EIDAT_TOO_SHORT || status == SPNG_EOI)
+            fail("is truncated: the PNG data end too early");
+        if (status == SPNG_EMEM)
+            throw std::bad_alloc();
+        fail(fmt::format("is damaged: {}", spng_strerror(status)));
+    }
+
+    void convert(const unsigned char *bytes, std::vector<float> &row) const {
+        if (info_.full_scale == 255) {
+            for (std::size_t i = 0; i < row.size(); ++i)
+                row[i] = bytes[i];
+            return;
+        }
+        for (std::size_t i = 0; i < row.size(); ++i) {
+            std::uint16_t value;
+            std::memcpy(&value, bytes + 2 * i, 2);
+            row[i] = value;
+        }
+    }
+
+    detail::InputFile file_;
+    spng_ihdr header_{};
+    std::size_t width_bytes_ = 0;
+    int output_format_ = 0;
+};
+
+void write_png(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint8_t bits, const void *data) {
+    AtomicFile file(path);
+    const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
+    if (!context)
+        throw std::bad_alloc();
+    const auto check = [&](int status) {
+        if (status == SPNG_OK)
+            return;
+        if (status == SPNG_EMEM)
+            throw std::bad_alloc();
+        if (status == SPNG_IO_ERROR || status == SPNG_EIO)
+            throw WriteError(path, fmt::format("cannot be written: {}", std::strerror(errno)));
+        throw WriteError(path, fmt::format("cannot be encoded as PNG: {}", spng_strerror(status)));
+    };
+    spng_ihdr header{};
+    header.width = width;
+    header.height = height;
+    header.bit_depth = bits;
+    header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
+    // Speckle is noise: more effort than this makes the file hardly smaller and the program much slower.
+    check(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 3));
+    check(spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_SUB));
+    check(spng_set_png_file(context.get(), file.stream()));
+    check(spng_set_ihdr(context.get(), &header));
+    const std::size_t size = std::size_t{width} * height * (bits / 8);
+    check(spng_encode_image(context.get(), data, size, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
+    file.commit();
+}
+
+} // namespace
+
+void write_png16(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
+    write_png(path, width, height, 16, codes);
+}
+
+void write_png8(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint8_t *codes) {
+    write_png(path, width, height, 8, codes);
+}
+
+std::unique_ptr<Reader> detail::open_png(const std::string &path) { return std::make_unique<PngReader>(path); }
+
+} // namespace image_io

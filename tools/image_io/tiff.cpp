@@ -1,0 +1,325 @@
+// TIFF by libtiff: strips and tiles, chunky and planar, 8, 16 and 32-bit unsigned, 16, 32 and 64-bit floating point.
+#include "image_io.hpp"
+
+#include <fmt/format.h>
+
+#include <Imath/half.h>
+#include <tiffio.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdarg>
+#include <cstring>
+
+namespace image_io {
+
+namespace {
+
+/** libtiff's messages, which it would print. */
+struct Messages {
+    std::string first_error;
+    static int error(TIFF *, void *user, const char *, const char *format, va_list arguments) {
+        auto *self = static_cast<Messages *>(user);
+        if (self->first_error.empty()) {
+            char text[256];
+            std::vsnprintf(text, sizeof(text), format, arguments);
+            self->first_error = text;
+        }
+        return 1;
+    }
+    static int warning(TIFF *, void *, const char *, const char *, va_list) { return 1; }
+};
+
+struct TiffDeleter {
+    void operator()(TIFF *tiff) const { TIFFClose(tiff); }
+};
+using Tiff = std::unique_ptr<TIFF, TiffDeleter>;
+
+Tiff open_tiff_file(const std::string &path, const char *mode, Messages &messages) {
+    std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions *)> options(TIFFOpenOptionsAlloc(), TIFFOpenOptionsFree);
+    if (!options)
+        throw std::bad_alloc();
+    TIFFOpenOptionsSetErrorHandlerExtR(options.get(), Messages::error, &messages);
+    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), Messages::warning, &messages);
+    // The largest strip that a plausible file has is the whole image of 16384 x 16384 x 4 bytes.
+    TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), tmsize_t{1} << 31);
+    return Tiff(TIFFOpenExt(path.c_str(), mode, options.get()));
+}
+
+template <typename T> float to_float(const unsigned char *bytes) {
+    T value;
+    std::memcpy(&value, bytes, sizeof(T));
+    return static_cast<float>(value);
+}
+
+float half_to_float(const unsigned char *bytes) {
+    std::uint16_t bits;
+    std::memcpy(&bits, bytes, 2);
+    Imath::half value;
+    value.setBits(bits);
+    return static_cast<float>(value);
+}
+
+/** What one page holds. */
+struct Layout {
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::uint16_t bits = 1;
+    std::uint16_t channels = 1;
+    std::uint16_t sample_format = SAMPLEFORMAT_UINT;
+    std::uint16_t photometric = PHOTOMETRIC_MINISBLACK;
+    std::uint16_t planar = PLANARCONFIG_CONTIG;
+    std::uint16_t compression = COMPRESSION_NONE;
+    bool alpha = false;
+    bool tiled = false;
+};
+
+class TiffReader final : public Reader {
+  public:
+    explicit TiffReader(const std::string &path) : Reader(path) {
+        const detail::InputFile probe(path);
+        file_size_ = probe.size();
+        // "m": no memory map, or a file that another program cuts meanwhile would end this one.
+        tiff_ = open_tiff_file(path, "rm", messages_);
+        if (!tiff_)
+            broken("is not a readable TIFF file");
+        const Layout layout = read_layout();
+        info_.format = "TIFF";
+        info_.width = layout.width;
+        info_.height = layout.height;
+        info_.channels = layout.channels;
+        info_.alpha = layout.alpha;
+        const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;
+        info_.sample = fmt::format("{}{}", real ? "float" : "uint", layout.bits);
+        info_.full_scale = real || layout.bits > 16 ? 0 : (1 << layout.bits) - 1;
+        bits_ = layout.bits;
+        const std::uint64_t pages = TIFFNumberOfDirectories(tiff_.get());
+        // A directory takes at least 6 bytes; more of them than the file can hold are a loop.
+        info_.frame_count = std::max<std::uint64_t>(1, std::min(pages, file_size_ / 6));
+        if (!messages_.first_error.empty())
+            broken("is damaged");
+    }
+
+    void read_rows(std::uint64_t frame, const RowSink &sink) override {
+        messages_.first_error.clear();
+        if (!TIFFSetDirectory(tiff_.get(), static_cast<tdir_t>(frame)))
+            broken(fmt::format("page {} cannot be read", frame));
+        const Layout layout = read_layout();
+        if (layout.width != info_.width || layout.height != info_.height || layout.channels != info_.channels ||
+            layout.bits != bits_)
+            fail(fmt::format("page {} is {} x {} with {} channels of {} bits, the first page is {} x {} with {} of {}", frame,
+                             layout.width, layout.height, layout.channels, layout.bits, info_.width, info_.height,
+                             info_.channels, bits_));
+        if (layout.tiled)
+            read_bands(layout, sink, tile_width(layout), tile_height(layout), TIFFTileSize64(tiff_.get()));
+        else
+            read_bands(layout, sink, layout.width, strip_height(layout), TIFFStripSize64(tiff_.get()));
+    }
+
+  private:
+    [[noreturn]] void broken(const std::string &what) const {
+        fail(messages_.first_error.empty() ? what : fmt::format("{}: {}", what, messages_.first_error));
+    }
+
+    template <typename T> T field(std::uint32_t tag, T fallback) const {
+        T value = fallback;
+        return TIFFGetFieldDefaulted(tiff_.get(), tag, &value) ? value : fallback;
+    }
+
+    Layout read_layout() const {
+        Layout layout;
+        layout.width = field<std::uint32_t>(TIFFTAG_IMAGEWIDTH, 0);
+        layout.height = field<std::uint32_t>(TIFFTAG_IMAGELENGTH, 0);
+        check_size(layout.width, layout.height);
+        layout.bits = field<std::uint16_t>(TIFFTAG_BITSPERSAMPLE, 1);
+        layout.channels = field<std::uint16_t>(TIFFTAG_SAMPLESPERPIXEL, 1);
+        layout.sample_format = field<std::uint16_t>(TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT);
+        layout.photometric = field<std::uint16_t>(TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+        layout.planar = field<std::uint16_t>(TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+        layout.compression = field<std::uint16_t>(TIFFTAG_COMPRESSION, COMPRESSION_NONE);
+        layout.tiled = TIFFIsTiled(tiff_.get()) != 0;
+        if (layout.sample_format == SAMPLEFORMAT_VOID)
+            layout.sample_format = SAMPLEFORMAT_UINT;
+        const bool integer = layout.sample_format == SAMPLEFORMAT_UINT &&
+                             (layout.bits == 8 || layout.bits == 16 || layout.bits == 32);
+        const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP &&
+                          (layout.bits == 16 || layout.bits == 32 || layout.bits == 64);
+        if (!integer && !real) {
+            const char *kind = layout.sample_format == SAMPLEFORMAT_UINT     ? "unsigned"
+                               : layout.sample_format == SAMPLEFORMAT_INT    ? "signed"
+                               : layout.sample_format == SAMPLEFORMAT_IEEEFP ? "floating-point"
+                                                                             : "complex or unknown";
+            fail(fmt::format("its samples are {} of {} bits; unsigned of 8, 16 or 32 and floating-point of 16, 32 or 64 are "
+                             "taken",
+                             kind, layout.bits));
+        }
+        std::uint16_t extra_count = 0;
+        std::uint16_t *extra = nullptr;
+        (void)TIFFGetFieldDefaulted(tiff_.get(), TIFFTAG_EXTRASAMPLES, &extra_count, &extra);
+        const bool gray = layout.photometric == PHOTOMETRIC_MINISBLACK || layout.photometric == PHOTOMETRIC_MINISWHITE;
+        if (!gray && layout.photometric != PHOTOMETRIC_RGB)
+            fail(fmt::format("its color space (photometric interpretation {}) is not supported; gray and RGB are",
+                             layout.photometric));
+        const unsigned colors = gray ? 1 : 3;
+        if (layout.channels < colors || layout.channels > 4)
+            fail(fmt::format("{} samples per pixel are not supported (gray or RGB, with or without opacity, are)",
+                             layout.channels));
+        layout.alpha = layout.channels == colors + 1;
+        if (layout.channels > colors + 1)
+            fail(fmt::format("{} samples per pixel of a gray image are not supported", layout.channels));
+        if (layout.photometric == PHOTOMETRIC_MINISWHITE && !integer)
+            fail("a floating-point image whose zero is white is not supported");
+        return layout;
+    }
+
+    std::uint32_t tile_width(const Layout &) const {
+        const auto width = field<std::uint32_t>(TIFFTAG_TILEWIDTH, 0);
+        if (width == 0 || width > 2 * max_side)
+            broken("is damaged: its tiles have no sensible width");
+        return width;
+    }
+    std::uint32_t tile_height(const Layout &) const {
+        const auto height = field<std::uint32_t>(TIFFTAG_TILELENGTH, 0);
+        if (height == 0 || height > 2 * max_side)
+            broken("is damaged: its tiles have no sensible height");
+        return height;
+    }
+    std::uint32_t strip_height(const Layout &layout) const {
+        return std::min(std::max<std::uint32_t>(1, field<std::uint32_t>(TIFFTAG_ROWSPERSTRIP, layout.height)),
+                        layout.height);
+    }
+
+    /** Strips are tiles as wide as the image: both are read band by band. */
+    void read_bands(const Layout &layout, const RowSink &sink, std::uint32_t block_width, std::uint32_t block_height,
+                    std::uint64_t block_bytes) {
+        const std::size_t sample_bytes = layout.bits / 8;
+        const bool separate = layout.planar == PLANARCONFIG_SEPARATE && layout.channels > 1;
+        const std::size_t block_channels = separate ? 1 : layout.channels;
+        const std::size_t block_row_bytes = std::size_t{block_width} * block_channels * sample_bytes;
+        if (block_bytes < block_row_bytes * block_height || block_bytes > std::uint64_t{1} << 31)
+            broken("is damaged: its strips or tiles have no sensible size");
+        // Far above what any of the compressions reaches; it keeps a damaged header from taking gigabytes.
+        const std::uint64_t ratio = layout.compression == COMPRESSION_NONE ? 1 : 100000;
+        if (block_bytes / ratio > file_size_)
+            broken("is truncated or damaged: its strips or tiles are larger than the file");
+        std::vector<unsigned char> block(static_cast<std::size_t>(block_bytes));
+        const std::size_t row_samples = std::size_t{layout.width} * layout.channels;
+        std::vector<float> band;
+        for (std::uint32_t y0 = 0; y0 < layout.height; y0 += block_height) {
+            const std::uint32_t rows = std::min(block_height, layout.height - y0);
+            if (!layout.tiled && !separate) {
+                band.resize(row_samples);
+                read_block(layout, block, 0, y0, 0, block_row_bytes * rows);
+                for (std::uint32_t y = 0; y < rows; ++y) {
+                    for (std::size_t i = 0; i < row_samples; ++i)
+                        band[i] = convert(layout, block.data() + y * block_row_bytes + i * sample_bytes);
+                    sink(band.data());
+                }
+                continue;
+            }
+            band.resize(row_samples * rows);
+            for (std::uint16_t plane = 0; plane < (separate ? layout.channels : 1); ++plane) {
+                for (std::uint32_t x0 = 0; x0 < layout.width; x0 += block_width) {
+                    read_block(layout, block, x0, y0, plane, block_row_bytes * (layout.tiled ? block_height : rows));
+                    const std::uint32_t columns = std::min(block_width, layout.width - x0);
+                    for (std::uint32_t y = 0; y < rows; ++y) {
+                        const unsigned char *from = block.data() + y * block_row_bytes;
+                        float *to = band.data() + y * row_samples + std::size_t{x0} * layout.channels + plane;
+                        for (std::size_t i = 0; i < columns * block_channels; ++i)
+                            to[separate ? i * layout.channels : i] = convert(layout, from + i * sample_bytes);
+                    }
+                }
+            }
+            for (std::uint32_t y = 0; y < rows; ++y)
+                sink(band.data() + y * row_samples);
+        }
+    }
+
+    void read_block(const Layout &layout, std::vector<unsigned char> &block, std::uint32_t x, std::uint32_t y,
+                    std::uint16_t plane, std::size_t needed) {
+        TIFF *tiff = tiff_.get();
+        const auto size = static_cast<tmsize_t>(block.size());
+        tmsize_t got;
+        if (layout.tiled)
+            got = TIFFReadEncodedTile(tiff, TIFFComputeTile(tiff, x, y, 0, plane), block.data(), size);
+        else
+            got = TIFFReadEncodedStrip(tiff, TIFFComputeStrip(tiff, y, plane), block.data(), size);
+        // An error that libtiff goes on after leaves pixels of chance behind.
+        if (got < 0 || static_cast<std::size_t>(got) < needed || !messages_.first_error.empty())
+            broken(fmt::format("is truncated or damaged near row {}", y));
+    }
+
+    float convert(const Layout &layout, const unsigned char *bytes) const {
+        if (layout.sample_format == SAMPLEFORMAT_IEEEFP)
+            return layout.bits == 16   ? half_to_float(bytes)
+                   : layout.bits == 32 ? to_float<float>(bytes)
+                                       : to_float<double>(bytes);
+        const float value = layout.bits == 8    ? static_cast<float>(*bytes)
+                            : layout.bits == 16 ? to_float<std::uint16_t>(bytes)
+                                                : to_float<std::uint32_t>(bytes);
+        if (layout.photometric == PHOTOMETRIC_MINISWHITE)
+            return static_cast<float>((layout.bits == 32 ? 4294967295.0 : info_.full_scale) - value);
+        return value;
+    }
+
+    Messages messages_;
+    Tiff tiff_;
+    std::uint64_t file_size_ = 0;
+    unsigned bits_ = 0;
+};
+
+void write_tiff_samples(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint16_t bits,
+                        const void *data) {
+    AtomicFile file(path);
+    file.close();
+    Messages messages;
+    const Tiff tiff = open_tiff_file(file.temporary_path(), "w", messages);
+    const auto fail = [&]() {
+        const int code = errno;
+        throw WriteError(path, fmt::format("cannot be written: {}",
+                                           messages.first_error.empty() ? std::strerror(code) : messages.first_error));
+    };
+    if (!tiff)
+        fail();
+    const std::uint32_t rows = std::max<std::uint32_t>(1, std::min(height, 65536 / (width * bits / 8) + 1));
+    TIFFSetField(tiff.get(), TIFFTAG_IMAGEWIDTH, width);
+    TIFFSetField(tiff.get(), TIFFTAG_IMAGELENGTH, height);
+    TIFFSetField(tiff.get(), TIFFTAG_BITSPERSAMPLE, bits);
+    TIFFSetField(tiff.get(), TIFFTAG_SAMPLESPERPIXEL, 1);
+    TIFFSetField(tiff.get(), TIFFTAG_SAMPLEFORMAT, bits == 32 ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_UINT);
+    TIFFSetField(tiff.get(), TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+    TIFFSetField(tiff.get(), TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+    TIFFSetField(tiff.get(), TIFFTAG_ROWSPERSTRIP, rows);
+    TIFFSetField(tiff.get(), TIFFTAG_COMPRESSION, COMPRESSION_ADOBE_DEFLATE);
+    // The predictor for floating point is one that many readers lack.
+    TIFFSetField(tiff.get(), TIFFTAG_PREDICTOR, bits == 32 ? PREDICTOR_NONE : PREDICTOR_HORIZONTAL);
+    TIFFSetField(tiff.get(), TIFFTAG_ZIPQUALITY, 3);
+    const std::size_t row_bytes = std::size_t{width} * (bits / 8);
+    // The predictor works in place.
+    std::vector<unsigned char> strip;
+    const auto *bytes = static_cast<const unsigned char *>(data);
+    for (std::uint32_t y = 0, index = 0; y < height; y += rows, ++index) {
+        const std::size_t size = row_bytes * std::min(rows, height - y);
+        strip.assign(bytes + y * row_bytes, bytes + y * row_bytes + size);
+        if (TIFFWriteEncodedStrip(tiff.get(), index, strip.data(), static_cast<tmsize_t>(size)) < 0)
+            fail();
+    }
+    // TIFFClose has no result: what it would write is written here.
+    if (!TIFFFlush(tiff.get()) || !messages.first_error.empty())
+        fail();
+    file.commit();
+}
+
+} // namespace
+
+void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
+    write_tiff_samples(path, width, height, 16, codes);
+}
+
+void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values) {
+    write_tiff_samples(path, width, height, 32, values);
+}
+
+std::unique_ptr<Reader> detail::open_tiff(const std::string &path) { return std::make_unique<TiffReader>(path); }
+
+} // namespace image_io

@@ -1,0 +1,74 @@
+/**
+ * @file input.hpp
+ * @brief What render reads: ideal images, or scenes as G-buffers, frame by frame.
+ */
+#ifndef CLSPECKLE_TOOLS_INPUT_HPP
+#define CLSPECKLE_TOOLS_INPUT_HPP
+
+#include "console.hpp"
+#include "image_io/image_io.hpp"
+#include "options.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+/** The files that the command line names. */
+struct InputPaths {
+    std::vector<std::string> inputs;
+    std::string depth;
+    std::string position;
+    std::string normal;
+    std::string albedo;
+    std::string visibility;
+    std::string refresh_mask;
+
+    bool any_plane() const { return !(depth + position + normal + albedo + visibility).empty(); }
+};
+
+/** One frame in host memory; what the input lacks is empty. */
+struct FrameData {
+    std::string name;            ///< For messages.
+    image_io::Plane irradiance;  ///< Ideal image, scaled.
+    image_io::Plane depth;
+    image_io::VectorPlane position;
+    image_io::VectorPlane normal;
+    image_io::Plane albedo;
+    image_io::Plane visibility;
+    std::vector<std::uint8_t> refresh; ///< 1: new speckle.
+};
+
+/** A source of frames. Frames may be read from another thread, one at a time. */
+class Input {
+  public:
+    virtual ~Input() = default;
+
+    bool scene = false;
+    std::string kind; ///< For eyes.
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::uint64_t frame_count = 1;
+    std::string first_name;
+
+    /**
+     * Reads and checks a frame: NaN, infinite and negative values are refused with file and pixel.
+     * @param warnings is appended to.
+     */
+    virtual FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) = 0;
+};
+
+/**
+ * Finds out what the input is. What a sequence.json says goes into the configuration.
+ * @param paths as the command line gives them.
+ */
+std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config);
+
+/** The first place where the values are not finite and >= 0 (and <= high), as an InputError naming file and pixel. */
+void check_values(const image_io::Plane &plane, const std::string &path, const char *what, double high);
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_INPUT_HPP

@@ -1,0 +1,520 @@
+#include "options.hpp"
+
+#include "errors.hpp"
+#include "files.hpp"
+
+#include <clspeckle/clspeckle.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+namespace tools {
+
+namespace {
+
+constexpr double max_index = 281474976710655.0; // 2^48 - 1, the frame counter's range
+constexpr double max_seed = 18446744073709551615.0;
+
+Option boolean(const char *section, const char *key, bool fallback, const char *help) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = Kind::boolean;
+    o.fallback = fallback;
+    o.help = help;
+    return o;
+}
+
+Option integer(const char *section, const char *key, Json fallback, double low, double high, const char *unit,
+               const char *help, std::vector<std::string> words = {}) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = Kind::integer;
+    o.fallback = std::move(fallback);
+    o.low = low;
+    o.high = high;
+    o.unit = unit;
+    o.help = help;
+    o.words = std::move(words);
+    return o;
+}
+
+Option number(const char *section, const char *key, double fallback, double low, bool low_excluded, double high,
+              const char *unit, const char *help, std::vector<std::string> words = {}) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = Kind::number;
+    o.fallback = std::isinf(fallback) ? Json("inf") : Json(fallback);
+    o.low = low;
+    o.low_excluded = low_excluded;
+    o.high = high;
+    o.unit = unit;
+    o.help = help;
+    o.words = std::move(words);
+    return o;
+}
+
+Option choice(const char *section, const char *key, std::vector<std::string> words, std::size_t fallback,
+              const char *help) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = Kind::choice;
+    o.fallback = words.at(fallback);
+    o.words = std::move(words);
+    o.help = help;
+    return o;
+}
+
+Option text(const char *section, const char *key, Kind kind, const char *help) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = kind;
+    o.fallback = "";
+    o.help = help;
+    return o;
+}
+
+Option numbers(const char *section, const char *key, std::vector<double> fallback, std::vector<std::size_t> counts,
+               double low, bool low_excluded, const char *unit, const char *help) {
+    Option o;
+    o.section = section;
+    o.key = key;
+    o.kind = Kind::numbers;
+    o.fallback = std::move(fallback);
+    o.counts = std::move(counts);
+    o.low = low;
+    o.low_excluded = low_excluded;
+    o.unit = unit;
+    o.help = help;
+    return o;
+}
+
+std::vector<Option> make_table() {
+    const auto aperture = clspeckle::make<ClspApertureDesc>();
+    const auto phase = clspeckle::make<ClspPhaseDesc>();
+    const auto sensor = clspeckle::make<ClspSensorDesc>();
+    const auto pattern = clspeckle::make<ClspPatternDesc>();
+    const auto geometry = clspeckle::make<ClspGeometry>();
+    const auto frame = clspeckle::make<ClspFrame>();
+    const double infinity = std::numeric_limits<double>::infinity();
+    const auto &pose = pattern.laser_from_geometry;
+
+    std::vector<Option> table = {
+        number("aperture", "f_number", aperture.f_number, 0, true, infinity, "", "f-number of the lens"),
+        number("aperture", "pixel_pitch_m", aperture.pixel_pitch_m, 0, true, infinity, "m",
+               "distance between two pixels of the sensor"),
+        number("aperture", "wavelength_m", aperture.wavelength_m, 0, true, infinity, "m", "wavelength of the laser"),
+        number("aperture", "relative_diameter", aperture.relative_diameter, 0, false, infinity, "cycles/px",
+               "diameter of the aperture in the frequency plane, at most the oversampling; 0: pixel_pitch / (wavelength * "
+               "f_number)"),
+        number("aperture", "degree_of_polarization", aperture.degree_of_polarization, 0, false, 1, "",
+               "of the light that the surface returns; below 1 two independent speckle patterns add up"),
+        number("aperture", "soft_rim", aperture.soft_rim, 0, false, 1, "",
+               "part of the aperture's radius over which it falls from 1 to 0"),
+        text("aperture", "pupil_image", Kind::file,
+             "amplitude transmission of the pupil, 0 to 1 (integers: of full scale); empty: a circle"),
+        choice("aperture", "normalization", {"transmission", "unit_mean"}, aperture.normalization,
+               "whether a smaller aperture passes less light (transmission) or the mean is kept (unit_mean)"),
+        integer("aperture", "oversampling", aperture.oversampling, 1, 8, "",
+                "field samples per pixel along each axis; the pixel integrates over them"),
+        integer("aperture", "guard_px", aperture.guard_px, 0, 16384, "px",
+                "padding at least this wide against light that wraps around the border"),
+
+        choice("phase", "field", {"circular_gaussian", "unit_phasor"}, phase.field,
+               "scatterers per sample: very many (circular_gaussian) or one (unit_phasor)"),
+        integer("phase", "seed", "auto", 0, max_seed, "", "seed of the speckle; auto: --seed", {"auto"}),
+
+        boolean("sensor", "enabled", true, "expose a sensor; without it the output is the intensity in front of it"),
+        integer("sensor", "bits", sensor.bits, 8, 16, "", "bits of a code"),
+        number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, 0, false, infinity, "dn",
+               "codes per unit of intensity; auto: the 99.9th percentile of the first ideal image, speckled, has a mean of half "
+               "of full scale",
+               {"auto"}),
+        number("sensor", "saturation_dn", sensor.saturation_dn, 0, true, infinity, "dn",
+               "the signal stops here; inf: only the converter clips"),
+        number("sensor", "black_level_dn", sensor.black_level_dn, -infinity, false, infinity, "dn", "code without light"),
+        number("sensor", "read_noise_dn", sensor.read_noise_dn, 0, false, infinity, "dn",
+               "standard deviation of the temporal noise"),
+        number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, 0, false, 1, "", "share of hot pixels"),
+        number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, 0, false, infinity, "dn",
+               "mean offset of a hot pixel"),
+        number("sensor", "cold_pixel_fraction", sensor.cold_pixel_fraction, 0, false, 1, "",
+               "share of pixels that see no light"),
+        text("sensor", "dark_frame", Kind::file, "image of the mean dark signal above the black level, in dn"),
+        boolean("sensor", "quantize", sensor.quantize != 0, "round float outputs to codes"),
+        number("sensor", "float_full_scale", sensor.float_full_scale, 0, true, infinity, "",
+               "value of the top code in a float output"),
+        integer("sensor", "seed", "auto", 0, max_seed, "", "seed of noise and bad pixels; auto: --seed", {"auto"}),
+
+        text("pattern", "image", Kind::file, "the projected pattern of a scene, linear in radiant intensity"),
+        number("pattern", "half_extent_x", pattern.half_extent_x, 0, true, infinity, "",
+               "half of the pattern's width in pattern coordinates"),
+        number("pattern", "half_extent_y", pattern.half_extent_y, 0, true, infinity, "",
+               "half of the pattern's height in pattern coordinates"),
+        choice("pattern", "projection", {"tangent_plane", "direction_cosines"}, pattern.projection,
+               "pattern coordinates: x/z, y/z or x/d, y/d"),
+        choice("pattern", "quantity", {"radiant_intensity", "plane_irradiance"}, pattern.quantity,
+               "what the pattern's values are: W/sr, or irradiance on a plane at unit distance"),
+        number("pattern", "power_scale", pattern.power_scale, 0, false, infinity, "", "factor on the pattern's values"),
+        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12}, -infinity,
+                false, "m", "pose of the laser, [R|t], 3 x 4 row by row"),
+
+        number("camera", "fx_px", geometry.fx_px, 0, false, infinity, "px", "focal length along x; needed with depth"),
+        number("camera", "fy_px", geometry.fy_px, 0, false, infinity, "px", "focal length along y; needed with depth"),
+        number("camera", "cx_px", geometry.cx_px, -infinity, false, infinity, "px", "principal point, x; pixel centres are integers"),
+        number("camera", "cy_px", geometry.cy_px, -infinity, false, infinity, "px", "principal point, y"),
+        choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
+               "whether depth is the z coordinate or the distance from the camera"),
+
+        text("render", "device", Kind::text,
+             "OpenCL device: platform:device, gpu, cpu, or a part of its name; empty: the best one (see clspeckle devices)"),
+        integer("render", "seed", phase.seed, 0, max_seed, "", "seed of everything random"),
+        integer("render", "frames", "auto", 1, 1e6, "",
+                "frames to render; a still input is repeated: same speckle, new noise; auto: as many as the input has", {"auto"}),
+        integer("render", "first_frame", frame.frame_index, 0, max_index - 1e6, "",
+                "frame counter of the first frame (noise, refreshed speckle, file names)"),
+        choice("render", "refresh", {"mask", "all", "none"}, frame.refresh,
+               "new speckle where the input's refresh mask is not 0, everywhere, or nowhere"),
+        number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
+               "factor on an ideal image; integer images are divided by their top code first"),
+        text("render", "channel", Kind::text, "channel of an EXR ideal image; empty: its only one, Y, or R, G, B"),
+        choice("render", "format",
+               {"png16", "tiff16", "npy", "npy-stack", "float-npy", "float-npy-stack", "float-tiff"}, 0,
+               "of the frames; 16-bit files hold the codes as they are: 1023 of 10 bits is stored as 1023"),
+        boolean("render", "preview", true, "also write 8-bit PNG previews, scaled to the first frame"),
+        boolean("render", "save_ideal", false, "also write the ideal images, as float NPY"),
+        boolean("render", "profile", false, "show the time of each stage over all frames"),
+    };
+
+    for (Option &o : table) {
+        const bool shared = std::any_of(table.begin(), table.end(), [&](const Option &other) {
+            return other.key == o.key && other.section != o.section;
+        });
+        std::string name = o.key;
+        // The pattern's words mean nothing alone; a key of two sections needs its section, except the program's own.
+        if (o.section == "pattern")
+            name = o.key == "image" ? "pattern" : "pattern_" + o.key;
+        else if (o.key == "enabled")
+            name = o.section;
+        else if (shared && o.section != "render")
+            name = o.section + "_" + o.key;
+        std::replace(name.begin(), name.end(), '_', '-');
+        o.name = name;
+        for (const char *suffix : {"-dn", "-m", "-px"}) {
+            const std::string tail = suffix;
+            if (name.size() > tail.size() && name.compare(name.size() - tail.size(), tail.size(), tail) == 0)
+                o.alias = name.substr(0, name.size() - tail.size());
+        }
+    }
+    return table;
+}
+
+std::string shown(const Json &value) { return value.dump(); }
+
+std::string joined(const std::vector<std::string> &words, const char *last) {
+    std::string text;
+    for (std::size_t i = 0; i < words.size(); ++i)
+        text += (i == 0 ? "" : i + 1 == words.size() ? last : ", ") + words[i];
+    return text;
+}
+
+[[noreturn]] void refuse(const Option &o, const Json &value, const std::string &where) {
+    std::string wanted = o.range();
+    switch (o.kind) {
+    case Kind::boolean:
+        wanted = "true or false";
+        break;
+    case Kind::integer:
+        wanted = "an integer" + (wanted.empty() ? "" : ", " + wanted);
+        break;
+    case Kind::number:
+        wanted = "a number" + (wanted.empty() ? "" : ", " + wanted);
+        break;
+    case Kind::choice:
+        break;
+    case Kind::text:
+    case Kind::file:
+        wanted = "a text";
+        break;
+    case Kind::numbers:
+        wanted = "a list of " + wanted;
+        break;
+    }
+    throw InputError(fmt::format("{} must be {}; got {}", where, wanted, shown(value)));
+}
+
+bool in_range(const Option &o, double value) {
+    return std::isfinite(value) && (o.low_excluded ? value > o.low : value >= o.low) && value <= o.high;
+}
+
+/** The value in the form in which it is kept, or an error. */
+Json checked(const Option &o, const Json &value, const std::string &where) {
+    if (value.is_string() && (o.kind == Kind::integer || o.kind == Kind::number || o.kind == Kind::choice)) {
+        if (std::find(o.words.begin(), o.words.end(), value.get<std::string>()) != o.words.end())
+            return value;
+        if (o.kind == Kind::number && value == "inf" && o.fallback == "inf")
+            return value;
+        refuse(o, value, where);
+    }
+    switch (o.kind) {
+    case Kind::boolean:
+        if (value.is_boolean())
+            return value;
+        break;
+    case Kind::integer:
+        if (value.is_number_unsigned() && in_range(o, static_cast<double>(value.get<std::uint64_t>())))
+            return value;
+        // 5.0 is an integer for people and for most JSON writers.
+        if (value.is_number() && value.get<double>() == std::floor(value.get<double>()) && value.get<double>() >= 0 &&
+            value.get<double>() < 9007199254740992.0 && in_range(o, value.get<double>()))
+            return static_cast<std::uint64_t>(value.get<double>());
+        break;
+    case Kind::number:
+        if (value.is_number() && in_range(o, value.get<double>()))
+            return value.get<double>();
+        break;
+    case Kind::text:
+    case Kind::file:
+        if (value.is_string())
+            return value;
+        break;
+    case Kind::numbers:
+        if (value.is_array() && std::find(o.counts.begin(), o.counts.end(), value.size()) != o.counts.end() &&
+            std::all_of(value.begin(), value.end(),
+                        [&](const Json &v) { return v.is_number() && in_range(o, v.get<double>()); }))
+            return value.get<std::vector<double>>();
+        break;
+    case Kind::choice:
+        break;
+    }
+    refuse(o, value, where);
+}
+
+bool parse_double(const std::string &text, double &value) {
+    const char *first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
+    const auto result = std::from_chars(first, text.data() + text.size(), value);
+    return result.ec == std::errc() && result.ptr == text.data() + text.size() && !text.empty();
+}
+
+/** Text of the command line as JSON; text that is no number stays text, for the message. */
+Json parsed(const Option &o, const std::string &text) {
+    switch (o.kind) {
+    case Kind::boolean:
+        return text == "true" || text == "1" ? Json(true) : text == "false" || text == "0" ? Json(false) : Json(text);
+    case Kind::integer: {
+        std::uint64_t value = 0;
+        const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+        if (!text.empty() && result.ec == std::errc() && result.ptr == text.data() + text.size())
+            return value;
+        return text;
+    }
+    case Kind::number: {
+        double value = 0;
+        if (parse_double(text, value) && std::isfinite(value))
+            return value;
+        return text;
+    }
+    case Kind::numbers: {
+        Json list = Json::array();
+        for (std::size_t start = 0; start <= text.size();) {
+            const std::size_t end = std::min(text.find(',', start), text.size());
+            double value = 0;
+            const std::string part = text.substr(start, end - start);
+            if (!parse_double(part, value))
+                return text;
+            list.push_back(value);
+            start = end + 1;
+        }
+        return list;
+    }
+    default:
+        return text;
+    }
+}
+
+std::size_t edit_distance(const std::string &a, const std::string &b) {
+    std::vector<std::size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 1; i <= a.size(); ++i) {
+        std::size_t diagonal = row[0];
+        row[0] = i;
+        for (std::size_t j = 1; j <= b.size(); ++j) {
+            const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+            diagonal = row[j];
+            row[j] = std::min({row[j] + 1, row[j - 1] + 1, replace});
+        }
+    }
+    return row[b.size()];
+}
+
+std::vector<std::string> section_names() {
+    std::vector<std::string> names;
+    for (const Option &o : option_table())
+        if (std::find(names.begin(), names.end(), o.section) == names.end())
+            names.push_back(o.section);
+    return names;
+}
+
+/** The known key that is meant by `key` in `section`: that of another section costs one edit more. */
+std::string nearest_key(const std::string &section, const std::string &key) {
+    std::string best;
+    std::size_t least = ~std::size_t{0};
+    for (const Option &o : option_table()) {
+        const std::size_t distance = 2 * edit_distance(key, o.key) + (o.section == section ? 0 : 1);
+        if (distance < least) {
+            least = distance;
+            best = o.id();
+        }
+    }
+    return best;
+}
+
+} // namespace
+
+std::string Option::range() const {
+    const auto number_text = [](double v) { return v == std::floor(v) && std::abs(v) < 1e15 ? fmt::format("{:.0f}", v) : fmt::format("{:g}", v); };
+    std::string text;
+    switch (kind) {
+    case Kind::choice:
+        return joined(words, " or ");
+    case Kind::integer:
+    case Kind::number:
+    case Kind::numbers:
+        if (kind == Kind::numbers) {
+            std::vector<std::string> sizes;
+            for (const std::size_t count : counts)
+                sizes.push_back(std::to_string(count));
+            text = joined(sizes, " or ") + " numbers";
+        }
+        if (std::isfinite(low) || std::isfinite(high)) {
+            if (!text.empty())
+                text += ", each ";
+            if (std::isfinite(high) && high >= max_seed)
+                text += "0 to 2^64 - 1";
+            else if (std::isfinite(high))
+                text += fmt::format("{} to {}", number_text(low), number_text(high));
+            else
+                text += fmt::format("{} {}", low_excluded ? ">" : ">=", number_text(low));
+        }
+        if (!words.empty())
+            text += (text.empty() ? "" : ", or ") + joined(words, " or ");
+        if (kind == Kind::number && fallback == "inf")
+            text += ", or inf";
+        return text;
+    default:
+        return text;
+    }
+}
+
+const std::vector<Option> &option_table() {
+    static const std::vector<Option> table = make_table();
+    return table;
+}
+
+const Option &option(const std::string &id) {
+    for (const Option &o : option_table())
+        if (o.id() == id)
+            return o;
+    throw std::logic_error("there is no option " + id);
+}
+
+std::string nearest(const std::string &word, const std::vector<std::string> &candidates) {
+    std::string best;
+    std::size_t least = ~std::size_t{0};
+    for (const std::string &candidate : candidates) {
+        const std::size_t distance = edit_distance(word, candidate);
+        if (distance < least) {
+            least = distance;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+Config::Config() {
+    for (const Option &o : option_table())
+        entries_[o.id()] = {o.fallback, Layer::fallback};
+}
+
+void Config::set(const Option &o, const Json &value, Layer layer, const std::string &where) {
+    Json kept = checked(o, value, where);
+    if (o.kind == Kind::file && kept != "")
+        kept = std::filesystem::absolute(kept.get<std::string>()).lexically_normal().string();
+    Entry &entry = entries_.at(o.id());
+    if (layer >= entry.layer)
+        entry = {kept, layer};
+}
+
+void Config::set_text(const Option &o, const std::string &text, Layer layer, const std::string &where) {
+    set(o, parsed(o, text), layer, where);
+}
+
+void Config::load(const std::string &path) {
+    const Json root = read_json(path);
+    if (!root.is_object())
+        throw InputError(path + ": a configuration is a JSON object of sections, for example {\"aperture\": {\"f_number\": 8}}");
+    const std::vector<std::string> sections = section_names();
+    const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+    for (const auto &[section, keys] : root.items()) {
+        if (std::find(sections.begin(), sections.end(), section) == sections.end()) {
+            // A key without its section is the likelier slip if it fits better than any section.
+            const std::string as_section = nearest(section, sections);
+            const std::string as_key = nearest_key("", section);
+            const bool key_fits = edit_distance(section, as_key.substr(as_key.find('.') + 1)) < edit_distance(section, as_section);
+            throw InputError(fmt::format("{}: unknown section \"{}\"; the nearest known {} is \"{}\"", path, section,
+                                         key_fits ? "key" : "section", key_fits ? as_key : as_section));
+        }
+        if (!keys.is_object())
+            throw InputError(fmt::format("{}: section \"{}\" must be an object, got {}", path, section, shown(keys)));
+        for (const auto &[key, value] : keys.items()) {
+            const std::string id = section + "." + key;
+            if (entries_.find(id) == entries_.end())
+                throw InputError(fmt::format("{}: unknown key \"{}\"; the nearest known key is \"{}\"", path, id,
+                                             nearest_key(section, key)));
+            const Option &o = option(id);
+            Json resolved = value;
+            if (o.kind == Kind::file && value.is_string() && value != "")
+                resolved = (folder / value.get<std::string>()).string();
+            set(o, resolved, Layer::file, fmt::format("{}: {}", path, id));
+        }
+    }
+}
+
+void Config::settle() {
+    const Layer diameter = layer("aperture.relative_diameter");
+    const Layer others = std::max({layer("aperture.f_number"), layer("aperture.pixel_pitch_m"), layer("aperture.wavelength_m")});
+    if (number("aperture.relative_diameter") == 0)
+        return;
+    if (diameter == Layer::command_line && others == Layer::command_line)
+        throw InputError("give either --relative-diameter, or --f-number, --pixel-pitch-m and --wavelength-m, not both");
+    if (others > diameter)
+        resolve("aperture.relative_diameter", 0.0);
+}
+
+Json Config::dump() const {
+    Json root = Json::object();
+    for (const Option &o : option_table())
+        root[o.section][o.key] = value(o.id());
+    return root;
+}
+
+double Config::number(const std::string &id) const {
+    const Json &v = value(id);
+    return v == "inf" ? std::numeric_limits<double>::infinity() : v.get<double>();
+}
+
+std::uint32_t Config::choice(const std::string &id) const {
+    const std::vector<std::string> &words = option(id).words;
+    const auto found = std::find(words.begin(), words.end(), text(id));
+    return static_cast<std::uint32_t>(found - words.begin());
+}
+
+} // namespace tools

@@ -1,0 +1,105 @@
+/**
+ * @file options.hpp
+ * @brief The one table of render options, and a configuration made from it.
+ *
+ * From the table come the keys of the JSON configuration, the command line options of the same name, their help texts and
+ * all checks. Defaults are those of the C interface's init functions.
+ */
+#ifndef CLSPECKLE_TOOLS_OPTIONS_HPP
+#define CLSPECKLE_TOOLS_OPTIONS_HPP
+
+#include <nlohmann/json.hpp>
+
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+/** Keys keep the order of the table. */
+using Json = nlohmann::ordered_json;
+
+enum class Kind {
+    boolean,
+    integer, ///< Or one of the words, if there are any.
+    number,  ///< Or one of the words, if there are any; "inf" where the range has no end.
+    choice,  ///< One of the words.
+    text,
+    file,    ///< A path, relative to the configuration file that names it; "" for none.
+    numbers, ///< A list; its length is one of `counts`.
+};
+
+struct Option {
+    std::string section;
+    std::string key;
+    Kind kind = Kind::text;
+    Json fallback;
+    std::string unit;
+    double low = -std::numeric_limits<double>::infinity();
+    double high = std::numeric_limits<double>::infinity();
+    bool low_excluded = false;
+    std::vector<std::string> words;
+    std::vector<std::size_t> counts;
+    std::string help;
+    std::string name;  ///< On the command line, without the dashes.
+    std::string alias; ///< The name without its unit, where that is unique; else empty.
+
+    std::string id() const { return section + "." + key; }
+    /** For example "> 0", "0 to 1", "none, all or mask". */
+    std::string range() const;
+};
+
+/** All options, in the order in which they are shown. */
+const std::vector<Option> &option_table();
+/** The option of "section.key"; it must exist. */
+const Option &option(const std::string &id);
+
+/** The candidate with the smallest edit distance to `word`. */
+std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
+
+/** Where a value comes from; a later one beats an earlier one. */
+enum class Layer { fallback, sequence, file, command_line };
+
+/** Effective values of all options. */
+class Config {
+  public:
+    Config();
+
+    /** Sets a value unless a later layer has set it. @param where for messages, for example "--f-number". */
+    void set(const Option &option, const Json &value, Layer layer, const std::string &where);
+    /** The same from text, as the command line gives it. */
+    void set_text(const Option &option, const std::string &text, Layer layer, const std::string &where);
+    /** Reads a JSON configuration. Throws InputError naming the nearest known key for an unknown one. */
+    void load(const std::string &path);
+    /** Settles what depends on several options: a later f-number, pixel pitch or wavelength replaces an earlier diameter. */
+    void settle();
+
+    Json dump() const;
+
+    bool flag(const std::string &id) const { return value(id).get<bool>(); }
+    std::uint64_t integer(const std::string &id) const { return value(id).get<std::uint64_t>(); }
+    double number(const std::string &id) const;
+    std::string text(const std::string &id) const { return value(id).get<std::string>(); }
+    std::vector<double> numbers(const std::string &id) const { return value(id).get<std::vector<double>>(); }
+    /** True if a number or an integer is one of its words, for example "auto". */
+    bool is_word(const std::string &id) const { return value(id).is_string() && value(id) != "inf"; }
+    /** Index of a choice among its words: the value of the C constant. */
+    std::uint32_t choice(const std::string &id) const;
+    Layer layer(const std::string &id) const { return entries_.at(id).layer; }
+    /** Replaces a value by what it turned out to be. */
+    void resolve(const std::string &id, const Json &value) { entries_.at(id).value = value; }
+
+  private:
+    struct Entry {
+        Json value;
+        Layer layer = Layer::fallback;
+    };
+    const Json &value(const std::string &id) const { return entries_.at(id).value; }
+    std::map<std::string, Entry> entries_;
+};
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_OPTIONS_HPP

@@ -1,0 +1,589 @@
+#include "commands.hpp"
+
+#include "errors.hpp"
+#include "files.hpp"
+#include "output.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <future>
+#include <map>
+#include <numeric>
+#include <optional>
+
+namespace tools {
+
+namespace {
+
+using clspeckle::Buffer;
+
+constexpr std::uint32_t refresh_none = 2; // index of the word in the option's table; the C interface has no such constant
+
+/** Host planes on the device. */
+class DeviceFrame {
+  public:
+    DeviceFrame(const clspeckle::Context &context, cl_command_queue queue, std::uint32_t width, std::uint32_t height)
+        : context_(context), queue_(queue), width_(width), height_(height) {}
+
+    void upload(const FrameData &data) {
+        irradiance = put("irradiance", data.irradiance.values, CLSP_FORMAT_FLOAT32);
+        depth = put("depth", data.depth.values, CLSP_FORMAT_FLOAT32);
+        position = put("position", data.position.values, CLSP_FORMAT_FLOAT32X3);
+        normal = put("normal", data.normal.values, CLSP_FORMAT_FLOAT32X3);
+        albedo = put("albedo", data.albedo.values, CLSP_FORMAT_FLOAT32);
+        visibility = put("visibility", data.visibility.values, CLSP_FORMAT_FLOAT32);
+        refresh = put("refresh", data.refresh, CLSP_FORMAT_UINT8);
+    }
+
+    ClspImage irradiance{}, depth{}, position{}, normal{}, albedo{}, visibility{}, refresh{};
+
+  private:
+    template <typename T> ClspImage put(const char *name, const std::vector<T> &values, std::uint32_t format) {
+        if (values.empty())
+            return ClspImage{};
+        Buffer &buffer = buffers_[name];
+        const std::uint64_t size = values.size() * sizeof(T);
+        if (buffer.size_bytes() != size)
+            buffer = Buffer(context_, size);
+        buffer.write(queue_, values);
+        return buffer.image(width_, height_, format);
+    }
+
+    const clspeckle::Context &context_;
+    cl_command_queue queue_;
+    std::uint32_t width_;
+    std::uint32_t height_;
+    std::map<std::string, Buffer> buffers_;
+};
+
+/** Times of one stage over the frames in which it ran. */
+struct StageTimes {
+    std::string name;
+    std::vector<double> milliseconds;
+    double mean() const {
+        return milliseconds.empty() ? 0.0
+                                    : std::accumulate(milliseconds.begin(), milliseconds.end(), 0.0) /
+                                          static_cast<double>(milliseconds.size());
+    }
+    double median() const {
+        if (milliseconds.empty())
+            return 0.0;
+        std::vector<double> sorted = milliseconds;
+        std::sort(sorted.begin(), sorted.end());
+        const std::size_t half = sorted.size() / 2;
+        return sorted.size() % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
+    }
+    double least() const { return milliseconds.empty() ? 0.0 : *std::min_element(milliseconds.begin(), milliseconds.end()); }
+    double most() const { return milliseconds.empty() ? 0.0 : *std::max_element(milliseconds.begin(), milliseconds.end()); }
+};
+
+/** A plane for one of the stages, with its size checked. */
+std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings, std::uint32_t *width,
+                              std::uint32_t *height) {
+    const auto reader = image_io::open(path);
+    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
+    if (scaled)
+        plane.normalize();
+    *width = plane.width;
+    *height = plane.height;
+    return std::move(plane.values);
+}
+
+/** Everything that is made once. */
+class Renderer {
+  public:
+    Renderer(Config &config, Input &input, Console &console) : config_(config), input_(input), console_(console) {
+        width_ = input.width;
+        height_ = input.height;
+        const std::string format = config.text("render.format");
+        has_sensor_ = config.flag("sensor.enabled");
+        float_output_ = Output::is_float(format);
+        if (!has_sensor_ && !float_output_)
+            throw InputError(fmt::format("--no-sensor gives intensities, which {} cannot hold; choose a --format that begins "
+                                         "with float-",
+                                         format));
+        if (config.text("pattern.image").empty() && input.scene)
+            throw InputError(fmt::format("{} is a scene: name the projected pattern with --pattern IMAGE", input.first_name));
+        if (!config.text("pattern.image").empty() && !input.scene && config.layer("pattern.image") == Layer::command_line)
+            throw InputError(fmt::format("{} is an ideal image, which takes no --pattern; a scene has the EXR channels Z or P.X, "
+                                         "P.Y, P.Z, or comes from --depth or --position",
+                                         input.first_name));
+        decide_frames();
+        first_ = read(0);
+        if (input.scene && first_.position.empty() && (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))
+            throw InputError(fmt::format("{}: depth needs the camera: give --fx, --fy, --cx and --cy in pixels", first_.name));
+        if (config.choice("render.refresh") == CLSP_REFRESH_MASK && config.layer("render.refresh") == Layer::command_line &&
+            first_.refresh.empty())
+            console.warn("--refresh mask: the input has no refresh mask, so the speckle stays");
+    }
+
+    void make_stages() {
+        context_.emplace(make_context(config_.text("render.device")));
+        queue_ = clspeckle::Queue(*context_, CLSP_QUEUE_PROFILING);
+        const std::uint64_t seed = config_.integer("render.seed");
+        const auto seed_of = [&](const char *id) { return config_.is_word(id) ? seed : config_.integer(id); };
+        const double polarization = config_.number("aperture.degree_of_polarization");
+
+        auto phase = clspeckle::make<ClspPhaseDesc>();
+        phase.width = width_;
+        phase.height = height_;
+        phase.oversampling = static_cast<std::uint32_t>(config_.integer("aperture.oversampling"));
+        phase.guard_px = static_cast<std::uint32_t>(config_.integer("aperture.guard_px"));
+        phase.field = config_.choice("phase.field");
+        phase.polarization_count = polarization < 1 ? 2 : 1;
+        phase.seed = seed_of("phase.seed");
+        phase_ = clspeckle::Phase(*context_, phase);
+
+        auto aperture = clspeckle::make<ClspApertureDesc>();
+        aperture.width = width_;
+        aperture.height = height_;
+        aperture.oversampling = phase.oversampling;
+        aperture.guard_px = phase.guard_px;
+        aperture.normalization = config_.choice("aperture.normalization");
+        aperture.relative_diameter = config_.number("aperture.relative_diameter");
+        aperture.f_number = config_.number("aperture.f_number");
+        aperture.pixel_pitch_m = config_.number("aperture.pixel_pitch_m");
+        aperture.wavelength_m = config_.number("aperture.wavelength_m");
+        aperture.soft_rim = config_.number("aperture.soft_rim");
+        aperture.degree_of_polarization = polarization;
+        std::vector<float> pupil;
+        if (const std::string path = config_.text("aperture.pupil_image"); !path.empty()) {
+            pupil = plane(path, "pupil image", true, &aperture.pupil_width, &aperture.pupil_height, 1.0);
+            aperture.pupil = CLSP_PUPIL_IMAGE;
+            aperture.pupil_image = pupil.data();
+        }
+        aperture_ = clspeckle::Aperture(*context_, aperture);
+
+        if (has_sensor_) {
+            auto sensor = clspeckle::make<ClspSensorDesc>();
+            sensor.width = width_;
+            sensor.height = height_;
+            sensor.bits = static_cast<std::uint32_t>(config_.integer("sensor.bits"));
+            sensor.seed = seed_of("sensor.seed");
+            // The automatic gain needs the ideal image; until then any gain does.
+            if (!config_.is_word("sensor.exposure_gain_dn"))
+                sensor.exposure_gain_dn = config_.number("sensor.exposure_gain_dn");
+            sensor.saturation_dn = config_.number("sensor.saturation_dn");
+            sensor.black_level_dn = config_.number("sensor.black_level_dn");
+            sensor.read_noise_dn = config_.number("sensor.read_noise_dn");
+            sensor.hot_pixel_fraction = config_.number("sensor.hot_pixel_fraction");
+            sensor.hot_pixel_mean_dn = config_.number("sensor.hot_pixel_mean_dn");
+            sensor.cold_pixel_fraction = config_.number("sensor.cold_pixel_fraction");
+            sensor.float_full_scale = config_.number("sensor.float_full_scale");
+            sensor.quantize = config_.flag("sensor.quantize") ? 1 : 0;
+            std::vector<float> dark;
+            if (const std::string path = config_.text("sensor.dark_frame"); !path.empty()) {
+                std::uint32_t dark_width = 0;
+                std::uint32_t dark_height = 0;
+                dark = read_plane(path, false, warnings_, &dark_width, &dark_height);
+                if (dark_width != width_ || dark_height != height_)
+                    throw InputError(fmt::format("{}: the dark frame has {} x {} pixels, the image {} x {}", path, dark_width,
+                                                 dark_height, width_, height_));
+                for (std::size_t i = 0; i < dark.size(); ++i)
+                    if (!std::isfinite(dark[i]))
+                        throw InputError(fmt::format("{}: pixel ({}, {}) of the dark frame is {}", path, i % width_, i / width_, dark[i]));
+                sensor.dark_frame_dn = dark.data();
+            }
+            sensor_ = clspeckle::Sensor(*context_, sensor);
+        }
+
+        if (input_.scene) {
+            auto pattern = clspeckle::make<ClspPatternDesc>();
+            const std::string path = config_.text("pattern.image");
+            const std::vector<float> texels = plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY);
+            pattern.texels = texels.data();
+            pattern.half_extent_x = config_.number("pattern.half_extent_x");
+            pattern.half_extent_y = config_.number("pattern.half_extent_y");
+            pattern.projection = config_.choice("pattern.projection");
+            pattern.quantity = config_.choice("pattern.quantity");
+            pattern.power_scale = config_.number("pattern.power_scale");
+            const std::vector<double> pose = config_.numbers("pattern.laser_from_geometry");
+            std::copy(pose.begin(), pose.end(), pattern.laser_from_geometry);
+            pattern_ = clspeckle::Pattern(*context_, pattern);
+        }
+        pipeline_ = clspeckle::Pipeline(*context_, pattern_, phase_, aperture_, sensor_);
+
+        device_.emplace(*context_, queue_, width_, height_);
+        const std::size_t sample_bytes = float_output_ ? sizeof(float) : sizeof(std::uint16_t);
+        output_ = Buffer(*context_, std::uint64_t{width_} * height_ * sample_bytes);
+        output_image_ = output_.image(width_, height_, float_output_ ? CLSP_FORMAT_FLOAT32 : CLSP_FORMAT_UINT16);
+        device_->upload(first_);
+        if (has_sensor_ && config_.is_word("sensor.exposure_gain_dn"))
+            choose_gain();
+        flush_warnings();
+    }
+
+    std::uint64_t frames() const { return frames_; }
+
+    void warm_up() {
+        const double start = now();
+        const ClspGeometry geometry = make_geometry();
+        pipeline_.warm_up(queue_, make_frame(geometry, config_.integer("render.first_frame")));
+        warm_up_seconds_ = now() - start;
+    }
+
+    void run(Output &output) {
+        const std::uint64_t first_number = config_.integer("render.first_frame");
+        const bool preview = config_.flag("render.preview");
+        const bool save_ideal = config_.flag("render.save_ideal");
+        const bool still = input_.frame_count == 1;
+        std::optional<PreviewScale> scale;
+        std::optional<PreviewScale> ideal_scale;
+        std::future<FrameData> next;
+        FrameData data = std::move(first_);
+        run_started_ = now();
+        for (std::uint64_t i = 0; i < frames_; ++i) {
+            check_interrupt();
+            if (i > 0 && !still) {
+                data = next.get();
+                flush_warnings();
+                device_->upload(data);
+            }
+            if (!still && i + 1 < frames_)
+                next = std::async(std::launch::async, [this, i] { return read(i + 1); });
+            const std::uint64_t number = first_number + i;
+
+            const ClspGeometry geometry = make_geometry();
+            const ClspFrame frame = make_frame(geometry, number);
+            const double start = now();
+            pipeline_.enqueue_frame(queue_, frame);
+            queue_.finish();
+            device_seconds_ += now() - start;
+            record_times();
+
+            Samples samples = read_output();
+            count_saturated(samples, i == 0);
+            if (i == 0) {
+                moments_ = clspeckle::statistics::moments(*context_, queue_, output_image_);
+                if (preview)
+                    scale = PreviewScale::of(samples);
+            }
+            if (save_ideal && (i == 0 || !still)) {
+                std::vector<float> ideal = input_.scene ? look_up() : data.irradiance.values;
+                if (preview && !ideal_scale)
+                    ideal_scale = PreviewScale::of(Samples(ideal));
+                output.write_ideal(number, std::move(ideal), preview ? &*ideal_scale : nullptr);
+            }
+            output.write_frame(number, std::move(samples), preview ? &*scale : nullptr);
+            console_.progress(i + 1, frames_);
+        }
+        output.finish();
+        run_seconds_ = now() - run_started_;
+        pipeline_.check(queue_);
+    }
+
+    void report(const std::vector<std::string> &files, const std::string &folder) {
+        const ClspContextInfo device = context_->info();
+        const ClspApertureInfo aperture = aperture_.info();
+        const std::uint64_t pixels = std::uint64_t{width_} * height_;
+        const std::uint64_t oversampling = config_.integer("aperture.oversampling");
+        const bool padded = aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
+        const double contrast = moments_.standard_deviation / (moments_.mean - black_level());
+        const double saturated = static_cast<double>(saturated_) / static_cast<double>(pixels * frames_);
+        const double frame_milliseconds = frame_times_.mean();
+        const double rate = static_cast<double>(frames_) / run_seconds_;
+        if (console_.json()) {
+            Json stages = Json::object();
+            for (const StageTimes &stage : stages_)
+                stages[stage.name] = {{"mean", stage.mean()}, {"median", stage.median()}, {"minimum", stage.least()},
+                                      {"maximum", stage.most()}, {"frames", stage.milliseconds.size()}};
+            const auto version = clspeckle::version();
+            Json root = {
+                {"version", fmt::format("{}.{}.{}", version.major, version.minor, version.patch)},
+                {"device", {{"name", device.device_name}, {"platform", device.platform_name}}},
+                {"input", {{"kind", input_.kind}, {"first", input_.first_name}, {"frames", input_.frame_count}}},
+                {"image", {{"width", width_}, {"height", height_}}},
+                {"grid", {{"width", aperture.grid_width}, {"height", aperture.grid_height}, {"padded", padded}}},
+                {"aperture",
+                 {{"relative_diameter", aperture.relative_diameter},
+                  {"mean_transmission", aperture.mean_transmission},
+                  {"pupil_samples", aperture.pupil_samples},
+                  {"fft_backend", aperture.fft_backend}}},
+                {"frames", frames_},
+                {"first_frame",
+                 {{"mean", moments_.mean},
+                  {"standard_deviation", moments_.standard_deviation},
+                  {"contrast", contrast},
+                  {"minimum", moments_.minimum},
+                  {"maximum", moments_.maximum},
+                  {"saturated_share", static_cast<double>(saturated_first_) / static_cast<double>(pixels)}}},
+                {"saturated_share", saturated},
+                {"milliseconds", {{"warm_up", warm_up_seconds_ * 1e3}, {"frame", frame_milliseconds}, {"stages", stages}}},
+                {"frames_per_second", {{"device", device_rate()}, {"with_files", rate}}},
+                {"output", {{"folder", folder}, {"format", config_.text("render.format")}, {"files", files}}},
+                {"warnings", console_.warnings()},
+                {"config", config_.dump()},
+            };
+            if (has_sensor_)
+                root["exposure_gain_dn"] = config_.number("sensor.exposure_gain_dn");
+            console_.result(root.dump(2, ' ', false, Json::error_handler_t::replace));
+            return;
+        }
+        console_.print(fmt::format("device      {} ({})", device.device_name, device.platform_name));
+        console_.print(fmt::format("input       {}, {} x {} pixels, {} frame{}", input_.kind, width_, height_,
+                                   input_.frame_count, input_.frame_count == 1 ? "" : "s"));
+        console_.print(fmt::format("field grid  {} x {}{}", aperture.grid_width, aperture.grid_height,
+                                   !padded ? ", no padding"
+                                           : fmt::format(", padded from {} x {}", width_ * oversampling, height_ * oversampling)));
+        console_.print(fmt::format("aperture    relative diameter {:.4f} cycles per pixel, mean transmission {:.4f}",
+                                   aperture.relative_diameter, aperture.mean_transmission));
+        if (has_sensor_)
+            console_.print(fmt::format("exposure    gain {:.9g} dn per unit of intensity{}",
+                                       config_.number("sensor.exposure_gain_dn"),
+                                       gain_chosen_ ? ", chosen from the first ideal image" : ""));
+        const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";
+        console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {:.4f}", moments_.mean,
+                                   moments_.standard_deviation, of, contrast));
+        if (has_sensor_)
+            console_.print(fmt::format("saturated   {:.4f} % of all pixels", 100 * saturated));
+        std::string times;
+        for (const StageTimes &stage : stages_)
+            times += fmt::format("{}{} {:.3f}", times.empty() ? "" : ", ", stage.name, stage.mean());
+        console_.print(fmt::format("time, ms    {} (warm-up {:.0f})", times, warm_up_seconds_ * 1e3));
+        console_.print(fmt::format("speed       {:.1f} frames per second on the device, {:.1f} with files", device_rate(), rate));
+        if (config_.flag("render.profile"))
+            console_.print(profile_table());
+        console_.print(describe_files(files, folder));
+    }
+
+  private:
+    FrameData read(std::uint64_t frame) { return input_.read(frame, warnings_); }
+
+    void flush_warnings() {
+        for (const std::string &warning : warnings_)
+            console_.warn(warning);
+        warnings_.clear();
+    }
+
+    void decide_frames() {
+        frames_ = config_.is_word("render.frames") ? input_.frame_count : config_.integer("render.frames");
+        if (input_.frame_count > 1 && frames_ > input_.frame_count)
+            throw InputError(fmt::format("--frames {}: the input has {} frames", frames_, input_.frame_count));
+    }
+
+    std::vector<float> plane(const std::string &path, const char *what, bool scaled, std::uint32_t *width, std::uint32_t *height,
+                             double high) {
+        image_io::Plane plane;
+        plane.values = read_plane(path, scaled, warnings_, width, height);
+        plane.width = *width;
+        plane.height = *height;
+        check_values(plane, path, what, high);
+        return std::move(plane.values);
+    }
+
+    ClspGeometry make_geometry() const {
+        auto geometry = clspeckle::make<ClspGeometry>();
+        geometry.depth_kind = config_.choice("camera.depth_kind");
+        geometry.position = device_->position;
+        geometry.depth = device_->depth;
+        geometry.normal = device_->normal;
+        geometry.albedo = device_->albedo;
+        geometry.visibility = device_->visibility;
+        geometry.fx_px = config_.number("camera.fx_px");
+        geometry.fy_px = config_.number("camera.fy_px");
+        geometry.cx_px = config_.number("camera.cx_px");
+        geometry.cy_px = config_.number("camera.cy_px");
+        return geometry;
+    }
+
+    /** The frame that is on the device. */
+    ClspFrame make_frame(const ClspGeometry &geometry, std::uint64_t number) const {
+        auto frame = clspeckle::make<ClspFrame>();
+        const std::uint32_t refresh = config_.choice("render.refresh");
+        frame.frame_index = number;
+        frame.refresh = refresh == refresh_none ? CLSP_REFRESH_MASK : refresh;
+        if (refresh == CLSP_REFRESH_MASK)
+            frame.refresh_mask = device_->refresh;
+        if (input_.scene)
+            frame.geometry = &geometry;
+        else
+            frame.irradiance = device_->irradiance;
+        frame.output = output_image_;
+        return frame;
+    }
+
+    /** The ideal image of the scene that is on the device. */
+    std::vector<float> look_up() {
+        const std::size_t pixels = std::size_t{width_} * height_;
+        if (!ideal_)
+            ideal_ = Buffer(*context_, pixels * sizeof(float));
+        pattern_.enqueue_lookup(queue_, make_geometry(), ideal_.image(width_, height_, CLSP_FORMAT_FLOAT32));
+        return ideal_.read<float>(queue_, pixels);
+    }
+
+    void choose_gain() {
+        std::vector<float> values = input_.scene ? look_up() : first_.irradiance.values;
+        float bright = percentile(values, 0.999);
+        if (bright <= 0)
+            bright = *std::max_element(values.begin(), values.end());
+        if (bright <= 0)
+            throw InputError(fmt::format("{}: the first ideal image is 0 everywhere, so no exposure can be chosen; give "
+                                         "--exposure-gain a number{}",
+                                         first_.name, input_.scene ? ", or check the pattern's pose and extent" : ""));
+        const double half_scale = top_code() / 2;
+        const double signal = half_scale - config_.number("sensor.black_level_dn");
+        if (signal <= 0)
+            throw InputError(fmt::format("--exposure-gain auto aims at half of full scale ({:g} dn), which the black level ({:g} "
+                                         "dn) leaves no room for",
+                                         half_scale, config_.number("sensor.black_level_dn")));
+        const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
+        const double transmission = kept_mean ? 1.0 : aperture_.info().mean_transmission;
+        const double gain = signal / (bright * transmission);
+        if (!std::isfinite(gain))
+            throw InputError(fmt::format("{}: the first ideal image is too dark ({:g}) for an exposure; scale it with "
+                                         "--irradiance-scale",
+                                         first_.name, bright));
+        sensor_.set_exposure_gain(gain);
+        config_.resolve("sensor.exposure_gain_dn", gain);
+        gain_chosen_ = true;
+        console_.print(fmt::format("exposure gain chosen: repeat it with --exposure-gain {}", gain));
+    }
+
+    void record_times() {
+        double total = 0;
+        for (const ClspStageTiming &timing : pipeline_.timings()) {
+            auto found = std::find_if(stages_.begin(), stages_.end(), [&](const StageTimes &s) { return s.name == timing.stage; });
+            if (found == stages_.end()) {
+                stages_.push_back({timing.stage, {}});
+                found = stages_.end() - 1;
+            }
+            found->milliseconds.push_back(timing.milliseconds);
+            total += timing.milliseconds;
+        }
+        frame_times_.milliseconds.push_back(total);
+    }
+
+    Samples read_output() {
+        const std::size_t pixels = std::size_t{width_} * height_;
+        if (float_output_)
+            return output_.read<float>(queue_, pixels);
+        return output_.read<std::uint16_t>(queue_, pixels);
+    }
+
+    double top_code() const { return static_cast<double>((std::uint32_t{1} << config_.integer("sensor.bits")) - 1); }
+    /** In units of the output. */
+    double black_level() const {
+        if (!has_sensor_)
+            return 0;
+        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / top_code() : 1.0;
+        return config_.number("sensor.black_level_dn") * unit;
+    }
+    double device_rate() const { return static_cast<double>(frames_) / device_seconds_; }
+
+    void count_saturated(const Samples &samples, bool first) {
+        if (!has_sensor_)
+            return;
+        // Half a code below the top, against the rounding of a float output.
+        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / top_code() : 1.0;
+        const double top = (top_code() - (float_output_ ? 0.5 : 0.0)) * unit;
+        std::visit(
+            [&](const auto &values) {
+                using Value = typename std::decay_t<decltype(values)>::value_type;
+                const auto limit = static_cast<Value>(top);
+                const auto count = static_cast<std::uint64_t>(
+                    std::count_if(values.begin(), values.end(), [limit](Value v) { return v >= limit; }));
+                saturated_ += count;
+                if (first)
+                    saturated_first_ = count;
+            },
+            samples);
+    }
+
+    std::string profile_table() const {
+        std::vector<std::vector<std::string>> rows = {{"stage", "mean ms", "median", "least", "most", "frames"}};
+        const auto add = [&](const StageTimes &stage, const std::string &name) {
+            rows.push_back({name, fmt::format("{:.4f}", stage.mean()), fmt::format("{:.4f}", stage.median()),
+                            fmt::format("{:.4f}", stage.least()), fmt::format("{:.4f}", stage.most()),
+                            std::to_string(stage.milliseconds.size())});
+        };
+        for (const StageTimes &stage : stages_)
+            add(stage, stage.name);
+        add(frame_times_, "all");
+        return "\n" + table(rows, "  ") + "\n";
+    }
+
+    static std::string describe_files(const std::vector<std::string> &files, const std::string &folder) {
+        std::string names;
+        if (files.size() <= 4) {
+            for (const std::string &name : files)
+                names += (names.empty() ? "" : ", ") + name;
+        } else {
+            names = fmt::format("{} files, {} to {}", files.size(), files.front(), files.back());
+        }
+        return fmt::format("written     {}: {}", folder, names);
+    }
+
+    Config &config_;
+    Input &input_;
+    Console &console_;
+    std::uint32_t width_ = 0;
+    std::uint32_t height_ = 0;
+    std::uint64_t frames_ = 1;
+    bool has_sensor_ = true;
+    bool float_output_ = false;
+    bool gain_chosen_ = false;
+    FrameData first_;
+    std::vector<std::string> warnings_;
+
+    std::optional<clspeckle::Context> context_;
+    clspeckle::Queue queue_;
+    clspeckle::Pattern pattern_;
+    clspeckle::Phase phase_;
+    clspeckle::Aperture aperture_;
+    clspeckle::Sensor sensor_;
+    clspeckle::Pipeline pipeline_;
+    std::optional<DeviceFrame> device_;
+    Buffer output_;
+    Buffer ideal_;
+    ClspImage output_image_{};
+
+    ClspMoments moments_{};
+    std::uint64_t saturated_ = 0;
+    std::uint64_t saturated_first_ = 0;
+    std::vector<StageTimes> stages_;
+    StageTimes frame_times_;
+    double warm_up_seconds_ = 0;
+    double device_seconds_ = 0;
+    double run_started_ = 0;
+    double run_seconds_ = 0;
+};
+
+/** Removes the folders that were made for nothing. */
+class FolderGuard {
+  public:
+    explicit FolderGuard(std::vector<std::string> created) : created_(std::move(created)) {}
+    FolderGuard(const FolderGuard &) = delete;
+    FolderGuard &operator=(const FolderGuard &) = delete;
+    ~FolderGuard() {
+        // Only empty folders go: what was written stays.
+        std::error_code ignored;
+        for (auto folder = created_.rbegin(); folder != created_.rend(); ++folder)
+            if (!std::filesystem::remove(*folder, ignored))
+                break;
+    }
+    void keep() { created_.clear(); }
+
+  private:
+    std::vector<std::string> created_;
+};
+
+} // namespace
+
+void run_render(Config &config, Input &input, const std::string &folder, Console &console) {
+    Renderer renderer(config, input, console);
+    check_interrupt();
+    renderer.make_stages();
+    FolderGuard guard(make_output_folder(folder));
+    check_interrupt();
+    renderer.warm_up();
+    Output output(folder, config.text("render.format"), renderer.frames(), input.width, input.height);
+    renderer.run(output);
+    output.write_text("config.json", config.dump().dump(2) + "\n");
+    guard.keep();
+    renderer.report(output.files(), folder);
+}
+
+} // namespace tools
