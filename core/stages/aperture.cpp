@@ -1,5 +1,6 @@
 #include "stages/aperture.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
 
@@ -17,17 +18,11 @@ std::uint64_t aligned(std::uint64_t bytes) {
     return (bytes + kWorkspaceAlignment - 1) / kWorkspaceAlignment * kWorkspaceAlignment;
 }
 
-double positive(double value, const char *name) {
-    if (!(value > 0.0) || !std::isfinite(value))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be a finite number above 0", name, value));
-    return value;
-}
-
 double diameter_of(const ApertureParameters &p) {
     if (p.relative_diameter != 0.0)
-        return positive(p.relative_diameter, "relative_diameter");
-    return positive(p.pixel_pitch_m, "pixel_pitch_m") /
-           (positive(p.wavelength_m, "wavelength_m") * positive(p.f_number, "f_number"));
+        return check_positive(p.relative_diameter, "relative_diameter");
+    return check_positive(p.pixel_pitch_m, "pixel_pitch_m") /
+           (check_positive(p.wavelength_m, "wavelength_m") * check_positive(p.f_number, "f_number"));
 }
 
 } // namespace
@@ -35,9 +30,7 @@ double diameter_of(const ApertureParameters &p) {
 Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p)
     : context_(std::move(context)), grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)),
       relative_diameter_(diameter_of(p)), degree_of_polarization_(p.degree_of_polarization), bad_pixels_(context_) {
-    if (!(p.degree_of_polarization >= 0.0 && p.degree_of_polarization <= 1.0))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("degree_of_polarization is {}, it must be 0 to 1", p.degree_of_polarization));
+    check_fraction(p.degree_of_polarization, "degree_of_polarization");
     if (relative_diameter_ > grid_.oversampling)
         throw Error(Status::kInvalidArgument,
                     fmt::format("the relative diameter D is {:.4g} cycles per pixel, but a grid with oversampling {} "
@@ -145,9 +138,8 @@ void Aperture::check_phase(const Phase &phase) const {
 
 void Aperture::check_workspace() const {
     if (!field_())
-        throw Error(
-            Status::kInvalidState,
-            "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
+        throw Error(Status::kInvalidState,
+                    "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
 }
 
 void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance,

@@ -1,5 +1,6 @@
 #include "stages/pattern.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
 
@@ -9,40 +10,6 @@
 #include <vector>
 
 namespace clsp {
-namespace {
-
-// Host images are copied row by row into this: tightly packed and checked.
-std::vector<float> checked_texels(const PatternParameters &p) {
-    if (!p.texels)
-        throw Error(Status::kInvalidArgument, "texels is NULL; give the pattern image, height x width floats");
-    const std::uint64_t row = std::uint64_t{p.width} * sizeof(float);
-    const std::uint64_t pitch = p.texels_pitch_bytes ? p.texels_pitch_bytes : row;
-    if (pitch < row || pitch % sizeof(float) != 0)
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("texels_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)", pitch, row));
-    std::vector<float> texels(std::size_t{p.width} * p.height);
-    for (std::uint32_t y = 0; y < p.height; ++y) {
-        const auto *from = reinterpret_cast<const float *>(reinterpret_cast<const char *>(p.texels) + y * pitch);
-        for (std::uint32_t x = 0; x < p.width; ++x) {
-            if (!(from[x] >= 0.0f && std::isfinite(from[x])))
-                throw Error(
-                    Status::kInvalidData,
-                    fmt::format("texels[{}][{}] (row, column) is {}; pattern values must be finite and not negative", y,
-                                x, from[x]));
-            texels[std::size_t{y} * p.width + x] = from[x];
-        }
-    }
-    return texels;
-}
-
-void check_positive(double value, const char *name) {
-    if (!(value > 0.0) || !std::isfinite(value))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be a finite number above 0", name, value));
-}
-
-} // namespace
-
 Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity),
       width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
@@ -63,13 +30,13 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     if (p.projection == Projection::kDirectionCosines && (p.half_extent_x > 1.0 || p.half_extent_y > 1.0))
         throw Error(Status::kInvalidArgument,
                     "half_extent_x and half_extent_y are direction cosines here and cannot exceed 1");
-    if (!(p.power_scale >= 0.0) || !std::isfinite(p.power_scale))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("power_scale is {}, it must be finite and not negative", p.power_scale));
+    check_not_negative(p.power_scale, "power_scale");
     extent_ = {{static_cast<float>(p.half_extent_x), static_cast<float>(p.half_extent_y),
                 static_cast<float>(p.power_scale), 0.0f}};
     set_pose(p.laser_from_geometry);
-    const std::vector<float> texels = checked_texels(p);
+    const auto good = [](float value) { return value >= 0.0f && std::isfinite(value); };
+    const std::vector<float> texels = copy_host_image({p.texels, p.width, p.height, p.texels_pitch_bytes}, "texels",
+                                                      good, "pattern values must be finite and not negative");
     texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());
 }
 

@@ -1,5 +1,6 @@
 #include "stages/pupil.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/image_view.hpp"
 
@@ -18,48 +19,29 @@ std::int64_t frequency(std::uint32_t i, std::uint32_t n) {
     return i < (n + 1) / 2 ? std::int64_t{i} : std::int64_t{i} - n;
 }
 
-void check_pupil_image(const PupilParameters &p) {
-    if (!p.image)
-        throw Error(Status::kInvalidArgument,
-                    "pupil_image is NULL; CLSP_PUPIL_IMAGE needs pupil_height x pupil_width floats");
-    check_image_size(p.image_width, p.image_height, "pupil_image");
-    const std::uint64_t row = std::uint64_t{p.image_width} * sizeof(float);
-    if (p.image_pitch_bytes != 0 && (p.image_pitch_bytes < row || p.image_pitch_bytes % sizeof(float) != 0))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("pupil_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)",
-                                p.image_pitch_bytes, row));
-}
-
+// Looked up bilinearly in pupil coordinates, the rim at 1.
 class PupilImage {
   public:
-    explicit PupilImage(const PupilParameters &p)
-        : p_(p), pitch_(p.image_pitch_bytes ? p.image_pitch_bytes : std::uint64_t{p.image_width} * sizeof(float)) {
-        for (std::int64_t y = 0; y < p.image_height; ++y)
-            for (std::int64_t x = 0; x < p.image_width; ++x)
-                if (const float t = at(x, y); !(t >= 0.0f && t <= 1.0f))
-                    throw Error(
-                        Status::kInvalidData,
-                        fmt::format("pupil_image[{}][{}] (row, column) is {}; transmissions must be 0 to 1", y, x, t));
+    explicit PupilImage(const PupilParameters &p) : width_(p.image_width), height_(p.image_height) {
+        check_image_size(width_, height_, "pupil_image");
+        pixels_ = copy_host_image(
+            {p.image, width_, height_, p.image_pitch_bytes}, "pupil_image",
+            [](float t) { return t >= 0.0f && t <= 1.0f; }, "transmissions must be 0 to 1");
     }
-    // (u, v) in [-1, 1]: pupil coordinates, the rim at 1.
     double operator()(double u, double v) const {
-        const double x = std::clamp((u + 1.0) * 0.5 * p_.image_width - 0.5, 0.0, p_.image_width - 1.0);
-        const double y = std::clamp((v + 1.0) * 0.5 * p_.image_height - 0.5, 0.0, p_.image_height - 1.0);
-        const auto x0 = static_cast<std::int64_t>(x), y0 = static_cast<std::int64_t>(y);
-        const std::int64_t x1 = std::min<std::int64_t>(x0 + 1, p_.image_width - 1);
-        const std::int64_t y1 = std::min<std::int64_t>(y0 + 1, p_.image_height - 1);
-        const double ax = x - double(x0), ay = y - double(y0);
+        const double x = std::clamp((u + 1.0) * 0.5 * width_ - 0.5, 0.0, width_ - 1.0);
+        const double y = std::clamp((v + 1.0) * 0.5 * height_ - 0.5, 0.0, height_ - 1.0);
+        const auto x0 = static_cast<std::uint32_t>(x), y0 = static_cast<std::uint32_t>(y);
+        const std::uint32_t x1 = std::min(x0 + 1, width_ - 1), y1 = std::min(y0 + 1, height_ - 1);
+        const double ax = x - x0, ay = y - y0;
         return (1 - ay) * ((1 - ax) * at(x0, y0) + ax * at(x1, y0)) + ay * ((1 - ax) * at(x0, y1) + ax * at(x1, y1));
     }
 
   private:
-    float at(std::int64_t x, std::int64_t y) const {
-        return reinterpret_cast<const float *>(reinterpret_cast<const char *>(p_.image) +
-                                               static_cast<std::uint64_t>(y) * pitch_)[x];
-    }
+    double at(std::uint32_t x, std::uint32_t y) const { return pixels_[std::size_t{y} * width_ + x]; }
 
-    const PupilParameters &p_;
-    std::uint64_t pitch_;
+    std::uint32_t width_, height_;
+    std::vector<float> pixels_;
 };
 
 } // namespace
@@ -72,8 +54,7 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
         throw Error(Status::kInvalidArgument,
                     fmt::format("normalization is {}, expected CLSP_NORMALIZATION_TRANSMISSION or _UNIT_MEAN",
                                 static_cast<std::uint32_t>(p.normalization)));
-    if (!(p.soft_rim >= 0.0 && p.soft_rim <= 1.0))
-        throw Error(Status::kInvalidArgument, fmt::format("soft_rim is {}, it must be 0 to 1", p.soft_rim));
+    check_fraction(p.soft_rim, "soft_rim");
 
     const std::uint32_t width = grid.grid_width, height = grid.grid_height;
     // D in cycles per field sample; radius in bins is D W / 2 along x and D H / 2 along y.
@@ -88,7 +69,6 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     pupil.transmission.assign(grid.samples(), 0.0f);
     std::function<double(double, double)> shape;
     if (p.shape == PupilShape::kImage) {
-        check_pupil_image(p);
         shape = PupilImage(p);
     }
     double sum = 0.0;

@@ -1,5 +1,6 @@
 #include "stages/sensor.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
@@ -9,45 +10,6 @@
 #include <vector>
 
 namespace clsp {
-namespace {
-
-// Kernels compute in single precision; far below its limit nothing can overflow.
-constexpr double kLargestDn = 1e30;
-
-void check_not_negative(double value, const char *name) {
-    if (!(value >= 0.0 && value <= kLargestDn))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be 0 to {}", name, value, kLargestDn));
-}
-
-void check_fraction(double value, const char *name) {
-    if (!(value >= 0.0 && value <= 1.0))
-        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be 0 to 1", name, value));
-}
-
-std::vector<float> checked_dark_frame(const SensorParameters &p) {
-    std::vector<float> dark(std::size_t{p.width} * p.height, 0.0f);
-    if (!p.dark_frame_dn)
-        return dark;
-    const std::uint64_t row = std::uint64_t{p.width} * sizeof(float);
-    const std::uint64_t pitch = p.dark_frame_pitch_bytes ? p.dark_frame_pitch_bytes : row;
-    if (pitch < row || pitch % sizeof(float) != 0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("dark_frame_pitch_bytes is {}, it must be a multiple of 4 and at least {} (a row)",
-                                pitch, row));
-    for (std::uint32_t y = 0; y < p.height; ++y) {
-        const auto *from = reinterpret_cast<const float *>(reinterpret_cast<const char *>(p.dark_frame_dn) + y * pitch);
-        for (std::uint32_t x = 0; x < p.width; ++x) {
-            if (!std::isfinite(from[x]))
-                throw Error(Status::kInvalidData,
-                            fmt::format("dark_frame_dn[{}][{}] (row, column) is {}; it must be finite", y, x, from[x]));
-            dark[std::size_t{y} * p.width + x] = from[x];
-        }
-    }
-    return dark;
-}
-
-} // namespace
-
 Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
     : context_(std::move(context)), parameters_(p) {
     check_image_size(p.width, p.height, "the sensor");
@@ -59,16 +21,14 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
             Status::kInvalidArgument,
             fmt::format("saturation_dn is {}, it must be above 0 (infinity for a sensor that only the ADC clips)",
                         p.saturation_dn));
-    if (!(std::abs(p.black_level_dn) <= kLargestDn))
+    if (!(std::abs(p.black_level_dn) <= kLargestNumber))
         throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite and at most {}",
-                                                          p.black_level_dn, kLargestDn));
+                                                          p.black_level_dn, kLargestNumber));
     check_not_negative(p.read_noise_dn, "read_noise_dn");
     check_fraction(p.hot_pixel_fraction, "hot_pixel_fraction");
     check_not_negative(p.hot_pixel_mean_dn, "hot_pixel_mean_dn");
     check_fraction(p.cold_pixel_fraction, "cold_pixel_fraction");
-    if (!(p.float_full_scale > 0.0) || !std::isfinite(p.float_full_scale))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("float_full_scale is {}, it must be a finite number above 0", p.float_full_scale));
+    check_positive(p.float_full_scale, "float_full_scale");
     has_defects_ = p.hot_pixel_fraction > 0.0 || p.cold_pixel_fraction > 0.0;
     has_offset_ = p.dark_frame_dn || p.hot_pixel_fraction > 0.0;
     if (has_defects_ || has_offset_)
@@ -78,7 +38,11 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
 
 void Sensor::make_fixed_pattern() {
     const SensorParameters &p = parameters_;
-    const std::vector<float> dark = checked_dark_frame(p);
+    std::vector<float> dark(std::size_t{p.width} * p.height, 0.0f);
+    if (p.dark_frame_dn)
+        dark = copy_host_image(
+            {p.dark_frame_dn, p.width, p.height, p.dark_frame_pitch_bytes}, "dark_frame_dn",
+            [](float value) { return std::isfinite(value); }, "it must be finite");
     offset_ = DeviceBuffer(context_, dark.size() * sizeof(float), dark.data());
     if (!has_defects_)
         return;
