@@ -28,7 +28,8 @@ typedef struct ClspFieldGrid {
     uint32_t grid_height;   /**< Out: likewise. */
 } ClspFieldGrid;
 
-/** Fills in grid_width and grid_height from the other four members. */
+/** Fills in grid_width and grid_height from the other four members. CLSP_ERROR_UNSUPPORTED if a side of the grid would exceed 16384
+ *  samples. */
 CLSP_API ClspStatus clspFieldGridCompute(ClspFieldGrid *grid);
 
 #define CLSP_FIELD_CIRCULAR_GAUSSIAN 0u  /**< Very many scatterers per pixel: fully developed at any aperture. */

@@ -65,7 +65,9 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
 typedef struct ClspContextDesc {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t disk_cache;          /**< CLSP_DISK_CACHE_*; default AUTO. */
-    cl_context cl_context_handle; /**< The host's context, retained; NULL (default): clSpeckle makes its own. */
+    /** The host's context, retained; NULL (default): clSpeckle makes its own. clFFT keeps what it has compiled for a cl_context (some
+     *  megabytes) until the process ends: use one cl_context, not a new one for every clSpeckle context. */
+    cl_context cl_context_handle;
     cl_device_id cl_device;       /**< The host's device; required with cl_context_handle, else NULL. */
     /** Which device a context of our own uses: "platform:device" as in ClspDeviceInfo::selector, "gpu", "cpu",
      *  "accelerator", or a part of the device's or platform's name in any case. NULL (default): the environment variable
