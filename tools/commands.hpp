@@ -30,9 +30,9 @@ struct StatisticsArguments {
     std::vector<std::string> files;
     std::string device;
     std::string mask;
-    std::vector<std::uint32_t> region; ///< x, y, width, height; or empty.
-    std::uint32_t bits = 0;            ///< 0: unknown.
-    std::uint32_t histogram_bins = 0;  ///< 0: none.
+    std::vector<std::uint32_t> region;   ///< x, y, width, height; or empty.
+    std::uint32_t bits = 0;              ///< 0: unknown.
+    std::uint32_t histogram_bins = 0;    ///< 0: none.
     std::vector<double> histogram_range; ///< low, high; or empty.
     std::string channel;
     bool temporal = false;

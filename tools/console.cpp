@@ -76,7 +76,8 @@ void Console::progress(std::uint64_t done, std::uint64_t total) {
     const double left = rate > 0 ? static_cast<double>(total - done) / rate : 0;
     const std::string numbers = fmt::format(" {}/{} frames, {:.1f}/s, {:.0f} s left", done, total, rate, left);
     const int cells = std::clamp(columns - static_cast<int>(numbers.size()) - 3, 5, 50);
-    const int full = static_cast<int>(static_cast<double>(cells) * static_cast<double>(done) / static_cast<double>(total));
+    const int full =
+        static_cast<int>(static_cast<double>(cells) * static_cast<double>(done) / static_cast<double>(total));
     std::fputs(fmt::format("\r[{:=<{}}{: <{}}]{}\x1b[K", "", full, "", cells - full, numbers).c_str(), stderr);
     std::fflush(stderr);
     bar_shown_ = true;

@@ -15,7 +15,8 @@
 namespace tools {
 
 /**
- * With --json standard output belongs to one JSON document: whatever a driver prints there meanwhile goes to standard error.
+ * With --json standard output belongs to one JSON document: whatever a driver prints there meanwhile goes to standard
+ * error.
  */
 class Console {
   public:

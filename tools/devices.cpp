@@ -64,11 +64,12 @@ int run_devices(const std::string &device, Console &console) {
         console.result(root.dump(2));
     } else {
         if (!devices.empty()) {
-            std::vector<std::vector<std::string>> rows = {{"device", "type", "units", "memory", "usable", "name", "platform", "OpenCL"}};
+            std::vector<std::vector<std::string>> rows = {
+                {"device", "type", "units", "memory", "usable", "name", "platform", "OpenCL"}};
             for (const ClspDeviceInfo &info : devices)
                 rows.push_back({info.selector, kind_of(info), std::to_string(info.compute_units),
-                                gibibytes(info.global_memory_bytes), info.usable ? "yes" : "no", info.name, info.platform_name,
-                                info.version});
+                                gibibytes(info.global_memory_bytes), info.usable ? "yes" : "no", info.name,
+                                info.platform_name, info.version});
             console.result(table(rows) + "\n");
         }
         std::string text = explanation;

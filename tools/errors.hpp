@@ -11,9 +11,9 @@
 namespace tools {
 
 constexpr int exit_ok = 0;
-constexpr int exit_input = 1;        ///< Usage, configuration or input files.
-constexpr int exit_device = 2;       ///< No OpenCL device, or the device, the library or the memory failed.
-constexpr int exit_output = 3;       ///< A file, a folder or standard output cannot be written.
+constexpr int exit_input = 1;         ///< Usage, configuration or input files.
+constexpr int exit_device = 2;        ///< No OpenCL device, or the device, the library or the memory failed.
+constexpr int exit_output = 3;        ///< A file, a folder or standard output cannot be written.
 constexpr int exit_interrupted = 130; ///< Ctrl-C or SIGTERM; what was finished stays.
 
 /** Wrong usage, configuration or input. */

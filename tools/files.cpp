@@ -27,7 +27,9 @@ std::string lower(std::string text) {
     return text;
 }
 
-bool natural_less(const std::string &a, const std::string &b) { return ::strverscmp(a.c_str(), b.c_str()) < 0; }
+bool natural_less(const std::string &a, const std::string &b) {
+    return ::strverscmp(a.c_str(), b.c_str()) < 0;
+}
 
 std::vector<std::string> images_of(const std::string &folder) {
     std::map<std::string, std::vector<std::string>> by_extension;
@@ -38,21 +40,23 @@ std::vector<std::string> images_of(const std::string &folder) {
         if (extension == ".tif")
             extension = ".tiff";
         static const char *const known[] = {".png", ".tiff", ".exr", ".hdr", ".npy", ".pgm"};
-        const bool image = std::any_of(std::begin(known), std::end(known), [&](const char *k) { return extension == k; });
+        const bool image =
+            std::any_of(std::begin(known), std::end(known), [&](const char *k) { return extension == k; });
         if (name[0] != '.' && image && entry.is_regular_file())
             by_extension[extension].push_back(entry.path().string());
     }
     if (code)
         throw InputError(fmt::format("{}: cannot be read: {}", folder, code.message()));
     if (by_extension.empty())
-        throw InputError(fmt::format("{}: the folder holds neither sequence.json nor PNG, TIFF, EXR, HDR, NPY or PGM images",
-                                     folder));
+        throw InputError(fmt::format(
+            "{}: the folder holds neither sequence.json nor PNG, TIFF, EXR, HDR, NPY or PGM images", folder));
     if (by_extension.size() > 1) {
         std::string kinds;
         for (const auto &[extension, files] : by_extension)
             kinds += fmt::format("{}{} {}", kinds.empty() ? "" : ", ", files.size(), extension);
-        throw InputError(fmt::format("{}: the folder holds several kinds of images ({}); say which, for example '{}/*{}'",
-                                     folder, kinds, folder, by_extension.begin()->first));
+        throw InputError(
+            fmt::format("{}: the folder holds several kinds of images ({}); say which, for example '{}/*{}'", folder,
+                        kinds, folder, by_extension.begin()->first));
     }
     return by_extension.begin()->second;
 }
@@ -110,12 +114,14 @@ std::vector<std::string> make_output_folder(const std::string &path) {
     fs::create_directories(path, code);
     if (code || !fs::is_directory(path)) {
         const std::string reason = code ? code.message() : "it is not a folder";
-        throw OutputError(fmt::format("{}: the output folder cannot be made: {}; choose another one with -o", path, reason));
+        throw OutputError(
+            fmt::format("{}: the output folder cannot be made: {}; choose another one with -o", path, reason));
     }
     try {
         const image_io::AtomicFile probe((fs::path(path) / "probe").string());
     } catch (const image_io::WriteError &error) {
-        throw OutputError(fmt::format("no files can be made in the output folder; choose another one with -o ({})", error.what()));
+        throw OutputError(
+            fmt::format("no files can be made in the output folder; choose another one with -o ({})", error.what()));
     }
     return created;
 }

@@ -16,12 +16,13 @@ namespace tools {
 Json read_json(const std::string &path);
 
 /**
- * The files that an argument of the command line means: itself, the images of a folder, or the matches of a glob pattern, in
- * the natural order of their names (frame_2 before frame_10).
+ * The files that an argument of the command line means: itself, the images of a folder, or the matches of a glob
+ * pattern, in the natural order of their names (frame_2 before frame_10).
  */
 std::vector<std::string> expand(const std::string &argument);
 
-/** Makes the folder and checks that files can be made in it. @return the folders that did not exist before, outermost first. */
+/** Makes the folder and checks that files can be made in it. @return the folders that did not exist before, outermost
+ * first. */
 std::vector<std::string> make_output_folder(const std::string &path);
 
 } // namespace tools

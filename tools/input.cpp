@@ -67,8 +67,9 @@ class FileSeries {
             reader_ = image_io::open(paths_[file], options_);
             open_file_ = file;
             if (reader_->info().width != width || reader_->info().height != height)
-                throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}", paths_[file],
-                                             reader_->info().width, reader_->info().height, paths_.front(), width, height));
+                throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
+                                             paths_[file], reader_->info().width, reader_->info().height,
+                                             paths_.front(), width, height));
         }
         return *reader_;
     }
@@ -104,9 +105,10 @@ void check_normals(const FrameData &data, const std::string &name, std::vector<s
         }
     }
     if (bad > 0)
-        warnings.push_back(fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
-                                       "light there is wrong by their length",
-                                       name, bad, first % data.normal.width, first / data.normal.width));
+        warnings.push_back(
+            fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
+                        "light there is wrong by their length",
+                        name, bad, first % data.normal.width, first / data.normal.width));
 }
 
 std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name) {
@@ -143,11 +145,12 @@ class Planes {
     void check(std::uint32_t width, std::uint32_t height, std::uint64_t frames, const std::string &reference) const {
         for (const auto &[name, series] : planes_) {
             if (series.width != width || series.height != height)
-                throw InputError(fmt::format("{}: the --{} image has {} x {} pixels, {} has {} x {}", series.first_path(),
-                                             name, series.width, series.height, reference, width, height));
+                throw InputError(fmt::format("{}: the --{} image has {} x {} pixels, {} has {} x {}",
+                                             series.first_path(), name, series.width, series.height, reference, width,
+                                             height));
             if (series.frame_count != 1 && series.frame_count != frames)
-                throw InputError(fmt::format("{}: the --{} image has {} frames; 1 or {} are needed", series.first_path(), name,
-                                             series.frame_count, frames));
+                throw InputError(fmt::format("{}: the --{} image has {} frames; 1 or {} are needed",
+                                             series.first_path(), name, series.frame_count, frames));
         }
     }
 
@@ -163,7 +166,8 @@ class Planes {
             Plane plane = series.gray(index, warnings);
             if (name == "depth") {
                 if (plane.full_scale > 0)
-                    throw InputError(fmt::format("{}: depth must be floating-point metres, not {}", file, plane.sample));
+                    throw InputError(
+                        fmt::format("{}: depth must be floating-point metres, not {}", file, plane.sample));
                 data.depth = std::move(plane);
                 continue;
             }
@@ -193,7 +197,8 @@ class Planes {
 class IdealInput final : public Input {
   public:
     IdealInput(const std::vector<std::string> &files, const InputPaths &paths, const Config &config)
-        : series_(files, {config.text("render.channel")}), planes_(paths), scale_(config.number("render.irradiance_scale")) {
+        : series_(files, {config.text("render.channel")}), planes_(paths),
+          scale_(config.number("render.irradiance_scale")) {
         kind = files.size() > 1 ? fmt::format("{} ideal images", files.size()) : "ideal image";
         width = series_.width;
         height = series_.height;
@@ -247,14 +252,15 @@ class ExrSceneInput final : public Input {
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
         const image_io::ExrFile file(files_[frame]);
         if (file.width() != width || file.height() != height)
-            throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}", file.path(),
-                                         file.width(), file.height(), files_.front(), width, height));
+            throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
+                                         file.path(), file.width(), file.height(), files_.front(), width, height));
         FrameData data;
         data.name = file.path();
         // Positions need no camera model, so they are preferred where a file has both.
         const bool position = whole(file, "P");
         if (!position && !file.has("Z"))
-            throw InputError(fmt::format("{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
+            throw InputError(fmt::format(
+                "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
         const bool normal = whole(file, "N");
         struct Target {
             const char *channel;
@@ -289,8 +295,9 @@ class ExrSceneInput final : public Input {
         }
         const char *depth_channel = position ? "P.Z" : "Z";
         if (file.sample(depth_channel) == "float16")
-            warnings.push_back(fmt::format("{}: channel {} is half precision: steps of 1 mm at 1 m move dots; store it as float",
-                                           file.path(), depth_channel));
+            warnings.push_back(
+                fmt::format("{}: channel {} is half precision: steps of 1 mm at 1 m move dots; store it as float",
+                            file.path(), depth_channel));
         file.read_rows(names, [&](const float *row) {
             for (std::uint32_t x = 0; x < width; ++x) {
                 for (VectorPlane *plane : {position ? &data.position : nullptr, normal ? &data.normal : nullptr}) {
@@ -320,7 +327,8 @@ class ExrSceneInput final : public Input {
     static bool whole(const image_io::ExrFile &file, const std::string &prefix) {
         const int count = file.has(prefix + ".X") + file.has(prefix + ".Y") + file.has(prefix + ".Z");
         if (count != 0 && count != 3)
-            throw InputError(fmt::format("{}: has only some of the channels {}.X, {}.Y and {}.Z", file.path(), prefix, prefix, prefix));
+            throw InputError(fmt::format("{}: has only some of the channels {}.X, {}.Y and {}.Z", file.path(), prefix,
+                                         prefix, prefix));
         return count == 3;
     }
 
@@ -366,11 +374,13 @@ template <typename T> T get(const Json &object, const char *key, const std::stri
 std::vector<std::string> load_sequence(const std::string &path, Config &config) {
     const Json root = read_json(path);
     if (!root.is_object() || root.value("format", Json()) != "clspeckle-gbuffer-sequence")
-        throw InputError(fmt::format("{}: is not a scene description (\"format\" is not \"clspeckle-gbuffer-sequence\"); a "
-                                     "configuration is given with --config",
-                                     path));
+        throw InputError(
+            fmt::format("{}: is not a scene description (\"format\" is not \"clspeckle-gbuffer-sequence\"); a "
+                        "configuration is given with --config",
+                        path));
     if (root.value("version", Json()) != 1)
-        throw InputError(fmt::format("{}: version {} of the format is not known, only 1", path, root.value("version", Json()).dump()));
+        throw InputError(fmt::format("{}: version {} of the format is not known, only 1", path,
+                                     root.value("version", Json()).dump()));
     const std::filesystem::path folder = std::filesystem::path(path).parent_path();
     const auto names = get<std::vector<std::string>>(root, "frames", path, "a list of file names");
     if (names.empty())
@@ -379,20 +389,22 @@ std::vector<std::string> load_sequence(const std::string &path, Config &config) 
     for (const std::string &name : names)
         files.push_back((folder / name).string());
 
-    // Keys of the file and the options they set; any other key is refused, since a default in its place would pass unnoticed.
+    // Keys of the file and the options they set; any other key is refused, since a default in its place would pass
+    // unnoticed.
     using Keys = std::vector<std::pair<std::string, std::string>>;
     const auto take = [&](const Json &parent, const std::string &name, const Keys &keys) {
         const Json object = parent.value(name, Json::object());
         if (!object.is_object())
             throw InputError(fmt::format("{}: \"{}\" must be an object", path, name));
         for (const auto &[key, value] : object.items()) {
-            const auto known = std::find_if(keys.begin(), keys.end(), [&k = key](const auto &pair) { return pair.first == k; });
+            const auto known =
+                std::find_if(keys.begin(), keys.end(), [&k = key](const auto &pair) { return pair.first == k; });
             if (known == keys.end()) {
                 std::vector<std::string> known_keys;
                 for (const auto &pair : keys)
                     known_keys.push_back(pair.first);
-                throw InputError(fmt::format("{}: unknown key \"{}\" in \"{}\"; the nearest known key is \"{}\"", path, key, name,
-                                             nearest(key, known_keys)));
+                throw InputError(fmt::format("{}: unknown key \"{}\" in \"{}\"; the nearest known key is \"{}\"", path,
+                                             key, name, nearest(key, known_keys)));
             }
             if (known->second.empty())
                 continue;
@@ -427,8 +439,9 @@ std::vector<std::string> load_sequence(const std::string &path, Config &config) 
     if (!std::filesystem::exists(files.front(), ignored))
         for (const auto &entry : std::filesystem::directory_iterator(folder.empty() ? "." : folder, ignored))
             if (entry.path().filename().string().find(".tar") != std::string::npos)
-                throw InputError(fmt::format("{}: does not exist; unpack the frames first: tar -xf {} -C {}", files.front(),
-                                             entry.path().string(), folder.empty() ? "." : folder.string()));
+                throw InputError(fmt::format("{}: does not exist; unpack the frames first: tar -xf {} -C {}",
+                                             files.front(), entry.path().string(),
+                                             folder.empty() ? "." : folder.string()));
     return files;
 }
 
@@ -466,7 +479,8 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
             files.push_back(std::move(file));
     if (std::filesystem::path(files.front()).extension() == ".json") {
         if (files.size() > 1)
-            throw InputError(fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
+            throw InputError(
+                fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
         files = load_sequence(files.front(), config);
         if (!is_scene(files.front()))
             throw InputError(fmt::format("{}: is not an EXR file with the channel Z or P.X, P.Y, P.Z", files.front()));
@@ -474,7 +488,8 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
     if (is_scene(files.front()))
         return std::make_unique<ExrSceneInput>(std::move(files), paths);
     if (paths.any_plane())
-        throw InputError(fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
+        throw InputError(
+            fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
     return std::make_unique<IdealInput>(files, paths, config);
 }
 

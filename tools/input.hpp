@@ -31,8 +31,8 @@ struct InputPaths {
 
 /** One frame in host memory; what the input lacks is empty. */
 struct FrameData {
-    std::string name;            ///< For messages.
-    image_io::Plane irradiance;  ///< Ideal image, scaled.
+    std::string name;           ///< For messages.
+    image_io::Plane irradiance; ///< Ideal image, scaled.
     image_io::Plane depth;
     image_io::VectorPlane position;
     image_io::VectorPlane normal;

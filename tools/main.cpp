@@ -19,7 +19,9 @@ namespace {
 
 std::atomic<bool> stop_requested{false};
 
-void request_stop(int) { stop_requested = true; }
+void request_stop(int) {
+    stop_requested = true;
+}
 
 void handle_signals() {
     struct sigaction action {};
@@ -48,34 +50,36 @@ constexpr const char *main_examples = R"(Examples:
 Help on a command: clspeckle render --help
 )";
 
-constexpr const char *render_examples = R"(INPUT is an ideal infrared image (PNG 8/16, TIFF 8/16/float, EXR, Radiance HDR, NPY, PGM) or a stack of them (3-D NPY,
-TIFF with pages), or a scene: EXR files with the channels Z (depth in m) or P.X P.Y P.Z (position in m), and optionally
-N.X N.Y N.Z (normal), albedo, visibility and refresh; a folder or a quoted glob pattern of such files; a sequence.json or
-its folder. Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility. Integer
-images are divided by their top code, so 1 is full scale; values are linear. A scene needs --pattern IMAGE.
+constexpr const char *render_examples =
+    R"(INPUT is an ideal infrared image (PNG 8/16, TIFF 8/16/float, EXR, Radiance HDR, NPY, PGM), a stack of them (3-D NPY,
+TIFF with pages), a folder or a quoted glob pattern; or a scene: EXR files with the channels Z (depth in m) or P.X P.Y
+P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility and refresh; or a sequence.json or its
+folder. Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility. Values are
+linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE.
 
-Configuration: the options below --config are also the keys of a JSON file, grouped as here:
+Configuration: the options in the groups "Configuration" are also the keys of a JSON file, grouped as here:
   {"aperture": {"f_number": 8}, "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}
-A key is the option's name with underscores (and, where an option begins with its group's name, without it: --pattern-quantity
-is pattern.quantity, --pattern is pattern.image, --sensor is sensor.enabled). --dump-config prints all of them. The command line
-beats the configuration file, which beats sequence.json, which beats the defaults.
+A key is the option's name with underscores, without the name of its group: --pattern-quantity is pattern.quantity (and
+--pattern is pattern.image, --sensor is sensor.enabled). --dump-config prints all of them. The command line beats the
+configuration file, which beats sequence.json, which beats the defaults.
 
-Written to the output folder: frame_000000.png ... (or frames.npy for a stack), preview_000000.png ..., with --save-ideal
-ideal_000000.npy ..., and config.json, with which --config repeats the run. 16-bit files hold the codes as they are.
+Written to the output folder: frame_000000.png ... (or frames.npy for a stack), preview_000000.png ..., ideal_000000.npy
+... with --save-ideal, and config.json, with which --config repeats the run. 16-bit files hold the codes as they are.
 
 Examples:
   clspeckle render ideal.png -o out --f-number 4 --seed 7
   clspeckle render ideal.npy -o out --frames 100 --format npy-stack --no-preview --profile
-  clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png --pattern-half-extent-x 0.7 --pattern-half-extent-y 0.48 \
-      --fx 560 --fy 560 --cx 319.5 --cy 239.5
+  clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png --pattern-half-extent-x 0.7 \
+      --pattern-half-extent-y 0.48 --fx 560 --fy 560 --cx 319.5 --cy 239.5
   clspeckle render examples/office/gbuffers -o out --exposure-gain auto --save-ideal
   clspeckle render ideal.png --f-number 8 --dump-config > camera.json
   clspeckle render ideal.png -o out --config camera.json
 )";
 
-constexpr const char *statistics_examples = R"(Per frame: mean, standard deviation, contrast (their ratio), skewness, least and greatest value, share at the top code (of
---bits, else of the file's integer type) and at 0, and the size of a speckle: full width at half maximum of the autocovariance
-along x and y (not with --mask, whose outline would be measured). Values are as stored.
+constexpr const char *statistics_examples =
+    R"(Per frame: mean, standard deviation, contrast (their ratio), skewness, least and greatest value, share at the top code
+(of --bits, else of the file's integer type) and at 0, and the size of a speckle: full width at half maximum of the
+autocovariance along x and y (not with --mask, whose outline would be measured). Values are as stored.
 
 Examples:
   clspeckle statistics out/frame_*.png --bits 10
@@ -83,7 +87,8 @@ Examples:
   clspeckle statistics frame.png --histogram 32 --json
 )";
 
-constexpr const char *devices_examples = R"(Lists the OpenCL devices, best first, says which one is taken and why, why others are refused, and how to install one.
+constexpr const char *devices_examples =
+    R"(Lists the OpenCL devices, best first, says which one is taken and why, why others are refused, and how to install one.
 
 Examples:
   clspeckle devices
@@ -134,7 +139,8 @@ std::string description(const tools::Option &option) {
     return facts.empty() ? option.help : option.help + " (" + facts + ")";
 }
 
-/** CLI11's help with the descriptions wrapped, and without its notes on flags and checks, which the descriptions hold. */
+/** CLI11's help with the descriptions wrapped, and without its notes on flags and checks, which the descriptions hold.
+ */
 class Formatter final : public CLI::Formatter {
   public:
     std::string make_option(const CLI::Option *option, bool is_positional) const override {
@@ -248,7 +254,8 @@ std::string usage_message(const CLI::App &app, const CLI::ParseError &error, int
 }
 
 int exit_code_of(ClspStatus status) {
-    return status == CLSP_ERROR_INVALID_ARGUMENT || status == CLSP_ERROR_INVALID_DATA ? tools::exit_input : tools::exit_device;
+    return status == CLSP_ERROR_INVALID_ARGUMENT || status == CLSP_ERROR_INVALID_DATA ? tools::exit_input
+                                                                                      : tools::exit_device;
 }
 
 int complain(int code, const std::string &message) {
@@ -297,7 +304,8 @@ int render(Arguments &arguments, tools::Console &console) {
 }
 
 int run(int argc, char **argv) {
-    CLI::App app("clSpeckle: what a laser-dot depth camera records of a perfect infrared image, computed with OpenCL.", "clspeckle");
+    CLI::App app("clSpeckle: what a laser-dot depth camera records of a perfect infrared image, computed with OpenCL.",
+                 "clspeckle");
     app.footer(std::string(main_examples) + "\n" + exit_codes);
     app.require_subcommand(1);
     app.formatter(std::make_shared<Formatter>());
@@ -313,22 +321,32 @@ int run(int argc, char **argv) {
 
     CLI::App &devices = *app.add_subcommand("devices", "List the OpenCL devices and explain the choice");
     devices.footer(devices_examples);
-    devices.add_option("--device", arguments.device, "Explain the choice for this selector instead of the default")->type_name("TEXT");
+    devices.add_option("--device", arguments.device, "Explain the choice for this selector instead of the default")
+        ->type_name("TEXT");
     add_json(devices, "Print JSON");
 
     CLI::App &render_command = *app.add_subcommand("render", "Render speckled infrared frames");
     render_command.footer(render_examples);
-    render_command.add_option("INPUT", arguments.input.inputs, "Ideal image, scene, folder, glob pattern or sequence.json")->type_name("");
-    render_command.add_option("-o,--output", arguments.output, "Folder for the frames; made if it does not exist")->type_name("FOLDER");
-    render_command.add_option("--depth", arguments.input.depth, "Depth in m (float NPY, TIFF or EXR)")->type_name("IMAGE");
-    render_command.add_option("--position", arguments.input.position, "Positions in m, height x width x 3")->type_name("IMAGE");
-    render_command.add_option("--normal", arguments.input.normal, "Unit normals, height x width x 3")->type_name("IMAGE");
+    render_command
+        .add_option("INPUT", arguments.input.inputs, "Ideal image, scene, folder, glob pattern or sequence.json")
+        ->type_name("");
+    render_command.add_option("-o,--output", arguments.output, "Folder for the frames; made if it does not exist")
+        ->type_name("FOLDER");
+    render_command.add_option("--depth", arguments.input.depth, "Depth in m (float NPY, TIFF or EXR)")
+        ->type_name("IMAGE");
+    render_command.add_option("--position", arguments.input.position, "Positions in m, height x width x 3")
+        ->type_name("IMAGE");
+    render_command.add_option("--normal", arguments.input.normal, "Unit normals, height x width x 3")
+        ->type_name("IMAGE");
     render_command.add_option("--albedo", arguments.input.albedo, "Albedo, 0 to 1")->type_name("IMAGE");
-    render_command.add_option("--visibility", arguments.input.visibility, "Whether the laser sees the point, 0 to 1")->type_name("IMAGE");
-    render_command.add_option("--refresh-mask", arguments.input.refresh_mask, "New speckle in each frame where this is not 0")
+    render_command.add_option("--visibility", arguments.input.visibility, "Whether the laser sees the point, 0 to 1")
+        ->type_name("IMAGE");
+    render_command
+        .add_option("--refresh-mask", arguments.input.refresh_mask, "New speckle in each frame where this is not 0")
         ->type_name("IMAGE");
     render_command.add_option("--config", arguments.config, "JSON configuration")->type_name("FILE");
-    render_command.add_flag("--dump-config", arguments.dump_config, "Print the effective configuration as JSON and end");
+    render_command.add_flag("--dump-config", arguments.dump_config,
+                            "Print the effective configuration as JSON and end");
     add_json(render_command, "Print a summary as JSON on standard output, everything else on standard error");
     render_command.add_flag("--quiet", arguments.quiet, "Print warnings and errors only");
     add_table(render_command, arguments.options);
@@ -342,11 +360,14 @@ int run(int argc, char **argv) {
         ->delimiter(',')
         ->expected(4)
         ->type_name("X,Y,W,H");
-    statistics.add_option("--bits", stats.bits, "Bits of a code, which give the top code (1 to 32)")->type_name("INTEGER")->check(CLI::Range(1, 32));
+    statistics.add_option("--bits", stats.bits, "Bits of a code, which give the top code (1 to 32)")
+        ->type_name("INTEGER")
+        ->check(CLI::Range(1, 32));
     statistics.add_option("--histogram", stats.histogram_bins, "Count a histogram of so many bins (1 to 65536)")
         ->type_name("BINS")
         ->check(CLI::Range(1, 65536));
-    statistics.add_option("--histogram-range", stats.histogram_range, "Range of the histogram; the values' own without it")
+    statistics
+        .add_option("--histogram-range", stats.histogram_range, "Range of the histogram; the values' own without it")
         ->delimiter(',')
         ->expected(2)
         ->type_name("LOW,HIGH");
@@ -412,7 +433,8 @@ int run_guarded(int argc, char **argv) {
     }
 }
 
-/** clFFT complains at exit that nobody tore it down, which a library must not do: the plans are gone, nothing is lost. */
+/** clFFT complains at exit that nobody tore it down, which a library must not do: the plans are gone, nothing is lost.
+ */
 void silence_exit() {
     std::fflush(stdout);
     std::fflush(stderr);

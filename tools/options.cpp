@@ -112,9 +112,10 @@ std::vector<Option> make_table() {
         number("aperture", "pixel_pitch_m", aperture.pixel_pitch_m, 0, true, infinity, "m",
                "distance between two pixels of the sensor"),
         number("aperture", "wavelength_m", aperture.wavelength_m, 0, true, infinity, "m", "wavelength of the laser"),
-        number("aperture", "relative_diameter", aperture.relative_diameter, 0, false, infinity, "cycles/px",
-               "diameter of the aperture in the frequency plane, at most the oversampling; 0: pixel_pitch / (wavelength * "
-               "f_number)"),
+        number(
+            "aperture", "relative_diameter", aperture.relative_diameter, 0, false, infinity, "cycles/px",
+            "diameter of the aperture in the frequency plane, at most the oversampling; 0: pixel_pitch / (wavelength * "
+            "f_number)"),
         number("aperture", "degree_of_polarization", aperture.degree_of_polarization, 0, false, 1, "",
                "of the light that the surface returns; below 1 two independent speckle patterns add up"),
         number("aperture", "soft_rim", aperture.soft_rim, 0, false, 1, "",
@@ -135,12 +136,14 @@ std::vector<Option> make_table() {
         boolean("sensor", "enabled", true, "expose a sensor; without it the output is the intensity in front of it"),
         integer("sensor", "bits", sensor.bits, 8, 16, "", "bits of a code"),
         number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, 0, false, infinity, "dn",
-               "codes per unit of intensity; auto: the 99.9th percentile of the first ideal image, speckled, has a mean of half "
+               "codes per unit of intensity; auto: the 99.9th percentile of the first ideal image, speckled, has a "
+               "mean of half "
                "of full scale",
                {"auto"}),
         number("sensor", "saturation_dn", sensor.saturation_dn, 0, true, infinity, "dn",
                "the signal stops here; inf: only the converter clips"),
-        number("sensor", "black_level_dn", sensor.black_level_dn, -infinity, false, infinity, "dn", "code without light"),
+        number("sensor", "black_level_dn", sensor.black_level_dn, -infinity, false, infinity, "dn",
+               "code without light"),
         number("sensor", "read_noise_dn", sensor.read_noise_dn, 0, false, infinity, "dn",
                "standard deviation of the temporal noise"),
         number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, 0, false, 1, "", "share of hot pixels"),
@@ -164,21 +167,24 @@ std::vector<Option> make_table() {
         choice("pattern", "quantity", {"radiant_intensity", "plane_irradiance"}, pattern.quantity,
                "what the pattern's values are: W/sr, or irradiance on a plane at unit distance"),
         number("pattern", "power_scale", pattern.power_scale, 0, false, infinity, "", "factor on the pattern's values"),
-        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12}, -infinity,
-                false, "m", "pose of the laser, [R|t], 3 x 4 row by row"),
+        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12},
+                -infinity, false, "m", "pose of the laser, [R|t], 3 x 4 row by row"),
 
         number("camera", "fx_px", geometry.fx_px, 0, false, infinity, "px", "focal length along x; needed with depth"),
         number("camera", "fy_px", geometry.fy_px, 0, false, infinity, "px", "focal length along y; needed with depth"),
-        number("camera", "cx_px", geometry.cx_px, -infinity, false, infinity, "px", "principal point, x; pixel centres are integers"),
+        number("camera", "cx_px", geometry.cx_px, -infinity, false, infinity, "px",
+               "principal point, x; pixel centres are integers"),
         number("camera", "cy_px", geometry.cy_px, -infinity, false, infinity, "px", "principal point, y"),
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
 
         text("render", "device", Kind::text,
-             "OpenCL device: platform:device, gpu, cpu, or a part of its name; empty: the best one (see clspeckle devices)"),
+             "OpenCL device: platform:device, gpu, cpu, or a part of its name; empty: the best one (see clspeckle "
+             "devices)"),
         integer("render", "seed", phase.seed, 0, max_seed, "", "seed of everything random"),
         integer("render", "frames", "auto", 1, 1e6, "",
-                "frames to render; a still input is repeated: same speckle, new noise; auto: as many as the input has", {"auto"}),
+                "frames to render; a still input is repeated: same speckle, new noise; auto: as many as the input has",
+                {"auto"}),
         integer("render", "first_frame", frame.frame_index, 0, max_index - 1e6, "",
                 "frame counter of the first frame (noise, refreshed speckle, file names)"),
         choice("render", "refresh", {"mask", "all", "none"}, frame.refresh,
@@ -217,7 +223,9 @@ std::vector<Option> make_table() {
     return table;
 }
 
-std::string shown(const Json &value) { return value.dump(); }
+std::string shown(const Json &value) {
+    return value.dump();
+}
 
 std::string joined(const std::vector<std::string> &words, const char *last) {
     std::string text;
@@ -380,7 +388,9 @@ std::string nearest_key(const std::string &section, const std::string &key) {
 } // namespace
 
 std::string Option::range() const {
-    const auto number_text = [](double v) { return v == std::floor(v) && std::abs(v) < 1e15 ? fmt::format("{:.0f}", v) : fmt::format("{:g}", v); };
+    const auto number_text = [](double v) {
+        return v == std::floor(v) && std::abs(v) < 1e15 ? fmt::format("{:.0f}", v) : fmt::format("{:g}", v);
+    };
     std::string text;
     switch (kind) {
     case Kind::choice:
@@ -460,7 +470,8 @@ void Config::set_text(const Option &o, const std::string &text, Layer layer, con
 void Config::load(const std::string &path) {
     const Json root = read_json(path);
     if (!root.is_object())
-        throw InputError(path + ": a configuration is a JSON object of sections, for example {\"aperture\": {\"f_number\": 8}}");
+        throw InputError(
+            path + ": a configuration is a JSON object of sections, for example {\"aperture\": {\"f_number\": 8}}");
     const std::vector<std::string> sections = section_names();
     const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
     for (const auto &[section, keys] : root.items()) {
@@ -468,7 +479,8 @@ void Config::load(const std::string &path) {
             // A key without its section is the likelier slip if it fits better than any section.
             const std::string as_section = nearest(section, sections);
             const std::string as_key = nearest_key("", section);
-            const bool key_fits = edit_distance(section, as_key.substr(as_key.find('.') + 1)) < edit_distance(section, as_section);
+            const bool key_fits =
+                edit_distance(section, as_key.substr(as_key.find('.') + 1)) < edit_distance(section, as_section);
             throw InputError(fmt::format("{}: unknown section \"{}\"; the nearest known {} is \"{}\"", path, section,
                                          key_fits ? "key" : "section", key_fits ? as_key : as_section));
         }
@@ -490,11 +502,13 @@ void Config::load(const std::string &path) {
 
 void Config::settle() {
     const Layer diameter = layer("aperture.relative_diameter");
-    const Layer others = std::max({layer("aperture.f_number"), layer("aperture.pixel_pitch_m"), layer("aperture.wavelength_m")});
+    const Layer others =
+        std::max({layer("aperture.f_number"), layer("aperture.pixel_pitch_m"), layer("aperture.wavelength_m")});
     if (number("aperture.relative_diameter") == 0)
         return;
     if (diameter == Layer::command_line && others == Layer::command_line)
-        throw InputError("give either --relative-diameter, or --f-number, --pixel-pitch-m and --wavelength-m, not both");
+        throw InputError(
+            "give either --relative-diameter, or --f-number, --pixel-pitch-m and --wavelength-m, not both");
     if (others > diameter)
         resolve("aperture.relative_diameter", 0.0);
 }

@@ -2,8 +2,8 @@
  * @file options.hpp
  * @brief The one table of render options, and a configuration made from it.
  *
- * From the table come the keys of the JSON configuration, the command line options of the same name, their help texts and
- * all checks. Defaults are those of the C interface's init functions.
+ * From the table come the keys of the JSON configuration, the command line options of the same name, their help texts
+ * and all checks. Defaults are those of the C interface's init functions.
  */
 #ifndef CLSPECKLE_TOOLS_OPTIONS_HPP
 #define CLSPECKLE_TOOLS_OPTIONS_HPP
@@ -73,7 +73,8 @@ class Config {
     void set_text(const Option &option, const std::string &text, Layer layer, const std::string &where);
     /** Reads a JSON configuration. Throws InputError naming the nearest known key for an unknown one. */
     void load(const std::string &path);
-    /** Settles what depends on several options: a later f-number, pixel pitch or wavelength replaces an earlier diameter. */
+    /** Settles what depends on several options: a later f-number, pixel pitch or wavelength replaces an earlier
+     * diameter. */
     void settle();
 
     Json dump() const;

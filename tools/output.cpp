@@ -43,7 +43,9 @@ Output::Output(std::string folder, const std::string &format, std::uint64_t fram
 
 Output::~Output() = default;
 
-std::string Output::path(const std::string &name) { return (std::filesystem::path(folder_) / name).string(); }
+std::string Output::path(const std::string &name) {
+    return (std::filesystem::path(folder_) / name).string();
+}
 
 void Output::enqueue(std::function<void()> job) {
     while (jobs_.size() >= job_limit_) {
@@ -82,7 +84,9 @@ void Output::write_frame(std::uint64_t number, Samples samples, const PreviewSca
         const auto *codes = std::get_if<std::vector<std::uint16_t>>(&samples);
         const auto *values = std::get_if<std::vector<float>>(&samples);
         if (!stack_) {
-            const char *extension = format_ == "png16" ? "png" : format_ == "npy" || format_ == "float-npy" ? "npy" : "tiff";
+            const char *extension = format_ == "png16"                           ? "png"
+                                    : format_ == "npy" || format_ == "float-npy" ? "npy"
+                                                                                 : "tiff";
             const std::string name = fmt::format("frame_{:06}.{}", number, extension);
             if (format_ == "png16")
                 image_io::write_png16(path(name), width_, height_, codes->data());

@@ -40,7 +40,8 @@ class Output {
      * @param folder which must exist.
      * @param format a word of the option render.format.
      */
-    Output(std::string folder, const std::string &format, std::uint64_t frame_count, std::uint32_t width, std::uint32_t height);
+    Output(std::string folder, const std::string &format, std::uint64_t frame_count, std::uint32_t width,
+           std::uint32_t height);
     ~Output();
 
     static bool is_float(const std::string &format) { return format.rfind("float-", 0) == 0; }

@@ -20,7 +20,8 @@ namespace {
 
 using clspeckle::Buffer;
 
-constexpr std::uint32_t refresh_none = 2; // index of the word in the option's table; the C interface has no such constant
+constexpr std::uint32_t refresh_none =
+    2; // index of the word in the option's table; the C interface has no such constant
 
 /** Host planes on the device. */
 class DeviceFrame {
@@ -76,13 +77,17 @@ struct StageTimes {
         const std::size_t half = sorted.size() / 2;
         return sorted.size() % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
     }
-    double least() const { return milliseconds.empty() ? 0.0 : *std::min_element(milliseconds.begin(), milliseconds.end()); }
-    double most() const { return milliseconds.empty() ? 0.0 : *std::max_element(milliseconds.begin(), milliseconds.end()); }
+    double least() const {
+        return milliseconds.empty() ? 0.0 : *std::min_element(milliseconds.begin(), milliseconds.end());
+    }
+    double most() const {
+        return milliseconds.empty() ? 0.0 : *std::max_element(milliseconds.begin(), milliseconds.end());
+    }
 };
 
 /** A plane for one of the stages, with its size checked. */
-std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings, std::uint32_t *width,
-                              std::uint32_t *height) {
+std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings,
+                              std::uint32_t *width, std::uint32_t *height) {
     const auto reader = image_io::open(path);
     image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
     if (scaled)
@@ -102,21 +107,27 @@ class Renderer {
         has_sensor_ = config.flag("sensor.enabled");
         float_output_ = Output::is_float(format);
         if (!has_sensor_ && !float_output_)
-            throw InputError(fmt::format("--no-sensor gives intensities, which {} cannot hold; choose a --format that begins "
-                                         "with float-",
-                                         format));
+            throw InputError(
+                fmt::format("--no-sensor gives intensities, which {} cannot hold; choose a --format that begins "
+                            "with float-",
+                            format));
         if (config.text("pattern.image").empty() && input.scene)
-            throw InputError(fmt::format("{} is a scene: name the projected pattern with --pattern IMAGE", input.first_name));
-        if (!config.text("pattern.image").empty() && !input.scene && config.layer("pattern.image") == Layer::command_line)
-            throw InputError(fmt::format("{} is an ideal image, which takes no --pattern; a scene has the EXR channels Z or P.X, "
-                                         "P.Y, P.Z, or comes from --depth or --position",
-                                         input.first_name));
+            throw InputError(
+                fmt::format("{} is a scene: name the projected pattern with --pattern IMAGE", input.first_name));
+        if (!config.text("pattern.image").empty() && !input.scene &&
+            config.layer("pattern.image") == Layer::command_line)
+            throw InputError(
+                fmt::format("{} is an ideal image, which takes no --pattern; a scene has the EXR channels Z or P.X, "
+                            "P.Y, P.Z, or comes from --depth or --position",
+                            input.first_name));
         decide_frames();
         first_ = read(0);
-        if (input.scene && first_.position.empty() && (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))
-            throw InputError(fmt::format("{}: depth needs the camera: give --fx, --fy, --cx and --cy in pixels", first_.name));
-        if (config.choice("render.refresh") == CLSP_REFRESH_MASK && config.layer("render.refresh") == Layer::command_line &&
-            first_.refresh.empty())
+        if (input.scene && first_.position.empty() &&
+            (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))
+            throw InputError(
+                fmt::format("{}: depth needs the camera: give --fx, --fy, --cx and --cy in pixels", first_.name));
+        if (config.choice("render.refresh") == CLSP_REFRESH_MASK &&
+            config.layer("render.refresh") == Layer::command_line && first_.refresh.empty())
             console.warn("--refresh mask: the input has no refresh mask, so the speckle stays");
     }
 
@@ -180,11 +191,12 @@ class Renderer {
                 std::uint32_t dark_height = 0;
                 dark = read_plane(path, false, warnings_, &dark_width, &dark_height);
                 if (dark_width != width_ || dark_height != height_)
-                    throw InputError(fmt::format("{}: the dark frame has {} x {} pixels, the image {} x {}", path, dark_width,
-                                                 dark_height, width_, height_));
+                    throw InputError(fmt::format("{}: the dark frame has {} x {} pixels, the image {} x {}", path,
+                                                 dark_width, dark_height, width_, height_));
                 for (std::size_t i = 0; i < dark.size(); ++i)
                     if (!std::isfinite(dark[i]))
-                        throw InputError(fmt::format("{}: pixel ({}, {}) of the dark frame is {}", path, i % width_, i / width_, dark[i]));
+                        throw InputError(fmt::format("{}: pixel ({}, {}) of the dark frame is {}", path, i % width_,
+                                                     i / width_, dark[i]));
                 sensor.dark_frame_dn = dark.data();
             }
             sensor_ = clspeckle::Sensor(*context_, sensor);
@@ -280,7 +292,8 @@ class Renderer {
         const ClspApertureInfo aperture = aperture_.info();
         const std::uint64_t pixels = std::uint64_t{width_} * height_;
         const std::uint64_t oversampling = config_.integer("aperture.oversampling");
-        const bool padded = aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
+        const bool padded =
+            aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
         const double contrast = moments_.standard_deviation / (moments_.mean - black_level());
         const double saturated = static_cast<double>(saturated_) / static_cast<double>(pixels * frames_);
         const double frame_milliseconds = frame_times_.mean();
@@ -288,8 +301,11 @@ class Renderer {
         if (console_.json()) {
             Json stages = Json::object();
             for (const StageTimes &stage : stages_)
-                stages[stage.name] = {{"mean", stage.mean()}, {"median", stage.median()}, {"minimum", stage.least()},
-                                      {"maximum", stage.most()}, {"frames", stage.milliseconds.size()}};
+                stages[stage.name] = {{"mean", stage.mean()},
+                                      {"median", stage.median()},
+                                      {"minimum", stage.least()},
+                                      {"maximum", stage.most()},
+                                      {"frames", stage.milliseconds.size()}};
             const auto version = clspeckle::version();
             Json root = {
                 {"version", fmt::format("{}.{}.{}", version.major, version.minor, version.patch)},
@@ -311,7 +327,8 @@ class Renderer {
                   {"maximum", moments_.maximum},
                   {"saturated_share", static_cast<double>(saturated_first_) / static_cast<double>(pixels)}}},
                 {"saturated_share", saturated},
-                {"milliseconds", {{"warm_up", warm_up_seconds_ * 1e3}, {"frame", frame_milliseconds}, {"stages", stages}}},
+                {"milliseconds",
+                 {{"warm_up", warm_up_seconds_ * 1e3}, {"frame", frame_milliseconds}, {"stages", stages}}},
                 {"frames_per_second", {{"device", device_rate()}, {"with_files", rate}}},
                 {"output", {{"folder", folder}, {"format", config_.text("render.format")}, {"files", files}}},
                 {"warnings", console_.warnings()},
@@ -325,9 +342,10 @@ class Renderer {
         console_.print(fmt::format("device      {} ({})", device.device_name, device.platform_name));
         console_.print(fmt::format("input       {}, {} x {} pixels, {} frame{}", input_.kind, width_, height_,
                                    input_.frame_count, input_.frame_count == 1 ? "" : "s"));
-        console_.print(fmt::format("field grid  {} x {}{}", aperture.grid_width, aperture.grid_height,
-                                   !padded ? ", no padding"
-                                           : fmt::format(", padded from {} x {}", width_ * oversampling, height_ * oversampling)));
+        console_.print(
+            fmt::format("field grid  {} x {}{}", aperture.grid_width, aperture.grid_height,
+                        !padded ? ", no padding"
+                                : fmt::format(", padded from {} x {}", width_ * oversampling, height_ * oversampling)));
         console_.print(fmt::format("aperture    relative diameter {:.4f} cycles per pixel, mean transmission {:.4f}",
                                    aperture.relative_diameter, aperture.mean_transmission));
         if (has_sensor_)
@@ -335,15 +353,16 @@ class Renderer {
                                        config_.number("sensor.exposure_gain_dn"),
                                        gain_chosen_ ? ", chosen from the first ideal image" : ""));
         const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";
-        console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {:.4f}", moments_.mean,
-                                   moments_.standard_deviation, of, contrast));
+        console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {:.4f}",
+                                   moments_.mean, moments_.standard_deviation, of, contrast));
         if (has_sensor_)
             console_.print(fmt::format("saturated   {:.4f} % of all pixels", 100 * saturated));
         std::string times;
         for (const StageTimes &stage : stages_)
             times += fmt::format("{}{} {:.3f}", times.empty() ? "" : ", ", stage.name, stage.mean());
         console_.print(fmt::format("time, ms    {} (warm-up {:.0f})", times, warm_up_seconds_ * 1e3));
-        console_.print(fmt::format("speed       {:.1f} frames per second on the device, {:.1f} with files", device_rate(), rate));
+        console_.print(
+            fmt::format("speed       {:.1f} frames per second on the device, {:.1f} with files", device_rate(), rate));
         if (config_.flag("render.profile"))
             console_.print(profile_table());
         console_.print(describe_files(files, folder));
@@ -364,8 +383,8 @@ class Renderer {
             throw InputError(fmt::format("--frames {}: the input has {} frames", frames_, input_.frame_count));
     }
 
-    std::vector<float> plane(const std::string &path, const char *what, bool scaled, std::uint32_t *width, std::uint32_t *height,
-                             double high) {
+    std::vector<float> plane(const std::string &path, const char *what, bool scaled, std::uint32_t *width,
+                             std::uint32_t *height, double high) {
         image_io::Plane plane;
         plane.values = read_plane(path, scaled, warnings_, width, height);
         plane.width = *width;
@@ -420,15 +439,17 @@ class Renderer {
         if (bright <= 0)
             bright = *std::max_element(values.begin(), values.end());
         if (bright <= 0)
-            throw InputError(fmt::format("{}: the first ideal image is 0 everywhere, so no exposure can be chosen; give "
-                                         "--exposure-gain a number{}",
-                                         first_.name, input_.scene ? ", or check the pattern's pose and extent" : ""));
+            throw InputError(
+                fmt::format("{}: the first ideal image is 0 everywhere, so no exposure can be chosen; give "
+                            "--exposure-gain a number{}",
+                            first_.name, input_.scene ? ", or check the pattern's pose and extent" : ""));
         const double half_scale = top_code() / 2;
         const double signal = half_scale - config_.number("sensor.black_level_dn");
         if (signal <= 0)
-            throw InputError(fmt::format("--exposure-gain auto aims at half of full scale ({:g} dn), which the black level ({:g} "
-                                         "dn) leaves no room for",
-                                         half_scale, config_.number("sensor.black_level_dn")));
+            throw InputError(
+                fmt::format("--exposure-gain auto aims at half of full scale ({:g} dn), which the black level ({:g} "
+                            "dn) leaves no room for",
+                            half_scale, config_.number("sensor.black_level_dn")));
         const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
         const double transmission = kept_mean ? 1.0 : aperture_.info().mean_transmission;
         const double gain = signal / (bright * transmission);
@@ -445,7 +466,8 @@ class Renderer {
     void record_times() {
         double total = 0;
         for (const ClspStageTiming &timing : pipeline_.timings()) {
-            auto found = std::find_if(stages_.begin(), stages_.end(), [&](const StageTimes &s) { return s.name == timing.stage; });
+            auto found = std::find_if(stages_.begin(), stages_.end(),
+                                      [&](const StageTimes &s) { return s.name == timing.stage; });
             if (found == stages_.end()) {
                 stages_.push_back({timing.stage, {}});
                 found = stages_.end() - 1;

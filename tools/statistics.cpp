@@ -32,7 +32,8 @@ image_io::Plane crop(const image_io::Plane &plane, const Region &region) {
     part.sample = plane.sample;
     part.values.reserve(std::size_t{region.width} * region.height);
     for (std::uint32_t y = 0; y < region.height; ++y) {
-        const auto from = plane.values.begin() + static_cast<std::ptrdiff_t>(std::size_t{region.y + y} * plane.width + region.x);
+        const auto from =
+            plane.values.begin() + static_cast<std::ptrdiff_t>(std::size_t{region.y + y} * plane.width + region.x);
         part.values.insert(part.values.end(), from, from + region.width);
     }
     return part;
@@ -44,7 +45,7 @@ struct Row {
     std::uint32_t width = 0;
     std::uint32_t height = 0;
     ClspMoments moments{};
-    double top = unknown;       ///< Top code, if there is one.
+    double top = unknown; ///< Top code, if there is one.
     double top_share = unknown;
     double zero_share = 0;
     double speckle_x = unknown; ///< Full width at half maximum of the autocovariance, in pixels.
@@ -54,8 +55,8 @@ struct Row {
 };
 
 /**
- * Where the curve first falls to one half, by a cubic through the four lags around (Catmull-Rom); the autocovariance is even,
- * which gives the value at lag -1. @param curve from lag 0, where it is 1. NaN if it stays above.
+ * Where the curve first falls to one half, by a cubic through the four lags around (Catmull-Rom); the autocovariance is
+ * even, which gives the value at lag -1. @param curve from lag 0, where it is 1. NaN if it stays above.
  */
 double half_width(const std::vector<double> &curve) {
     for (std::size_t i = 0; i + 1 < curve.size(); ++i) {
@@ -93,8 +94,9 @@ class Temporal {
             squares_.assign(plane.values.size(), 0.0);
             first_ = name;
         } else if (plane.width != width_ || plane.height != height_) {
-            throw InputError(fmt::format("{}: --temporal needs frames of one size; this one has {} x {} pixels, {} has {} x {}", name,
-                                         plane.width, plane.height, first_, width_, height_));
+            throw InputError(
+                fmt::format("{}: --temporal needs frames of one size; this one has {} x {} pixels, {} has {} x {}",
+                            name, plane.width, plane.height, first_, width_, height_));
         }
         ++count_;
         for (std::size_t i = 0; i < mean_.size(); ++i) {
@@ -132,7 +134,8 @@ class Temporal {
 /** Uploads frames and asks the device. */
 class Analyzer {
   public:
-    Analyzer(const StatisticsArguments &arguments) : arguments_(arguments), context_(make_context(arguments.device)), queue_(context_) {}
+    Analyzer(const StatisticsArguments &arguments)
+        : arguments_(arguments), context_(make_context(arguments.device)), queue_(context_) {}
 
     Row analyze(const image_io::Plane &plane, const std::vector<std::uint8_t> &mask, const std::string &name) {
         Row row;
@@ -143,7 +146,7 @@ class Analyzer {
         const ClspImage mask_image = mask.empty() ? ClspImage{} : upload(mask_, mask, plane, CLSP_FORMAT_UINT8);
         const ClspImage *mask_view = mask.empty() ? nullptr : &mask_image;
         row.moments = clspeckle::statistics::moments(context_, queue_, image, mask_view);
-        row.top = arguments_.bits > 0 ? static_cast<double>((std::uint64_t{1} << arguments_.bits) - 1)
+        row.top = arguments_.bits > 0    ? static_cast<double>((std::uint64_t{1} << arguments_.bits) - 1)
                   : plane.full_scale > 0 ? plane.full_scale
                                          : unknown;
         count_ends(row, plane, mask);
@@ -224,7 +227,9 @@ class Analyzer {
     Buffer mask_;
 };
 
-Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+Json or_null(double value) {
+    return std::isfinite(value) ? Json(value) : Json();
+}
 
 Json to_json(const Row &row) {
     Json json = {{"file", row.name},
@@ -256,17 +261,20 @@ std::string number_text(double value, int digits = 5) {
 }
 
 std::string histogram_text(const Row &row) {
-    const std::uint64_t most = std::max<std::uint64_t>(1, *std::max_element(row.histogram.begin(), row.histogram.end()));
+    const std::uint64_t most =
+        std::max<std::uint64_t>(1, *std::max_element(row.histogram.begin(), row.histogram.end()));
     std::vector<std::vector<std::string>> rows = {{"from", "to", "pixels", ""}};
     const auto bar = [&](std::uint64_t count) { return std::string(static_cast<std::size_t>(50 * count / most), '#'); };
     const std::size_t bins = row.histogram.size() - 2;
     if (row.histogram.front() > 0)
-        rows.push_back({"", number_text(row.histogram_edges.front()), std::to_string(row.histogram.front()), bar(row.histogram.front())});
+        rows.push_back({"", number_text(row.histogram_edges.front()), std::to_string(row.histogram.front()),
+                        bar(row.histogram.front())});
     for (std::size_t i = 0; i < bins; ++i)
         rows.push_back({number_text(row.histogram_edges[i]), number_text(row.histogram_edges[i + 1]),
                         std::to_string(row.histogram[i + 1]), bar(row.histogram[i + 1])});
     if (row.histogram.back() > 0)
-        rows.push_back({number_text(row.histogram_edges.back()), "", std::to_string(row.histogram.back()), bar(row.histogram.back())});
+        rows.push_back({number_text(row.histogram_edges.back()), "", std::to_string(row.histogram.back()),
+                        bar(row.histogram.back())});
     return "\n" + row.name + "\n" + table(rows, "  ");
 }
 
@@ -303,15 +311,17 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
             region = {r[0], r[1], r[2], r[3]};
             if (region.width == 0 || region.height == 0)
                 throw InputError("--region x,y,w,h: the width and the height must be above 0");
-            if (std::uint64_t{region.x} + region.width > info.width || std::uint64_t{region.y} + region.height > info.height)
-                throw InputError(fmt::format("{}: the region {},{},{},{} leaves the image, which has {} x {} pixels", file, region.x,
-                                             region.y, region.width, region.height, info.width, info.height));
+            if (std::uint64_t{region.x} + region.width > info.width ||
+                std::uint64_t{region.y} + region.height > info.height)
+                throw InputError(fmt::format("{}: the region {},{},{},{} leaves the image, which has {} x {} pixels",
+                                             file, region.x, region.y, region.width, region.height, info.width,
+                                             info.height));
         }
         mask.clear();
         if (mask_plane) {
             if (mask_plane->width != info.width || mask_plane->height != info.height)
-                throw InputError(fmt::format("{}: the mask has {} x {} pixels, {} has {} x {}", arguments.mask, mask_plane->width,
-                                             mask_plane->height, file, info.width, info.height));
+                throw InputError(fmt::format("{}: the mask has {} x {} pixels, {} has {} x {}", arguments.mask,
+                                             mask_plane->width, mask_plane->height, file, info.width, info.height));
             for (const float value : crop(*mask_plane, region).values)
                 mask.push_back(value != 0.0f ? 1 : 0);
             if (std::find(mask.begin(), mask.end(), 1) == mask.end())
@@ -324,8 +334,8 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
             flush();
             for (std::size_t i = 0; i < plane.values.size(); ++i)
                 if (!std::isfinite(plane.values[i]))
-                    throw InputError(fmt::format("{}: pixel ({}, {}) is {}; statistics need finite values", name, i % plane.width,
-                                                 i / plane.width, plane.values[i]));
+                    throw InputError(fmt::format("{}: pixel ({}, {}) is {}; statistics need finite values", name,
+                                                 i % plane.width, i / plane.width, plane.values[i]));
             plane = crop(plane, region);
             if (!analyzer)
                 analyzer.emplace(arguments);
@@ -343,19 +353,21 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
             root["frames"].push_back(to_json(row));
         if (arguments.temporal) {
             const auto [mean, rms] = temporal.deviations(mask);
-            root["temporal"] = {{"frames", temporal.count()}, {"mean_standard_deviation", mean}, {"rms_standard_deviation", rms}};
+            root["temporal"] = {
+                {"frames", temporal.count()}, {"mean_standard_deviation", mean}, {"rms_standard_deviation", rms}};
         }
         root["warnings"] = console.warnings();
         console.result(root.dump(2, ' ', false, Json::error_handler_t::replace));
         return;
     }
-    std::vector<std::vector<std::string>> lines = {{"file", "size", "mean", "std", "contrast", "skewness", "min", "max", "at top", "at 0",
-                                                    "speckle px"}};
+    std::vector<std::vector<std::string>> lines = {
+        {"file", "size", "mean", "std", "contrast", "skewness", "min", "max", "at top", "at 0", "speckle px"}};
     for (const Row &row : rows) {
         const bool measured = std::isfinite(row.speckle_x) && std::isfinite(row.speckle_y);
         lines.push_back({row.name, fmt::format("{}x{}", row.width, row.height), number_text(row.moments.mean),
                          number_text(row.moments.standard_deviation), number_text(row.moments.contrast, 4),
-                         number_text(row.moments.skewness, 4), number_text(row.moments.minimum), number_text(row.moments.maximum),
+                         number_text(row.moments.skewness, 4), number_text(row.moments.minimum),
+                         number_text(row.moments.maximum),
                          std::isnan(row.top_share) ? "-" : fmt::format("{:.3f} %", 100 * row.top_share),
                          fmt::format("{:.3f} %", 100 * row.zero_share),
                          measured ? fmt::format("{:.2f} x {:.2f}", row.speckle_x, row.speckle_y) : "-"});
@@ -366,8 +378,9 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
             console.result(histogram_text(row));
     if (arguments.temporal) {
         const auto [mean, rms] = temporal.deviations(mask);
-        console.result(fmt::format("\ntemporal standard deviation over {} frames: mean over the pixels {:.5g}, root mean square {:.5g}",
-                                   temporal.count(), mean, rms));
+        console.result(fmt::format(
+            "\ntemporal standard deviation over {} frames: mean over the pixels {:.5g}, root mean square {:.5g}",
+            temporal.count(), mean, rms));
     }
 }
 

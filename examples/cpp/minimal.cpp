@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -31,12 +32,14 @@ std::vector<float> draw_dots() {
 // Written under a temporary name and renamed: whoever watches the folder never sees half a file.
 void write_pgm(const std::string &path, const std::vector<std::uint16_t> &codes) {
     const std::string temporary = path + ".part";
-    {
-        std::ofstream file(temporary, std::ios::binary);
-        file.exceptions(std::ios::failbit | std::ios::badbit);
-        file << "P5\n" << width << ' ' << height << '\n' << (1u << bits) - 1 << '\n';
-        for (std::uint16_t code : codes) // PGM is big-endian
-            file.put(static_cast<char>(code >> 8)).put(static_cast<char>(code & 0xff));
+    std::ofstream file(temporary, std::ios::binary);
+    file << "P5\n" << width << ' ' << height << '\n' << (1u << bits) - 1 << '\n';
+    for (std::uint16_t code : codes) // PGM is big-endian
+        file.put(static_cast<char>(code >> 8)).put(static_cast<char>(code & 0xff));
+    file.close();
+    if (!file) {
+        std::remove(temporary.c_str());
+        throw std::runtime_error("cannot write " + path);
     }
     std::filesystem::rename(temporary, path);
 }
@@ -84,7 +87,7 @@ int main(int argc, char **argv) {
         std::fprintf(stderr, "%s\n%s", error.what(), error.build_log().c_str());
         return 1;
     } catch (const std::exception &error) {
-        std::fprintf(stderr, "%s: %s\n", prefix.c_str(), error.what());
+        std::fprintf(stderr, "%s\n", error.what());
         return 1;
     }
     std::printf("wrote %s_0.pgm to %s_9.pgm\n", prefix.c_str(), prefix.c_str());

@@ -108,17 +108,19 @@ std::vector<float> draw_pattern(std::uint32_t pattern_width, std::uint32_t patte
 
 void write_pgm(const std::string &path, const std::vector<unsigned char> &texture) {
     const std::string temporary = path + ".part";
-    {
-        std::ofstream file(temporary, std::ios::binary);
-        file.exceptions(std::ios::failbit | std::ios::badbit);
-        file << "P5\n" << width << ' ' << height << "\n1023\n";
-        for (std::uint32_t y = 0; y < height; ++y) {
-            for (std::uint32_t x = 0; x < width; ++x) {
-                std::uint16_t code = 0;
-                std::memcpy(&code, &texture[offset + y * pitch + x * sizeof(code)], sizeof(code));
-                file.put(static_cast<char>(code >> 8)).put(static_cast<char>(code & 0xff));
-            }
+    std::ofstream file(temporary, std::ios::binary);
+    file << "P5\n" << width << ' ' << height << "\n1023\n";
+    for (std::uint32_t y = 0; y < height; ++y) {
+        for (std::uint32_t x = 0; x < width; ++x) {
+            std::uint16_t code = 0;
+            std::memcpy(&code, &texture[offset + y * pitch + x * sizeof(code)], sizeof(code));
+            file.put(static_cast<char>(code >> 8)).put(static_cast<char>(code & 0xff));
         }
+    }
+    file.close();
+    if (!file) {
+        std::remove(temporary.c_str());
+        throw std::runtime_error("cannot write " + path);
     }
     std::filesystem::rename(temporary, path);
 }
@@ -212,7 +214,7 @@ int main(int argc, char **argv) {
         std::fprintf(stderr, "%s\n%s", error.what(), error.build_log().c_str());
         return 1;
     } catch (const std::exception &error) {
-        std::fprintf(stderr, "%s: %s\n", prefix.c_str(), error.what());
+        std::fprintf(stderr, "%s\n", error.what());
         return 1;
     }
     std::printf("wrote %s_0.pgm to %s_%u.pgm\n", prefix.c_str(), prefix.c_str(), frames - 1);

@@ -1,5 +1,5 @@
-// OpenEXR: scanline and tiled files, half, float and uint channels. The image is the display window; what lies outside the
-// data window is 0, as the format defines.
+// OpenEXR: scanline and tiled files, half, float and uint channels. The image is the display window; what lies outside
+// the data window is 0, as the format defines.
 #include "image_io.hpp"
 
 #include <fmt/format.h>
@@ -67,7 +67,8 @@ ExrFile::ExrFile(std::string path) : impl_(std::make_unique<Impl>()) {
         if (width < 1 || height < 1)
             impl_->fail("the image is empty");
         if (width > max_side || height > max_side)
-            impl_->fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side, max_side));
+            impl_->fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side,
+                                    max_side));
     }
     if (!impl_->data.intersects(impl_->display))
         impl_->fail("the stored pixels (data window) lie outside the image (display window)");
@@ -81,14 +82,18 @@ ExrFile::~ExrFile() = default;
 ExrFile::ExrFile(ExrFile &&) noexcept = default;
 ExrFile &ExrFile::operator=(ExrFile &&) noexcept = default;
 
-const std::string &ExrFile::path() const { return impl_->path; }
+const std::string &ExrFile::path() const {
+    return impl_->path;
+}
 std::uint32_t ExrFile::width() const {
     return static_cast<std::uint32_t>(impl_->display.max.x - impl_->display.min.x + 1);
 }
 std::uint32_t ExrFile::height() const {
     return static_cast<std::uint32_t>(impl_->display.max.y - impl_->display.min.y + 1);
 }
-const std::vector<std::string> &ExrFile::channels() const { return impl_->channels; }
+const std::vector<std::string> &ExrFile::channels() const {
+    return impl_->channels;
+}
 bool ExrFile::has(const std::string &channel) const {
     return std::find(impl_->channels.begin(), impl_->channels.end(), channel) != impl_->channels.end();
 }
@@ -128,8 +133,8 @@ void ExrFile::read_rows(const std::vector<std::string> &names, const RowSink &si
         const std::size_t x_stride = count * sizeof(float);
         const std::size_t y_stride = static_cast<std::size_t>(stored_width) * x_stride;
         for (std::size_t c = 0; c < count; ++c)
-            buffer.insert(names[c], Imf::Slice::Make(Imf::FLOAT, band.data() + c, Imath::V2i(data.min.x, y), stored_width,
-                                                     std::int64_t{y_end} - y + 1, x_stride, y_stride));
+            buffer.insert(names[c], Imf::Slice::Make(Imf::FLOAT, band.data() + c, Imath::V2i(data.min.x, y),
+                                                     stored_width, std::int64_t{y_end} - y + 1, x_stride, y_stride));
         try {
             impl_->file->setFrameBuffer(buffer);
             impl_->file->readPixels(y, y_end);
@@ -140,11 +145,13 @@ void ExrFile::read_rows(const std::vector<std::string> &names, const RowSink &si
         }
         for (int band_y = y; band_y <= y_end; ++band_y) {
             std::fill(row.begin(), row.end(), 0.0f);
-            const float *from = band.data() + (static_cast<std::size_t>(band_y - y) * static_cast<std::size_t>(stored_width) +
-                                               static_cast<std::size_t>(first - data.min.x)) *
-                                                  count;
+            const float *from =
+                band.data() + (static_cast<std::size_t>(band_y - y) * static_cast<std::size_t>(stored_width) +
+                               static_cast<std::size_t>(first - data.min.x)) *
+                                  count;
             std::copy(from, from + static_cast<std::size_t>(last - first + 1) * count,
-                      row.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(first - display.min.x) * count));
+                      row.begin() +
+                          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(first - display.min.x) * count));
             sink(row.data());
         }
         y = y_end + 1;

@@ -93,7 +93,8 @@ class HdrReader final : public Reader {
             return;
         }
         if (std::size_t{first[2]} * 256 + first[3] != width)
-            fail(fmt::format("is damaged: row {} claims {} pixels, the image is {} wide", y, first[2] * 256 + first[3], width));
+            fail(fmt::format("is damaged: row {} claims {} pixels, the image is {} wide", y, first[2] * 256 + first[3],
+                             width));
         for (std::size_t c = 0; c < 4; ++c) {
             for (std::size_t x = 0; x < width;) {
                 std::size_t count = byte();
@@ -141,6 +142,8 @@ class HdrReader final : public Reader {
 
 } // namespace
 
-std::unique_ptr<Reader> open_hdr(const std::string &path) { return std::make_unique<HdrReader>(path); }
+std::unique_ptr<Reader> open_hdr(const std::string &path) {
+    return std::make_unique<HdrReader>(path);
+}
 
 } // namespace image_io::detail

@@ -16,7 +16,9 @@ namespace image_io {
 
 namespace {
 
-std::string error_text(int code) { return std::strerror(code); }
+std::string error_text(int code) {
+    return std::strerror(code);
+}
 
 std::array<unsigned char, 10> first_bytes(const std::string &path) {
     detail::InputFile file(path);
@@ -41,7 +43,9 @@ void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
         fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side, max_side));
 }
 
-bool is_exr(const std::string &path) { return begins_with(first_bytes(path), exr_magic); }
+bool is_exr(const std::string &path) {
+    return begins_with(first_bytes(path), exr_magic);
+}
 
 std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options) {
     const auto bytes = first_bytes(path);
@@ -114,11 +118,13 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
     const Info &info = reader.info();
     const bool fits = info.channels == 3 || (info.channels == 4 && info.alpha);
     if (!fits)
-        throw ReadError(reader.path(), fmt::format("three values per pixel (x, y, z) are needed, the file has {}; an NPY "
-                                                   "array is height x width x 3, or frames x height x width x 3",
-                                                   info.channels));
+        throw ReadError(reader.path(),
+                        fmt::format("three values per pixel (x, y, z) are needed, the file has {}; an NPY "
+                                    "array is height x width x 3, or frames x height x width x 3",
+                                    info.channels));
     if (info.full_scale > 0)
-        throw ReadError(reader.path(), fmt::format("positions and normals must be floating-point, not {}", info.sample));
+        throw ReadError(reader.path(),
+                        fmt::format("positions and normals must be floating-point, not {}", info.sample));
     VectorPlane plane;
     plane.width = info.width;
     plane.height = info.height;

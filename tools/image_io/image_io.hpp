@@ -3,8 +3,8 @@
  * @brief Reading and writing of the image files that the command line program takes.
  *
  * A file is recognised by its content, not by its name. Readers never trust a header: sizes are checked against
- * max_side and, where the format allows, against the size of the file before memory is taken, and rows are handed over one
- * by one, so that a damaged header costs nothing.
+ * max_side and, where the format allows, against the size of the file before memory is taken, and rows are handed over
+ * one by one, so that a damaged header costs nothing.
  */
 #ifndef CLSPECKLE_TOOLS_IMAGE_IO_HPP
 #define CLSPECKLE_TOOLS_IMAGE_IO_HPP
@@ -40,14 +40,14 @@ class WriteError : public std::runtime_error {
 
 /** What a file holds. */
 struct Info {
-    std::string format;      ///< "PNG", "TIFF", "EXR", "HDR", "NPY" or "PGM".
-    std::string sample;      ///< For example "uint16" or "float32".
+    std::string format; ///< "PNG", "TIFF", "EXR", "HDR", "NPY" or "PGM".
+    std::string sample; ///< For example "uint16" or "float32".
     std::uint32_t width = 0;
     std::uint32_t height = 0;
-    std::uint32_t channels = 1;       ///< Interleaved samples per pixel, alpha included.
-    bool alpha = false;               ///< The last channel is an opacity, no measurement.
-    std::uint64_t frame_count = 1;    ///< Pages of a TIFF, frames of an NPY stack.
-    double full_scale = 0;            ///< Top code of an unsigned integer format; 0: the values are what they are.
+    std::uint32_t channels = 1;        ///< Interleaved samples per pixel, alpha included.
+    bool alpha = false;                ///< The last channel is an opacity, no measurement.
+    std::uint64_t frame_count = 1;     ///< Pages of a TIFF, frames of an NPY stack.
+    double full_scale = 0;             ///< Top code of an unsigned integer format; 0: the values are what they are.
     std::vector<std::string> warnings; ///< What was ignored.
 };
 
@@ -110,8 +110,8 @@ struct VectorPlane {
     bool empty() const { return values.empty(); }
 };
 
-/** Reads a frame as one value per pixel: the only channel; equal R, G and B; else their mean, with a warning. Opacity is
- *  ignored, with a warning where it is not full. */
+/** Reads a frame as one value per pixel: the only channel; equal R, G and B; else their mean, with a warning. Opacity
+ * is ignored, with a warning where it is not full. */
 Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings);
 
 /** Reads a frame of three channels. */

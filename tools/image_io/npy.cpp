@@ -1,5 +1,5 @@
-// NPY (format versions 1 to 3 of NumPy's lib.format). A reader of our own: xtensor's loads a whole stack at once, takes memory
-// for whatever shape a header claims, and neither swaps bytes nor converts types.
+// NPY (format versions 1 to 3 of NumPy's lib.format). A reader of our own: xtensor's loads a whole stack at once, takes
+// memory for whatever shape a header claims, and neither swaps bytes nor converts types.
 #include "image_io.hpp"
 
 #include <fmt/format.h>
@@ -131,7 +131,9 @@ float half_to_float(const unsigned char *bytes) {
     return static_cast<float>(value);
 }
 
-float bool_to_float(const unsigned char *bytes) { return *bytes ? 1.0f : 0.0f; }
+float bool_to_float(const unsigned char *bytes) {
+    return *bytes ? 1.0f : 0.0f;
+}
 
 struct SampleType {
     const char *code;
@@ -204,8 +206,9 @@ class NpyReader final : public Reader {
             if (code == type.code)
                 type_ = &type;
         if (!type_)
-            fail(fmt::format("its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken",
-                             descr.substr(0, 40)));
+            fail(fmt::format(
+                "its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken",
+                descr.substr(0, 40)));
         // The program runs on little-endian hosts only; '=' and '|' mean host order and no order.
         swap_ = marked && descr[0] == '>' && type_->size_bytes > 1;
         info_.sample = type_->name;
@@ -228,9 +231,10 @@ class NpyReader final : public Reader {
             shape.pop_back();
         }
         if (shape.size() != 2 && shape.size() != 3)
-            fail(fmt::format("holds an array of {} ({} axes); height x width, frames x height x width, and either with 1 to 4 "
-                             "channels behind are taken",
-                             text.empty() ? "one number" : text, shape.size()));
+            fail(fmt::format(
+                "holds an array of {} ({} axes); height x width, frames x height x width, and either with 1 to 4 "
+                "channels behind are taken",
+                text.empty() ? "one number" : text, shape.size()));
         if (shape.size() == 3) {
             if (shape[0] > max_frames)
                 fail(fmt::format("holds {} frames; at most {} are taken", shape[0], max_frames));
@@ -328,10 +332,16 @@ NpyStackWriter::NpyStackWriter(const std::string &path, std::uint64_t frame_coun
     file_.write(header.data(), header.size());
 }
 
-void NpyStackWriter::append(const void *frame) { file_.write(frame, frame_bytes_); }
+void NpyStackWriter::append(const void *frame) {
+    file_.write(frame, frame_bytes_);
+}
 
-void NpyStackWriter::commit() { file_.commit(); }
+void NpyStackWriter::commit() {
+    file_.commit();
+}
 
-std::unique_ptr<Reader> detail::open_npy(const std::string &path) { return std::make_unique<NpyReader>(path); }
+std::unique_ptr<Reader> detail::open_npy(const std::string &path) {
+    return std::make_unique<NpyReader>(path);
+}
 
 } // namespace image_io

@@ -1,5 +1,5 @@
-// PGM after the Netpbm specification: P2 (text) and P5 (binary, two bytes big-endian above 255). stb_image reads P5 only and
-// drops the maximum value, without which a 10-bit image cannot be scaled.
+// PGM after the Netpbm specification: P2 (text) and P5 (binary, two bytes big-endian above 255). stb_image reads P5
+// only and drops the maximum value, without which a 10-bit image cannot be scaled.
 #include "image_io.hpp"
 
 #include <fmt/format.h>
@@ -92,6 +92,8 @@ class PgmReader final : public Reader {
 
 } // namespace
 
-std::unique_ptr<Reader> open_pgm(const std::string &path) { return std::make_unique<PgmReader>(path); }
+std::unique_ptr<Reader> open_pgm(const std::string &path) {
+    return std::make_unique<PgmReader>(path);
+}
 
 } // namespace image_io::detail

@@ -34,7 +34,7 @@ class PngReader final : public Reader {
         info_.sample = two_bytes ? "uint16" : "uint8";
         info_.full_scale = two_bytes ? 65535 : 255;
         // G8 and RGB8 widen 1, 2 and 4 bits and look palettes up; PNG gives the samples as they are, in host order.
-        output_format_ = indexed ? SPNG_FMT_RGB8
+        output_format_ = indexed                                                         ? SPNG_FMT_RGB8
                          : header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE && !two_bytes ? SPNG_FMT_G8
                                                                                          : SPNG_FMT_PNG;
         width_bytes_ = std::size_t{info_.width} * info_.channels * (two_bytes ? 2 : 1);
@@ -118,7 +118,8 @@ class PngReader final : public Reader {
     int output_format_ = 0;
 };
 
-void write_png(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint8_t bits, const void *data) {
+void write_png(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
+               const void *data) {
     AtomicFile file(path);
     const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
     if (!context)
@@ -157,6 +158,8 @@ void write_png8(const std::string &path, std::uint32_t width, std::uint32_t heig
     write_png(path, width, height, 8, codes);
 }
 
-std::unique_ptr<Reader> detail::open_png(const std::string &path) { return std::make_unique<PngReader>(path); }
+std::unique_ptr<Reader> detail::open_png(const std::string &path) {
+    return std::make_unique<PngReader>(path);
+}
 
 } // namespace image_io

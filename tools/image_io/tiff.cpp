@@ -107,9 +107,9 @@ class TiffReader final : public Reader {
         const Layout layout = read_layout();
         if (layout.width != info_.width || layout.height != info_.height || layout.channels != info_.channels ||
             layout.bits != bits_)
-            fail(fmt::format("page {} is {} x {} with {} channels of {} bits, the first page is {} x {} with {} of {}", frame,
-                             layout.width, layout.height, layout.channels, layout.bits, info_.width, info_.height,
-                             info_.channels, bits_));
+            fail(fmt::format("page {} is {} x {} with {} channels of {} bits, the first page is {} x {} with {} of {}",
+                             frame, layout.width, layout.height, layout.channels, layout.bits, info_.width,
+                             info_.height, info_.channels, bits_));
         if (layout.tiled)
             read_bands(layout, sink, tile_width(layout), tile_height(layout), TIFFTileSize64(tiff_.get()));
         else
@@ -140,8 +140,8 @@ class TiffReader final : public Reader {
         layout.tiled = TIFFIsTiled(tiff_.get()) != 0;
         if (layout.sample_format == SAMPLEFORMAT_VOID)
             layout.sample_format = SAMPLEFORMAT_UINT;
-        const bool integer = layout.sample_format == SAMPLEFORMAT_UINT &&
-                             (layout.bits == 8 || layout.bits == 16 || layout.bits == 32);
+        const bool integer =
+            layout.sample_format == SAMPLEFORMAT_UINT && (layout.bits == 8 || layout.bits == 16 || layout.bits == 32);
         const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP &&
                           (layout.bits == 16 || layout.bits == 32 || layout.bits == 64);
         if (!integer && !real) {
@@ -149,9 +149,10 @@ class TiffReader final : public Reader {
                                : layout.sample_format == SAMPLEFORMAT_INT    ? "signed"
                                : layout.sample_format == SAMPLEFORMAT_IEEEFP ? "floating-point"
                                                                              : "complex or unknown";
-            fail(fmt::format("its samples are {} of {} bits; unsigned of 8, 16 or 32 and floating-point of 16, 32 or 64 are "
-                             "taken",
-                             kind, layout.bits));
+            fail(fmt::format(
+                "its samples are {} of {} bits; unsigned of 8, 16 or 32 and floating-point of 16, 32 or 64 are "
+                "taken",
+                kind, layout.bits));
         }
         std::uint16_t extra_count = 0;
         std::uint16_t *extra = nullptr;
@@ -320,6 +321,8 @@ void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t heig
     write_tiff_samples(path, width, height, 32, values);
 }
 
-std::unique_ptr<Reader> detail::open_tiff(const std::string &path) { return std::make_unique<TiffReader>(path); }
+std::unique_ptr<Reader> detail::open_tiff(const std::string &path) {
+    return std::make_unique<TiffReader>(path);
+}
 
 } // namespace image_io

@@ -1,0 +1,75 @@
+"""clSpeckle: what a laser-dot depth camera records of a perfect infrared rendering, computed on any OpenCL device.
+
+In one line, NumPy in and NumPy out::
+
+    codes = clspeckle.simulate(ideal, f_number=5.6, seed=7)
+
+or with a camera that keeps the state of the speckle from frame to frame::
+
+    camera = clspeckle.Pipeline.from_parameters(ideal.shape, f_number=5.6, seed=7)
+    frame = camera.render(ideal, refresh=moved)
+
+Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Phase`, :class:`Aperture`,
+:class:`Sensor`, :class:`Pipeline`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes
+are (height, width), as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
+
+All calls release the GIL. Objects may be shared between threads: calls on one object run one after the other. A process
+that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".
+"""
+
+from . import errors, philox, statistics
+from .aperture import Aperture, ApertureInfo
+from .errors import ClspeckleError
+from .pattern import Geometry, Pattern
+from .phase import FieldGrid, Phase, field_grid
+from .pipeline import Frame, Pipeline, PipelineParameters, simulate
+from .runtime import (
+    Buffer,
+    Context,
+    ContextInfo,
+    Device,
+    DeviceImage,
+    Event,
+    Queue,
+    Version,
+    default_context,
+    devices,
+    explain_devices,
+    version,
+    wait,
+)
+from .sensor import Sensor
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Aperture",
+    "ApertureInfo",
+    "Buffer",
+    "ClspeckleError",
+    "Context",
+    "ContextInfo",
+    "Device",
+    "DeviceImage",
+    "Event",
+    "FieldGrid",
+    "Frame",
+    "Geometry",
+    "Pattern",
+    "Phase",
+    "Pipeline",
+    "PipelineParameters",
+    "Queue",
+    "Sensor",
+    "Version",
+    "default_context",
+    "devices",
+    "errors",
+    "explain_devices",
+    "field_grid",
+    "philox",
+    "simulate",
+    "statistics",
+    "version",
+    "wait",
+]

@@ -1,0 +1,296 @@
+"""Checks of arguments on the host: numbers, choices, NumPy images. Each error says what was expected."""
+
+from __future__ import annotations
+
+import ctypes
+import difflib
+import math
+import operator
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import errors
+
+FLOAT32_EXACT_INTEGER = 2**24
+"""Integers up to here are exact in single precision."""
+
+
+def integer(value: Any, name: str, bits: int = 32) -> int:
+    """An unsigned integer that fits `bits`; ctypes would wrap it around."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be an integer, got {kind(value)}") from None
+    if not 0 <= number < 2**bits:
+        raise errors.InvalidArgumentError(f"{name} is {number}, expected 0 to 2^{bits} - 1")
+    return number
+
+
+def real(value: Any, name: str) -> float:
+    """A real number; its range is checked by the C library."""
+    if isinstance(value, (str, bytes)):
+        raise TypeError(f"{name} must be a number, got {kind(value)}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a number, got {kind(value)}") from None
+
+
+def range_error(name: str, value: Any, expected: str) -> errors.InvalidArgumentError:
+    """An error about a number out of range."""
+    return errors.InvalidArgumentError(f"{name} is {value}, expected {expected}")
+
+
+def flag(value: Any, name: str) -> int:
+    """A bool as 0 or 1."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be True or False, got {kind(value)}")
+    return int(value)
+
+
+def choice(value: Any, name: str, choices: Mapping[str, int]) -> int:
+    """The number behind one of a few words."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be {one_of(choices)}, got {kind(value)}")
+    if value not in choices:
+        raise errors.InvalidArgumentError(f"{name} is {value!r}, expected {one_of(choices)}{nearest(value, choices)}")
+    return choices[value]
+
+
+def one_of(words: Iterable[str]) -> str:
+    """ "a", "b" or "c"."""
+    quoted = [f'"{word}"' for word in words]
+    return " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+
+
+def nearest(word: str, words: Iterable[str]) -> str:
+    """A hint at the word that was meant, or nothing."""
+    close = difflib.get_close_matches(word, list(words), 1)
+    return f'; did you mean "{close[0]}"?' if close else ""
+
+
+def known_names(given: Iterable[str], known: Iterable[str], function: str) -> None:
+    """Refuses unknown keyword arguments, with the nearest known one."""
+    known = list(known)
+    for name in given:
+        if name not in known:
+            raise TypeError(f"{function} has no argument {name!r}{nearest(name, known)}")
+
+
+def path(value: Any, name: str) -> bytes:
+    """A file name as bytes."""
+    try:
+        encoded = os.fsencode(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a path, got {kind(value)}") from None
+    return no_null(encoded, name)
+
+
+def no_null(value: bytes, name: str) -> bytes:
+    """A C string ends at its first null character."""
+    if b"\0" in value:
+        raise errors.InvalidArgumentError(f"{name} holds a null character")
+    return value
+
+
+def image_shape(value: Any, name: str = "shape") -> tuple[int, int]:
+    """(height, width), as of a NumPy array."""
+    try:
+        height, width = value
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be (height, width), got {kind(value)}") from None
+    if isinstance(value, (str, bytes)):
+        raise TypeError(f"{name} must be (height, width), got {kind(value)}")
+    height, width = integer(height, f"{name}[0]"), integer(width, f"{name}[1]")
+    if height == 0 or width == 0:
+        raise errors.InvalidArgumentError(f"{name} is ({height}, {width}), expected a height and a width of at least 1")
+    return height, width
+
+
+def kind(value: Any) -> str:
+    """What a wrong argument is, in a few words."""
+    if value is None:
+        return "None"
+    if isinstance(value, np.ndarray):
+        return f"an array of dtype {value.dtype} and shape {value.shape}"
+    text = repr(value)
+    return f"{type(value).__name__} {text}" if len(text) < 60 else f"an object of type {type(value).__name__}"
+
+
+def array(value: Any, name: str) -> npt.NDArray[Any]:
+    """Anything that NumPy takes for an array, but neither None nor text nor objects."""
+    if value is None or isinstance(value, (str, bytes, dict, set)):
+        raise TypeError(f"{name} must be an array, got {kind(value)}")
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(f"{name} is a masked array, whose mask would be lost; fill it first (value.filled(0))")
+    try:
+        result = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} cannot be made an array: {error}") from None
+    if result.dtype.hasobject:
+        raise TypeError(f"{name} must be an array of numbers, got {kind(value)}")
+    return result
+
+
+def _fits(given: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(given) == len(expected) and all(e is None or e == g for g, e in zip(given, expected))
+
+
+def shape_text(expected: tuple[int | None, ...]) -> str:
+    """(height, width) with what is known filled in."""
+    axes = ("height", "width", "channels")
+    return "(" + ", ".join(axes[i] if e is None else str(e) for i, e in enumerate(expected)) + ")"
+
+
+def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, ...]) -> None:
+    """Refuses another shape, and an empty array."""
+    if not _fits(given.shape, expected):
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}")
+    if given.size == 0:
+        raise errors.InvalidArgumentError(f"{name} has no pixels (shape {given.shape}); at least one is needed")
+
+
+def float_plane(
+    value: Any, name: str, shape: tuple[int | None, ...] = (None, None), what: str = "an image of real numbers"
+) -> npt.NDArray[np.float32]:
+    """An image of real numbers as contiguous float32; integers only where float32 holds them exactly."""
+    given = array(value, name)
+    if given.dtype.kind not in "fiu":
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, expected {what}: float32 (other real dtypes are converted)"
+        )
+    check_shape(given, name, shape)
+    if given.dtype.kind in "iu" and given.dtype.itemsize > 2:
+        low, high = int(given.min()), int(given.max())
+        if max(-low, high) > FLOAT32_EXACT_INTEGER:
+            raise errors.InvalidFormatError(
+                f"{name} has integers from {low} to {high}; float32 holds them exactly only up to 2^24, convert them "
+                "yourself"
+            )
+    with np.errstate(over="ignore"):
+        converted = np.ascontiguousarray(given, dtype=np.float32)
+    if given.dtype.kind == "f" and given.dtype.itemsize > 4:
+        lost = np.isinf(converted) & np.isfinite(given)
+        if lost.any():
+            raise errors.InvalidDataError(f"{name} has {places(lost)} too large for float32")
+    return converted
+
+
+def places(bad: npt.NDArray[np.bool_]) -> str:
+    """How many pixels are bad and where the first one is."""
+    count = int(np.count_nonzero(bad))
+    first = np.unravel_index(int(np.argmax(bad)), bad.shape)
+    where = ", ".join(str(int(i)) for i in first)
+    return f"{count} pixel{'s' if count > 1 else ''} (the first at [{where}])"
+
+
+def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: float = math.inf) -> None:
+    """Refuses NaN, infinite values, and values outside [low, high]."""
+    # Two fast passes while all is well: NaN makes both comparisons false.
+    smallest, largest = float(image.min()), float(image.max())
+    if smallest >= low and largest <= high and largest < math.inf and smallest > -math.inf:
+        return
+    bad = ~((image >= low) & (image <= high) & np.isfinite(image))
+    if low == -math.inf:
+        expected = "finite values"
+    elif high == math.inf:
+        expected = f"finite values >= {low:g}"
+    else:
+        expected = f"values from {low:g} to {high:g}"
+    value = image[np.unravel_index(int(np.argmax(bad)), bad.shape)]
+    raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that")
+
+
+def irradiance_plane(
+    value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)
+) -> npt.NDArray[np.float32]:
+    """An ideal image: finite, not negative."""
+    image = float_plane(value, name, shape)
+    within(image, name)
+    return image
+
+
+def mask_plane(value: Any, name: str, shape: tuple[int | None, int | None]) -> npt.NDArray[np.uint8]:
+    """A mask of bool or integers as uint8, 1 where it is not 0."""
+    given = array(value, name)
+    if given.dtype.kind not in "biu":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected a mask of bool or integers")
+    check_shape(given, name, shape)
+    if given.dtype == np.uint8:
+        return np.ascontiguousarray(given)
+    return np.ascontiguousarray(given != 0).view(np.uint8)
+
+
+def uint32_array(value: Any, name: str, shape: tuple[int | None, ...]) -> npt.NDArray[np.uint32]:
+    """Integers that fit 32 bits without a sign."""
+    given = array(value, name)
+    if given.dtype.kind not in "iu":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected uint32")
+    if not _fits(given.shape, shape) or given.size == 0:
+        expected = ", ".join("n" if e is None else str(e) for e in shape) + ("," if len(shape) == 1 else "")
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected ({expected})")
+    if given.dtype != np.uint32 and (int(given.min()) < 0 or int(given.max()) >= 2**32):
+        raise errors.InvalidDataError(f"{name} must hold integers from 0 to 2^32 - 1")
+    return np.ascontiguousarray(given, dtype=np.uint32)
+
+
+def pose(value: Any, name: str) -> ctypes.Array[ctypes.c_double]:
+    """[R|t] as 12 doubles from a 3 x 4 or a homogeneous 4 x 4 matrix."""
+    given = array(value, name)
+    if given.dtype.kind not in "fiu":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected real numbers")
+    matrix = np.asarray(given, dtype=np.float64)
+    if matrix.shape == (4, 4):
+        if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+            raise errors.InvalidArgumentError(f"the last row of {name} is {matrix[3].tolist()}, expected [0, 0, 0, 1]")
+    elif matrix.shape not in ((3, 4), (12,)):
+        raise errors.InvalidArgumentError(f"{name} has shape {matrix.shape}, expected (3, 4) or (4, 4)")
+    return (ctypes.c_double * 12)(*matrix.reshape(-1)[:12].tolist())
+
+
+def format_error(name: str, given: npt.DTypeLike, accepted: Iterable[npt.DTypeLike]) -> errors.InvalidFormatError:
+    """An error about a dtype."""
+    expected = " or ".join(str(np.dtype(dtype)) for dtype in accepted)
+    return errors.InvalidFormatError(f"{name} has dtype {np.dtype(given)}, expected {expected}")
+
+
+def host_output(value: Any, name: str, shape: tuple[int, ...], dtypes: Iterable[npt.DTypeLike]) -> npt.NDArray[Any]:
+    """A NumPy array that a result can be written to."""
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"{name} must be a NumPy array or an image in device memory, got {kind(value)}")
+    accepted = [np.dtype(dtype) for dtype in dtypes]
+    if value.dtype not in accepted:
+        raise format_error(name, value.dtype, accepted)
+    if value.shape != shape:
+        raise errors.InvalidArgumentError(f"{name} has shape {value.shape}, expected {shape}")
+    if not value.flags.writeable:
+        raise errors.InvalidArgumentError(f"{name} is read-only")
+    return value
+
+
+def assign(desc: ctypes.Structure, given: Mapping[str, Any], integers: Mapping[str, int], reals: Iterable[str]) -> None:
+    """Writes the arguments that were given into a description; what is None keeps the C library's default.
+
+    `integers` maps names to bits.
+    """
+    for name, bits in integers.items():
+        if given.get(name) is not None:
+            setattr(desc, name, integer(given[name], name, bits))
+    for name in reals:
+        if given.get(name) is not None:
+            setattr(desc, name, real(given[name], name))
+
+
+def defaults(desc: ctypes.Structure, words: Mapping[str, Mapping[str, int]], names: Iterable[str]) -> dict[str, Any]:
+    """The values of a fresh description by name, choices as words."""
+    result: dict[str, Any] = {}
+    for name in names:
+        value = getattr(desc, name)
+        if name in words:
+            value = next(word for word, number in words[name].items() if number == value)
+        result[name] = value
+    return result

@@ -1,0 +1,619 @@
+"""The shared library: where it is found, the layout of its structs, the signatures of its functions.
+
+Everything here mirrors the C headers name by name. Calls release the GIL (they go through :class:`ctypes.CDLL`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from ctypes import (
+    POINTER,
+    c_char,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int32,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
+from pathlib import Path
+from typing import Any, TypeVar
+
+from . import errors
+
+ABI_VERSION = 0
+"""The ABI number of the headers that this file mirrors."""
+
+# --- Constants, by their C names ---
+
+CLSP_SUCCESS = 0
+
+CLSP_FORMAT_NONE = 0
+CLSP_FORMAT_UINT8 = 1
+CLSP_FORMAT_UINT16 = 2
+CLSP_FORMAT_UINT32 = 3
+CLSP_FORMAT_FLOAT32 = 4
+CLSP_FORMAT_FLOAT32X2 = 5
+CLSP_FORMAT_FLOAT32X3 = 6
+CLSP_FORMAT_FLOAT32X4 = 7
+
+CLSP_DISK_CACHE_AUTO = 0
+CLSP_DISK_CACHE_OFF = 1
+CLSP_DISK_CACHE_ON = 2
+
+CLSP_QUEUE_PROFILING = 1
+CLSP_QUEUE_OUT_OF_ORDER = 2
+
+CLSP_DISTRIBUTION_BITS = 0
+CLSP_DISTRIBUTION_UNIFORM = 1
+CLSP_DISTRIBUTION_NORMAL = 2
+
+CLSP_PROJECTION_TANGENT_PLANE = 0
+CLSP_PROJECTION_DIRECTION_COSINES = 1
+CLSP_QUANTITY_RADIANT_INTENSITY = 0
+CLSP_QUANTITY_PLANE_IRRADIANCE = 1
+CLSP_DEPTH_ALONG_AXIS = 0
+CLSP_DEPTH_ALONG_RAY = 1
+
+CLSP_FIELD_CIRCULAR_GAUSSIAN = 0
+CLSP_FIELD_UNIT_PHASOR = 1
+
+CLSP_PUPIL_CIRCLE = 0
+CLSP_PUPIL_IMAGE = 1
+CLSP_NORMALIZATION_TRANSMISSION = 0
+CLSP_NORMALIZATION_UNIT_MEAN = 1
+
+CLSP_REFRESH_MASK = 0
+CLSP_REFRESH_ALL = 1
+
+# --- Structs, member by member as in the headers ---
+
+
+class ClspErrorInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("status", c_int32),
+        ("opencl_code", c_int32),
+        ("reserved", c_uint32),
+        ("function", c_char_p),
+        ("message", c_char_p),
+        ("build_log", c_char_p),
+    ]
+
+
+class ClspImage(ctypes.Structure):
+    _fields_ = [
+        ("mem", c_void_p),
+        ("offset_bytes", c_uint64),
+        ("pitch_bytes", c_uint64),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("format", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ClspDeviceInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("usable", c_uint32),
+        ("type", c_uint64),
+        ("global_memory_bytes", c_uint64),
+        ("max_allocation_bytes", c_uint64),
+        ("local_memory_bytes", c_uint64),
+        ("max_work_group_size", c_uint64),
+        ("compute_units", c_uint32),
+        ("rank", c_uint32),
+        ("platform_id", c_void_p),
+        ("device_id", c_void_p),
+        ("selector", c_char * 16),
+        ("name", c_char * 128),
+        ("vendor", c_char * 128),
+        ("version", c_char * 128),
+        ("driver_version", c_char * 128),
+        ("platform_name", c_char * 128),
+        ("reason", c_char * 256),
+    ]
+
+
+class ClspContextDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("disk_cache", c_uint32),
+        ("cl_context_handle", c_void_p),
+        ("cl_device", c_void_p),
+        ("device", c_char_p),
+        ("kernel_dir", c_char_p),
+        ("cache_dir", c_char_p),
+    ]
+
+
+class ClspContextInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("programs_built", c_uint32),
+        ("programs_from_cache", c_uint32),
+        ("allocation_count", c_uint32),
+        ("allocated_bytes", c_uint64),
+        ("cl_context_handle", c_void_p),
+        ("cl_device", c_void_p),
+        ("device_name", c_char * 128),
+        ("platform_name", c_char * 128),
+    ]
+
+
+class ClspPhiloxDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("distribution", c_uint32),
+        ("seed", c_uint64),
+        ("frame_index", c_uint64),
+        ("stream", c_uint32),
+        ("local_size", c_uint32),
+    ]
+
+
+class ClspPatternDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("projection", c_uint32),
+        ("quantity", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("reserved", c_uint32),
+        ("texels", POINTER(c_float)),
+        ("texels_pitch_bytes", c_uint64),
+        ("half_extent_x", c_double),
+        ("half_extent_y", c_double),
+        ("power_scale", c_double),
+        ("laser_from_geometry", c_double * 12),
+    ]
+
+
+class ClspGeometry(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("depth_kind", c_uint32),
+        ("position", ClspImage),
+        ("depth", ClspImage),
+        ("normal", ClspImage),
+        ("albedo", ClspImage),
+        ("visibility", ClspImage),
+        ("fx_px", c_double),
+        ("fy_px", c_double),
+        ("cx_px", c_double),
+        ("cy_px", c_double),
+    ]
+
+
+class ClspFieldGrid(ctypes.Structure):
+    _fields_ = [
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("oversampling", c_uint32),
+        ("guard_px", c_uint32),
+        ("grid_width", c_uint32),
+        ("grid_height", c_uint32),
+    ]
+
+
+class ClspPhaseDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("oversampling", c_uint32),
+        ("guard_px", c_uint32),
+        ("field", c_uint32),
+        ("polarization_count", c_uint32),
+        ("reserved", c_uint32),
+        ("seed", c_uint64),
+    ]
+
+
+class ClspApertureDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("oversampling", c_uint32),
+        ("guard_px", c_uint32),
+        ("pupil", c_uint32),
+        ("normalization", c_uint32),
+        ("workspace_from_host", c_uint32),
+        ("relative_diameter", c_double),
+        ("f_number", c_double),
+        ("pixel_pitch_m", c_double),
+        ("wavelength_m", c_double),
+        ("soft_rim", c_double),
+        ("degree_of_polarization", c_double),
+        ("pupil_image", POINTER(c_float)),
+        ("pupil_width", c_uint32),
+        ("pupil_height", c_uint32),
+        ("pupil_pitch_bytes", c_uint64),
+    ]
+
+
+class ClspApertureInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("grid_width", c_uint32),
+        ("grid_height", c_uint32),
+        ("pupil_samples", c_uint32),
+        ("relative_diameter", c_double),
+        ("mean_transmission", c_double),
+        ("workspace_bytes", c_uint64),
+        ("fft_backend", c_char * 32),
+    ]
+
+
+class ClspSensorDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("bits", c_uint32),
+        ("seed", c_uint64),
+        ("exposure_gain_dn", c_double),
+        ("saturation_dn", c_double),
+        ("black_level_dn", c_double),
+        ("read_noise_dn", c_double),
+        ("hot_pixel_fraction", c_double),
+        ("hot_pixel_mean_dn", c_double),
+        ("cold_pixel_fraction", c_double),
+        ("float_full_scale", c_double),
+        ("dark_frame_dn", POINTER(c_float)),
+        ("dark_frame_pitch_bytes", c_uint64),
+        ("quantize", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ClspPipelineDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("pattern", c_void_p),
+        ("phase", c_void_p),
+        ("aperture", c_void_p),
+        ("sensor", c_void_p),
+    ]
+
+
+class ClspFrame(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("refresh", c_uint32),
+        ("frame_index", c_uint64),
+        ("geometry", POINTER(ClspGeometry)),
+        ("irradiance", ClspImage),
+        ("refresh_mask", ClspImage),
+        ("output", ClspImage),
+    ]
+
+
+class ClspStageTiming(ctypes.Structure):
+    _fields_ = [
+        ("stage", c_char * 32),
+        ("milliseconds", c_double),
+    ]
+
+
+class ClspMoments(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("count", c_uint64),
+        ("mean", c_double),
+        ("standard_deviation", c_double),
+        ("contrast", c_double),
+        ("skewness", c_double),
+        ("excess_kurtosis", c_double),
+        ("minimum", c_double),
+        ("maximum", c_double),
+    ]
+
+
+STRUCTS: tuple[type[ctypes.Structure], ...] = (
+    ClspErrorInfo,
+    ClspImage,
+    ClspDeviceInfo,
+    ClspContextDesc,
+    ClspContextInfo,
+    ClspPhiloxDesc,
+    ClspPatternDesc,
+    ClspGeometry,
+    ClspFieldGrid,
+    ClspPhaseDesc,
+    ClspApertureDesc,
+    ClspApertureInfo,
+    ClspSensorDesc,
+    ClspPipelineDesc,
+    ClspFrame,
+    ClspStageTiming,
+    ClspMoments,
+)
+"""Every struct of the C interface."""
+
+# --- Functions ---
+
+_HANDLE = c_void_p
+_HANDLE_OUT = POINTER(c_void_p)
+_WAIT = (c_uint32, POINTER(c_void_p), POINTER(c_void_p))  # num_events_in_wait_list, event_wait_list, event
+_IMAGE = POINTER(ClspImage)
+
+
+def _init(struct: type[ctypes.Structure]) -> tuple[Any, ...]:
+    return (POINTER(struct), c_uint32)
+
+
+# Functions that return a ClspStatus: their argument types.
+FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "clspGetLastError": (POINTER(ClspErrorInfo),),
+    "clspGetVersion": (POINTER(c_uint32),) * 4,
+    "clspDeviceList": (c_uint32, POINTER(ClspDeviceInfo), POINTER(c_uint32)),
+    "clspDeviceExplain": (c_char_p, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspContextDescInit": _init(ClspContextDesc),
+    "clspContextCreate": (POINTER(ClspContextDesc), _HANDLE_OUT),
+    "clspContextRetain": (_HANDLE,),
+    "clspContextRelease": (_HANDLE,),
+    "clspContextGetInfo": (_HANDLE, POINTER(ClspContextInfo)),
+    "clspQueueCreate": (_HANDLE, c_uint32, _HANDLE_OUT),
+    "clspQueueFinish": (_HANDLE,),
+    "clspQueueRelease": (_HANDLE,),
+    "clspBufferCreate": (_HANDLE, c_uint64, _HANDLE_OUT),
+    "clspBufferRelease": (_HANDLE,),
+    "clspBufferEnqueueWrite": (_HANDLE, c_void_p, c_uint64, _HANDLE, c_uint64, *_WAIT),
+    "clspBufferEnqueueRead": (_HANDLE, _HANDLE, c_uint64, c_uint64, c_void_p, *_WAIT),
+    "clspBufferWrite": (_HANDLE, c_void_p, c_uint64, _HANDLE, c_uint64),
+    "clspBufferRead": (_HANDLE, _HANDLE, c_uint64, c_uint64, c_void_p),
+    "clspEventWait": (c_uint32, POINTER(c_void_p)),
+    "clspEventRelease": (_HANDLE,),
+    "clspPhiloxEnqueueBlocks": (
+        _HANDLE,
+        _HANDLE,
+        _HANDLE,
+        c_uint64,
+        POINTER(c_uint32),
+        c_uint64,
+        c_uint64,
+        _HANDLE,
+        c_uint64,
+        *_WAIT,
+    ),
+    "clspPhiloxDescInit": _init(ClspPhiloxDesc),
+    "clspPhiloxEnqueueFill": (_HANDLE, _HANDLE, POINTER(ClspPhiloxDesc), _IMAGE, *_WAIT),
+    "clspPatternDescInit": _init(ClspPatternDesc),
+    "clspPatternCreate": (_HANDLE, POINTER(ClspPatternDesc), _HANDLE_OUT),
+    "clspPatternRetain": (_HANDLE,),
+    "clspPatternRelease": (_HANDLE,),
+    "clspPatternSetPose": (_HANDLE, POINTER(c_double)),
+    "clspGeometryInit": _init(ClspGeometry),
+    "clspPatternEnqueueLookup": (_HANDLE, _HANDLE, POINTER(ClspGeometry), _IMAGE, *_WAIT),
+    "clspFieldGridCompute": (POINTER(ClspFieldGrid),),
+    "clspPhaseDescInit": _init(ClspPhaseDesc),
+    "clspPhaseCreate": (_HANDLE, POINTER(ClspPhaseDesc), _HANDLE_OUT),
+    "clspPhaseRetain": (_HANDLE,),
+    "clspPhaseRelease": (_HANDLE,),
+    "clspPhaseEnqueueRefresh": (_HANDLE, _HANDLE, c_uint64, _IMAGE, *_WAIT),
+    "clspPhaseEnqueueField": (_HANDLE, _HANDLE, c_uint32, _IMAGE, *_WAIT),
+    "clspPhaseGetStateSize": (_HANDLE, POINTER(c_uint64)),
+    "clspPhaseEnqueueSave": (_HANDLE, _HANDLE, _HANDLE, c_uint64, *_WAIT),
+    "clspPhaseEnqueueRestore": (_HANDLE, _HANDLE, _HANDLE, c_uint64, *_WAIT),
+    "clspApertureDescInit": _init(ClspApertureDesc),
+    "clspApertureCreate": (_HANDLE, POINTER(ClspApertureDesc), _HANDLE_OUT),
+    "clspApertureRetain": (_HANDLE,),
+    "clspApertureRelease": (_HANDLE,),
+    "clspApertureGetInfo": (_HANDLE, POINTER(ClspApertureInfo)),
+    "clspApertureSetWorkspace": (_HANDLE, _HANDLE, c_uint64, c_uint64),
+    "clspApertureEnqueuePupil": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
+    "clspApertureEnqueueIntensity": (_HANDLE, _HANDLE, _HANDLE, _IMAGE, _IMAGE, *_WAIT),
+    "clspSensorDescInit": _init(ClspSensorDesc),
+    "clspSensorCreate": (_HANDLE, POINTER(ClspSensorDesc), _HANDLE_OUT),
+    "clspSensorRetain": (_HANDLE,),
+    "clspSensorRelease": (_HANDLE,),
+    "clspSensorSetExposureGain": (_HANDLE, c_double),
+    "clspSensorEnqueueExpose": (_HANDLE, _HANDLE, _IMAGE, c_uint64, _IMAGE, *_WAIT),
+    "clspPipelineDescInit": _init(ClspPipelineDesc),
+    "clspPipelineCreate": (_HANDLE, POINTER(ClspPipelineDesc), _HANDLE_OUT),
+    "clspPipelineRetain": (_HANDLE,),
+    "clspPipelineRelease": (_HANDLE,),
+    "clspFrameInit": _init(ClspFrame),
+    "clspPipelineEnqueueFrame": (_HANDLE, _HANDLE, POINTER(ClspFrame), *_WAIT),
+    "clspPipelineWarmUp": (_HANDLE, _HANDLE, POINTER(ClspFrame)),
+    "clspPipelineCheck": (_HANDLE, _HANDLE),
+    "clspPipelineGetTimings": (_HANDLE, c_uint32, POINTER(ClspStageTiming), POINTER(c_uint32)),
+    "clspStatisticsMoments": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, POINTER(ClspMoments)),
+    "clspStatisticsHistogram": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, c_double, c_double, c_uint32, POINTER(c_uint64)),
+    "clspStatisticsAutocovariance": (_HANDLE, _HANDLE, _IMAGE, c_uint32, POINTER(c_float)),
+}
+"""The functions that return a status, with their argument types."""
+
+OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {"clspStatusString": (c_char_p, (c_int32,))}
+"""The functions that return something else: (return type, argument types)."""
+
+# These touch no OpenCL object; all others start the OpenCL runtime of this process.
+_HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init")} | {
+    "clspGetLastError",
+    "clspGetVersion",
+    "clspFieldGridCompute",
+}
+
+# --- Loading ---
+
+_lock = threading.Lock()
+_library: ctypes.CDLL | None = None
+_opencl_started = False
+_forked = False
+
+
+def _after_fork_in_child() -> None:
+    global _forked, _lock
+    _lock = threading.Lock()  # another thread of the parent may have held it
+    _forked = _forked or _opencl_started
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork_in_child)
+
+
+def was_forked() -> bool:
+    """True in a child of fork() whose parent had used OpenCL."""
+    return _forked
+
+
+def refuse_fork() -> None:
+    """Raises :class:`InvalidStateError` in a child of fork() whose parent had used OpenCL.
+
+    The threads of an OpenCL runtime do not survive a fork, and a call would hang for ever.
+    """
+    if _forked:
+        raise errors.InvalidStateError(
+            "this process was forked from one that had already used OpenCL, which does not survive a fork; start "
+            'workers with the "spawn" or "forkserver" method (multiprocessing.get_context("spawn"), '
+            'DataLoader(multiprocessing_context="spawn")), or use clspeckle in the workers alone'
+        )
+
+
+def file_names() -> tuple[str, ...]:
+    """Names that the shared library may have on this platform, best first."""
+    if sys.platform == "win32":
+        return ("clspeckle.dll", "libclspeckle.dll")
+    if sys.platform == "darwin":
+        return (f"libclspeckle.{ABI_VERSION}.dylib", "libclspeckle.dylib")
+    return (f"libclspeckle.so.{ABI_VERSION}", "libclspeckle.so")
+
+
+def candidates() -> list[tuple[str, str]]:
+    """Where the library is looked for, in order: (what the place is, path or name)."""
+    chosen = os.environ.get("CLSPECKLE_LIBRARY")
+    if chosen:
+        # Whoever names a file wants that file: nothing else is tried.
+        return [("environment variable CLSPECKLE_LIBRARY", chosen)]
+    package = Path(__file__).resolve().parent
+    places = [("inside the package", package)]
+    # bindings/python/src/clspeckle/_library.py of a source checkout
+    parents = package.parents
+    if len(parents) > 3 and (parents[3] / "capi" / "include" / "clspeckle" / "clspeckle.h").is_file():
+        places.append(("build folder of the source checkout", parents[3] / "build" / "lib"))
+    found = [(what, str(folder / name)) for what, folder in places for name in file_names()]
+    return found + [("the system's loader", name) for name in file_names()]
+
+
+def _load() -> ctypes.CDLL:
+    tried: list[str] = []
+    for what, path in candidates():
+        if os.path.dirname(path) and not os.path.isfile(path):
+            tried.append(f"{path} ({what}): no such file")
+            continue
+        try:
+            loaded = ctypes.CDLL(path)
+        except OSError as error:
+            tried.append(f"{path} ({what}): {error}")
+            continue
+        _bind(loaded, path)
+        return loaded
+    raise errors.LibraryLoadError(
+        "the shared library clspeckle was not found or did not load. Tried:\n  "
+        + "\n  ".join(tried)
+        + "\nInstall the package from a checkout (pip install ./bindings/python), or build the library (cmake -B build "
+        "&& cmake --build build), or set CLSPECKLE_LIBRARY to its file."
+    )
+
+
+def _bind(loaded: ctypes.CDLL, path: str) -> None:
+    def signature(name: str, restype: Any, argtypes: tuple[Any, ...]) -> Any:
+        try:
+            function = getattr(loaded, name)
+        except AttributeError:
+            raise errors.LibraryLoadError(
+                f"{path} has no function {name}: it is not clspeckle, or older than this Python package; install the "
+                "library and the package from the same release"
+            ) from None
+        function.restype = restype
+        function.argtypes = argtypes
+        return function
+
+    get_version = signature("clspGetVersion", c_int32, FUNCTIONS["clspGetVersion"])
+    abi = c_uint32()
+    if get_version(None, None, None, ctypes.byref(abi)) != CLSP_SUCCESS or abi.value != ABI_VERSION:
+        raise errors.LibraryLoadError(
+            f"{path} has ABI number {abi.value}, this Python package needs {ABI_VERSION}; install the library and the "
+            "package from the same release"
+        )
+    for name, argtypes in FUNCTIONS.items():
+        signature(name, c_int32, argtypes)
+    for name, (restype, argtypes) in OTHER_FUNCTIONS.items():
+        signature(name, restype, argtypes)
+
+
+def library() -> ctypes.CDLL:
+    """The loaded library; loads it on the first call. May be called from any thread."""
+    global _library
+    if _library is None:
+        with _lock:
+            if _library is None:
+                _library = _load()
+    return _library
+
+
+def call(name: str, *arguments: Any) -> None:
+    """Calls a function that returns a status, and raises its error."""
+    global _opencl_started
+    if name not in _HOST_ONLY:
+        refuse_fork()
+        _opencl_started = True
+    status: int = getattr(library(), name)(*arguments)
+    if status != CLSP_SUCCESS:
+        raise last_error(status, name)
+
+
+def last_error(status: int, name: str) -> errors.ClspeckleError:
+    """The exception for the last failing call of this thread."""
+    info = ClspErrorInfo()
+    info.struct_size = ctypes.sizeof(info)
+    if library().clspGetLastError(ctypes.byref(info)) != CLSP_SUCCESS or info.status != status:
+        return errors.from_status(status, status_string(status), function=name)
+    return errors.from_status(
+        status,
+        text(info.message),
+        function=text(info.function) or name,
+        opencl_code=info.opencl_code,
+        build_log=text(info.build_log),
+    )
+
+
+def status_string(status: int) -> str:
+    """The C name of a status, for example "CLSP_ERROR_NO_DEVICE"."""
+    return text(library().clspStatusString(status))
+
+
+def text(value: bytes | None) -> str:
+    """A C string as text; drivers do not always write UTF-8."""
+    return (value or b"").decode("utf-8", "replace")
+
+
+# These have a size but no defaults.
+_FILLED_BY_THE_LIBRARY = (ClspErrorInfo, ClspDeviceInfo, ClspContextInfo, ClspApertureInfo, ClspMoments)
+
+Struct = TypeVar("Struct", bound=ctypes.Structure)
+
+
+def initialized(struct: type[Struct]) -> Struct:
+    """A struct with its size and, if it describes something, the defaults that the C library writes."""
+    value = struct()
+    if struct in _FILLED_BY_THE_LIBRARY:
+        value.struct_size = ctypes.sizeof(value)
+    else:
+        call("c" + struct.__name__[1:] + "Init", ctypes.byref(value), ctypes.sizeof(value))
+    return value
+
+
+def release(name: str, pointer: int) -> None:
+    """Gives an object back; used by finalizers, so it never raises, and does nothing in a forked child."""
+    if _library is not None and not _forked:
+        getattr(_library, name)(pointer)

@@ -1,0 +1,293 @@
+"""The lens's aperture: field, FFT, pupil, inverse FFT, intensity, both polarizations.
+
+    U_k = sqrt(I0) z_k              on the field grid
+    V_k = IFFT2( FFT2(U_k) P )      P the amplitude transmission of the pupil, radius D/2 cycles per pixel
+    I   = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2                                         (thesis eq. 32 and 40)
+
+and with oversampling the mean of I over the samples of each pixel. D = pixel_pitch_m / (wavelength_m * f_number) is the
+relative diameter in cycles per pixel; D <= oversampling is needed. Equations: ``aperture.h``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library
+from ._handle import Handle, create, exclusive
+from ._interop import EventLike, SupportsIntPtr
+from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device, output, refuse_handle
+from .phase import Phase
+from .runtime import (
+    FLOAT32,
+    Buffer,
+    Context,
+    DeviceImage,
+    Event,
+    QueueLike,
+    memory_pointer,
+    queue_pointer,
+    resolve_context,
+)
+
+__all__ = ["Aperture", "ApertureInfo"]
+
+_NORMALIZATION = {
+    "transmission": _library.CLSP_NORMALIZATION_TRANSMISSION,
+    "unit_mean": _library.CLSP_NORMALIZATION_UNIT_MEAN,
+}
+_REALS = ("relative_diameter", "f_number", "pixel_pitch_m", "wavelength_m", "soft_rim", "degree_of_polarization")
+
+
+@dataclasses.dataclass(frozen=True)
+class ApertureInfo:
+    """What an aperture turned out to be."""
+
+    grid_width: int
+    """Size of the FFT; larger than oversampling * width where padding was needed."""
+    grid_height: int
+    pupil_samples: int
+    """Grid frequencies with a transmission above 0."""
+    relative_diameter: float
+    """D in cycles per pixel."""
+    mean_transmission: float
+    """Mean of |P|^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image."""
+    workspace_bytes: int
+    """Work memory that a frame needs."""
+    fft_backend: str
+
+
+class Aperture(Handle):
+    """A lens's aperture. Give `relative_diameter`, or `f_number`, `pixel_pitch_m` and `wavelength_m`.
+
+    Args:
+        shape: (height, width) of the image in pixels, each 1 to 16384.
+        f_number: > 0.
+        pixel_pitch_m: > 0, metres.
+        wavelength_m: > 0, metres.
+        relative_diameter: D in cycles per pixel, > 0; None: from the three above.
+        degree_of_polarization: p, 0 to 1.
+        normalization: "transmission" (a smaller aperture passes less light, ~ D^2) or "unit_mean" (mean of I = mean
+            of I0).
+        oversampling: field samples per pixel and axis, 1 to 8; as that of the phase.
+        guard_px: pixels of padding at least; as that of the phase.
+        soft_rim: part of the radius, 0 to 1, over which the pupil falls from 1 to 0 by a raised cosine.
+        pupil_image: (height, width) amplitude transmissions in [0, 1] instead of a circle; covers the square of side
+            D around the axis.
+        workspace_from_host: True: the application gives the work memory by :meth:`set_workspace`.
+        context: None for :func:`default_context`.
+
+    What is None has the C library's default, see :meth:`defaults`.
+
+    Threads: calls on one object from several threads run one after the other; different objects run at the same time.
+    """
+
+    _release = "clspApertureRelease"
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        *,
+        f_number: float | None = None,
+        pixel_pitch_m: float | None = None,
+        wavelength_m: float | None = None,
+        relative_diameter: float | None = None,
+        degree_of_polarization: float | None = None,
+        normalization: str | None = None,
+        oversampling: int | None = None,
+        guard_px: int | None = None,
+        soft_rim: float | None = None,
+        pupil_image: npt.ArrayLike | None = None,
+        workspace_from_host: bool = False,
+        context: Context | None = None,
+    ) -> None:
+        desc = _library.initialized(_library.ClspApertureDesc)
+        desc.height, desc.width = _check.image_shape(shape)
+        given: dict[str, Any] = {
+            "f_number": f_number,
+            "pixel_pitch_m": pixel_pitch_m,
+            "wavelength_m": wavelength_m,
+            "relative_diameter": relative_diameter,
+            "degree_of_polarization": degree_of_polarization,
+            "soft_rim": soft_rim,
+            "oversampling": oversampling,
+            "guard_px": guard_px,
+        }
+        _check.assign(desc, given, {"oversampling": 32, "guard_px": 32}, _REALS)
+        if relative_diameter is not None and desc.relative_diameter == 0:
+            # For C a 0 means "not given"; here None does.
+            raise _check.range_error("relative_diameter", relative_diameter, "> 0 (None: from f_number)")
+        if normalization is not None:
+            desc.normalization = _check.choice(normalization, "normalization", _NORMALIZATION)
+        if pupil_image is not None:
+            image = _check.float_plane(pupil_image, "pupil_image")
+            _check.within(image, "pupil_image", 0.0, 1.0)
+            desc.pupil = _library.CLSP_PUPIL_IMAGE
+            desc.pupil_image = image.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+            desc.pupil_height, desc.pupil_width = image.shape
+        desc.workspace_from_host = _check.flag(workspace_from_host, "workspace_from_host")
+        self.context = resolve_context(context)
+        self._adopt(create("clspApertureCreate", self.context._get(), ctypes.byref(desc)))
+        self.shape: tuple[int, int] = (desc.height, desc.width)
+        self._staging = Staging(self.context)
+
+    def _forget(self) -> None:
+        self._staging.clear()
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of the keyword arguments."""
+        desc = _library.initialized(_library.ClspApertureDesc)
+        names = (*_REALS, "normalization", "oversampling", "guard_px")
+        result = _check.defaults(desc, {"normalization": _NORMALIZATION}, names)
+        result["relative_diameter"] = result["relative_diameter"] or None
+        return result
+
+    def info(self) -> ApertureInfo:
+        """Grid, diameter, transmission, work memory."""
+        info = _library.initialized(_library.ClspApertureInfo)
+        _library.call("clspApertureGetInfo", self._get(), ctypes.byref(info))
+        return ApertureInfo(
+            grid_width=info.grid_width,
+            grid_height=info.grid_height,
+            pupil_samples=info.pupil_samples,
+            relative_diameter=info.relative_diameter,
+            mean_transmission=info.mean_transmission,
+            workspace_bytes=info.workspace_bytes,
+            fft_backend=_library.text(info.fft_backend),
+        )
+
+    def set_workspace(
+        self,
+        memory: Buffer | SupportsIntPtr | int,
+        *,
+        offset_bytes: int = 0,
+        size_bytes: int | None = None,
+    ) -> None:
+        """Gives the work memory of ``workspace_from_host=True``; it is retained.
+
+        Args:
+            memory: a :class:`Buffer`, a ``pyopencl.Buffer`` or an integer cl_mem.
+            offset_bytes: a multiple of 4096.
+            size_bytes: at least ``info().workspace_bytes``; None: all from the offset on (not with an integer).
+
+        The content is undefined after each frame: apertures that never run at the same time may share it.
+        """
+        offset = _check.integer(offset_bytes, "offset_bytes", 64)
+        pointer = memory_pointer(memory, "memory")
+        if size_bytes is None:
+            whole = memory.size_bytes if isinstance(memory, Buffer) else getattr(memory, "size", None)
+            if whole is None:
+                raise TypeError("size_bytes is needed with an integer handle")
+            size_bytes = max(0, int(whole) - offset)
+        with exclusive(self):
+            size = _check.integer(size_bytes, "size_bytes", 64)
+            _library.call("clspApertureSetWorkspace", self._get(), pointer, offset, size)
+
+    def pupil(self, *, queue: QueueLike | None = None) -> npt.NDArray[np.float32]:
+        """P after normalization as float32 of (grid_height, grid_width), FFT order (frequency 0 first). Blocks."""
+        info = self.info()
+        with exclusive(self):
+            image = self._staging.image("pupil", (info.grid_height, info.grid_width), np.float32)
+            return image.read(queue=queue, wait_for=[self.enqueue_pupil(image, queue=queue)])
+
+    def enqueue_pupil(
+        self,
+        pupil: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`pupil` into a float32 device image of (grid_height, grid_width), asynchronously."""
+        info = self.info()
+        with exclusive(self):
+            operands = Operands()
+            shape = (info.grid_height, info.grid_width)
+            struct = operands.add(device_image(pupil, "pupil", shape, FLOAT32, self.context))
+            return operands.enqueue(
+                "clspApertureEnqueuePupil",
+                self._get(),
+                queue_pointer(queue, self.context),
+                ctypes.byref(struct),
+                wait_for=wait_for,
+            )
+
+    def intensity(self, phase: Phase, irradiance: ImageLike, *, out: Any = None, queue: QueueLike | None = None) -> Any:
+        """Speckles an image. Blocks.
+
+        Args:
+            phase: same shape, oversampling and guard_px; two polarizations if p < 1. Must have been refreshed once.
+            irradiance: ideal image I0, (height, width), finite, >= 0. In a float32 device image NaN, infinite and
+                negative pixels count as 0.
+            out: float32 array, or a float32 device image, which may be the irradiance itself; None: a new array.
+
+        Returns:
+            `out`, or a new (height, width) float32 array: the intensity I.
+        """
+        _require_phase(phase)
+        with exclusive(self, phase):
+            queue = self.context.queue if queue is None else queue
+            target = output(out, "out", self.shape, (np.float32,), None, self._staging, self.context)
+            operands = Operands()
+            source = irradiance_image(irradiance, "irradiance", self.shape, self._staging, queue, operands)
+            return target.finish(queue, self._enqueue(phase, source, target.image, operands, queue, None))
+
+    def enqueue_intensity(
+        self,
+        phase: Phase,
+        irradiance: DeviceImageLike,
+        intensity: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`intensity` from one float32 device image into another, asynchronously."""
+        _require_phase(phase)
+        with exclusive(self, phase):
+            source = device_image(irradiance, "irradiance", self.shape, FLOAT32, self.context)
+            target = device_image(intensity, "intensity", self.shape, FLOAT32, self.context)
+            return self._enqueue(phase, source, target, Operands(), queue, wait_for)
+
+    def _enqueue(
+        self,
+        phase: Phase,
+        irradiance: DeviceImage,
+        intensity: DeviceImage,
+        operands: Operands,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+    ) -> Event:
+        return operands.enqueue(
+            "clspApertureEnqueueIntensity",
+            self._get(),
+            queue_pointer(queue, self.context),
+            phase._get(),
+            ctypes.byref(operands.add(irradiance)),
+            ctypes.byref(operands.add(intensity)),
+            wait_for=wait_for,
+        )
+
+
+def _require_phase(value: Any) -> None:
+    if not isinstance(value, Phase):
+        raise TypeError(f"phase must be a clspeckle.Phase, got {_check.kind(value)}")
+
+
+def irradiance_image(
+    value: Any,
+    name: str,
+    shape: tuple[int, int],
+    staging: Staging,
+    queue: QueueLike | None,
+    operands: Operands,
+) -> DeviceImage:
+    """An image argument of real numbers >= 0 in device memory."""
+    if on_device(value):
+        return device_image(value, name, shape, FLOAT32, staging.context)
+    refuse_handle(value, name)
+    return staging.upload(name, _check.irradiance_plane(value, name, shape), queue, operands)

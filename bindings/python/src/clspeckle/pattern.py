@@ -1,0 +1,331 @@
+"""The projected pattern: looked up per pixel as a texture, with 1/d^2, surface cosine, baseline and shadow.
+
+For a pixel with position X, unit normal N and albedo a in the geometry frame: X_L = R X + t in the laser frame (the
+laser at the origin, looking along +z, x to the right, y down), d = |X_L|, w = X_L / d. With J the radiant intensity
+that the pattern has in that direction,
+
+    E  = power_scale * J * max(0, -w . R N) / d^2 * visibility
+    I0 = E * albedo / pi
+
+Equations and conventions: ``pattern.h``; thesis section 3.3, Lambert's law.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
+from ._handle import Handle, create, exclusive
+from ._interop import EventLike
+from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device, output, refuse_handle
+from .runtime import FLOAT32, FLOAT32X3, Context, DeviceImage, Event, Format, QueueLike, queue_pointer, resolve_context
+
+__all__ = ["Geometry", "Pattern"]
+
+_PROJECTION = {
+    "tangent_plane": _library.CLSP_PROJECTION_TANGENT_PLANE,
+    "direction_cosines": _library.CLSP_PROJECTION_DIRECTION_COSINES,
+}
+_QUANTITY = {
+    "radiant_intensity": _library.CLSP_QUANTITY_RADIANT_INTENSITY,
+    "plane_irradiance": _library.CLSP_QUANTITY_PLANE_IRRADIANCE,
+}
+_DEPTH_KIND = {
+    "along_axis": _library.CLSP_DEPTH_ALONG_AXIS,
+    "along_ray": _library.CLSP_DEPTH_ALONG_RAY,
+}
+
+# Rounding to float32 or half precision may lengthen a unit normal by less than this.
+_NORMAL_TOLERANCE = 0.01
+
+
+@dataclasses.dataclass(eq=False)
+class Geometry:
+    """What a renderer knows about every pixel. Give `position`, or `depth` with `intrinsics`.
+
+    Every image is a NumPy array or in device memory, and all have the same height and width.
+    """
+
+    position: ImageLike | None = None
+    """(height, width, 3 or 4) metres. NaN or infinite: no surface here, nothing is returned."""
+    depth: ImageLike | None = None
+    """(height, width) metres; the geometry frame is then the camera frame. <= 0, NaN, infinite: no surface."""
+    intrinsics: Any | None = None
+    """(fx, fy, cx, cy) in pixels, or the 3 x 3 camera matrix; for depth."""
+    normal: ImageLike | None = None
+    """(height, width, 3 or 4), unit length, towards the camera; None: the surface faces the laser."""
+    albedo: ImageLike | None = None
+    """(height, width) in [0, 1]; None: 1."""
+    visibility: ImageLike | None = None
+    """(height, width): does the laser see the point. Floats in [0, 1], uint8 from 0 to 255, or bool; None: 1."""
+    depth_kind: str | None = None
+    """"along_axis" (z in the camera frame) or "along_ray" (distance from the camera centre); None: the C library's
+    default."""
+
+
+def _intrinsics(value: Any) -> tuple[float, float, float, float]:
+    given = _check.array(value, "intrinsics")
+    if given.dtype.kind not in "fiu":
+        raise errors.InvalidFormatError(f"intrinsics has dtype {given.dtype}, expected real numbers")
+    if given.shape == (4,):
+        fx, fy, cx, cy = (float(v) for v in given)
+        return fx, fy, cx, cy
+    if given.shape != (3, 3):
+        raise errors.InvalidArgumentError(
+            f"intrinsics has shape {given.shape}, expected (4,): fx, fy, cx, cy; or (3, 3): the camera matrix"
+        )
+    if given[0, 1] != 0 or given[1, 0] != 0 or not np.array_equal(given[2], (0, 0, 1)):
+        raise errors.InvalidArgumentError(
+            f"intrinsics is {given.tolist()}, expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (no skew)"
+        )
+    return float(given[0, 0]), float(given[1, 1]), float(given[0, 2]), float(given[1, 2])
+
+
+def _vectors(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    given = _check.array(value, name)
+    if given.ndim != 3 or given.shape[2] not in (3, 4):
+        raise errors.InvalidArgumentError(
+            f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4)"
+        )
+    return _check.float_plane(given, name, (shape[0], shape[1], None), "an image of vectors")
+
+
+def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    vectors = _vectors(value, name, shape)
+    xyz = vectors[..., :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        # Averaged over a pixel's samples a normal gets shorter, never longer; where there is no surface it may be NaN.
+        bad = np.einsum("...i,...i->...", xyz, xyz) > (1.0 + _NORMAL_TOLERANCE) ** 2
+    if bad.any():
+        raise errors.InvalidDataError(f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1")
+    return vectors
+
+
+def _positions(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    return _vectors(value, name, shape)
+
+
+def _depths(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    return _check.float_plane(value, name, shape)
+
+
+def _albedos(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    plane = _check.float_plane(value, name, shape)
+    _check.within(plane, name, 0.0, 1.0)
+    return plane
+
+
+def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
+    given = _check.array(value, name)
+    if given.dtype == np.bool_ or given.dtype == np.uint8:
+        _check.check_shape(given, name, shape)
+        plane: npt.NDArray[np.uint8] = np.ascontiguousarray(given, dtype=np.uint8)
+        return plane * np.uint8(255) if given.dtype == np.bool_ else plane
+    if given.dtype.kind != "f":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected bool, uint8 (0 to 255) or floats")
+    return _albedos(given, name, shape)
+
+
+_IMAGES: tuple[tuple[str, Any, Format], ...] = (
+    ("position", _positions, FLOAT32X3),
+    ("depth", _depths, FLOAT32),
+    ("normal", _normals, FLOAT32X3),
+    ("albedo", _albedos, FLOAT32),
+    ("visibility", _visibilities, FLOAT32),
+)
+
+
+def geometry_shape(geometry: Geometry) -> tuple[int, int]:
+    """The (height, width) of a geometry, from the first of its images that has one."""
+    for name, _, _ in _IMAGES:
+        value = getattr(geometry, name)
+        shape: tuple[int, ...] = () if value is None else getattr(value, "shape", ())
+        if value is not None and not on_device(value):
+            refuse_handle(value, name)
+            shape = _check.array(value, name).shape
+            if len(shape) < 2:
+                raise errors.InvalidArgumentError(f"{name} has shape {shape}, expected (height, width, ...)")
+        if len(shape) >= 2:
+            return _check.image_shape(shape[:2], f"{name}.shape")
+    raise errors.InvalidArgumentError(
+        "the size of the geometry is not known: give position or depth as an array, a DeviceImage or a pyopencl array"
+    )
+
+
+def geometry_struct(
+    geometry: Geometry,
+    shape: tuple[int, int],
+    staging: Staging,
+    queue: QueueLike | None,
+    operands: Operands,
+    device_only: bool = False,
+) -> _library.ClspGeometry:
+    """The C struct of a geometry; host images are uploaded."""
+    if (geometry.position is None) == (geometry.depth is None):
+        which = "neither" if geometry.position is None else "both"
+        raise errors.InvalidArgumentError(f"a geometry needs position, or depth with intrinsics; {which} given")
+    if geometry.depth is not None and geometry.intrinsics is None:
+        raise errors.InvalidArgumentError("depth needs intrinsics: (fx, fy, cx, cy) in pixels")
+    struct = _library.initialized(_library.ClspGeometry)
+    if geometry.depth_kind is not None:
+        struct.depth_kind = _check.choice(geometry.depth_kind, "depth_kind", _DEPTH_KIND)
+    if geometry.intrinsics is not None:
+        numbers = _intrinsics(geometry.intrinsics)
+        if not all(math.isfinite(number) for number in numbers) or numbers[0] == 0 or numbers[1] == 0:
+            raise errors.InvalidArgumentError(f"intrinsics is {numbers}, expected finite numbers, fx and fy not 0")
+        struct.fx_px, struct.fy_px, struct.cx_px, struct.cy_px = numbers
+    # All host images are checked before the first one is uploaded.
+    host = {
+        name: check(value, name, shape)
+        for name, check, _ in _IMAGES
+        for value in (getattr(geometry, name),)
+        if value is not None and not device_only and not on_device(value)
+    }
+    for name, _, default in _IMAGES:
+        value = getattr(geometry, name)
+        if name in host:
+            setattr(struct, name, operands.add(staging.upload(name, host[name], queue, operands)))
+        elif value is not None:
+            setattr(struct, name, operands.add(device_image(value, name, shape, default, staging.context)))
+    return struct
+
+
+class Pattern(Handle):
+    """A projected pattern.
+
+    Args:
+        texels: (height, width) pattern image, row 0 first, each side 2 to 16384; finite, >= 0; copied.
+        projection: what the pattern's axes are: "tangent_plane" (x/z, y/z) or "direction_cosines" (x/d, y/d).
+        quantity: "radiant_intensity" (W/sr up to a factor), or "plane_irradiance": as an image of the pattern on a
+            plane at unit distance shows it.
+        half_extent_x: the image covers [-half_extent_x, half_extent_x], in pattern coordinates.
+        half_extent_y: likewise.
+        power_scale: factor on the pattern values.
+        laser_from_geometry: [R|t], (3, 4) or (4, 4), R a rotation, t in metres.
+        context: None for :func:`default_context`.
+
+    What is None has the C library's default, see :meth:`defaults`.
+
+    Threads: calls on one object from several threads run one after the other; different objects run at the same time.
+    """
+
+    _release = "clspPatternRelease"
+
+    def __init__(
+        self,
+        texels: npt.ArrayLike,
+        *,
+        projection: str | None = None,
+        quantity: str | None = None,
+        half_extent_x: float | None = None,
+        half_extent_y: float | None = None,
+        power_scale: float | None = None,
+        laser_from_geometry: npt.ArrayLike | None = None,
+        context: Context | None = None,
+    ) -> None:
+        plane = _check.irradiance_plane(texels, "texels")
+        desc = _library.initialized(_library.ClspPatternDesc)
+        desc.height, desc.width = plane.shape
+        desc.texels = plane.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+        if projection is not None:
+            desc.projection = _check.choice(projection, "projection", _PROJECTION)
+        if quantity is not None:
+            desc.quantity = _check.choice(quantity, "quantity", _QUANTITY)
+        given = {"half_extent_x": half_extent_x, "half_extent_y": half_extent_y, "power_scale": power_scale}
+        _check.assign(desc, given, {}, given)
+        if laser_from_geometry is not None:
+            desc.laser_from_geometry = _check.pose(laser_from_geometry, "laser_from_geometry")
+        self.context = resolve_context(context)
+        self._adopt(create("clspPatternCreate", self.context._get(), ctypes.byref(desc)))
+        self._staging = Staging(self.context)
+
+    def _forget(self) -> None:
+        self._staging.clear()
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of the keyword arguments."""
+        desc = _library.initialized(_library.ClspPatternDesc)
+        names = ("projection", "quantity", "half_extent_x", "half_extent_y", "power_scale", "laser_from_geometry")
+        result = _check.defaults(desc, {"projection": _PROJECTION, "quantity": _QUANTITY}, names)
+        result["laser_from_geometry"] = np.array(list(desc.laser_from_geometry)).reshape(3, 4)
+        return result
+
+    def set_pose(self, laser_from_geometry: npt.ArrayLike) -> None:
+        """Moves the laser: [R|t], (3, 4) or (4, 4), R a rotation, t in metres. Later calls use the new pose."""
+        pose = _check.pose(laser_from_geometry, "laser_from_geometry")
+        with exclusive(self):
+            _library.call("clspPatternSetPose", self._get(), pose)
+
+    def lookup(self, geometry: Geometry, *, out: Any = None, queue: QueueLike | None = None) -> Any:
+        """The ideal infrared image I0 of a geometry. Blocks.
+
+        Args:
+            geometry: images in host or device memory.
+            out: float32 array of (height, width), or a float32 device image, to write to; None: a new array.
+
+        Returns:
+            `out`, or a new (height, width) float32 array.
+        """
+        _require_geometry(geometry)
+        shape = geometry_shape(geometry)
+        with exclusive(self):
+            queue = self.context.queue if queue is None else queue
+            target = output(out, "out", shape, (np.float32,), None, self._staging, self.context)
+            operands = Operands()
+            struct = geometry_struct(geometry, shape, self._staging, queue, operands)
+            return target.finish(queue, self._enqueue(struct, target.image, operands, queue, None))
+
+    def enqueue_lookup(
+        self,
+        geometry: Geometry,
+        irradiance: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`lookup`, asynchronously; all images must be in device memory.
+
+        Args:
+            irradiance: float32 image of the size of the geometry, fully written; must not overlap an input.
+        """
+        _require_geometry(geometry)
+        shape = geometry_shape(geometry)
+        with exclusive(self):
+            operands = Operands()
+            struct = geometry_struct(geometry, shape, self._staging, queue, operands, device_only=True)
+            image = device_image(irradiance, "irradiance", shape, FLOAT32, self.context)
+            return self._enqueue(struct, image, operands, queue, wait_for)
+
+    def _enqueue(
+        self,
+        struct: _library.ClspGeometry,
+        irradiance: DeviceImage,
+        operands: Operands,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+    ) -> Event:
+        return operands.enqueue(
+            "clspPatternEnqueueLookup",
+            self._get(),
+            queue_pointer(queue, self.context),
+            ctypes.byref(struct),
+            ctypes.byref(operands.add(irradiance)),
+            wait_for=wait_for,
+        )
+
+
+def _require_geometry(value: Any) -> None:
+    if not isinstance(value, Geometry):
+        raise TypeError(f"geometry must be a clspeckle.Geometry, got {_check.kind(value)}")
+
+
+Scene = Union[ImageLike, Geometry]
+"""What a frame shows: an ideal image, or the geometry that the pattern falls on."""

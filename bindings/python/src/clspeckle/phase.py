@@ -1,0 +1,318 @@
+"""The surface's random field: persistent, refreshed where a mask says so.
+
+The field lives on the field grid: `oversampling` samples per pixel and axis, padded to a size that the FFT takes. Each
+sample holds z with E|z|^2 = 1: exp(i phi) with phi uniform ("unit_phasor"), or a circular complex Gaussian number
+("circular_gaussian", the limit of very many scatterers per pixel; contrast 1 for any aperture). Equations: ``phase.h``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _interop, _library, errors
+from ._handle import Handle, create, exclusive
+from ._interop import EventLike, SupportsIntPtr
+from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
+from .runtime import (
+    FLOAT32X2,
+    UINT8,
+    Buffer,
+    Context,
+    DeviceImage,
+    Event,
+    QueueLike,
+    enqueue,
+    memory_pointer,
+    queue_pointer,
+    resolve_context,
+)
+
+__all__ = ["FieldGrid", "Phase", "field_grid"]
+
+_FIELD = {
+    "circular_gaussian": _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
+    "unit_phasor": _library.CLSP_FIELD_UNIT_PHASOR,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class FieldGrid:
+    """Size of the field grid of an image."""
+
+    width: int
+    height: int
+    oversampling: int
+    guard_px: int
+    grid_width: int
+    """Smallest n >= oversampling * (width + guard_px) with no prime factor above 13."""
+    grid_height: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(grid_height, grid_width)."""
+        return self.grid_height, self.grid_width
+
+
+def field_grid(shape: tuple[int, int], *, oversampling: int = 1, guard_px: int = 0) -> FieldGrid:
+    """The field grid of an image of `shape` (height, width). Needs no device; may be called from any thread.
+
+    Args:
+        oversampling: field samples per pixel along each axis, 1 to 8.
+        guard_px: at least this many pixels of padding, against light that wraps around the border.
+    """
+    height, width = _check.image_shape(shape)
+    grid = _library.ClspFieldGrid(
+        width=width,
+        height=height,
+        oversampling=_check.integer(oversampling, "oversampling"),
+        guard_px=_check.integer(guard_px, "guard_px"),
+    )
+    _library.call("clspFieldGridCompute", ctypes.byref(grid))
+    return FieldGrid(width, height, grid.oversampling, grid.guard_px, grid.grid_width, grid.grid_height)
+
+
+class Phase(Handle):
+    """A phase state.
+
+    Args:
+        shape: (height, width) of the image in pixels, each 1 to 16384.
+        oversampling: field samples per pixel and axis, 1 to 8.
+        guard_px: pixels of padding at least.
+        field: "circular_gaussian" or "unit_phasor".
+        polarization_count: 1 or 2; 2 is needed for a degree of polarization below 1.
+        seed: below 2^64.
+        context: None for :func:`default_context`.
+
+    What is None has the C library's default, see :meth:`defaults`.
+
+    Threads: calls on one object from several threads run one after the other; different objects run at the same time.
+    """
+
+    _release = "clspPhaseRelease"
+    _pickle_advice = "save() gives its state as an array, restore() takes it in the process that uses it"
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        *,
+        oversampling: int | None = None,
+        guard_px: int | None = None,
+        field: str | None = None,
+        polarization_count: int | None = None,
+        seed: int | None = None,
+        context: Context | None = None,
+    ) -> None:
+        desc = _library.initialized(_library.ClspPhaseDesc)
+        desc.height, desc.width = _check.image_shape(shape)
+        if field is not None:
+            desc.field = _check.choice(field, "field", _FIELD)
+        given = {
+            "oversampling": oversampling,
+            "guard_px": guard_px,
+            "polarization_count": polarization_count,
+            "seed": seed,
+        }
+        _check.assign(desc, given, {"oversampling": 32, "guard_px": 32, "polarization_count": 32, "seed": 64}, ())
+        self.context = resolve_context(context)
+        self._adopt(create("clspPhaseCreate", self.context._get(), ctypes.byref(desc)))
+        self.shape: tuple[int, int] = (desc.height, desc.width)
+        self.polarization_count: int = desc.polarization_count
+        self.grid = field_grid(self.shape, oversampling=desc.oversampling, guard_px=desc.guard_px)
+        self._staging = Staging(self.context)
+
+    def _forget(self) -> None:
+        self._staging.clear()
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of the keyword arguments."""
+        desc = _library.initialized(_library.ClspPhaseDesc)
+        names = ("oversampling", "guard_px", "field", "polarization_count", "seed")
+        return _check.defaults(desc, {"field": _FIELD}, names)
+
+    @property
+    def grid_shape(self) -> tuple[int, int]:
+        """(height, width) of the field grid."""
+        return self.grid.shape
+
+    def refresh(self, frame_index: int, mask: ImageLike | None = None, *, queue: QueueLike | None = None) -> None:
+        """Draws new values. Blocks.
+
+        Args:
+            frame_index: counter of the new values, below 2^48.
+            mask: (height, width) of bool or integers, or a uint8 device image: pixels that are not 0 are drawn anew.
+                None: all of them. The first refresh always draws everything.
+        """
+        with exclusive(self):
+            queue = self.context.queue if queue is None else queue
+            self._enqueue_refresh(frame_index, mask, queue, None).wait()
+
+    def enqueue_refresh(
+        self,
+        frame_index: int,
+        mask: DeviceImageLike | None = None,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`refresh`, asynchronously; the mask must be in device memory."""
+        with exclusive(self):
+            if mask is not None and not on_device(mask):
+                device_image(mask, "mask", self.shape, UINT8, self.context)  # says what is wrong
+            return self._enqueue_refresh(frame_index, mask, queue, wait_for)
+
+    def _enqueue_refresh(
+        self,
+        frame_index: int,
+        mask: ImageLike | None,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+    ) -> Event:
+        frame_index = _check.integer(frame_index, "frame_index", 64)
+        operands = Operands()
+        struct = None
+        if mask is not None:
+            struct = ctypes.byref(operands.add(mask_image(mask, "mask", self.shape, self._staging, queue, operands)))
+        return operands.enqueue(
+            "clspPhaseEnqueueRefresh",
+            self._get(),
+            queue_pointer(queue, self.context),
+            frame_index,
+            struct,
+            wait_for=wait_for,
+        )
+
+    def field(self, polarization: int = 0, *, queue: QueueLike | None = None) -> npt.NDArray[np.complex64]:
+        """z of one polarization as complex64 of :attr:`grid_shape`. Blocks.
+
+        Raises:
+            InvalidStateError: nothing has been drawn yet.
+        """
+        with exclusive(self):
+            image = self._staging.image("field", self.grid_shape, np.complex64)
+            event = self.enqueue_field(polarization, image, queue=queue)
+            return image.read(queue=queue, wait_for=[event])
+
+    def enqueue_field(
+        self,
+        polarization: int,
+        field: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Writes z of one polarization to a complex64 (or float32 x 2) device image of :attr:`grid_shape`."""
+        with exclusive(self):
+            operands = Operands()
+            struct = operands.add(device_image(field, "field", (*self.grid_shape, 2), FLOAT32X2, self.context))
+            return operands.enqueue(
+                "clspPhaseEnqueueField",
+                self._get(),
+                queue_pointer(queue, self.context),
+                _check.integer(polarization, "polarization"),
+                ctypes.byref(struct),
+                wait_for=wait_for,
+            )
+
+    @property
+    def state_size(self) -> int:
+        """Size of the saved state in bytes."""
+        size = ctypes.c_uint64()
+        _library.call("clspPhaseGetStateSize", self._get(), ctypes.byref(size))
+        return size.value
+
+    def save(self, *, queue: QueueLike | None = None) -> npt.NDArray[np.uint8]:
+        """The state as bytes; ``np.save`` or ``.tobytes()`` keep it. Blocks.
+
+        Raises:
+            InvalidStateError: nothing has been drawn yet.
+        """
+        with exclusive(self), Buffer(self.state_size, context=self.context) as memory:
+            event = self.enqueue_save(memory, queue=queue)
+            result = np.empty(memory.size_bytes, np.uint8)
+            memory.enqueue_read(result, queue=queue, wait_for=[event]).wait()
+            return result
+
+    def restore(
+        self, state: npt.NDArray[np.uint8] | bytes | bytearray | memoryview, *, queue: QueueLike | None = None
+    ) -> None:
+        """Takes a state back that :meth:`save` gave, bit for bit. Blocks.
+
+        Args:
+            state: bytes, or a uint8 array, from a phase of the same shape, oversampling, guard_px, field and
+                polarization_count.
+        """
+        if isinstance(state, (bytes, bytearray, memoryview)):
+            state = np.frombuffer(state, np.uint8)
+        source = _check.array(state, "state")
+        if source.dtype != np.uint8 or source.ndim != 1:
+            raise errors.InvalidFormatError(f"state must be bytes or a flat uint8 array, got {_check.kind(source)}")
+        with exclusive(self):
+            if source.nbytes != self.state_size:
+                raise errors.InvalidArgumentError(
+                    f"state has {source.nbytes} bytes, expected {self.state_size}; it must come from a phase of the "
+                    "same shape, oversampling, guard_px, field and polarization_count"
+                )
+            with Buffer(source.nbytes, context=self.context) as memory:
+                written = memory.enqueue_write(source, queue=queue)
+                self.enqueue_restore(memory, queue=queue, wait_for=[written]).wait()
+
+    def enqueue_save(
+        self,
+        memory: Buffer | SupportsIntPtr | int,
+        *,
+        offset_bytes: int = 0,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Copies the state to a buffer of at least :attr:`state_size` bytes from the offset on."""
+        return self._enqueue_copy("clspPhaseEnqueueSave", memory, offset_bytes, queue, wait_for)
+
+    def enqueue_restore(
+        self,
+        memory: Buffer | SupportsIntPtr | int,
+        *,
+        offset_bytes: int = 0,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Copies a state back from a buffer."""
+        return self._enqueue_copy("clspPhaseEnqueueRestore", memory, offset_bytes, queue, wait_for)
+
+    def _enqueue_copy(
+        self,
+        name: str,
+        memory: Buffer | SupportsIntPtr | int,
+        offset_bytes: int,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+    ) -> Event:
+        with exclusive(self):
+            return enqueue(
+                name,
+                self._get(),
+                queue_pointer(queue, self.context),
+                memory_pointer(memory, "memory"),
+                _check.integer(offset_bytes, "offset_bytes", 64),
+                waiting=_interop.wait_list(wait_for),
+            )
+
+
+def mask_image(
+    mask: Any,
+    name: str,
+    shape: tuple[int, int],
+    staging: Staging,
+    queue: QueueLike | None,
+    operands: Operands,
+) -> DeviceImage:
+    """A mask argument in device memory."""
+    if on_device(mask):
+        return device_image(mask, name, shape, UINT8, staging.context)
+    return staging.upload(name, _check.mask_plane(mask, name, shape), queue, operands)

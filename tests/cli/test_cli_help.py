@@ -1,0 +1,81 @@
+"""--help, --version and devices."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize("command", [[], ["devices"], ["render"], ["statistics"]])
+def test_help(ok, command: list[str]) -> None:
+    text = ok(*command, "--help").out
+    assert "Usage: clspeckle" in text and "Examples:" in text
+    assert max(map(len, text.splitlines())) <= 120, "it fits a terminal"
+    assert text == ok(*command, "-h").out
+
+
+def test_help_explains_the_exit_codes(ok) -> None:
+    text = ok("--help").out
+    for code in ("0", "1", "2", "3", "130"):
+        assert re.search(rf"^  {code}  \w", text, re.MULTILINE)
+
+
+def test_every_option_has_a_description(ok) -> None:
+    """Words behind the option, on its line or below."""
+    for command in ("devices", "render", "statistics"):
+        lines = ok(command, "--help").out.splitlines()
+        options = [i for i, line in enumerate(lines) if re.match(r"  -", line)]
+        assert len(options) >= 3
+        for i in options:
+            described = re.search(r" {2,}\S+ \S", lines[i][2:]) or re.match(r" {30}\S", lines[i + 1])
+            assert described, lines[i]
+
+
+def test_version(ok) -> None:
+    assert re.fullmatch(r"clspeckle \d+\.\d+\.\d+\n", ok("--version").out)
+
+
+def test_examples_in_the_help_are_valid(ok, refused, tmp_path: Path) -> None:
+    """Every `clspeckle render` and `statistics` example names known options and commands: what fails is only its files."""
+    text = ok("--help").out + ok("render", "--help").out + ok("statistics", "--help").out
+    joined = text.replace("\\\n", " ")
+    examples = re.findall(r"^  clspeckle ((?:render|statistics) .*)$", joined, re.MULTILINE)
+    assert len(examples) >= 9
+    for example in examples:
+        words = [word.strip("'") for word in example.split(" > ")[0].split()]
+        if "--dump-config" in words:
+            continue
+        message = refused(*words)
+        assert "no option" not in message and "no command" not in message, example
+        assert re.search(r"No such file|no file matches", message), message
+
+
+def test_devices(ok) -> None:
+    listed = ok("devices", "--json").json()
+    usable = [device for device in listed["devices"] if device["usable"]]
+    assert usable, "the tests need a device"
+    first = min(usable, key=lambda device: device["rank"])
+    assert first["name"] in listed["explanation"]
+    text = ok("devices").out
+    assert first["selector"] in text and first["name"] in text
+    assert listed["explanation"].strip() in text
+
+
+def test_devices_explains_a_selector(ok, cli) -> None:
+    first = ok("devices", "--json").json()["devices"][0]
+    assert first["name"] in ok("devices", "--device", first["selector"]).out
+    assert "no such device" in cli("devices", "--device", "no such device").out
+
+
+def test_json_owns_standard_output(program: Path, ideal: Path, tmp_path: Path) -> None:
+    """Whatever else is printed goes to standard error."""
+    import json
+
+    command = [program, "render", ideal.name, "-o", "out", "--frames", "2", "--json"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    json.loads(done.stdout)
+    assert done.stdout.startswith("{") and done.stdout.endswith("}\n")

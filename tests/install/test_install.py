@@ -1,0 +1,130 @@
+"""The library as others get it: installed (CMake package, pkg-config) and as a part of their build, in C and C++."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
+CC = os.environ.get("CLSPECKLE_C_COMPILER", "cc")
+CXX = os.environ.get("CLSPECKLE_CXX_COMPILER", "c++")
+STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+
+
+def run(*command: object, env: dict[str, str] | None = None) -> str:
+    """Runs a command; its output is shown if it fails."""
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, **(env or {})})
+    assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def checksum(program: Path, **env: str) -> str:
+    output = run(program, env=env)
+    assert re.fullmatch(r"checksum \d+\n", output), output
+    return output
+
+
+def configure(source: Path, build: Path, *arguments: str) -> None:
+    run("cmake", "-S", source, "-B", build, f"-DCMAKE_C_COMPILER={CC}", f"-DCMAKE_CXX_COMPILER={CXX}",
+        f"-DCMAKE_C_FLAGS={' '.join(STRICT)}", f"-DCMAKE_CXX_FLAGS={' '.join(STRICT)}", *arguments)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("prefix")
+    run("cmake", "--install", BUILD, "--prefix", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def libdir(prefix: Path) -> Path:
+    found = sorted(prefix.rglob("libclspeckle.so"))
+    assert len(found) == 1, f"libclspeckle.so is there {len(found)} times"
+    return found[0].parent
+
+
+@pytest.fixture(scope="module")
+def expected(prefix: Path, libdir: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The checksum of the C consumer, compiled by hand."""
+    program = tmp_path_factory.mktemp("by_hand") / "consumer"
+    run(CC, "-std=c99", *STRICT, HERE / "consumer.c", f"-I{prefix / 'include'}", f"-L{libdir}", "-lclspeckle", "-o", program)
+    return checksum(program, LD_LIBRARY_PATH=str(libdir))
+
+
+def test_installed_files(prefix: Path, libdir: Path) -> None:
+    headers = {path.name for path in (prefix / "include" / "clspeckle").iterdir()}
+    public = {path.name for path in (ROOT / "capi" / "include" / "clspeckle").iterdir()} | {"clspeckle.hpp"}
+    assert headers == public
+    version = re.search(r"project\(clspeckle VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())
+    assert version is not None
+    abi = re.search(r"CLSP_ABI_VERSION (\d+)", (ROOT / "CMakeLists.txt").read_text())
+    assert abi is not None
+    assert (libdir / f"libclspeckle.so.{version[1]}").is_file()
+    soname = run("readelf", "-d", libdir / "libclspeckle.so")
+    assert f"[libclspeckle.so.{abi[1]}]" in soname
+    assert (libdir / f"libclspeckle.so.{abi[1]}").resolve() == (libdir / f"libclspeckle.so.{version[1]}").resolve()
+    assert "RUNPATH" not in soname, "the installed library looks into the build folder"
+    assert "RPATH" not in soname, "the installed library looks into the build folder"
+
+
+def test_installed_files_name_no_folder_of_the_build(prefix: Path) -> None:
+    for path in [*prefix.rglob("*.cmake"), *prefix.rglob("*.pc"), *prefix.rglob("*.h"), *prefix.rglob("*.hpp")]:
+        text = path.read_text()
+        assert str(BUILD) not in text, path
+        assert str(ROOT) not in text, path
+
+
+def test_find_package(prefix: Path, expected: str, tmp_path: Path) -> None:
+    configure(HERE / "find_package", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}")
+    run("cmake", "--build", tmp_path)
+    for program in ("consumer_c", "consumer_cpp"):
+        assert checksum(tmp_path / program) == expected
+
+
+def test_find_package_refuses_another_version(prefix: Path, tmp_path: Path) -> None:
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.22)\nproject(consumer LANGUAGES C CXX)\n"
+        "find_package(clspeckle 99.0 REQUIRED)\n"
+    )
+    done = subprocess.run(
+        ["cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={prefix}"], capture_output=True, text=True
+    )
+    assert done.returncode != 0
+    assert "99.0" in done.stderr
+
+
+@pytest.mark.parametrize(("compiler", "standard", "source"), [(CC, "c99", "consumer.c"), (CXX, "c++17", "consumer.cpp")])
+def test_pkg_config(compiler: str, standard: str, source: str, libdir: Path, expected: str, tmp_path: Path) -> None:
+    path = {"PKG_CONFIG_PATH": str(libdir / "pkgconfig")}
+    flags = run("pkg-config", "--cflags", "--libs", "clspeckle", env=path).split()
+    program = tmp_path / "consumer"
+    run(compiler, f"-std={standard}", *STRICT, HERE / source, *flags, "-o", program)
+    assert checksum(program, LD_LIBRARY_PATH=str(libdir)) == expected
+    assert run("pkg-config", "--modversion", "clspeckle", env=path).strip() in (ROOT / "CMakeLists.txt").read_text()
+
+
+@pytest.mark.parametrize("way", ["add_subdirectory", "fetch_content"])
+def test_part_of_another_build(way: str, expected: str, tmp_path: Path) -> None:
+    configure(HERE / way, tmp_path, f"-DCLSPECKLE_SOURCE={ROOT}", "-DCMAKE_BUILD_TYPE=Release")
+    run("cmake", "--build", tmp_path, "--parallel", "2")
+    for program in ("consumer_c", "consumer_cpp"):
+        assert checksum(tmp_path / program) == expected
+
+
+def test_moved_prefix(prefix: Path, expected: str, tmp_path: Path) -> None:
+    """The package works from wherever it is moved to."""
+    moved = tmp_path / "moved"
+    run("cp", "-a", prefix, moved)
+    configure(HERE / "find_package", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={moved}")
+    run("cmake", "--build", tmp_path / "build")
+    assert checksum(tmp_path / "build" / "consumer_c") == expected
+    linked = run("ldd", tmp_path / "build" / "consumer_c")
+    assert str(moved) in linked

@@ -1,0 +1,382 @@
+// The pattern lookup: geometry of a plane before the laser, poses, masks, and what bad arguments get.
+#include "test_support.hpp"
+
+namespace {
+
+using test::DeviceTest;
+
+class Pattern : public DeviceTest {
+  protected:
+    static constexpr std::uint32_t width = 16, height = 12;
+
+    const std::vector<float> flat = std::vector<float>(4 * 4, 2.0f);
+
+    ClspPatternDesc valid() const {
+        auto desc = clspeckle::make<ClspPatternDesc>();
+        desc.width = 4;
+        desc.height = 4;
+        desc.texels = flat.data();
+        desc.half_extent_x = desc.half_extent_y = 10; // everything before the laser
+        return desc;
+    }
+    std::vector<float> lookup(const clspeckle::Pattern &pattern, const ClspGeometry &geometry, std::uint32_t w = width,
+                              std::uint32_t h = height) {
+        auto out = make_image(w, h, CLSP_FORMAT_FLOAT32);
+        pattern.enqueue_lookup(queue, geometry, out.view);
+        return download<float>(out);
+    }
+    static ClspGeometry camera() {
+        auto geometry = clspeckle::make<ClspGeometry>();
+        geometry.fx_px = 20;
+        geometry.fy_px = 25;
+        geometry.cx_px = 7.5;
+        geometry.cy_px = 5;
+        return geometry;
+    }
+};
+
+TEST_F(Pattern, InitFunctionsWriteDefaults) {
+    test::check_init<ClspPatternDesc>("clspPatternDescInit", clspPatternDescInit);
+    test::check_init<ClspGeometry>("clspGeometryInit", clspGeometryInit);
+    ClspPatternDesc desc;
+    ASSERT_CLSP_OK(clspPatternDescInit(&desc, sizeof(desc)));
+    EXPECT_EQ(CLSP_PROJECTION_TANGENT_PLANE, desc.projection);
+    EXPECT_EQ(CLSP_QUANTITY_RADIANT_INTENSITY, desc.quantity);
+    EXPECT_EQ(0.5, desc.half_extent_x);
+    EXPECT_EQ(0.5, desc.half_extent_y);
+    EXPECT_EQ(1.0, desc.power_scale);
+    EXPECT_EQ(0u, desc.texels_pitch_bytes);
+    for (int i = 0; i < 12; ++i)
+        EXPECT_EQ(i == 0 || i == 5 || i == 10 ? 1.0 : 0.0, desc.laser_from_geometry[i]) << i;
+    ClspGeometry geometry;
+    ASSERT_CLSP_OK(clspGeometryInit(&geometry, sizeof(geometry)));
+    EXPECT_EQ(CLSP_DEPTH_ALONG_AXIS, geometry.depth_kind);
+    EXPECT_EQ(nullptr, geometry.position.mem);
+    EXPECT_EQ(nullptr, geometry.depth.mem);
+}
+
+TEST_F(Pattern, InverseSquareCosineAndAlbedo) {
+    // A wall at z = 2 seen with intrinsics; the laser 0.3 m to the right and 0.1 m back.
+    auto desc = valid();
+    desc.power_scale = 3;
+    desc.laser_from_geometry[3] = -0.3;
+    desc.laser_from_geometry[11] = 0.1;
+    std::vector<float> depth(width * height, 2.0f), normals, albedo, visibility(width * height, 1.0f);
+    std::vector<std::uint8_t> visible(width * height, 255);
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+        normals.insert(normals.end(), {0.0f, 0.0f, -1.0f});
+        albedo.push_back(static_cast<float>(i % 5) * 0.25f);
+    }
+    visibility[30] = 0.5f;
+    visible[30] = 51; // one fifth
+    auto depth_image = floats(depth, width, height);
+    auto normal_image = upload(normals, width, height, CLSP_FORMAT_FLOAT32X3, 256, 16);
+    auto albedo_image = floats(albedo, width, height);
+    auto visibility_image = floats(visibility, width, height);
+    auto visible_image = upload(visible, width, height, CLSP_FORMAT_UINT8);
+    ClspGeometry geometry = camera();
+    geometry.depth = depth_image.view;
+    geometry.normal = normal_image.view;
+    geometry.albedo = albedo_image.view;
+    geometry.visibility = visibility_image.view;
+    const clspeckle::Pattern pattern(context, desc);
+    const auto got = lookup(pattern, geometry);
+    const auto expected = [&](std::uint32_t x, std::uint32_t y) {
+        const double px = (x - 7.5) / 20 * 2 - 0.3, py = (y - 5.0) / 25 * 2, pz = 2 + 0.1;
+        const double d2 = px * px + py * py + pz * pz;
+        return 3 * 2.0 * (pz / std::sqrt(d2)) / d2 * albedo[y * width + x] / M_PI;
+    };
+    for (std::uint32_t y = 0; y < height; ++y)
+        for (std::uint32_t x = 0; x < width; ++x)
+            EXPECT_NEAR(expected(x, y) * visibility[y * width + x], got[y * width + x], 2e-6) << x << ", " << y;
+    geometry.visibility = visible_image.view;
+    EXPECT_NEAR(expected(30 % width, 30 / width) * 0.2, lookup(pattern, geometry)[30], 2e-6);
+}
+
+TEST_F(Pattern, DepthAlongRayAndPositionsAgreeWithDepthAlongAxis) {
+    std::vector<float> along_axis, along_ray, positions3, positions4;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const double z = 1.5 + 0.01 * x, dx = (x - 7.5) / 20, dy = (y - 5.0) / 25;
+            along_axis.push_back(static_cast<float>(z));
+            along_ray.push_back(static_cast<float>(z * std::sqrt(1 + dx * dx + dy * dy)));
+            for (double value : {dx * z, dy * z, z}) {
+                positions3.push_back(static_cast<float>(value));
+                positions4.push_back(static_cast<float>(value));
+            }
+            positions4.push_back(std::numeric_limits<float>::quiet_NaN()); // ignored
+        }
+    }
+    // A pattern with structure, so that a wrong position shows.
+    std::vector<float> texels(64 * 64);
+    for (std::size_t i = 0; i < texels.size(); ++i)
+        texels[i] = static_cast<float>(i % 64) + static_cast<float>(i / 64);
+    auto desc = valid();
+    desc.width = desc.height = 64;
+    desc.texels = texels.data();
+    desc.half_extent_x = desc.half_extent_y = 1;
+    const clspeckle::Pattern pattern(context, desc);
+    auto axis_image = floats(along_axis, width, height), ray_image = floats(along_ray, width, height);
+    auto image3 = upload(positions3, width, height, CLSP_FORMAT_FLOAT32X3);
+    auto image4 = upload(positions4, width, height, CLSP_FORMAT_FLOAT32X4, 512, 64);
+    ClspGeometry geometry = camera();
+    geometry.depth = axis_image.view;
+    const auto expected = lookup(pattern, geometry);
+    geometry.depth = ray_image.view;
+    geometry.depth_kind = CLSP_DEPTH_ALONG_RAY;
+    const auto ray = lookup(pattern, geometry);
+    geometry = clspeckle::make<ClspGeometry>();
+    geometry.position = image3.view;
+    const auto three = lookup(pattern, geometry);
+    geometry.position = image4.view;
+    const auto four = lookup(pattern, geometry);
+    EXPECT_EQ(three, four);
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+        EXPECT_GT(expected[i], 0.0f);
+        EXPECT_NEAR(expected[i], ray[i], 2e-5 * expected[i]) << i;
+        EXPECT_NEAR(expected[i], three[i], 2e-5 * expected[i]) << i;
+    }
+}
+
+TEST_F(Pattern, BilinearInsideZeroOutside) {
+    // A wall at z = 1 under a pattern of 2 x 2 texels: pattern coordinates are the positions themselves.
+    const std::vector<float> texels = {0.0f, 1.0f, 2.0f, 3.0f};
+    auto desc = valid();
+    desc.width = desc.height = 2;
+    desc.texels = texels.data();
+    desc.half_extent_x = 0.4;
+    desc.half_extent_y = 0.2;
+    desc.quantity = CLSP_QUANTITY_PLANE_IRRADIANCE;
+    const std::vector<std::array<double, 3>> points = {
+        // x, y, texel value there
+        {-0.2, -0.1, 0.0}, {0.2, -0.1, 1.0}, {-0.2, 0.1, 2.0},  {0.2, 0.1, 3.0},  {0.0, 0.0, 1.5}, {0.1, 0.05, 2.25},
+        {0.39, 0.1, 3.0},  {-0.39, 0.1, 2.0}, {0.41, 0.1, 0.0}, {0.1, 0.21, 0.0}, {0.1, -0.21, 0.0}};
+    std::vector<float> positions;
+    for (const auto &p : points)
+        positions.insert(positions.end(), {static_cast<float>(p[0]), static_cast<float>(p[1]), 1.0f});
+    const auto count = static_cast<std::uint32_t>(points.size());
+    auto image = upload(positions, count, 1, CLSP_FORMAT_FLOAT32X3);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.position = image.view;
+    const auto got = lookup(clspeckle::Pattern(context, desc), geometry, count, 1);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        // Plane irradiance v at unit distance is the intensity v / cos^3, and without normals the surface faces the laser.
+        const double d2 = points[i][0] * points[i][0] + points[i][1] * points[i][1] + 1.0;
+        EXPECT_NEAR(points[i][2] * std::pow(d2, 1.5) / d2 / M_PI, got[i], 3e-6) << i;
+    }
+}
+
+TEST_F(Pattern, DirectionCosinesAndNothingBehindTheLaser) {
+    auto desc = valid();
+    desc.half_extent_x = desc.half_extent_y = 1;
+    std::vector<float> texels(16, 1.0f);
+    desc.texels = texels.data();
+    const float bad = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+    const std::vector<float> positions = {0.0f, 0.0f, 2.0f,  5.0f, 0.0f, 1.0f, 0.0f, 0.0f, -1.0f, 0.0f, 0.0f, 0.0f,
+                                          bad,  0.0f, 1.0f, 0.0f, inf,  1.0f, 0.0f, 0.0f, bad};
+    auto image = upload(positions, 7, 1, CLSP_FORMAT_FLOAT32X3);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.position = image.view;
+    const auto tangent = lookup(clspeckle::Pattern(context, desc), geometry, 7, 1);
+    desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    const auto cosines = lookup(clspeckle::Pattern(context, desc), geometry, 7, 1);
+    EXPECT_NEAR(1 / (4 * M_PI), tangent[0], 1e-6);
+    EXPECT_EQ(0.0f, tangent[1]) << "x/z = 5 lies outside";
+    EXPECT_NEAR(1 / (4 * M_PI), cosines[0], 1e-6);
+    EXPECT_NEAR(1 / (26 * M_PI), cosines[1], 1e-6) << "x/d = 0.98 lies inside";
+    for (std::size_t i = 2; i < 7; ++i) {
+        EXPECT_EQ(0.0f, tangent[i]) << i;
+        EXPECT_EQ(0.0f, cosines[i]) << i;
+    }
+}
+
+TEST_F(Pattern, PoseCanChange) {
+    const clspeckle::Pattern pattern(context, valid());
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    ClspGeometry geometry = camera();
+    geometry.depth = depth.view;
+    const auto before = lookup(pattern, geometry);
+    // Half a turn around y: the laser looks away.
+    const double away[12] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0};
+    pattern.set_pose(away);
+    for (float value : lookup(pattern, geometry))
+        EXPECT_EQ(0.0f, value);
+    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternSetPose(nullptr, identity));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "laser_from_geometry", clspPatternSetPose(pattern, nullptr));
+    const double scaled[12] = {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "laser_from_geometry", clspPatternSetPose(pattern, scaled));
+    const double mirrored[12] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "laser_from_geometry", clspPatternSetPose(pattern, mirrored));
+    for (int i = 0; i < 12; ++i) {
+        for (double bad : {test::nan_value, test::infinity}) {
+            double pose[12];
+            std::copy(std::begin(identity), std::end(identity), pose);
+            pose[i] = bad;
+            EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "laser_from_geometry", clspPatternSetPose(pattern, pose));
+        }
+    }
+    pattern.set_pose(identity);
+    EXPECT_EQ(before, lookup(pattern, geometry));
+}
+
+TEST_F(Pattern, OffsetAndPitchGiveTheSameBytes) {
+    std::vector<float> depth;
+    for (std::uint32_t i = 0; i < width * height; ++i)
+        depth.push_back(1.0f + static_cast<float>(i) * 0.003f);
+    auto packed = floats(depth, width, height);
+    auto strided = upload(depth, width, height, CLSP_FORMAT_FLOAT32, 100, 44);
+    const clspeckle::Pattern pattern(context, valid());
+    ClspGeometry geometry = camera();
+    geometry.depth = packed.view;
+    const auto expected = lookup(pattern, geometry);
+    geometry.depth = strided.view;
+    auto out = make_image(width, height, CLSP_FORMAT_FLOAT32, 68, 1000);
+    pattern.enqueue_lookup(queue, geometry, out.view);
+    EXPECT_EQ(expected, download<float>(out));
+    EXPECT_TRUE(margins_untouched(out));
+}
+
+TEST_F(Pattern, TexelPitch) {
+    const std::vector<float> padded = {1.0f, 2.0f, -9.0f, 3.0f, 4.0f, -9.0f}, packed = {1.0f, 2.0f, 3.0f, 4.0f};
+    auto desc = valid();
+    desc.width = desc.height = 2;
+    desc.half_extent_x = desc.half_extent_y = 1;
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    ClspGeometry geometry = camera();
+    geometry.depth = depth.view;
+    desc.texels = packed.data();
+    const auto expected = lookup(clspeckle::Pattern(context, desc), geometry);
+    desc.texels = padded.data();
+    desc.texels_pitch_bytes = 3 * sizeof(float);
+    EXPECT_EQ(expected, lookup(clspeckle::Pattern(context, desc), geometry));
+}
+
+TEST_F(Pattern, CreateRefusesBadArguments) {
+    const ClspPatternDesc desc = valid();
+    ClspPattern pattern = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPatternCreate(nullptr, &desc, &pattern));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPatternCreate(context, nullptr, &pattern));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pattern", clspPatternCreate(context, &desc, nullptr));
+    test::check_struct_size<ClspPatternDesc>("clspPatternCreate", desc, [&](ClspPatternDesc *d) {
+        ClspPattern made = nullptr;
+        const ClspStatus status = clspPatternCreate(context, d, &made);
+        clspPatternRelease(made);
+        return status;
+    });
+    const auto fails = [&](const char *word, const std::function<void(ClspPatternDesc &)> &change,
+                           ClspStatus expected = CLSP_ERROR_INVALID_ARGUMENT) {
+        ClspPatternDesc changed = desc;
+        change(changed);
+        EXPECT_CLSP_FAILS(expected, word, clspPatternCreate(context, &changed, &pattern));
+        EXPECT_EQ(nullptr, pattern);
+    };
+    fails("projection", [](ClspPatternDesc &d) { d.projection = 2; });
+    fails("quantity", [](ClspPatternDesc &d) { d.quantity = 2; });
+    fails("reserved", [](ClspPatternDesc &d) { d.reserved = 1; });
+    for (std::uint32_t side : {0u, 1u, 16385u, 0xffffffffu}) {
+        fails("width", [&](ClspPatternDesc &d) { d.width = side; });
+        fails("height", [&](ClspPatternDesc &d) { d.height = side; });
+    }
+    fails("texels", [](ClspPatternDesc &d) { d.texels = nullptr; });
+    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 12; });
+    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 17; });
+    for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
+        fails("half_extent_x", [&](ClspPatternDesc &d) { d.half_extent_x = bad; });
+        fails("half_extent_y", [&](ClspPatternDesc &d) { d.half_extent_y = bad; });
+    }
+    for (double bad : {-1.0, test::nan_value, test::infinity})
+        fails("power_scale", [&](ClspPatternDesc &d) { d.power_scale = bad; });
+    fails("laser_from_geometry", [](ClspPatternDesc &d) { d.laser_from_geometry[0] = 0.5; });
+    fails("laser_from_geometry", [](ClspPatternDesc &d) { d.laser_from_geometry[3] = test::nan_value; });
+    for (float bad : {-1.0f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+        std::vector<float> texels(16, 1.0f);
+        texels[9] = bad;
+        fails("texels", [&](ClspPatternDesc &d) { d.texels = texels.data(); }, CLSP_ERROR_INVALID_DATA);
+    }
+}
+
+TEST_F(Pattern, LookupRefusesBadArguments) {
+    const clspeckle::Pattern pattern(context, valid());
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto position = make_image(width, height, CLSP_FORMAT_FLOAT32X3);
+    auto normal = make_image(width, height, CLSP_FORMAT_FLOAT32X4);
+    auto out = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    ClspGeometry geometry = camera();
+    geometry.depth = depth.view;
+    const auto run = [&](const ClspGeometry &g) {
+        return clspPatternEnqueueLookup(pattern, queue, &g, &out.view, 0, nullptr, nullptr);
+    };
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern",
+                      clspPatternEnqueueLookup(nullptr, queue, &geometry, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "geometry",
+                      clspPatternEnqueueLookup(pattern, queue, nullptr, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance",
+                      clspPatternEnqueueLookup(pattern, queue, &geometry, nullptr, 0, nullptr, nullptr));
+    test::check_struct_size<ClspGeometry>("clspPatternEnqueueLookup", geometry, [&](ClspGeometry *g) {
+        return clspPatternEnqueueLookup(pattern, queue, g, &out.view, 0, nullptr, nullptr);
+    });
+    const auto fails = [&](const char *word, const std::function<void(ClspGeometry &)> &change) {
+        ClspGeometry changed = geometry;
+        change(changed);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word,
+                          clspPatternEnqueueLookup(pattern, queue, &changed, &out.view, 0, nullptr, nullptr));
+    };
+    fails("position", [](ClspGeometry &g) { g.depth.mem = nullptr; }); // neither
+    fails("position", [&](ClspGeometry &g) { g.position = position.view; }); // both
+    fails("depth_kind", [](ClspGeometry &g) { g.depth_kind = 2; });
+    for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
+        fails("fx_px", [&](ClspGeometry &g) { g.fx_px = bad; });
+        fails("fy_px", [&](ClspGeometry &g) { g.fy_px = bad; });
+    }
+    for (double bad : {test::nan_value, test::infinity}) {
+        fails("cx_px", [&](ClspGeometry &g) { g.cx_px = bad; });
+        fails("cy_px", [&](ClspGeometry &g) { g.cy_px = bad; });
+    }
+
+    const auto image_rules = [&](const char *name, ClspImage ClspGeometry::*member, const ClspImage &valid_image,
+                                 std::uint32_t wrong_format, bool optional) {
+        const auto with = [&](const ClspImage *image) {
+            ClspGeometry changed = geometry;
+            if (member == &ClspGeometry::position)
+                changed.depth = ClspImage{};
+            changed.*member = *image;
+            return run(changed);
+        };
+        test::check_image_rules("clspPatternEnqueueLookup", context, valid_image, name, wrong_format, with, optional);
+        test::check_image_size_must_match("clspPatternEnqueueLookup", context, valid_image, name, with);
+    };
+    auto bytes = make_image(width, height, CLSP_FORMAT_UINT8);
+    image_rules("depth", &ClspGeometry::depth, depth.view, CLSP_FORMAT_UINT16, true);
+    image_rules("position", &ClspGeometry::position, position.view, CLSP_FORMAT_FLOAT32, true);
+    image_rules("normal", &ClspGeometry::normal, normal.view, CLSP_FORMAT_FLOAT32X2, true);
+    image_rules("albedo", &ClspGeometry::albedo, depth.view, CLSP_FORMAT_UINT8, true);
+    image_rules("visibility", &ClspGeometry::visibility, bytes.view, CLSP_FORMAT_UINT16, true);
+    const auto as_output = [&](const ClspImage *image) {
+        return clspPatternEnqueueLookup(pattern, queue, &geometry, image, 0, nullptr, nullptr);
+    };
+    test::check_image_rules("clspPatternEnqueueLookup", context, out.view, "irradiance", CLSP_FORMAT_UINT8, as_output);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "irradiance",
+                      clspPatternEnqueueLookup(pattern, queue, &geometry, &depth.view, 0, nullptr, nullptr));
+    test::check_enqueue_rules("clspPatternEnqueueLookup", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPatternEnqueueLookup(pattern, q, &geometry, &out.view, count, events, event);
+                              });
+}
+
+TEST_F(Pattern, RetainAndRelease) {
+    ClspPattern pattern = nullptr;
+    const ClspPatternDesc desc = valid();
+    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    ASSERT_CLSP_OK(clspPatternCreate(context, &desc, &pattern));
+    EXPECT_CLSP_OK(clspPatternRetain(pattern));
+    EXPECT_CLSP_OK(clspPatternRelease(pattern));
+    EXPECT_CLSP_OK(clspPatternSetPose(pattern, identity));
+    EXPECT_CLSP_OK(clspPatternRelease(pattern));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternSetPose(pattern, identity));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternRetain(pattern));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternRelease(pattern));
+    EXPECT_CLSP_OK(clspPatternRelease(nullptr));
+}
+
+} // namespace

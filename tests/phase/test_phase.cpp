@@ -1,0 +1,317 @@
+// The phase state: field grid, refresh by mask, field, saving and restoring, and what bad arguments get.
+#include "test_support.hpp"
+
+#include <complex>
+
+namespace {
+
+using test::DeviceTest;
+using Complex = std::complex<float>;
+
+TEST(FieldGrid, SmallestSizesWithoutLargePrimeFactors) {
+    struct Case {
+        std::uint32_t width, height, oversampling, guard, grid_width, grid_height;
+    };
+    const Case cases[] = {{1, 1, 1, 0, 1, 1},
+                          {1000, 1001, 1, 0, 1000, 1001}, // 7 * 11 * 13
+                          {17, 19, 1, 0, 18, 20},
+                          {848, 480, 1, 0, 858, 480}, // 848 = 16 * 53
+                          {640, 480, 2, 3, 1287, 968}, // 1286 = 2 * 643, 966 = 2 * 3 * 7 * 23, 967 is prime
+                          {16384, 16384, 1, 0, 16384, 16384}};
+    for (const Case &c : cases) {
+        const ClspFieldGrid grid = clspeckle::field_grid(c.width, c.height, c.oversampling, c.guard);
+        EXPECT_EQ(c.grid_width, grid.grid_width) << c.width;
+        EXPECT_EQ(c.grid_height, grid.grid_height) << c.height;
+    }
+}
+
+TEST(FieldGrid, RefusesBadArguments) {
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "grid", clspFieldGridCompute(nullptr));
+    const auto compute = [](std::uint32_t width, std::uint32_t height, std::uint32_t oversampling, std::uint32_t guard) {
+        ClspFieldGrid grid{width, height, oversampling, guard, 77, 88};
+        test::poison_last_error("clspFieldGridCompute");
+        const ClspStatus status = clspFieldGridCompute(&grid);
+        EXPECT_EQ(77u, grid.grid_width) << "written in spite of an error";
+        return status;
+    };
+    const auto fails = [](const char *word, ClspStatus got) {
+        EXPECT_TRUE(test::failed_as("clspFieldGridCompute", got, CLSP_ERROR_INVALID_ARGUMENT, word));
+    };
+    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
+        fails("width", compute(side, 8, 1, 0));
+        fails("height", compute(8, side, 1, 0));
+    }
+    fails("oversampling", compute(8, 8, 0, 0));
+    fails("oversampling", compute(8, 8, 9, 0));
+    fails("guard", compute(8, 8, 1, 0xffffffffu));
+    fails("guard", compute(8, 8, 8, 0x80000000u));
+}
+
+class Phase : public DeviceTest {
+  protected:
+    static constexpr std::uint32_t width = 20, height = 12;
+
+    static ClspPhaseDesc valid() {
+        auto desc = clspeckle::make<ClspPhaseDesc>();
+        desc.width = width;
+        desc.height = height;
+        desc.seed = 5;
+        return desc;
+    }
+    std::vector<Complex> field(const clspeckle::Phase &phase, std::uint32_t polarization, std::uint32_t w = width,
+                               std::uint32_t h = height) {
+        auto image = make_image(w, h, CLSP_FORMAT_FLOAT32X2);
+        phase.enqueue_field(queue, polarization, image.view);
+        return download<Complex>(image);
+    }
+};
+
+TEST_F(Phase, DescInit) {
+    test::check_init<ClspPhaseDesc>("clspPhaseDescInit", clspPhaseDescInit);
+    ClspPhaseDesc desc;
+    ASSERT_CLSP_OK(clspPhaseDescInit(&desc, sizeof(desc)));
+    EXPECT_EQ(1u, desc.oversampling);
+    EXPECT_EQ(0u, desc.guard_px);
+    EXPECT_EQ(CLSP_FIELD_CIRCULAR_GAUSSIAN, desc.field);
+    EXPECT_EQ(2u, desc.polarization_count);
+    EXPECT_EQ(0u, desc.seed);
+}
+
+TEST_F(Phase, UnitPhasorsHaveMagnitudeOneAndPolarizationsDiffer) {
+    auto desc = valid();
+    desc.field = CLSP_FIELD_UNIT_PHASOR;
+    const clspeckle::Phase phase(context, desc);
+    phase.enqueue_refresh(queue, 0);
+    const auto first = field(phase, 0), second = field(phase, 1);
+    for (std::size_t i = 0; i < first.size(); ++i)
+        ASSERT_NEAR(1.0f, std::abs(first[i]), 3e-7f);
+    EXPECT_NE(first, second);
+    const clspeckle::Phase again(context, desc);
+    again.enqueue_refresh(queue, 0);
+    EXPECT_EQ(first, field(again, 0)) << "the same seed gives the same bits";
+    desc.seed = 6;
+    const clspeckle::Phase other(context, desc);
+    other.enqueue_refresh(queue, 0);
+    EXPECT_NE(first, field(other, 0));
+}
+
+TEST_F(Phase, GaussianFieldIsTheDocumentedFunctionOfPhilox) {
+    const clspeckle::Phase phase(context, valid());
+    phase.enqueue_refresh(queue, 3);
+    const auto z = field(phase, 1);
+    // Streams below 0x8000 are the library's, so the same words come from blocks with the counters of the mapping.
+    const std::uint32_t quarter = (height + 3) / 4;
+    std::vector<std::array<std::uint32_t, 4>> counters;
+    for (std::uint32_t stream : {2u, 4u}) // phase and magnitude of polarization 1
+        for (std::uint32_t y = 0; y < height; ++y)
+            for (std::uint32_t x = 0; x < width; ++x)
+                counters.push_back({x, y % quarter, 3, stream});
+    const clspeckle::Buffer blocks(context, queue, counters);
+    const std::uint32_t key[2] = {5, 0};
+    clspeckle::philox::enqueue_blocks(context, queue, blocks, 0, key, counters.size(), 0, blocks, 0);
+    const auto words = blocks.read<std::array<std::uint32_t, 4>>(queue, counters.size());
+    for (std::uint32_t y = 0; y < height; ++y) {
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::size_t i = y * width + x;
+            const double phi = 2.0 * M_PI * words[i][y / quarter] * 0x1p-32;
+            const double u = words[i + width * height][y / quarter] * 0x1p-32 + 0x1p-33;
+            const std::complex<double> expected = std::polar(std::sqrt(-std::log(u)), phi);
+            ASSERT_LT(std::abs(expected - std::complex<double>(z[i])), 1e-6) << x << ", " << y;
+        }
+    }
+}
+
+TEST_F(Phase, MaskedPixelsAloneGetNewValues) {
+    const clspeckle::Phase phase(context, valid());
+    std::vector<std::uint8_t> bits(width * height, 0);
+    bits[3 * width + 7] = 1;
+    bits[11 * width + 19] = 255;
+    auto mask = upload(bits, width, height, CLSP_FORMAT_UINT8, 64, 5);
+    phase.enqueue_refresh(queue, 0, &mask.view); // the first one draws everything all the same
+    for (std::uint32_t polarization : {0u, 1u})
+        for (const Complex &z : field(phase, polarization))
+            ASSERT_GT(std::abs(z), 0.0f);
+    const auto before = field(phase, 0), before_second = field(phase, 1);
+    phase.enqueue_refresh(queue, 1, &mask.view);
+    const auto after = field(phase, 0), after_second = field(phase, 1);
+    const clspeckle::Phase all(context, valid());
+    all.enqueue_refresh(queue, 1);
+    const auto fresh = field(all, 0);
+    for (std::size_t i = 0; i < bits.size(); ++i) {
+        EXPECT_EQ(bits[i] ? fresh[i] : before[i], after[i]) << i;
+        EXPECT_EQ(bits[i] != 0, before_second[i] != after_second[i]) << i;
+    }
+    const std::vector<std::uint8_t> zeros(width * height, 0);
+    auto nothing = upload(zeros, width, height, CLSP_FORMAT_UINT8);
+    phase.enqueue_refresh(queue, 2, &nothing.view);
+    EXPECT_EQ(after, field(phase, 0));
+    phase.enqueue_refresh(queue, 1);
+    EXPECT_EQ(fresh, field(phase, 0));
+}
+
+TEST_F(Phase, OversampledAndPaddedSamplesFollowTheirPixel) {
+    auto desc = valid();
+    desc.width = 17; // padded from 34 to 35
+    desc.height = 5;
+    desc.oversampling = 2;
+    const clspeckle::Phase phase(context, desc);
+    const ClspFieldGrid grid = clspeckle::field_grid(17, 5, 2, 0);
+    ASSERT_EQ(35u, grid.grid_width);
+    ASSERT_EQ(10u, grid.grid_height);
+    phase.enqueue_refresh(queue, 0);
+    const auto before = field(phase, 0, 35, 10);
+    std::vector<std::uint8_t> bits(17 * 5, 0);
+    bits[2 * 17 + 16] = 1; // the last pixel of row 2: its samples, and the one padding sample beside them
+    auto mask = upload(bits, 17, 5, CLSP_FORMAT_UINT8);
+    phase.enqueue_refresh(queue, 1, &mask.view);
+    const auto after = field(phase, 0, 35, 10);
+    for (std::uint32_t y = 0; y < 10; ++y)
+        for (std::uint32_t x = 0; x < 35; ++x)
+            EXPECT_EQ(x >= 32 && y / 2 == 2, before[y * 35 + x] != after[y * 35 + x]) << x << ", " << y;
+}
+
+TEST_F(Phase, SavedStateComesBackBitForBit) {
+    const clspeckle::Phase phase(context, valid());
+    const std::uint64_t size = phase.state_size();
+    ASSERT_GT(size, 0u);
+    const clspeckle::Buffer state(context, size + 256);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh",
+                      clspPhaseEnqueueSave(phase, queue, state, 0, 0, nullptr, nullptr));
+    phase.enqueue_refresh(queue, 9);
+    const auto before = field(phase, 0), before_second = field(phase, 1);
+    phase.enqueue_save(queue, state, 256);
+    phase.enqueue_refresh(queue, 10);
+    EXPECT_NE(before, field(phase, 0));
+    phase.enqueue_restore(queue, state, 256);
+    EXPECT_EQ(before, field(phase, 0));
+    EXPECT_EQ(before_second, field(phase, 1));
+    const clspeckle::Phase never_refreshed(context, valid());
+    never_refreshed.enqueue_restore(queue, state, 256);
+    EXPECT_EQ(before, field(never_refreshed, 0));
+}
+
+TEST_F(Phase, CreateRefusesBadArguments) {
+    const ClspPhaseDesc desc = valid();
+    ClspPhase phase = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPhaseCreate(nullptr, &desc, &phase));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPhaseCreate(context, nullptr, &phase));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "phase", clspPhaseCreate(context, &desc, nullptr));
+    test::check_struct_size<ClspPhaseDesc>("clspPhaseCreate", desc, [&](ClspPhaseDesc *d) {
+        ClspPhase made = nullptr;
+        const ClspStatus status = clspPhaseCreate(context, d, &made);
+        EXPECT_EQ(status == CLSP_SUCCESS, made != nullptr);
+        clspPhaseRelease(made);
+        return status;
+    });
+    const auto fails = [&](const char *word, const std::function<void(ClspPhaseDesc &)> &change) {
+        ClspPhaseDesc changed = desc;
+        change(changed);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word, clspPhaseCreate(context, &changed, &phase));
+        EXPECT_EQ(nullptr, phase);
+    };
+    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
+        fails("width", [&](ClspPhaseDesc &d) { d.width = side; });
+        fails("height", [&](ClspPhaseDesc &d) { d.height = side; });
+    }
+    fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 0; });
+    fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 9; });
+    fails("guard", [](ClspPhaseDesc &d) { d.guard_px = 0xffffffffu; });
+    fails("field", [](ClspPhaseDesc &d) { d.field = 2; });
+    fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 0; });
+    fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 3; });
+    fails("reserved", [](ClspPhaseDesc &d) { d.reserved = 1; });
+}
+
+TEST_F(Phase, EnqueueRefusesBadArguments) {
+    const clspeckle::Phase phase(context, valid());
+    auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
+    auto out = make_image(width, height, CLSP_FORMAT_FLOAT32X2);
+    const std::uint64_t size = phase.state_size();
+    const clspeckle::Buffer state(context, size);
+    const test::Foreign foreign;
+
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh",
+                      clspPhaseEnqueueField(phase, queue, 0, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
+                      clspPhaseEnqueueRefresh(nullptr, queue, 0, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
+                      clspPhaseEnqueueRefresh(phase, queue, std::uint64_t{1} << 48, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_OK(clspPhaseEnqueueRefresh(phase, queue, (std::uint64_t{1} << 48) - 1, nullptr, 0, nullptr, nullptr));
+    const auto refresh = [&](const ClspImage *image) {
+        return clspPhaseEnqueueRefresh(phase, queue, 0, image, 0, nullptr, nullptr);
+    };
+    test::check_image_rules("clspPhaseEnqueueRefresh", context, mask.view, "mask", CLSP_FORMAT_UINT16, refresh, true);
+    test::check_image_size_must_match("clspPhaseEnqueueRefresh", context, mask.view, "mask", refresh);
+    test::check_enqueue_rules("clspPhaseEnqueueRefresh", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueRefresh(phase, q, 0, &mask.view, count, events, event);
+                              });
+
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
+                      clspPhaseEnqueueField(nullptr, queue, 0, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "field",
+                      clspPhaseEnqueueField(phase, queue, 0, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "polarization",
+                      clspPhaseEnqueueField(phase, queue, 2, &out.view, 0, nullptr, nullptr));
+    const auto field_of = [&](const ClspImage *image) {
+        return clspPhaseEnqueueField(phase, queue, 0, image, 0, nullptr, nullptr);
+    };
+    test::check_image_rules("clspPhaseEnqueueField", context, out.view, "field", CLSP_FORMAT_FLOAT32, field_of);
+    test::check_image_size_must_match("clspPhaseEnqueueField", context, out.view, "field", field_of);
+    test::check_enqueue_rules("clspPhaseEnqueueField", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueField(phase, q, 1, &out.view, count, events, event);
+                              });
+
+    std::uint64_t ignored = 0;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseGetStateSize(nullptr, &ignored));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "size_bytes", clspPhaseGetStateSize(phase, nullptr));
+
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
+                      clspPhaseEnqueueSave(nullptr, queue, state, 0, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem",
+                      clspPhaseEnqueueSave(phase, queue, nullptr, 0, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
+                      clspPhaseEnqueueSave(phase, queue, state, 4, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
+                      clspPhaseEnqueueSave(phase, queue, state, ~std::uint64_t{0} - 3, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "mem",
+                      clspPhaseEnqueueSave(phase, queue, foreign.buffer, 0, 0, nullptr, nullptr));
+    test::check_enqueue_rules("clspPhaseEnqueueSave", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueSave(phase, q, state, 0, count, events, event);
+                              });
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
+                      clspPhaseEnqueueRestore(nullptr, queue, state, 0, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem",
+                      clspPhaseEnqueueRestore(phase, queue, nullptr, 0, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
+                      clspPhaseEnqueueRestore(phase, queue, state, 4, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "mem",
+                      clspPhaseEnqueueRestore(phase, queue, foreign.buffer, 0, 0, nullptr, nullptr));
+    test::check_enqueue_rules("clspPhaseEnqueueRestore", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueRestore(phase, q, state, 0, count, events, event);
+                              });
+}
+
+TEST_F(Phase, RetainAndRelease) {
+    ClspPhase phase = nullptr;
+    const ClspPhaseDesc desc = valid();
+    ASSERT_CLSP_OK(clspPhaseCreate(context, &desc, &phase));
+    EXPECT_CLSP_OK(clspPhaseRetain(phase));
+    EXPECT_CLSP_OK(clspPhaseRelease(phase));
+    EXPECT_CLSP_OK(clspPhaseEnqueueRefresh(phase, queue, 0, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_OK(clspQueueFinish(queue));
+    EXPECT_CLSP_OK(clspPhaseRelease(phase));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
+                      clspPhaseEnqueueRefresh(phase, queue, 0, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRetain(phase));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRelease(phase));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRetain(nullptr));
+    EXPECT_CLSP_OK(clspPhaseRelease(nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", // a handle of another kind
+                      clspPhaseRetain(reinterpret_cast<ClspPhase>(context.get())));
+}
+
+} // namespace

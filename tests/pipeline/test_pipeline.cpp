@@ -1,0 +1,634 @@
+// Whole frames: what a frame consists of, queues and events, host contexts, lifetimes, timings, and what bad arguments get.
+#include "test_support.hpp"
+
+#include <chrono>
+#include <thread>
+
+namespace {
+
+using test::DeviceTest;
+
+constexpr std::uint32_t width = 32, height = 28;
+
+ClspPhaseDesc phase_desc() {
+    auto desc = clspeckle::make<ClspPhaseDesc>();
+    desc.width = width;
+    desc.height = height;
+    desc.seed = 11;
+    return desc;
+}
+ClspApertureDesc aperture_desc() {
+    auto desc = clspeckle::make<ClspApertureDesc>();
+    desc.width = width;
+    desc.height = height;
+    desc.relative_diameter = 0.5;
+    desc.degree_of_polarization = 0.5;
+    return desc;
+}
+ClspSensorDesc sensor_desc() {
+    auto desc = clspeckle::make<ClspSensorDesc>();
+    desc.width = width;
+    desc.height = height;
+    desc.seed = 12;
+    return desc;
+}
+clspeckle::Pattern make_pattern(const clspeckle::Context &context) {
+    auto desc = clspeckle::make<ClspPatternDesc>();
+    const std::vector<float> texels = test::dots(128, 96);
+    desc.width = 128;
+    desc.height = 96;
+    desc.texels = texels.data();
+    desc.half_extent_x = 1;
+    desc.half_extent_y = 0.75;
+    return {context, desc};
+}
+clspeckle::Pipeline make_pipeline(const clspeckle::Context &context, bool with_sensor = true) {
+    return {context, clspeckle::Phase(context, phase_desc()), clspeckle::Aperture(context, aperture_desc()),
+            with_sensor ? clspeckle::Sensor(context, sensor_desc()) : clspeckle::Sensor()};
+}
+
+class Pipeline : public DeviceTest {
+  protected:
+    Image ideal = floats(test::dots(width, height), width, height);
+    Image codes = make_image(width, height, CLSP_FORMAT_UINT16);
+
+    ClspFrame frame(std::uint64_t index = 0) const {
+        auto result = clspeckle::make<ClspFrame>();
+        result.frame_index = index;
+        result.irradiance = ideal.view;
+        result.output = codes.view;
+        return result;
+    }
+    std::vector<std::uint16_t> render(const clspeckle::Pipeline &pipeline, std::uint64_t index = 0) {
+        pipeline.enqueue_frame(queue, frame(index));
+        return download<std::uint16_t>(codes);
+    }
+};
+
+TEST_F(Pipeline, InitFunctionsWriteDefaults) {
+    test::check_init<ClspPipelineDesc>("clspPipelineDescInit", clspPipelineDescInit);
+    test::check_init<ClspFrame>("clspFrameInit", clspFrameInit);
+    ClspPipelineDesc desc;
+    ClspFrame frame;
+    ASSERT_CLSP_OK(clspPipelineDescInit(&desc, sizeof(desc)));
+    ASSERT_CLSP_OK(clspFrameInit(&frame, sizeof(frame)));
+    EXPECT_EQ(nullptr, desc.pattern);
+    EXPECT_EQ(nullptr, desc.sensor);
+    EXPECT_EQ(CLSP_REFRESH_MASK, frame.refresh);
+    EXPECT_EQ(0u, frame.frame_index);
+    EXPECT_EQ(nullptr, frame.geometry);
+    EXPECT_EQ(nullptr, frame.refresh_mask.mem);
+}
+
+TEST_F(Pipeline, AFrameIsItsStagesOneAfterTheOther) {
+    const clspeckle::Phase phase(context, phase_desc());
+    const clspeckle::Aperture aperture(context, aperture_desc());
+    const clspeckle::Sensor sensor(context, sensor_desc());
+    auto intensity = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    phase.enqueue_refresh(queue, 4);
+    aperture.enqueue_intensity(queue, phase, ideal.view, intensity.view);
+    sensor.enqueue_expose(queue, intensity.view, 4, codes.view);
+    const auto expected = download<std::uint16_t>(codes);
+    const auto expected_intensity = download<float>(intensity);
+
+    EXPECT_EQ(expected, render(make_pipeline(context), 4));
+    auto f = frame(4);
+    f.output = intensity.view;
+    make_pipeline(context, false).enqueue_frame(queue, f);
+    EXPECT_EQ(expected_intensity, download<float>(intensity)) << "without a sensor the output is the intensity";
+
+    // The same with a pattern.
+    const auto pattern = make_pattern(context);
+    auto depth = floats(std::vector<float>(width * height, 1.2f), width, height);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view;
+    geometry.fx_px = geometry.fy_px = 25;
+    geometry.cx_px = 15;
+    geometry.cy_px = 14;
+    auto irradiance = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    pattern.enqueue_lookup(queue, geometry, irradiance.view);
+    aperture.enqueue_intensity(queue, phase, irradiance.view, intensity.view);
+    sensor.enqueue_expose(queue, intensity.view, 4, codes.view);
+    const auto expected_scene = download<std::uint16_t>(codes);
+    const clspeckle::Pipeline whole(context, pattern, clspeckle::Phase(context, phase_desc()), aperture, sensor);
+    f = clspeckle::make<ClspFrame>();
+    f.frame_index = 4;
+    f.geometry = &geometry;
+    f.output = codes.view;
+    whole.enqueue_frame(queue, f);
+    EXPECT_EQ(expected_scene, download<std::uint16_t>(codes));
+    EXPECT_CLSP_OK(clspPipelineCheck(whole, queue));
+}
+
+TEST_F(Pipeline, StaticSceneKeepsItsSpeckleAndGetsNewNoise) {
+    const auto pipeline = make_pipeline(context);
+    const auto first = render(pipeline, 0), second = render(pipeline, 1);
+    EXPECT_NE(first, second) << "the noise did not change";
+    EXPECT_EQ(first, render(pipeline, 0)) << "the speckle changed";
+
+    const auto bare = make_pipeline(context, false);
+    auto intensity = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    const auto run = [&](std::uint64_t index, std::uint32_t refresh, const ClspImage *mask) {
+        auto f = frame(index);
+        f.output = intensity.view;
+        f.refresh = refresh;
+        if (mask)
+            f.refresh_mask = *mask;
+        bare.enqueue_frame(queue, f);
+        return download<float>(intensity);
+    };
+    const auto a = run(0, CLSP_REFRESH_MASK, nullptr);
+    EXPECT_EQ(a, run(1, CLSP_REFRESH_MASK, nullptr));
+    EXPECT_NE(a, run(2, CLSP_REFRESH_ALL, nullptr));
+    EXPECT_EQ(a, run(0, CLSP_REFRESH_ALL, nullptr)) << "the same frame index draws the same phases";
+    std::vector<std::uint8_t> bits(width * height, 0);
+    auto none = upload(bits, width, height, CLSP_FORMAT_UINT8);
+    EXPECT_EQ(a, run(3, CLSP_REFRESH_MASK, &none.view));
+    bits[5 * width + 9] = 1;
+    auto one = upload(bits, width, height, CLSP_FORMAT_UINT8);
+    EXPECT_NE(a, run(3, CLSP_REFRESH_MASK, &one.view));
+}
+
+TEST_F(Pipeline, HostContextOffsetAndPitchGiveTheSameBytes) {
+    const auto expected = render(make_pipeline(context), 7);
+
+    const test::HostContext host;
+    const auto host_clsp = clspeckle::Context::from_host(host.context, host.device);
+    EXPECT_EQ(host.context, host_clsp.info().cl_context_handle);
+    EXPECT_EQ(host.device, host_clsp.info().cl_device);
+    const auto pipeline = make_pipeline(host_clsp);
+    constexpr std::size_t pitch = 256, offset = 1024, bytes = offset + pitch * height + 64;
+    for (cl_command_queue_properties properties :
+         {cl_command_queue_properties{0}, cl_command_queue_properties{CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE},
+          cl_command_queue_properties{CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE | CL_QUEUE_PROFILING_ENABLE}}) {
+        const auto host_queue = clspeckle::Queue::adopt(host.queue(properties));
+        const auto in = clspeckle::Buffer::adopt(host.buffer(bytes), bytes);
+        const auto out = clspeckle::Buffer::adopt(host.buffer(bytes), bytes);
+        std::vector<unsigned char> memory(bytes, filler);
+        out.write(host_queue, memory);
+        const auto pixels = test::dots(width, height);
+        for (std::uint32_t y = 0; y < height; ++y)
+            std::memcpy(&memory[offset + y * pitch], &pixels[y * width], width * sizeof(float));
+        in.write(host_queue, memory);
+        auto f = clspeckle::make<ClspFrame>();
+        f.frame_index = 7;
+        f.refresh = CLSP_REFRESH_ALL;
+        f.irradiance = in.image(width, height, CLSP_FORMAT_FLOAT32, pitch, offset);
+        f.output = out.image(width, height, CLSP_FORMAT_UINT16, pitch, offset);
+        clspeckle::Event done;
+        pipeline.enqueue_frame(host_queue, f, {}, &done);
+        done.wait();
+        auto result = out.read<unsigned char>(host_queue, bytes);
+        for (std::uint32_t y = 0; y < height; ++y) {
+            EXPECT_EQ(0, std::memcmp(&result[offset + y * pitch], &expected[y * width], width * 2)) << "row " << y;
+            std::fill_n(&result[offset + y * pitch], width * 2, filler);
+        }
+        EXPECT_EQ(std::vector<unsigned char>(bytes, filler), result) << "written outside of the picture";
+        EXPECT_EQ(memory, in.read<unsigned char>(host_queue, bytes)) << "the input was written";
+    }
+}
+
+TEST_F(Pipeline, SubBuffersWork) {
+    const auto expected = render(make_pipeline(context), 2);
+    cl_uint align_bits = 0;
+    clGetDeviceInfo(context.info().cl_device, CL_DEVICE_MEM_BASE_ADDR_ALIGN, sizeof(align_bits), &align_bits, nullptr);
+    const std::size_t align = align_bits / 8;
+    const clspeckle::Buffer parent(context, align * 8 + width * height * 8);
+    const std::size_t input_bytes = width * height * sizeof(float);
+    const cl_buffer_region in_region{align, input_bytes};
+    const cl_buffer_region out_region{align * (2 + input_bytes / align), width * height * 2};
+    cl_int code = CL_SUCCESS;
+    const auto in = clspeckle::Buffer::adopt(
+        clCreateSubBuffer(parent, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &in_region, &code), input_bytes);
+    ASSERT_EQ(CL_SUCCESS, code);
+    const auto out = clspeckle::Buffer::adopt(
+        clCreateSubBuffer(parent, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &out_region, &code), out_region.size);
+    ASSERT_EQ(CL_SUCCESS, code);
+    in.write(queue, test::dots(width, height));
+    auto f = frame(2);
+    f.irradiance = in.image(width, height, CLSP_FORMAT_FLOAT32);
+    f.output = out.image(width, height, CLSP_FORMAT_UINT16);
+    const auto pipeline = make_pipeline(context);
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_EQ(expected, out.read<std::uint16_t>(queue, width * height));
+    // The same bytes seen through the parent: an overlap.
+    f.output = parent.image(width, height, CLSP_FORMAT_UINT16, 0, align + 64);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output", clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+}
+
+// On an out-of-order queue nothing may run before the wait list is complete, and steps must wait for each other.
+TEST_F(Pipeline, NothingRunsBeforeTheUserEvent) {
+    const auto expected = render(make_pipeline(context), 1);
+    for (std::uint32_t flags : {0u, CLSP_QUEUE_OUT_OF_ORDER}) {
+        const auto pipeline = make_pipeline(context);
+        const clspeckle::Queue waiting(context, flags);
+        codes.buffer.write(queue, std::vector<std::uint16_t>(width * height, 0xDEAD));
+        cl_int code = CL_SUCCESS;
+        const auto gate = clspeckle::Event::adopt(clCreateUserEvent(context.info().cl_context_handle, &code));
+        ASSERT_EQ(CL_SUCCESS, code);
+        clspeckle::Event done;
+        pipeline.enqueue_frame(waiting, frame(1), {gate}, &done);
+        clFlush(waiting);
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        cl_int status = CL_COMPLETE;
+        clGetEventInfo(done, CL_EVENT_COMMAND_EXECUTION_STATUS, sizeof(status), &status, nullptr);
+        EXPECT_GT(status, CL_RUNNING) << "the frame began before its wait list was complete";
+        EXPECT_EQ(std::vector<std::uint16_t>(width * height, 0xDEAD), download<std::uint16_t>(codes));
+        clSetUserEventStatus(gate, CL_COMPLETE);
+        done.wait();
+        EXPECT_EQ(expected, download<std::uint16_t>(codes));
+    }
+}
+
+TEST_F(Pipeline, ManyFramesOnAnOutOfOrderQueue) {
+    const clspeckle::Queue chaos(context, CLSP_QUEUE_OUT_OF_ORDER);
+    const auto in_order = make_pipeline(context), out_of_order = make_pipeline(context);
+    std::vector<Image> outputs;
+    clspeckle::Event last;
+    for (std::uint64_t i = 0; i < 8; ++i) {
+        outputs.push_back(make_image(width, height, CLSP_FORMAT_UINT16));
+        auto f = frame(i);
+        f.refresh = CLSP_REFRESH_ALL;
+        f.output = outputs.back().view;
+        std::vector<cl_event> wait_list;
+        if (last)
+            wait_list.push_back(last);
+        clspeckle::Event next;
+        out_of_order.enqueue_frame(chaos, f, wait_list, &next);
+        last = std::move(next);
+    }
+    last.wait();
+    for (std::uint64_t i = 0; i < 8; ++i) {
+        auto f = frame(i);
+        f.refresh = CLSP_REFRESH_ALL;
+        in_order.enqueue_frame(queue, f);
+        EXPECT_EQ(download<std::uint16_t>(codes), download<std::uint16_t>(outputs[i])) << "frame " << i;
+    }
+}
+
+TEST_F(Pipeline, AfterWarmUpFramesAllocateAndBuildNothing) {
+    const clspeckle::Context fresh;
+    const auto pipeline = make_pipeline(fresh);
+    pipeline.warm_up(queue, frame(0));
+    const ClspContextInfo before = fresh.info();
+    EXPECT_GT(before.allocation_count, 0u);
+    const auto first = render(pipeline, 3);
+    const ClspContextInfo after = fresh.info();
+    EXPECT_EQ(before.programs_built, after.programs_built);
+    EXPECT_EQ(before.programs_from_cache, after.programs_from_cache);
+    EXPECT_EQ(before.allocation_count, after.allocation_count);
+    EXPECT_EQ(before.allocated_bytes, after.allocated_bytes);
+    EXPECT_EQ(first, render(make_pipeline(context), 3)) << "the first frame after the warm-up did not draw its phases";
+    // A warm-up between frames leaves the phases alone, even one that would draw them anew.
+    auto other = frame(9);
+    other.refresh = CLSP_REFRESH_ALL;
+    pipeline.warm_up(queue, other);
+    EXPECT_EQ(first, render(pipeline, 3));
+}
+
+TEST_F(Pipeline, TimingsCoverAllStages) {
+    const clspeckle::Context own;
+    const clspeckle::Queue profiling(own, CLSP_QUEUE_PROFILING);
+    const clspeckle::Pipeline pipeline(own, make_pattern(own), clspeckle::Phase(own, phase_desc()),
+                                       clspeckle::Aperture(own, aperture_desc()), clspeckle::Sensor(own, sensor_desc()));
+    std::uint32_t count = 99;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view;
+    geometry.fx_px = geometry.fy_px = 25;
+    auto f = clspeckle::make<ClspFrame>();
+    f.geometry = &geometry;
+    f.output = codes.view;
+    f.refresh = CLSP_REFRESH_ALL;
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "profiling", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
+    for (std::uint32_t flags : {CLSP_QUEUE_PROFILING, CLSP_QUEUE_PROFILING | CLSP_QUEUE_OUT_OF_ORDER}) {
+        const clspeckle::Queue timed(own, flags);
+        clspeckle::Event done;
+        const auto start = std::chrono::steady_clock::now();
+        pipeline.enqueue_frame(timed, f, {}, &done);
+        done.wait();
+        const double wall_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+        const auto timings = pipeline.timings();
+        std::vector<std::string> stages;
+        double sum_ms = 0;
+        for (const ClspStageTiming &timing : timings) {
+            stages.emplace_back(timing.stage);
+            EXPECT_GT(timing.milliseconds, 0.0) << timing.stage;
+            sum_ms += timing.milliseconds;
+        }
+        EXPECT_EQ((std::vector<std::string>{"pattern", "phase", "field", "fft", "pupil", "inverse_fft", "intensity", "sensor"}),
+                  stages);
+        EXPECT_LT(sum_ms, wall_ms * 1.05) << "the stages took longer than the frame";
+    }
+    ClspStageTiming two[3];
+    std::memset(two, 0x77, sizeof(two));
+    EXPECT_CLSP_OK(clspPipelineGetTimings(pipeline, 2, two, &count));
+    EXPECT_EQ(8u, count);
+    EXPECT_STREQ("phase", two[1].stage);
+    EXPECT_EQ(0x77, two[2].stage[0]) << "written beyond the capacity";
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count", clspPipelineGetTimings(pipeline, 2, two, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "timings", clspPipelineGetTimings(pipeline, 2, nullptr, &count));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineGetTimings(nullptr, 2, two, &count));
+}
+
+TEST_F(Pipeline, CheckReportsBadPixelsWithTheFirstPlace) {
+    const auto pipeline = make_pipeline(context);
+    EXPECT_CLSP_OK(clspPipelineCheck(pipeline, queue));
+    render(pipeline);
+    EXPECT_CLSP_OK(clspPipelineCheck(pipeline, queue));
+    auto bad = test::dots(width, height);
+    bad[9 * width + 5] = std::numeric_limits<float>::quiet_NaN();
+    bad[10 * width + 2] = -0.25f;
+    bad[11 * width + 1] = std::numeric_limits<float>::infinity();
+    auto image = floats(bad, width, height);
+    auto f = frame(1);
+    f.irradiance = image.view;
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "x = 5, y = 9", clspPipelineCheck(pipeline, queue));
+    const std::string message = test::last_error().message;
+    EXPECT_NE(std::string::npos, message.find("irradiance")) << message;
+    EXPECT_NE(std::string::npos, message.find("2 NaN or infinite")) << message;
+    EXPECT_NE(std::string::npos, message.find("1 negative")) << message;
+    EXPECT_CLSP_OK(clspPipelineCheck(pipeline, queue)) << "the same pixels are reported twice";
+
+    // All frames since the last check count, and minus zero is not negative.
+    pipeline.enqueue_frame(queue, f);
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "4 NaN", clspPipelineCheck(pipeline, queue));
+    auto zeros = floats(std::vector<float>(width * height, -0.0f), width, height);
+    f.irradiance = zeros.view;
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_CLSP_OK(clspPipelineCheck(pipeline, queue));
+
+    // With a pattern: albedo.
+    const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
+                                    clspeckle::Aperture(context, aperture_desc()));
+    std::vector<float> albedo(width * height, 0.5f);
+    albedo[3 * width + 30] = -0.5f;
+    auto albedo_image = floats(albedo, width, height);
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto intensity = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view;
+    geometry.albedo = albedo_image.view;
+    geometry.fx_px = geometry.fy_px = 25;
+    f = clspeckle::make<ClspFrame>();
+    f.geometry = &geometry;
+    f.output = intensity.view;
+    scene.enqueue_frame(queue, f);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "x = 30, y = 3", clspPipelineCheck(scene, queue));
+    EXPECT_NE(nullptr, std::strstr(test::last_error().message, "albedo"));
+
+    const test::Foreign foreign;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineCheck(nullptr, queue));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspPipelineCheck(pipeline, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "queue", clspPipelineCheck(pipeline, foreign.queue));
+}
+
+TEST_F(Pipeline, ReleaseInAnyOrder) {
+    const auto expected = render(make_pipeline(context), 6);
+    // 0 context, 1 phase, 2 aperture, 3 sensor, 4 pipeline: all 120 orders; frames run as long as the pipeline lives.
+    std::vector<int> order = {0, 1, 2, 3, 4};
+    do {
+        ClspContext own = nullptr;
+        ClspPhase phase = nullptr;
+        ClspAperture aperture = nullptr;
+        ClspSensor sensor = nullptr;
+        ClspPipeline pipeline = nullptr;
+        const ClspPhaseDesc p = phase_desc();
+        const ClspApertureDesc a = aperture_desc();
+        const ClspSensorDesc s = sensor_desc();
+        ASSERT_CLSP_OK(clspContextCreate(nullptr, &own));
+        ASSERT_CLSP_OK(clspPhaseCreate(own, &p, &phase));
+        ASSERT_CLSP_OK(clspApertureCreate(own, &a, &aperture));
+        ASSERT_CLSP_OK(clspSensorCreate(own, &s, &sensor));
+        auto desc = clspeckle::make<ClspPipelineDesc>();
+        desc.phase = phase;
+        desc.aperture = aperture;
+        desc.sensor = sensor;
+        ASSERT_CLSP_OK(clspPipelineCreate(own, &desc, &pipeline));
+        const ClspFrame f = frame(6);
+        bool alive = true;
+        for (int which : order) {
+            switch (which) {
+            case 0:
+                EXPECT_CLSP_OK(clspContextRelease(own));
+                break;
+            case 1:
+                EXPECT_CLSP_OK(clspPhaseRelease(phase));
+                break;
+            case 2:
+                EXPECT_CLSP_OK(clspApertureRelease(aperture));
+                break;
+            case 3:
+                EXPECT_CLSP_OK(clspSensorRelease(sensor));
+                break;
+            default:
+                EXPECT_CLSP_OK(clspPipelineRelease(pipeline));
+                alive = false;
+            }
+            if (alive && which == order[3]) {
+                ASSERT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+                EXPECT_EQ(expected, download<std::uint16_t>(codes));
+            }
+        }
+    } while (std::next_permutation(order.begin(), order.end()));
+}
+
+TEST_F(Pipeline, ReleasedWhileAFrameIsStillWaiting) {
+    const auto expected = render(make_pipeline(context), 6);
+    cl_int code = CL_SUCCESS;
+    const auto gate = clspeckle::Event::adopt(clCreateUserEvent(context.info().cl_context_handle, &code));
+    ASSERT_EQ(CL_SUCCESS, code);
+    clspeckle::Event done;
+    {
+        const clspeckle::Context own;
+        make_pipeline(own).enqueue_frame(queue, frame(6), {gate}, &done);
+    } // pipeline, stages and context are released before the frame has begun
+    clSetUserEventStatus(gate, CL_COMPLETE);
+    done.wait();
+    EXPECT_EQ(expected, download<std::uint16_t>(codes));
+}
+
+TEST_F(Pipeline, RetainAndRelease) {
+    ClspPipeline pipeline = make_pipeline(context).release();
+    const ClspFrame f = frame();
+    EXPECT_CLSP_OK(clspPipelineRetain(pipeline));
+    EXPECT_CLSP_OK(clspPipelineRelease(pipeline));
+    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_OK(clspQueueFinish(queue));
+    EXPECT_CLSP_OK(clspPipelineRelease(pipeline));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline",
+                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineRetain(pipeline));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineRelease(pipeline));
+    EXPECT_CLSP_OK(clspPipelineRelease(nullptr));
+}
+
+TEST_F(Pipeline, CreateRefusesBadArguments) {
+    const clspeckle::Phase phase(context, phase_desc());
+    const clspeckle::Aperture aperture(context, aperture_desc());
+    const clspeckle::Sensor sensor(context, sensor_desc());
+    auto desc = clspeckle::make<ClspPipelineDesc>();
+    desc.phase = phase;
+    desc.aperture = aperture;
+    desc.sensor = sensor;
+    ClspPipeline pipeline = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPipelineCreate(nullptr, &desc, &pipeline));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPipelineCreate(context, nullptr, &pipeline));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pipeline", clspPipelineCreate(context, &desc, nullptr));
+    test::check_struct_size<ClspPipelineDesc>("clspPipelineCreate", desc, [&](ClspPipelineDesc *d) {
+        ClspPipeline made = nullptr;
+        const ClspStatus status = clspPipelineCreate(context, d, &made);
+        clspPipelineRelease(made);
+        return status;
+    });
+    const auto fails = [&](ClspStatus expected, const char *word, const std::function<void(ClspPipelineDesc &)> &change) {
+        ClspPipelineDesc changed = desc;
+        change(changed);
+        EXPECT_CLSP_FAILS(expected, word, clspPipelineCreate(context, &changed, &pipeline));
+        EXPECT_EQ(nullptr, pipeline);
+    };
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "phase", [](ClspPipelineDesc &d) { d.phase = nullptr; });
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "aperture", [](ClspPipelineDesc &d) { d.aperture = nullptr; });
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved", [](ClspPipelineDesc &d) { d.reserved = 1; });
+    ClspSensor released = clspeckle::Sensor(context, sensor_desc()).get(); // the temporary is gone after this line
+    fails(CLSP_ERROR_INVALID_HANDLE, "sensor", [&](ClspPipelineDesc &d) { d.sensor = released; });
+    ClspPattern no_pattern = reinterpret_cast<ClspPattern>(sensor.get());
+    fails(CLSP_ERROR_INVALID_HANDLE, "pattern", [&](ClspPipelineDesc &d) { d.pattern = no_pattern; });
+
+    auto other_phase = phase_desc();
+    other_phase.width += 1;
+    const clspeckle::Phase wide(context, other_phase);
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "phase", [&](ClspPipelineDesc &d) { d.phase = wide; });
+    other_phase = phase_desc();
+    other_phase.polarization_count = 1;
+    const clspeckle::Phase single(context, other_phase);
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "polarization", [&](ClspPipelineDesc &d) { d.phase = single; });
+    auto other_sensor = sensor_desc();
+    other_sensor.height -= 1;
+    const clspeckle::Sensor low(context, other_sensor);
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "sensor", [&](ClspPipelineDesc &d) { d.sensor = low; });
+
+    const test::HostContext host;
+    const auto foreign = clspeckle::Context::from_host(host.context, host.device);
+    const clspeckle::Phase foreign_phase(foreign, phase_desc());
+    const clspeckle::Aperture foreign_aperture(foreign, aperture_desc());
+    const clspeckle::Sensor foreign_sensor(foreign, sensor_desc());
+    const auto foreign_pattern = make_pattern(foreign);
+    fails(CLSP_ERROR_WRONG_CONTEXT, "phase", [&](ClspPipelineDesc &d) { d.phase = foreign_phase; });
+    fails(CLSP_ERROR_WRONG_CONTEXT, "aperture", [&](ClspPipelineDesc &d) { d.aperture = foreign_aperture; });
+    fails(CLSP_ERROR_WRONG_CONTEXT, "sensor", [&](ClspPipelineDesc &d) { d.sensor = foreign_sensor; });
+    fails(CLSP_ERROR_WRONG_CONTEXT, "pattern", [&](ClspPipelineDesc &d) { d.pattern = foreign_pattern; });
+}
+
+TEST_F(Pipeline, FramesRefuseBadArguments) {
+    const auto pipeline = make_pipeline(context);
+    const auto bare = make_pipeline(context, false);
+    const ClspFrame valid = frame();
+    auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline",
+                      clspPipelineEnqueueFrame(nullptr, queue, &valid, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame",
+                      clspPipelineEnqueueFrame(pipeline, queue, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineWarmUp(nullptr, queue, &valid));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspPipelineWarmUp(pipeline, nullptr, &valid));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame", clspPipelineWarmUp(pipeline, queue, nullptr));
+    {
+        const test::Foreign foreign;
+        EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "queue", clspPipelineWarmUp(pipeline, foreign.queue, &valid));
+    }
+    test::check_struct_size<ClspFrame>("clspPipelineEnqueueFrame", valid, [&](ClspFrame *f) {
+        return clspPipelineEnqueueFrame(pipeline, queue, f, 0, nullptr, nullptr);
+    });
+    test::check_struct_size<ClspFrame>("clspPipelineWarmUp", valid,
+                                       [&](ClspFrame *f) { return clspPipelineWarmUp(pipeline, queue, f); });
+    const auto fails = [&](const clspeckle::Pipeline &which, ClspStatus expected, const char *word,
+                           const std::function<void(ClspFrame &)> &change) {
+        ClspFrame changed = valid;
+        change(changed);
+        EXPECT_CLSP_FAILS(expected, word, clspPipelineEnqueueFrame(which, queue, &changed, 0, nullptr, nullptr));
+        EXPECT_CLSP_FAILS(expected, word, clspPipelineWarmUp(which, queue, &changed));
+    };
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "refresh", [](ClspFrame &f) { f.refresh = 2; });
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "frame_index", [](ClspFrame &f) { f.frame_index = std::uint64_t{1} << 48; });
+    fails(pipeline, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &f) { f.output.format = CLSP_FORMAT_UINT8; });
+    fails(bare, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &) {}); // codes without a sensor
+    fails(pipeline, CLSP_ERROR_OVERLAP, "irradiance", [&](ClspFrame &f) {
+        f.output = ideal.view;
+        f.output.format = CLSP_FORMAT_FLOAT32;
+    });
+    fails(pipeline, CLSP_ERROR_OVERLAP, "refresh_mask", [&](ClspFrame &f) {
+        f.refresh_mask = codes.view;
+        f.refresh_mask.format = CLSP_FORMAT_UINT8;
+    });
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view;
+    geometry.fx_px = geometry.fy_px = 25;
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [&](ClspFrame &f) { f.geometry = &geometry; });
+    const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
+                                    clspeckle::Aperture(context, aperture_desc()), clspeckle::Sensor(context, sensor_desc()));
+    fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [](ClspFrame &f) { f.irradiance = ClspImage{}; });
+    fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "irradiance", [&](ClspFrame &f) { f.geometry = &geometry; });
+    fails(scene, CLSP_ERROR_OVERLAP, "geometry", [&](ClspFrame &f) {
+        f.irradiance = ClspImage{};
+        f.geometry = &geometry;
+        f.output = depth.view;
+    });
+
+    const auto with = [&](ClspImage ClspFrame::*member) {
+        return [&, member](const ClspImage *image) {
+            ClspFrame changed = valid;
+            changed.*member = *image;
+            return clspPipelineEnqueueFrame(pipeline, queue, &changed, 0, nullptr, nullptr);
+        };
+    };
+    const char *function = "clspPipelineEnqueueFrame";
+    test::check_image_rules(function, context, ideal.view, "irradiance", CLSP_FORMAT_UINT16, with(&ClspFrame::irradiance));
+    test::check_image_rules(function, context, codes.view, "output", CLSP_FORMAT_UINT32, with(&ClspFrame::output));
+    test::check_image_rules(function, context, mask.view, "refresh_mask", CLSP_FORMAT_UINT16, with(&ClspFrame::refresh_mask),
+                            true);
+    test::check_image_size_must_match(function, context, ideal.view, "irradiance", with(&ClspFrame::irradiance));
+    test::check_image_size_must_match(function, context, codes.view, "output", with(&ClspFrame::output));
+    test::check_image_size_must_match(function, context, mask.view, "refresh_mask", with(&ClspFrame::refresh_mask));
+    test::check_enqueue_rules(function, context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPipelineEnqueueFrame(pipeline, q, &valid, count, events, event);
+                              });
+}
+
+TEST_F(Pipeline, ARefusedFrameChangesNothing) {
+    const auto expected = render(make_pipeline(context), 5);
+    // Without its workspace the aperture refuses late, after the phase's turn.
+    auto lazy_aperture = aperture_desc();
+    lazy_aperture.workspace_from_host = 1;
+    const clspeckle::Aperture aperture(context, lazy_aperture);
+    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase_desc()), aperture,
+                                       clspeckle::Sensor(context, sensor_desc()));
+    ClspFrame f = frame(1);
+    std::uint32_t count = 0;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace",
+                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace", clspPipelineWarmUp(pipeline, queue, &f));
+    const clspeckle::Buffer workspace(context, aperture.info().workspace_bytes);
+    aperture.set_workspace(workspace, 0, workspace.size_bytes());
+    EXPECT_EQ(expected, render(pipeline, 5)) << "the refused frame drew the phases";
+
+    // A geometry that only the pattern can refuse.
+    const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
+                                    clspeckle::Aperture(context, aperture_desc()), clspeckle::Sensor(context, sensor_desc()));
+    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view; // and no focal length
+    f.irradiance = ClspImage{};
+    f.geometry = &geometry;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fx_px",
+                      clspPipelineEnqueueFrame(scene, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(scene, 0, nullptr, &count));
+}
+
+} // namespace
