@@ -4,4 +4,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCLSP_PYTHON="$PWD/.venv/bin/python" "$@"
 cmake --build build --parallel
-.venv/bin/python -m pip install -q --disable-pip-version-check --no-build-isolation ./bindings/python
+.venv/bin/python -m pip install -q --disable-pip-version-check --no-build-isolation \
+    -C "cmake.define.CLSP_PYTHON_LIBRARY=$PWD/build/lib/libclspeckle.so" ./bindings/python

@@ -7,14 +7,23 @@ namespace {
 
 using test::DeviceTest;
 
-static_assert(std::is_copy_constructible<clspeckle::Context>::value && std::is_nothrow_move_constructible<clspeckle::Context>::value, "");
-static_assert(std::is_copy_assignable<clspeckle::Pipeline>::value && std::is_nothrow_move_assignable<clspeckle::Pipeline>::value, "");
-static_assert(!std::is_copy_constructible<clspeckle::Queue>::value && std::is_nothrow_move_constructible<clspeckle::Queue>::value, "");
-static_assert(!std::is_copy_assignable<clspeckle::Buffer>::value && std::is_nothrow_move_assignable<clspeckle::Buffer>::value, "");
+static_assert(std::is_copy_constructible<clspeckle::Context>::value &&
+                  std::is_nothrow_move_constructible<clspeckle::Context>::value,
+              "");
+static_assert(std::is_copy_assignable<clspeckle::Pipeline>::value &&
+                  std::is_nothrow_move_assignable<clspeckle::Pipeline>::value,
+              "");
+static_assert(!std::is_copy_constructible<clspeckle::Queue>::value &&
+                  std::is_nothrow_move_constructible<clspeckle::Queue>::value,
+              "");
+static_assert(!std::is_copy_assignable<clspeckle::Buffer>::value &&
+                  std::is_nothrow_move_assignable<clspeckle::Buffer>::value,
+              "");
 static_assert(!std::is_copy_constructible<clspeckle::Event>::value, "");
 static_assert(clspeckle::pixel_bytes(CLSP_FORMAT_UINT8) == 1 && clspeckle::pixel_bytes(CLSP_FORMAT_UINT16) == 2 &&
                   clspeckle::pixel_bytes(CLSP_FORMAT_UINT32) == 4 && clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32) == 4 &&
-                  clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32X2) == 8 && clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32X3) == 12 &&
+                  clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32X2) == 8 &&
+                  clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32X3) == 12 &&
                   clspeckle::pixel_bytes(CLSP_FORMAT_FLOAT32X4) == 16 && clspeckle::pixel_bytes(CLSP_FORMAT_NONE) == 0,
               "");
 
@@ -116,9 +125,7 @@ TEST_F(CppBinding, BorrowedObjectsKeepTheirReferences) {
         EXPECT_EQ(raw_queue, adopted_queue.release());
     }
     EXPECT_EQ(before + 1, references(raw_queue)) << "released objects belong to the caller";
-    {
-        const auto adopted_queue = clspeckle::Queue::adopt(raw_queue);
-    }
+    { const auto adopted_queue = clspeckle::Queue::adopt(raw_queue); }
     EXPECT_EQ(before, references(raw_queue));
     clReleaseMemObject(mem);
     clReleaseCommandQueue(raw_queue);
@@ -166,7 +173,8 @@ TEST_F(CppBinding, FreeFunctions) {
     const std::vector<std::uint16_t> pixels = {1, 2, 3, 4, 5, 6};
     auto image = upload(pixels, 3, 2, CLSP_FORMAT_UINT16);
     EXPECT_EQ(3.5, clspeckle::statistics::moments(context, queue, image.view).mean);
-    EXPECT_EQ((std::vector<std::uint64_t>{1, 2, 2, 1}), clspeckle::statistics::histogram(context, queue, image.view, 2, 6, 2));
+    EXPECT_EQ((std::vector<std::uint64_t>{1, 2, 2, 1}),
+              clspeckle::statistics::histogram(context, queue, image.view, 2, 6, 2));
     EXPECT_EQ(9u, clspeckle::statistics::autocovariance(context, queue, image.view, 1).size());
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +13,7 @@ import numpy.typing as npt
 import pytest
 
 import clspeckle
-
-SHAPE = (32, 48)
-
-ROOT = Path(__file__).resolve().parents[3]
+from binding_common import ROOT, SHAPE, Runner
 
 
 @pytest.fixture(scope="session")
@@ -59,9 +56,6 @@ def stages(context: clspeckle.Context) -> tuple[clspeckle.Phase, clspeckle.Apert
 def camera(stages: tuple[clspeckle.Phase, clspeckle.Aperture, clspeckle.Sensor]) -> clspeckle.Pipeline:
     phase, aperture, sensor = stages
     return clspeckle.Pipeline(phase=phase, aperture=aperture, sensor=sensor)
-
-
-Runner = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ import pyopencl as cl
 import pytest
 
 import clspeckle
+from binding_common import SHAPE
 from clspeckle import errors
-from conftest import SHAPE
 
 OTHER = (SHAPE[0], SHAPE[1] + 1)
 
@@ -849,7 +849,7 @@ def test_states(world: World) -> None:
     with pytest.raises(errors.InvalidArgumentError, match="expected"):
         phase.restore(b"")
     with pytest.raises(errors.InvalidFormatError, match="flat uint8"):
-        phase.restore(state.astype(np.float32))  # type: ignore[arg-type]
+        phase.restore(state.astype(np.float32))
     with pytest.raises(TypeError, match="must be an array"):
         phase.restore(None)  # type: ignore[arg-type]
     with pytest.raises(errors.BufferTooSmallError):

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import clspeckle
+from binding_common import Runner
 from clspeckle import _library
-from conftest import Runner
 
 PACKAGE = Path(clspeckle.__file__).parent
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import Runner
+from binding_common import Runner
 
 
 @pytest.fixture(scope="module")

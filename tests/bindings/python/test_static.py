@@ -13,7 +13,7 @@ import pytest
 import clspeckle
 
 
-def run(tmp_path: Path, root: Path, *arguments: str) -> None:
+def run(root: Path, *arguments: str) -> None:
     result = subprocess.run(
         [sys.executable, "-m", *arguments], cwd=root, capture_output=True, text=True, timeout=600, check=False
     )
@@ -22,7 +22,7 @@ def run(tmp_path: Path, root: Path, *arguments: str) -> None:
 
 def test_types(tmp_path: Path, root: Path) -> None:
     options = ["--config-file", "bindings/python/pyproject.toml", "--cache-dir", str(tmp_path)]
-    run(tmp_path, root, "mypy", *options, "bindings/python/src")
+    run(root, "mypy", *options, "bindings/python/src", "tests/bindings/python")
 
 
 def test_types_of_a_user(tmp_path: Path, root: Path) -> None:
@@ -40,7 +40,7 @@ def test_types_of_a_user(tmp_path: Path, root: Path) -> None:
     )
     environment = ["--strict", "--cache-dir", str(tmp_path / "cache")]
     command = [sys.executable, "-m", "mypy", *environment, str(tmp_path / "good.py")]
-    variables = {"MYPYPATH": str(Path(clspeckle.__file__).parent.parent), "PATH": "/usr/bin:/bin"}
+    variables = {"MYPYPATH": str(root / "bindings" / "python" / "src"), "PATH": "/usr/bin:/bin"}
     good = subprocess.run(command, capture_output=True, text=True, env=variables, timeout=600, check=False)
     assert good.returncode == 0, good.stdout
     (tmp_path / "good.py").write_text(
@@ -55,10 +55,10 @@ def test_types_of_a_user(tmp_path: Path, root: Path) -> None:
 
 
 @pytest.mark.parametrize("folder", ["bindings/python", "tests/bindings/python"])
-def test_style(folder: str, tmp_path: Path, root: Path) -> None:
+def test_style(folder: str, root: Path) -> None:
     options = ["--config", "bindings/python/pyproject.toml", "--no-cache"]
-    run(tmp_path, root, "ruff", "check", *options, folder)
-    run(tmp_path, root, "ruff", "format", "--check", *options, folder)
+    run(root, "ruff", "check", *options, folder)
+    run(root, "ruff", "format", "--check", *options, folder)
 
 
 def test_everything_public_is_documented_and_listed() -> None:

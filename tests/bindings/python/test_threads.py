@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import clspeckle
-from conftest import SHAPE, Runner
+from binding_common import SHAPE, Runner
 
 THREADS = 4
 ROUNDS = 12

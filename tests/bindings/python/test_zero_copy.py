@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,8 +14,8 @@ import pyopencl.tools
 import pytest
 
 import clspeckle
+from binding_common import SHAPE
 from clspeckle import errors
-from conftest import SHAPE
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def test_arrays_go_in_and_out(device_camera: Any, cl_queue: Any, ideal: Any, exp
 
 
 def test_nothing_is_copied(device_camera: Any, cl_queue: Any, ideal: Any, shared: clspeckle.Context) -> None:
-    source = cl.array.to_device(cl_queue, ideal)
+    source: Any = cl.array.to_device(cl_queue, ideal)
     view = clspeckle.DeviceImage.wrap(source, context=shared)
     assert view.int_ptr == source.data.int_ptr
     assert view.memory is source.data
@@ -200,7 +201,8 @@ def test_cl_images_and_shared_virtual_memory_are_refused(cl_context: Any, device
     )
     with pytest.raises(errors.InvalidArgumentError, match="cl_image"):
         device_camera.render(image)
-    allocation = cl.SVM(cl.csvm_empty(cl_context, SHAPE, np.float32))
+    dtype: Any = np.float32
+    allocation: Any = cl.SVM(cl.csvm_empty(cl_context, SHAPE, dtype))
     with pytest.raises(TypeError, match="shared virtual memory"):
         clspeckle.DeviceImage.wrap(allocation, SHAPE, np.float32)
 
@@ -239,7 +241,7 @@ def test_wait_lists_of_both_kinds(cl_context: Any, cl_queue: Any, shared: clspec
     first = image.enqueue_write(np.ones((4, 4), np.float32), queue=queue, wait_for=[gate])[0]
     fill = clspeckle.philox.enqueue_fill(image, "uniform", queue=queue, wait_for=[gate, first, first.int_ptr])
     status = cl.command_execution_status
-    marker = cl.Event.from_int_ptr(fill.int_ptr)
+    marker: Any = cl.Event.from_int_ptr(fill.int_ptr)
     assert marker.command_execution_status != status.COMPLETE
     gate.set_status(status.COMPLETE)
     clspeckle.wait([marker, fill])
@@ -265,7 +267,7 @@ def test_pyopencl_waits_for_our_events(cl_context: Any, shared: clspeckle.Contex
 def test_we_wait_for_the_events_of_arrays(cl_context: Any, shared: clspeckle.Context) -> None:
     gate = cl.UserEvent(cl_context)
     other_queue = cl.CommandQueue(cl_context)
-    array = cl.array.zeros(other_queue, (8, 8), np.float32)
+    array: Any = cl.array.zeros(other_queue, (8, 8), np.float32)
     array.finish()
     value = np.full((8, 8), 5, np.float32)
     array.add_event(cl.enqueue_copy(other_queue, array.base_data, value, is_blocking=False, wait_for=[gate]))
@@ -281,17 +283,25 @@ def test_we_wait_for_the_events_of_arrays(cl_context: Any, shared: clspeckle.Con
 def test_frames_wait_for_each_other_on_any_queue(
     cl_context: Any, shared: clspeckle.Context, ideal: Any, device_camera: Any
 ) -> None:
-    out_of_order = cl.CommandQueue(cl_context, properties=cl.command_queue_properties.OUT_OF_ORDER_EXEC_MODE_ENABLE)
-    source = cl.array.to_device(cl.CommandQueue(cl_context), ideal)
-    targets = [cl.array.empty(out_of_order, SHAPE, np.uint16) for _ in range(8)]
-    device_camera.next_frame_index = 0
-    for index, target in enumerate(targets):
-        queue = out_of_order if index % 2 else shared.queue
-        event = device_camera.enqueue_frame(source, target, refresh="all", queue=queue)
-    event.wait()
+    gate = cl.UserEvent(cl_context)
+    complete = cl.command_execution_status.COMPLETE
+    source = clspeckle.DeviceImage.from_array(ideal, context=shared)
+    targets = [clspeckle.DeviceImage(SHAPE, np.uint16, context=shared) for _ in range(4)]
+    queues = [shared.queue, cl.CommandQueue(cl_context), clspeckle.Queue(shared, out_of_order=True), None]
+    events = [
+        device_camera.enqueue_frame(source, target, refresh="all", queue=queue, wait_for=[gate] if index == 0 else None)
+        for index, (target, queue) in enumerate(zip(targets, queues))
+    ]
+    # Only the first one is held back by the gate; the others by the frame before them.
+    time.sleep(0.3)
+    for event in events:
+        status: Any = cl.Event.from_int_ptr(event.int_ptr).command_execution_status
+        assert status != complete
+    gate.set_status(complete)
+    clspeckle.wait(events)
     reference = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, context=shared)
     for target in targets:
-        np.testing.assert_array_equal(target.get(), reference.render(ideal, refresh="all"))
+        np.testing.assert_array_equal(target.read(), reference.render(ideal, refresh="all"))
 
 
 def test_every_stage_on_the_device(cl_queue: Any, shared: clspeckle.Context, ideal: Any) -> None:
@@ -299,7 +309,7 @@ def test_every_stage_on_the_device(cl_queue: Any, shared: clspeckle.Context, ide
     rng = np.random.default_rng(4)
     depth, albedo = (rng.random(SHAPE, np.float32) + np.float32(0.1) for _ in range(2))
     albedo = albedo.clip(0, 1)
-    normal = np.broadcast_to(np.float32([0, 0, -1]), (*SHAPE, 3)).copy()
+    normal = np.broadcast_to(np.array([0, 0, -1], np.float32), (*SHAPE, 3)).copy()
     visibility = (rng.random(SHAPE) > 0.2).astype(np.uint8) * 255
     mask = (rng.random(SHAPE) > 0.5).astype(np.uint8)
     pattern = clspeckle.Pattern(rng.random((32, 32)), context=shared)
@@ -345,10 +355,10 @@ def test_every_stage_on_the_device(cl_queue: Any, shared: clspeckle.Context, ide
 def test_philox_in_place(cl_queue: Any, shared: clspeckle.Context) -> None:
     counters = np.arange(64, dtype=np.uint32).reshape(16, 4)
     expected = clspeckle.philox.blocks(counters, (1, 2), context=shared)
-    array = cl.array.to_device(cl_queue, counters)
+    array: Any = cl.array.to_device(cl_queue, counters)
     clspeckle.philox.enqueue_blocks(array.data, (1, 2), 16, array.data, context=shared, queue=cl_queue).wait()
     np.testing.assert_array_equal(array.get(), expected)
-    half = cl.array.to_device(cl_queue, counters)
+    half: Any = cl.array.to_device(cl_queue, counters)
     clspeckle.philox.enqueue_blocks(
         half.data.int_ptr,
         (1, 2),

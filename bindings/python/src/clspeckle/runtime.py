@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import dataclasses
 import os
@@ -448,6 +449,19 @@ def _drop_event(pointer: int, kept: list[Any]) -> None:
         _library.release("clspEventRelease", pointer)
 
 
+# Events whose commands may still use host memory.
+_pending: weakref.WeakSet[Event] = weakref.WeakSet()
+
+
+@atexit.register
+def _leave_memory_to_pending_copies() -> None:
+    # A copy may run on while the interpreter goes down, or wait for an event that never comes: neither free its memory
+    # nor wait for it.
+    for event in list(_pending):
+        for thing in event._kept:
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+
+
 class Event:
     """The completion of an ``enqueue_...`` call. Goes into ``wait_for=`` lists, also together with PyOpenCL's events.
 
@@ -467,7 +481,9 @@ class Event:
         self._pointer = pointer
         self._kept = list(kept)
         self._finalizer = weakref.finalize(self, _drop_event, pointer, self._kept)
-        self._finalizer.atexit = bool(kept)
+        self._finalizer.atexit = False
+        if kept:
+            _pending.add(self)
         return self
 
     _pointer: int
@@ -487,6 +503,7 @@ class Event:
         """
         _library.call("clspEventWait", 1, ctypes.byref(ctypes.c_void_p(self._pointer)))
         self._kept.clear()
+        _pending.discard(self)
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         raise TypeError("an Event belongs to one process and one OpenCL device; it cannot be pickled or copied")
