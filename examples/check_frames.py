@@ -1,4 +1,6 @@
-"""Checks the frames that the examples wrote: `check_frames.py minimal <prefix> <prefix>` or `check_frames.py engine <prefix>`.
+"""Checks the frames that the examples wrote.
+
+usage: check_frames.py minimal PREFIX OTHER_PREFIX | check_frames.py engine PREFIX
 
 Only the standard library is used, so that the check runs wherever the examples do.
 """
@@ -59,7 +61,8 @@ def check_minimal(prefix: str, other_prefix: str) -> None:
         if (x + (8 if y // 16 % 2 else 0)) % 16 == 7
     ]
     peak_mean, peak_deviation = moments(peaks)
-    assert len(peaks) == 300 and 0.55 < peak_deviation / peak_mean < 0.95, f"contrast {peak_deviation / peak_mean:.2f}"
+    assert len(peaks) == 300
+    assert 0.55 < peak_deviation / peak_mean < 0.95, f"contrast {peak_deviation / peak_mean:.2f}"
 
 
 def check_engine(prefix: str) -> None:

@@ -1,5 +1,5 @@
-// What the GoogleTest programs share: one context per program, images that place themselves in device memory, and checks
-// of a call's status together with the message that it left.
+// What the GoogleTest programs share: one context per program, images that place themselves in device memory, and
+// checks of a call's status together with the message that it left.
 #ifndef CLSPECKLE_TEST_SUPPORT_HPP
 #define CLSPECKLE_TEST_SUPPORT_HPP
 
@@ -67,14 +67,14 @@ inline void poison_last_error(const std::string &function) {
 inline ::testing::AssertionResult failed_as(const std::string &function, ClspStatus got, ClspStatus expected,
                                             const std::string &words) {
     if (got != expected)
-        return ::testing::AssertionFailure()
-               << "gave " << (got == CLSP_SUCCESS ? "CLSP_SUCCESS" : describe(got)) << ", expected "
-               << clspStatusString(expected);
+        return ::testing::AssertionFailure() << "gave " << (got == CLSP_SUCCESS ? "CLSP_SUCCESS" : describe(got))
+                                             << ", expected " << clspStatusString(expected);
     const ClspErrorInfo info = last_error();
     if (info.status != got)
         return ::testing::AssertionFailure() << "the last error has status " << clspStatusString(info.status);
     if (info.function != function)
-        return ::testing::AssertionFailure() << "the last error is that of " << info.function << ", expected " << function;
+        return ::testing::AssertionFailure()
+               << "the last error is that of " << info.function << ", expected " << function;
     const std::string message = lower(info.message);
     for (std::size_t begin = 0; begin <= words.size();) {
         const std::size_t end = std::min(words.find('|', begin), words.size());
@@ -163,7 +163,8 @@ class DeviceTest : public ::testing::Test {
         const std::size_t pitch = image.view.pitch_bytes ? image.view.pitch_bytes : row;
         const auto bytes = image.buffer.read<unsigned char>(queue, image.buffer.size_bytes());
         for (std::size_t i = 0; i < bytes.size(); ++i) {
-            const bool inside = i >= image.view.offset_bytes && i < image.view.offset_bytes + pitch * image.view.height &&
+            const bool inside = i >= image.view.offset_bytes &&
+                                i < image.view.offset_bytes + pitch * image.view.height &&
                                 (i - image.view.offset_bytes) % pitch < row;
             if (!inside && bytes[i] != filler)
                 return false;
@@ -242,12 +243,13 @@ struct Foreign {
 };
 
 /**
- * The rules of struct_size for a struct that a function reads: 0 and too small are refused, a longer one passes while its
- * tail is zero, and is refused otherwise.
+ * The rules of struct_size for a struct that a function reads: 0 and too small are refused, a longer one passes while
+ * its tail is zero, and is refused otherwise.
  * @param call runs the function on a pointer to the struct; returns its status.
  */
 template <typename Struct>
-void check_struct_size(const std::string &function, const Struct &valid, const std::function<ClspStatus(Struct *)> &call) {
+void check_struct_size(const std::string &function, const Struct &valid,
+                       const std::function<ClspStatus(Struct *)> &call) {
     struct alignas(16) Longer {
         unsigned char bytes[sizeof(Struct) + 64];
     };
@@ -275,9 +277,9 @@ void check_struct_size(const std::string &function, const Struct &valid, const s
  * What every Enqueue call says to a wrong queue, wait list or event.
  * @param call runs the function on a queue and a wait list; returns its status.
  */
-inline void check_enqueue_rules(
-    const std::string &function, const clspeckle::Context &context,
-    const std::function<ClspStatus(cl_command_queue, cl_uint, const cl_event *, cl_event *)> &call) {
+inline void
+check_enqueue_rules(const std::string &function, const clspeckle::Context &context,
+                    const std::function<ClspStatus(cl_command_queue, cl_uint, const cl_event *, cl_event *)> &call) {
     const clspeckle::Queue queue(context);
     const Foreign foreign;
     const auto fails = [&](ClspStatus expected, const std::string &words, cl_command_queue q, cl_uint count,
@@ -384,7 +386,8 @@ inline void check_image_rules(const std::string &function, const clspeckle::Cont
 inline void check_image_size_must_match(const std::string &function, const clspeckle::Context &context,
                                         const ClspImage &valid, const std::string &name,
                                         const std::function<ClspStatus(const ClspImage *)> &call) {
-    const clspeckle::Buffer large(context, (valid.width + 1) * (valid.height + 1) * clspeckle::pixel_bytes(valid.format));
+    const clspeckle::Buffer large(context,
+                                  (valid.width + 1) * (valid.height + 1) * clspeckle::pixel_bytes(valid.format));
     for (int axis = 0; axis < 4; ++axis) {
         ClspImage image = large.image(valid.width + (axis == 0) - (axis == 2), valid.height + (axis == 1) - (axis == 3),
                                       valid.format);
@@ -396,8 +399,7 @@ inline void check_image_size_must_match(const std::string &function, const clspe
 
 // The rules of an init function: NULL and small sizes are refused, defaults are written over what was there, nothing
 // behind the struct is touched, and what a longer struct has is cleared.
-template <typename Struct>
-void check_init(const std::string &function, ClspStatus (*init)(Struct *, std::uint32_t)) {
+template <typename Struct> void check_init(const std::string &function, ClspStatus (*init)(Struct *, std::uint32_t)) {
     EXPECT_TRUE(failed_as(function, (poison_last_error(function), init(nullptr, sizeof(Struct))),
                           CLSP_ERROR_INVALID_ARGUMENT, "NULL"));
     struct alignas(16) Longer {

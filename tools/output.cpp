@@ -41,7 +41,10 @@ Output::Output(std::string folder, const std::string &format, std::uint64_t fram
     }
 }
 
-Output::~Output() = default;
+// The jobs use everything else here: they end first. What they still write is whole.
+Output::~Output() {
+    jobs_.clear();
+}
 
 std::string Output::path(const std::string &name) {
     return (std::filesystem::path(folder_) / name).string();

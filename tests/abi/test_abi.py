@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -21,7 +21,7 @@ HEADERS = ROOT / "capi" / "include" / "clspeckle"
 
 
 def run(*command: object) -> str:
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    done = subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
@@ -74,7 +74,7 @@ def recorded() -> Path:
 
 def abidiff(old: Path, new: Path) -> subprocess.CompletedProcess[str]:
     command = ["abidiff", "--suppressions", HERE / "suppressions.ini", "--no-show-locs", old, new]
-    return subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    return subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
 
 
 FROZEN = {"ClspImage", "ClspFieldGrid", "ClspStageTiming"}
@@ -163,7 +163,18 @@ def stub(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         source = folder / "stub.c"
         source.write_text("#include <clspeckle/clspeckle.h>\n" + "".join(bodies))
         library = folder / "libstub.so"
-        run(CC, "-std=c99", "-g", "-shared", "-fPIC", "-Wl,-soname,libclspeckle.so.0", f"-I{include}", source, "-o", library)
+        run(
+            CC,
+            "-std=c99",
+            "-g",
+            "-shared",
+            "-fPIC",
+            "-Wl,-soname,libclspeckle.so.0",
+            f"-I{include}",
+            source,
+            "-o",
+            library,
+        )
         return library
 
     return build
@@ -196,17 +207,27 @@ INCOMPATIBLE_CHANGES = {
         "sensor.h", "    double exposure_gain_dn;", "    double conversion_gain;\n    double exposure_gain_dn;"
     ),
     "a member inserted at the front": replace(
-        "aperture.h", "    uint32_t width;                  /**< Image width", "    uint32_t flags;\n    uint32_t width; /**< Image width"
+        "aperture.h",
+        "    uint32_t width;                  /**< Image width",
+        "    uint32_t flags;\n    uint32_t width; /**< Image width",
     ),
     "a member of another size": replace("sensor.h", "    uint64_t seed;", "    uint64_t seed[2];"),
-    "a member of another type and the same size": replace("sensor.h", "    double black_level_dn;", "    int64_t black_level_dn;"),
+    "a member of another type and the same size": replace(
+        "sensor.h", "    double black_level_dn;", "    int64_t black_level_dn;"
+    ),
     "two members exchanged": replace(
-        "philox.h", "    uint64_t seed;          /**< Default 0. */\n    uint64_t frame_index;", "    uint64_t frame_index;\n    uint64_t seed;"
+        "philox.h",
+        "    uint64_t seed;          /**< Default 0. */\n    uint64_t frame_index;",
+        "    uint64_t frame_index;\n    uint64_t seed;",
     ),
     "a smaller member, padded": replace("pipeline.h", "    uint64_t frame_index;", "    uint32_t frame_index;"),
-    "a member appended to a frozen struct": replace("types.h", "} ClspImage;", "    uint64_t slice_bytes;\n} ClspImage;"),
+    "a member appended to a frozen struct": replace(
+        "types.h", "} ClspImage;", "    uint64_t slice_bytes;\n} ClspImage;"
+    ),
     "a parameter of another type": replace(
-        "sensor.h", "clspSensorSetExposureGain(ClspSensor sensor, double", "clspSensorSetExposureGain(ClspSensor sensor, float"
+        "sensor.h",
+        "clspSensorSetExposureGain(ClspSensor sensor, double",
+        "clspSensorSetExposureGain(ClspSensor sensor, float",
     ),
     "a function removed": replace(
         "phase.h", "CLSP_API ClspStatus clspPhaseGetStateSize(ClspPhase phase, uint64_t *size_bytes);", ""

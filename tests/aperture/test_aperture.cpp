@@ -32,7 +32,8 @@ class Aperture : public DeviceTest {
         aperture.enqueue_pupil(queue, image.view);
         return download<float>(image);
     }
-    std::vector<float> intensity(const clspeckle::Aperture &aperture, const clspeckle::Phase &phase, const Image &ideal) {
+    std::vector<float> intensity(const clspeckle::Aperture &aperture, const clspeckle::Phase &phase,
+                                 const Image &ideal) {
         auto image = make_image(ideal.view.width, ideal.view.height, CLSP_FORMAT_FLOAT32);
         aperture.enqueue_intensity(queue, phase, ideal.view, image.view);
         return download<float>(image);
@@ -98,7 +99,7 @@ TEST_F(Aperture, SoftRimFallsMonotonically) {
     desc.soft_rim = 0.5;
     const auto p = pupil(clspeckle::Aperture(context, desc));
     EXPECT_EQ(1.0f, p[0]);
-    EXPECT_EQ(1.0f, p[6]); // half of the radius of 12: the rim begins
+    EXPECT_EQ(1.0f, p[6]);          // half of the radius of 12: the rim begins
     EXPECT_NEAR(0.5f, p[9], 1e-6f); // the middle of the raised cosine
     for (int x = 1; x < 12; ++x)
         EXPECT_LE(p[x], p[x - 1]) << x;
@@ -248,8 +249,9 @@ TEST_F(Aperture, WorkspaceFromTheHost) {
     const clspeckle::Aperture aperture(context, desc);
     const std::uint64_t bytes = aperture.info().workspace_bytes;
     EXPECT_LT(context.info().allocated_bytes - before, bytes) << "the library allocated work memory all the same";
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace",
-                      clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(
+        CLSP_ERROR_INVALID_STATE, "workspace",
+        clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, &out.view, 0, nullptr, nullptr));
     {
         const clspeckle::Buffer workspace(context, bytes + 8192);
         const test::Foreign foreign;
@@ -285,7 +287,8 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
         clspApertureRelease(made);
         return status;
     });
-    const auto fails_as = [&](ClspStatus expected, const char *word, const std::function<void(ClspApertureDesc &)> &change) {
+    const auto fails_as = [&](ClspStatus expected, const char *word,
+                              const std::function<void(ClspApertureDesc &)> &change) {
         ClspApertureDesc changed = desc;
         change(changed);
         EXPECT_CLSP_FAILS(expected, word, clspApertureCreate(context, &changed, &aperture));
@@ -332,8 +335,10 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
         fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_width = side; });
         fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_height = side; });
     }
-    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 8; });
-    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 13; });
+    fails("pitch of pupil_image|pupil_pitch_bytes",
+          [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 8; });
+    fails("pitch of pupil_image|pupil_pitch_bytes",
+          [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 13; });
     for (float bad : {-0.1f, 1.1f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         std::vector<float> values(6, 0.5f);
         values[4] = bad;
@@ -352,16 +357,19 @@ TEST_F(Aperture, EnqueueRefusesBadArguments) {
     };
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture",
                       clspApertureEnqueueIntensity(nullptr, queue, phase, &ideal.view, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspApertureEnqueueIntensity(aperture, queue, nullptr, &ideal.view, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(
+        CLSP_ERROR_INVALID_HANDLE, "phase",
+        clspApertureEnqueueIntensity(aperture, queue, nullptr, &ideal.view, &out.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance",
                       clspApertureEnqueueIntensity(aperture, queue, phase, nullptr, &out.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "intensity",
                       clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, nullptr, 0, nullptr, nullptr));
     const auto as_input = [&](const ClspImage *image) { return run(image, &out.view); };
     const auto as_output = [&](const ClspImage *image) { return run(&ideal.view, image); };
-    test::check_image_rules("clspApertureEnqueueIntensity", context, ideal.view, "irradiance", CLSP_FORMAT_UINT16, as_input);
-    test::check_image_rules("clspApertureEnqueueIntensity", context, out.view, "intensity", CLSP_FORMAT_FLOAT32X2, as_output);
+    test::check_image_rules("clspApertureEnqueueIntensity", context, ideal.view, "irradiance", CLSP_FORMAT_UINT16,
+                            as_input);
+    test::check_image_rules("clspApertureEnqueueIntensity", context, out.view, "intensity", CLSP_FORMAT_FLOAT32X2,
+                            as_output);
     test::check_image_size_must_match("clspApertureEnqueueIntensity", context, ideal.view, "irradiance", as_input);
     test::check_image_size_must_match("clspApertureEnqueueIntensity", context, out.view, "intensity", as_output);
     test::check_enqueue_rules("clspApertureEnqueueIntensity", context,
@@ -380,18 +388,21 @@ TEST_F(Aperture, EnqueueRefusesBadArguments) {
 
     const auto refused_phase = [&](ClspStatus expected, const char *word, const clspeckle::Aperture &which,
                                    const clspeckle::Phase &wrong) {
-        EXPECT_CLSP_FAILS(expected, word,
-                          clspApertureEnqueueIntensity(which, queue, wrong, &ideal.view, &out.view, 0, nullptr, nullptr));
+        EXPECT_CLSP_FAILS(
+            expected, word,
+            clspApertureEnqueueIntensity(which, queue, wrong, &ideal.view, &out.view, 0, nullptr, nullptr));
     };
     refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.width = 25; }));
     refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.height = 21; }));
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.oversampling = 2; }));
+    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture,
+                  make_phase([](ClspPhaseDesc &d) { d.oversampling = 2; }));
     refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.guard_px = 1; }));
     auto half = valid();
     half.degree_of_polarization = 0.5;
     refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "polarization", clspeckle::Aperture(context, half),
                   make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; }));
-    EXPECT_CLSP_OK(clspApertureEnqueueIntensity(aperture, queue, make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; }),
+    EXPECT_CLSP_OK(clspApertureEnqueueIntensity(aperture, queue,
+                                                make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; }),
                                                 &ideal.view, &out.view, 0, nullptr, nullptr));
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     phase_desc.width = width;
@@ -409,7 +420,8 @@ TEST_F(Aperture, EnqueueRefusesBadArguments) {
                       clspApertureEnqueuePupil(nullptr, queue, &pupil_image.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pupil",
                       clspApertureEnqueuePupil(aperture, queue, nullptr, 0, nullptr, nullptr));
-    test::check_image_rules("clspApertureEnqueuePupil", context, pupil_image.view, "pupil", CLSP_FORMAT_UINT8, pupil_to);
+    test::check_image_rules("clspApertureEnqueuePupil", context, pupil_image.view, "pupil", CLSP_FORMAT_UINT8,
+                            pupil_to);
     test::check_image_size_must_match("clspApertureEnqueuePupil", context, pupil_image.view, "pupil", pupil_to);
     test::check_enqueue_rules("clspApertureEnqueuePupil", context,
                               [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {

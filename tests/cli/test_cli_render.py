@@ -266,7 +266,7 @@ def test_interrupt_leaves_whole_files_only(program: Path, tmp_path: Path) -> Non
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     error = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
+    assert process.returncode == 130, error
     assert b"interrupted" in error
     for path in (tmp_path / "out").iterdir():
         assert np.load(path).shape == (256, 256)

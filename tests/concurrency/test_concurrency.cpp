@@ -1,5 +1,5 @@
-// Eight threads at once, in one context and in contexts of their own: the same bytes as one thread, and every thread sees
-// its own errors. ThreadSanitizer runs this program too (tests/sanitizers).
+// Eight threads at once, in one context and in contexts of their own: the same bytes as one thread, and every thread
+// sees its own errors. ThreadSanitizer runs this program too (tests/sanitizers).
 #include "test_support.hpp"
 
 #include <atomic>
@@ -11,7 +11,9 @@ constexpr std::size_t thread_count = 8;
 constexpr std::uint64_t frame_count = 6;
 
 // Sizes repeat, so that threads share FFT plans as well as make their own.
-std::uint32_t side_of(std::size_t thread) { return 32 + 16 * static_cast<std::uint32_t>(thread % 3); }
+std::uint32_t side_of(std::size_t thread) {
+    return 32 + 16 * static_cast<std::uint32_t>(thread % 3);
+}
 
 // All frames of one thread's pipeline, one after the other.
 std::vector<std::uint16_t> render(const clspeckle::Context &context, std::size_t thread) {
@@ -25,7 +27,8 @@ std::vector<std::uint16_t> render(const clspeckle::Context &context, std::size_t
     phase_desc.seed = sensor_desc.seed = thread;
     aperture_desc.degree_of_polarization = 0.5;
     const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase_desc),
-                                       clspeckle::Aperture(context, aperture_desc), clspeckle::Sensor(context, sensor_desc));
+                                       clspeckle::Aperture(context, aperture_desc),
+                                       clspeckle::Sensor(context, sensor_desc));
     const clspeckle::Buffer ideal(context, queue, test::dots(side, side));
     const std::size_t pixels = static_cast<std::size_t>(side) * side;
     const clspeckle::Buffer codes(context, pixels * sizeof(std::uint16_t));

@@ -13,7 +13,8 @@ int main() {
     phase_desc.width = phase_desc.height = aperture_desc.width = aperture_desc.height = side;
     sensor_desc.width = sensor_desc.height = side;
     const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase_desc),
-                                       clspeckle::Aperture(context, aperture_desc), clspeckle::Sensor(context, sensor_desc));
+                                       clspeckle::Aperture(context, aperture_desc),
+                                       clspeckle::Sensor(context, sensor_desc));
     const clspeckle::Buffer input(context, queue, std::vector<float>(side * side, 1.0f));
     const clspeckle::Buffer output(context, side * side * sizeof(std::uint16_t));
     auto frame = clspeckle::make<ClspFrame>();

@@ -149,7 +149,7 @@ TEST_F(Pattern, BilinearInsideZeroOutside) {
     desc.quantity = CLSP_QUANTITY_PLANE_IRRADIANCE;
     const std::vector<std::array<double, 3>> points = {
         // x, y, texel value there
-        {-0.2, -0.1, 0.0}, {0.2, -0.1, 1.0}, {-0.2, 0.1, 2.0},  {0.2, 0.1, 3.0},  {0.0, 0.0, 1.5}, {0.1, 0.05, 2.25},
+        {-0.2, -0.1, 0.0}, {0.2, -0.1, 1.0},  {-0.2, 0.1, 2.0}, {0.2, 0.1, 3.0},  {0.0, 0.0, 1.5},  {0.1, 0.05, 2.25},
         {0.39, 0.1, 3.0},  {-0.39, 0.1, 2.0}, {0.41, 0.1, 0.0}, {0.1, 0.21, 0.0}, {0.1, -0.21, 0.0}};
     std::vector<float> positions;
     for (const auto &p : points)
@@ -160,7 +160,8 @@ TEST_F(Pattern, BilinearInsideZeroOutside) {
     geometry.position = image.view;
     const auto got = lookup(clspeckle::Pattern(context, desc), geometry, count, 1);
     for (std::size_t i = 0; i < points.size(); ++i) {
-        // Plane irradiance v at unit distance is the intensity v / cos^3, and without normals the surface faces the laser.
+        // Plane irradiance v at unit distance is the intensity v / cos^3, and without normals the surface faces the
+        // laser.
         const double d2 = points[i][0] * points[i][0] + points[i][1] * points[i][1] + 1.0;
         EXPECT_NEAR(points[i][2] * std::pow(d2, 1.5) / d2 / M_PI, got[i], 3e-6) << i;
     }
@@ -172,8 +173,8 @@ TEST_F(Pattern, DirectionCosinesAndNothingBehindTheLaser) {
     std::vector<float> texels(16, 1.0f);
     desc.texels = texels.data();
     const float bad = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
-    const std::vector<float> positions = {0.0f, 0.0f, 2.0f,  5.0f, 0.0f, 1.0f, 0.0f, 0.0f, -1.0f, 0.0f, 0.0f, 0.0f,
-                                          bad,  0.0f, 1.0f, 0.0f, inf,  1.0f, 0.0f, 0.0f, bad};
+    const std::vector<float> positions = {0.0f, 0.0f, 2.0f, 5.0f, 0.0f, 1.0f, 0.0f, 0.0f, -1.0f, 0.0f, 0.0f,
+                                          0.0f, bad,  0.0f, 1.0f, 0.0f, inf,  1.0f, 0.0f, 0.0f,  bad};
     auto image = upload(positions, 7, 1, CLSP_FORMAT_FLOAT32X3);
     auto geometry = clspeckle::make<ClspGeometry>();
     geometry.position = image.view;
@@ -279,8 +280,8 @@ TEST_F(Pattern, CreateRefusesBadArguments) {
         fails("height", [&](ClspPatternDesc &d) { d.height = side; });
     }
     fails("texels", [](ClspPatternDesc &d) { d.texels = nullptr; });
-    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 12; });
-    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 17; });
+    fails("pitch of texels|texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 12; });
+    fails("pitch of texels|texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 17; });
     for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
         fails("half_extent_x", [&](ClspPatternDesc &d) { d.half_extent_x = bad; });
         fails("half_extent_y", [&](ClspPatternDesc &d) { d.half_extent_y = bad; });
@@ -292,7 +293,8 @@ TEST_F(Pattern, CreateRefusesBadArguments) {
     for (float bad : {-1.0f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         std::vector<float> texels(16, 1.0f);
         texels[9] = bad;
-        fails("texels", [&](ClspPatternDesc &d) { d.texels = texels.data(); }, CLSP_ERROR_INVALID_DATA);
+        fails(
+            "texels", [&](ClspPatternDesc &d) { d.texels = texels.data(); }, CLSP_ERROR_INVALID_DATA);
     }
 }
 
@@ -322,7 +324,7 @@ TEST_F(Pattern, LookupRefusesBadArguments) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word,
                           clspPatternEnqueueLookup(pattern, queue, &changed, &out.view, 0, nullptr, nullptr));
     };
-    fails("position", [](ClspGeometry &g) { g.depth.mem = nullptr; }); // neither
+    fails("position", [](ClspGeometry &g) { g.depth.mem = nullptr; });       // neither
     fails("position", [&](ClspGeometry &g) { g.position = position.view; }); // both
     fails("depth_kind", [](ClspGeometry &g) { g.depth_kind = 2; });
     for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
@@ -360,7 +362,8 @@ TEST_F(Pattern, LookupRefusesBadArguments) {
                       clspPatternEnqueueLookup(pattern, queue, &geometry, &depth.view, 0, nullptr, nullptr));
     test::check_enqueue_rules("clspPatternEnqueueLookup", context,
                               [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPatternEnqueueLookup(pattern, q, &geometry, &out.view, count, events, event);
+                                  return clspPatternEnqueueLookup(pattern, q, &geometry, &out.view, count, events,
+                                                                  event);
                               });
 }
 

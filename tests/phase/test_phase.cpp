@@ -15,7 +15,7 @@ TEST(FieldGrid, SmallestSizesWithoutLargePrimeFactors) {
     const Case cases[] = {{1, 1, 1, 0, 1, 1},
                           {1000, 1001, 1, 0, 1000, 1001}, // 7 * 11 * 13
                           {17, 19, 1, 0, 18, 20},
-                          {848, 480, 1, 0, 858, 480}, // 848 = 16 * 53
+                          {848, 480, 1, 0, 858, 480},  // 848 = 16 * 53
                           {640, 480, 2, 3, 1287, 968}, // 1286 = 2 * 643, 966 = 2 * 3 * 7 * 23, 967 is prime
                           {16384, 16384, 1, 0, 16384, 16384}};
     for (const Case &c : cases) {
@@ -27,7 +27,8 @@ TEST(FieldGrid, SmallestSizesWithoutLargePrimeFactors) {
 
 TEST(FieldGrid, RefusesBadArguments) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "grid", clspFieldGridCompute(nullptr));
-    const auto compute = [](std::uint32_t width, std::uint32_t height, std::uint32_t oversampling, std::uint32_t guard) {
+    const auto compute = [](std::uint32_t width, std::uint32_t height, std::uint32_t oversampling,
+                            std::uint32_t guard) {
         ClspFieldGrid grid{width, height, oversampling, guard, 77, 88};
         test::poison_last_error("clspFieldGridCompute");
         const ClspStatus status = clspFieldGridCompute(&grid);

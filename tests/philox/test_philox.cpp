@@ -49,8 +49,8 @@ TEST_F(Philox, KnownAnswers) {
         EXPECT_EQ(known.block, philox4x32_10(known.counter, known.key[0], known.key[1]));
         for (std::uint64_t local_size : {0, 1}) {
             const clspeckle::Buffer counters(context, queue, std::vector<Block>{known.counter});
-            ASSERT_CLSP_OK(clspPhiloxEnqueueBlocks(context, queue, counters, 0, known.key, 1, local_size, counters, 0, 0,
-                                                   nullptr, nullptr));
+            ASSERT_CLSP_OK(clspPhiloxEnqueueBlocks(context, queue, counters, 0, known.key, 1, local_size, counters, 0,
+                                                   0, nullptr, nullptr));
             EXPECT_EQ(known.block, counters.read<Block>(queue, 1)[0]);
         }
     }
@@ -65,10 +65,12 @@ TEST_F(Philox, SameIntegersForAnyWorkGroupSize) {
     const clspeckle::Buffer in(context, queue, counters);
     for (std::uint64_t local_size : {0, 1, 3, 16, 64, 256}) {
         const clspeckle::Buffer out(context, count * sizeof(Block) + 64);
-        ASSERT_CLSP_OK(clspPhiloxEnqueueBlocks(context, queue, in, 0, key, count, local_size, out, 32, 0, nullptr, nullptr));
+        ASSERT_CLSP_OK(
+            clspPhiloxEnqueueBlocks(context, queue, in, 0, key, count, local_size, out, 32, 0, nullptr, nullptr));
         const auto blocks = out.read<Block>(queue, count, 32);
         for (std::size_t i = 0; i < count; ++i)
-            ASSERT_EQ(philox4x32_10(counters[i], key[0], key[1]), blocks[i]) << "local_size " << local_size << ", " << i;
+            ASSERT_EQ(philox4x32_10(counters[i], key[0], key[1]), blocks[i])
+                << "local_size " << local_size << ", " << i;
     }
     auto desc = bits();
     desc.seed = 99;
@@ -198,10 +200,10 @@ TEST_F(Philox, BlocksRefuseBadArguments) {
     const std::uint32_t key[2] = {1, 2};
     const clspeckle::Buffer in(context, 64), out(context, 64); // four blocks each
     const test::Foreign foreign;
-    const auto run = [&](cl_mem counters, std::uint64_t in_offset, std::uint64_t count, std::uint64_t local_size, cl_mem blocks,
-                         std::uint64_t out_offset) {
-        return clspPhiloxEnqueueBlocks(context, queue, counters, in_offset, key, count, local_size, blocks, out_offset, 0,
-                                       nullptr, nullptr);
+    const auto run = [&](cl_mem counters, std::uint64_t in_offset, std::uint64_t count, std::uint64_t local_size,
+                         cl_mem blocks, std::uint64_t out_offset) {
+        return clspPhiloxEnqueueBlocks(context, queue, counters, in_offset, key, count, local_size, blocks, out_offset,
+                                       0, nullptr, nullptr);
     };
     const auto fails = [&](ClspStatus status, const char *word, ClspStatus got) {
         EXPECT_TRUE(test::failed_as("clspPhiloxEnqueueBlocks", got, status, word));

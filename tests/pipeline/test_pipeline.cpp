@@ -1,4 +1,5 @@
-// Whole frames: what a frame consists of, queues and events, host contexts, lifetimes, timings, and what bad arguments get.
+// Whole frames: what a frame consists of, queues and events, host contexts, lifetimes, timings, and what bad arguments
+// get.
 #include "test_support.hpp"
 
 #include <chrono>
@@ -202,7 +203,8 @@ TEST_F(Pipeline, SubBuffersWork) {
         clCreateSubBuffer(parent, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &in_region, &code), input_bytes);
     ASSERT_EQ(CL_SUCCESS, code);
     const auto out = clspeckle::Buffer::adopt(
-        clCreateSubBuffer(parent, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &out_region, &code), out_region.size);
+        clCreateSubBuffer(parent, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &out_region, &code),
+        out_region.size);
     ASSERT_EQ(CL_SUCCESS, code);
     in.write(queue, test::dots(width, height));
     auto f = frame(2);
@@ -290,7 +292,8 @@ TEST_F(Pipeline, TimingsCoverAllStages) {
     const clspeckle::Context own;
     const clspeckle::Queue profiling(own, CLSP_QUEUE_PROFILING);
     const clspeckle::Pipeline pipeline(own, make_pattern(own), clspeckle::Phase(own, phase_desc()),
-                                       clspeckle::Aperture(own, aperture_desc()), clspeckle::Sensor(own, sensor_desc()));
+                                       clspeckle::Aperture(own, aperture_desc()),
+                                       clspeckle::Sensor(own, sensor_desc()));
     std::uint32_t count = 99;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
     auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
@@ -309,7 +312,8 @@ TEST_F(Pipeline, TimingsCoverAllStages) {
         const auto start = std::chrono::steady_clock::now();
         pipeline.enqueue_frame(timed, f, {}, &done);
         done.wait();
-        const double wall_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+        const double wall_ms =
+            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
         const auto timings = pipeline.timings();
         std::vector<std::string> stages;
         double sum_ms = 0;
@@ -318,7 +322,8 @@ TEST_F(Pipeline, TimingsCoverAllStages) {
             EXPECT_GT(timing.milliseconds, 0.0) << timing.stage;
             sum_ms += timing.milliseconds;
         }
-        EXPECT_EQ((std::vector<std::string>{"pattern", "phase", "field", "fft", "pupil", "inverse_fft", "intensity", "sensor"}),
+        EXPECT_EQ((std::vector<std::string>{"pattern", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",
+                                            "sensor"}),
                   stages);
         EXPECT_LT(sum_ms, wall_ms * 1.05) << "the stages took longer than the frame";
     }
@@ -485,7 +490,8 @@ TEST_F(Pipeline, CreateRefusesBadArguments) {
         clspPipelineRelease(made);
         return status;
     });
-    const auto fails = [&](ClspStatus expected, const char *word, const std::function<void(ClspPipelineDesc &)> &change) {
+    const auto fails = [&](ClspStatus expected, const char *word,
+                           const std::function<void(ClspPipelineDesc &)> &change) {
         ClspPipelineDesc changed = desc;
         change(changed);
         EXPECT_CLSP_FAILS(expected, word, clspPipelineCreate(context, &changed, &pipeline));
@@ -553,7 +559,8 @@ TEST_F(Pipeline, FramesRefuseBadArguments) {
         EXPECT_CLSP_FAILS(expected, word, clspPipelineWarmUp(which, queue, &changed));
     };
     fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "refresh", [](ClspFrame &f) { f.refresh = 2; });
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "frame_index", [](ClspFrame &f) { f.frame_index = std::uint64_t{1} << 48; });
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
+          [](ClspFrame &f) { f.frame_index = std::uint64_t{1} << 48; });
     fails(pipeline, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &f) { f.output.format = CLSP_FORMAT_UINT8; });
     fails(bare, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &) {}); // codes without a sensor
     fails(pipeline, CLSP_ERROR_OVERLAP, "irradiance", [&](ClspFrame &f) {
@@ -570,7 +577,8 @@ TEST_F(Pipeline, FramesRefuseBadArguments) {
     geometry.fx_px = geometry.fy_px = 25;
     fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [&](ClspFrame &f) { f.geometry = &geometry; });
     const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
-                                    clspeckle::Aperture(context, aperture_desc()), clspeckle::Sensor(context, sensor_desc()));
+                                    clspeckle::Aperture(context, aperture_desc()),
+                                    clspeckle::Sensor(context, sensor_desc()));
     fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [](ClspFrame &f) { f.irradiance = ClspImage{}; });
     fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "irradiance", [&](ClspFrame &f) { f.geometry = &geometry; });
     fails(scene, CLSP_ERROR_OVERLAP, "geometry", [&](ClspFrame &f) {
@@ -587,10 +595,11 @@ TEST_F(Pipeline, FramesRefuseBadArguments) {
         };
     };
     const char *function = "clspPipelineEnqueueFrame";
-    test::check_image_rules(function, context, ideal.view, "irradiance", CLSP_FORMAT_UINT16, with(&ClspFrame::irradiance));
+    test::check_image_rules(function, context, ideal.view, "irradiance", CLSP_FORMAT_UINT16,
+                            with(&ClspFrame::irradiance));
     test::check_image_rules(function, context, codes.view, "output", CLSP_FORMAT_UINT32, with(&ClspFrame::output));
-    test::check_image_rules(function, context, mask.view, "refresh_mask", CLSP_FORMAT_UINT16, with(&ClspFrame::refresh_mask),
-                            true);
+    test::check_image_rules(function, context, mask.view, "refresh_mask", CLSP_FORMAT_UINT16,
+                            with(&ClspFrame::refresh_mask), true);
     test::check_image_size_must_match(function, context, ideal.view, "irradiance", with(&ClspFrame::irradiance));
     test::check_image_size_must_match(function, context, codes.view, "output", with(&ClspFrame::output));
     test::check_image_size_must_match(function, context, mask.view, "refresh_mask", with(&ClspFrame::refresh_mask));
@@ -620,7 +629,8 @@ TEST_F(Pipeline, ARefusedFrameChangesNothing) {
 
     // A geometry that only the pattern can refuse.
     const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
-                                    clspeckle::Aperture(context, aperture_desc()), clspeckle::Sensor(context, sensor_desc()));
+                                    clspeckle::Aperture(context, aperture_desc()),
+                                    clspeckle::Sensor(context, sensor_desc()));
     auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
     auto geometry = clspeckle::make<ClspGeometry>();
     geometry.depth = depth.view; // and no focal length

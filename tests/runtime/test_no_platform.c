@@ -1,5 +1,5 @@
-/* Run with OCL_ICD_VENDORS pointing to an empty folder: no OpenCL platform is installed. Nothing crashes, the list is empty,
- * and the error says how to get a device. */
+/* Run with OCL_ICD_VENDORS pointing to an empty folder: no OpenCL platform is installed. Nothing crashes, the list is
+ * empty, and the error says how to get a device. */
 #include <clspeckle/clspeckle.h>
 
 #include <stdio.h>

@@ -136,7 +136,8 @@ TEST(Devices, ExplanationNamesTheChoiceAndTheReason) {
 
 TEST(Devices, Selectors) {
     const auto devices = clspeckle::devices();
-    const auto usable = std::find_if(devices.begin(), devices.end(), [](const ClspDeviceInfo &d) { return d.usable == 1; });
+    const auto usable =
+        std::find_if(devices.begin(), devices.end(), [](const ClspDeviceInfo &d) { return d.usable == 1; });
     ASSERT_NE(devices.end(), usable);
     const auto device_of = [](const char *selector) {
         auto desc = clspeckle::make<ClspContextDesc>();
@@ -147,14 +148,16 @@ TEST(Devices, Selectors) {
     EXPECT_EQ(usable->device_id, device_of(usable->selector));
     const std::string name = usable->name;
     std::string shouted = test::lower(name.substr(0, 6));
-    std::transform(shouted.begin(), shouted.end(), shouted.begin(), [](char c) { return static_cast<char>(std::toupper(c)); });
+    std::transform(shouted.begin(), shouted.end(), shouted.begin(),
+                   [](char c) { return static_cast<char>(std::toupper(c)); });
     EXPECT_EQ(usable->device_id, device_of(shouted.c_str())) << "a part of the name, in any case";
     EXPECT_EQ(usable->device_id, device_of(test::lower(usable->platform_name).c_str()));
     for (const auto &[selector, type] : {std::pair{"cpu", CL_DEVICE_TYPE_CPU}, std::pair{"gpu", CL_DEVICE_TYPE_GPU},
                                          std::pair{"accelerator", CL_DEVICE_TYPE_ACCELERATOR}}) {
-        const auto first = std::find_if(devices.begin(), devices.end(), [type = static_cast<std::uint64_t>(type)](const auto &d) {
-            return d.usable == 1 && (d.type & type) != 0;
-        });
+        const auto first =
+            std::find_if(devices.begin(), devices.end(), [type = static_cast<std::uint64_t>(type)](const auto &d) {
+                return d.usable == 1 && (d.type & type) != 0;
+            });
         auto desc = clspeckle::make<ClspContextDesc>();
         desc.device = selector;
         ClspContext context = nullptr;
@@ -330,7 +333,8 @@ class Programs : public DeviceTest {
         std::ofstream(path, std::ios::binary | std::ios::trunc) << content;
     }
     // A kernel of the source tree with one text replaced, in a folder of its own.
-    static void edit_kernel(const fs::path &to, const std::string &name, const std::string &from, const std::string &by) {
+    static void edit_kernel(const fs::path &to, const std::string &name, const std::string &from,
+                            const std::string &by) {
         std::string source = read(fs::path(CLSP_KERNEL_SOURCE_DIR) / name);
         const std::size_t at = source.find(from);
         ASSERT_NE(std::string::npos, at) << name << " has no " << from;
@@ -389,7 +393,8 @@ TEST_F(Programs, CorruptedCacheFilesAreIgnoredAndReplaced) {
     ruin("one byte short", [](const std::string &s) { return s.substr(0, s.size() - 1); });
     ruin("one byte longer", [](const std::string &s) { return s + 'x'; });
     ruin("one bit flipped at the end", [](std::string s) { return s.back() = static_cast<char>(s.back() ^ 1), s; });
-    ruin("one bit flipped in the middle", [](std::string s) { return s[s.size() / 2] = static_cast<char>(s[s.size() / 2] ^ 8), s; });
+    ruin("one bit flipped in the middle",
+         [](std::string s) { return s[s.size() / 2] = static_cast<char>(s[s.size() / 2] ^ 8), s; });
     ruin("one bit flipped at the start", [](std::string s) { return s[0] = static_cast<char>(s[0] ^ 1), s; });
     // A folder where the file should be.
     fs::remove(files[0]);
@@ -436,7 +441,8 @@ TEST_F(Programs, EditedKernelTakesEffectAndHasItsOwnCacheKey) {
 }
 
 TEST_F(Programs, BrokenKernelGivesTheBuildLog) {
-    edit_kernel(folder.path(), "philox.cl", "__kernel", "__kernel void broken() { this_is_not_declared = 1; }\n__kernel");
+    edit_kernel(folder.path(), "philox.cl", "__kernel",
+                "__kernel void broken() { this_is_not_declared = 1; }\n__kernel");
     auto desc = clspeckle::make<ClspContextDesc>();
     desc.kernel_dir = folder.path().c_str();
     const clspeckle::Context own(desc);
@@ -580,7 +586,8 @@ TEST_F(Buffers, ImagesAreRefused) {
     desc.image_width = desc.image_height = 16;
     cl_int code = CL_SUCCESS;
     const auto picture = clspeckle::Buffer::adopt(
-        clCreateImage(context.info().cl_context_handle, CL_MEM_READ_WRITE, &format, &desc, nullptr, &code), 16 * 16 * 4);
+        clCreateImage(context.info().cl_context_handle, CL_MEM_READ_WRITE, &format, &desc, nullptr, &code),
+        16 * 16 * 4);
     ASSERT_EQ(CL_SUCCESS, code);
     const ClspImage view = picture.image(16, 16, CLSP_FORMAT_FLOAT32);
     const auto philox = clspeckle::make<ClspPhiloxDesc>();

@@ -229,12 +229,14 @@ TEST_F(Sensor, CreateRefusesBadArguments) {
     fails("quantize", [](ClspSensorDesc &d) { d.quantize = 2; });
     fails("reserved", [](ClspSensorDesc &d) { d.reserved = 1; });
     std::vector<float> dark(width * height, 0.0f);
-    fails("dark_frame_pitch_bytes", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = 4; });
-    fails("dark_frame_pitch_bytes",
+    fails("pitch of dark_frame_dn|dark_frame_pitch_bytes",
+          [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = 4; });
+    fails("pitch of dark_frame_dn|dark_frame_pitch_bytes",
           [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = width * 4 + 2; });
     for (float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         dark[width + 2] = bad;
-        fails("dark_frame_dn", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(); }, CLSP_ERROR_INVALID_DATA);
+        fails(
+            "dark_frame_dn", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(); }, CLSP_ERROR_INVALID_DATA);
     }
 }
 
@@ -254,8 +256,9 @@ TEST_F(Sensor, ExposeRefusesBadArguments) {
                       clspSensorEnqueueExpose(sensor, queue, nullptr, 0, &out.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "output",
                       clspSensorEnqueueExpose(sensor, queue, &in.view, 0, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
-                      clspSensorEnqueueExpose(sensor, queue, &in.view, std::uint64_t{1} << 48, &out.view, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(
+        CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
+        clspSensorEnqueueExpose(sensor, queue, &in.view, std::uint64_t{1} << 48, &out.view, 0, nullptr, nullptr));
     test::check_image_rules("clspSensorEnqueueExpose", context, in.view, "intensity", CLSP_FORMAT_UINT16, as_input);
     test::check_image_rules("clspSensorEnqueueExpose", context, out.view, "output", CLSP_FORMAT_UINT32, as_output);
     test::check_image_size_must_match("clspSensorEnqueueExpose", context, in.view, "intensity", as_input);
@@ -269,7 +272,8 @@ TEST_F(Sensor, ExposeRefusesBadArguments) {
                       clspSensorEnqueueExpose(sensor, queue, &in.view, 0, &inside, 0, nullptr, nullptr));
     test::check_enqueue_rules("clspSensorEnqueueExpose", context,
                               [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspSensorEnqueueExpose(sensor, q, &in.view, 0, &out.view, count, events, event);
+                                  return clspSensorEnqueueExpose(sensor, q, &in.view, 0, &out.view, count, events,
+                                                                 event);
                               });
 }
 

@@ -221,15 +221,18 @@ TEST_F(Statistics, RefuseBadArguments) {
                       clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, 1, 0xffffffffu, counts.data()));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "low",
                       clspStatisticsHistogram(context, queue, &image.view, nullptr, 1, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "low",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, test::nan_value, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "high",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, test::infinity, 4, counts.data()));
+    EXPECT_CLSP_FAILS(
+        CLSP_ERROR_INVALID_ARGUMENT, "low",
+        clspStatisticsHistogram(context, queue, &image.view, nullptr, test::nan_value, 1, 4, counts.data()));
+    EXPECT_CLSP_FAILS(
+        CLSP_ERROR_INVALID_ARGUMENT, "high",
+        clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, test::infinity, 4, counts.data()));
 
     const auto autocovariance = [&](const ClspImage *view) {
         return clspStatisticsAutocovariance(context, queue, view, 1, covariance.data());
     };
-    test::check_image_rules("clspStatisticsAutocovariance", context, image.view, "image", CLSP_FORMAT_UINT32, autocovariance);
+    test::check_image_rules("clspStatisticsAutocovariance", context, image.view, "image", CLSP_FORMAT_UINT32,
+                            autocovariance);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
                       clspStatisticsAutocovariance(nullptr, queue, &image.view, 1, covariance.data()));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue",

@@ -247,10 +247,12 @@ class NpyReader final : public Reader {
         info_.height = static_cast<std::uint32_t>(height);
     }
 
-    float convert(unsigned char *bytes) const {
+    float convert(const unsigned char *bytes) const {
+        unsigned char sample[8];
+        std::memcpy(sample, bytes, type_->size_bytes);
         if (swap_)
-            std::reverse(bytes, bytes + type_->size_bytes);
-        return type_->convert(bytes);
+            std::reverse(sample, sample + type_->size_bytes);
+        return type_->convert(sample);
     }
 
     void read_c(std::uint64_t frame, const RowSink &sink) {
@@ -272,15 +274,17 @@ class NpyReader final : public Reader {
         const std::size_t height = info_.height;
         const std::size_t width = info_.width;
         const std::size_t channels = info_.channels;
-        std::vector<unsigned char> bytes(frames * height * width * channels * type_->size_bytes);
-        file_.seek(data_offset_);
-        file_.read(bytes.data(), bytes.size());
+        if (whole_.empty()) {
+            whole_.resize(frames * height * width * channels * type_->size_bytes);
+            file_.seek(data_offset_);
+            file_.read(whole_.data(), whole_.size());
+        }
         std::vector<float> row(width * channels);
         for (std::size_t y = 0; y < height; ++y) {
             for (std::size_t x = 0; x < width; ++x)
                 for (std::size_t c = 0; c < channels; ++c)
                     row[x * channels + c] =
-                        convert(bytes.data() + (frame + frames * (y + height * (x + width * c))) * type_->size_bytes);
+                        convert(whole_.data() + (frame + frames * (y + height * (x + width * c))) * type_->size_bytes);
             sink(row.data());
         }
     }
@@ -290,6 +294,7 @@ class NpyReader final : public Reader {
     bool fortran_order_ = false;
     const SampleType *type_ = nullptr;
     bool swap_ = false;
+    std::vector<unsigned char> whole_; // of a Fortran-ordered file, once it has been read
 };
 
 std::string npy_header(const char *descr, const std::vector<std::uint64_t> &shape) {
