@@ -16,6 +16,6 @@ rm -rf "$results"
 mkdir -p "$results"
 export CLSP_TEST_RESULTS="$results"
 status=0
-ctest --test-dir build --output-on-failure --no-tests=error --label-exclude nightly --output-junit "$results/ctest.xml" "$@" || status=$?
+ctest --test-dir build --parallel 2 --output-on-failure --no-tests=error --label-exclude nightly --output-junit "$results/ctest.xml" "$@" || status=$?
 .venv/bin/python scripts/check_skips.py "$results" tests/allowed_skips.txt || status=1
 exit "$status"

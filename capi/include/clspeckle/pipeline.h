@@ -15,7 +15,8 @@
 extern "C" {
 #endif
 
-/** Which stages a pipeline runs; it retains them. All must come from the same context and have the same image size. */
+/** Which stages a pipeline runs; it retains them. All must come from the same context and have the same image size. Stages may be shared
+ *  by several pipelines, which then count as one handle for the thread rule, and whose frames must run one after the other. */
 typedef struct ClspPipelineDesc {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t reserved;      /**< 0. */
