@@ -15,26 +15,6 @@
 #include <unordered_map>
 #include <utility>
 
-// The public handle types are pointers to these; only their addresses matter.
-struct ClspContext_ {
-    char unused;
-};
-struct ClspPattern_ {
-    char unused;
-};
-struct ClspPhase_ {
-    char unused;
-};
-struct ClspAperture_ {
-    char unused;
-};
-struct ClspSensor_ {
-    char unused;
-};
-struct ClspPipeline_ {
-    char unused;
-};
-
 namespace clsp::capi {
 
 // The engine's class behind each handle type, and what messages call it.
@@ -78,8 +58,9 @@ template <typename Handle> class HandleTable {
     Handle add(std::shared_ptr<Object> object) {
         auto entry = std::make_unique<Entry>();
         entry->object = std::move(object);
-        const Handle handle = &entry->key;
         const std::unique_lock<std::shared_mutex> lock(mutex_);
+        // A number that is never given twice, so that a released handle is never mistaken for a later one.
+        const Handle handle = reinterpret_cast<Handle>(++last_serial_ * kHandleStep);
         entries_.emplace(handle, std::move(entry));
         return handle;
     }
@@ -110,10 +91,10 @@ template <typename Handle> class HandleTable {
 
   private:
     struct Entry {
-        std::remove_pointer_t<Handle> key;
         std::uint32_t references = 1;
         std::shared_ptr<Object> object;
     };
+    static constexpr std::uintptr_t kHandleStep = 16;
 
     Entry &find(Handle handle) const {
         const auto found = entries_.find(handle);
@@ -126,6 +107,7 @@ template <typename Handle> class HandleTable {
     }
 
     mutable std::shared_mutex mutex_;
+    std::uintptr_t last_serial_ = 0;
     std::unordered_map<Handle, std::unique_ptr<Entry>> entries_;
 };
 

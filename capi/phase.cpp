@@ -69,7 +69,7 @@ CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue qu
                                             const cl_event *event_wait_list, cl_event *event) {
     return guarded("clspPhaseEnqueueRefresh", [&] {
         const auto p = object(phase);
-        const ImageView view = mask ? p->check_mask(description(*mask), "mask") : ImageView{};
+        const ImageView view = mask && mask->mem ? p->check_mask(description(*mask), "mask") : ImageView{};
         enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { p->enqueue_refresh(chain, frame_index, view); });
     });

@@ -23,6 +23,10 @@ inline void check_struct_size(std::uint32_t size, std::uint32_t first, const cha
             fmt::format(
                 "{}->struct_size is {}, expected at least {}; set it by the struct's Init function or to sizeof", name,
                 size, first));
+    constexpr std::uint32_t kLargest = 1u << 16;
+    if (size > kLargest)
+        throw Error(Status::kInvalidStructSize,
+                    fmt::format("{}->struct_size is {}, which no version of it has", name, size));
 }
 
 // What the caller's struct says, over the defaults for what it is too old to say.
@@ -31,10 +35,6 @@ template <typename T> T read_struct(const T *user, const T &defaults, const char
         throw Error(Status::kInvalidArgument, fmt::format("{} is NULL", name));
     const std::uint32_t size = user->struct_size;
     check_struct_size(size, kFirstSize<T>, name);
-    constexpr std::uint32_t kLargest = 1u << 16;
-    if (size > kLargest)
-        throw Error(Status::kInvalidStructSize,
-                    fmt::format("{}->struct_size is {}, which no version of it has", name, size));
     const auto *bytes = reinterpret_cast<const unsigned char *>(user);
     for (std::uint32_t i = sizeof(T); i < size; ++i)
         if (bytes[i] != 0)

@@ -34,7 +34,8 @@ typedef float output_t;
 static inline void expose(float intensity, float noise, ulong i, __global const float *offset, __global const uchar *response,
                           float gain, float saturation, float black_level, float top_code, float output_scale,
                           __global output_t *output) {
-    float value = fmin(gain * intensity, saturation);
+    // fmax first: it drops NaN.
+    float value = fmin(fmax(gain * intensity, 0.0f), saturation);
 #if DEFECTS
     value = response[i] == 0 ? 0.0f : value;
 #endif
@@ -46,7 +47,6 @@ static inline void expose(float intensity, float noise, ulong i, __global const 
 #if QUANTIZE
     value = rint(value);
 #endif
-    // fmax drops NaN: what reaches the converter is a number.
     value = fmin(fmax(value, 0.0f), top_code);
 #if OUTPUT_FORMAT == FORMAT_FLOAT32
     *output = value * output_scale;

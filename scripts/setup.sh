@@ -28,7 +28,8 @@ if [ "${#missing[@]}" -gt 0 ]; then
     $sudo apt-get -q install -y --no-install-recommends "${missing[@]}"
 fi
 
-[ -x .venv/bin/python ] || python3 -m venv .venv
+# A virtual environment whose making was interrupted has no pip.
+.venv/bin/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv; python3 -m venv .venv; }
 .venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()

@@ -49,6 +49,8 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
                                 static_cast<std::uint32_t>(frame.refresh)));
     const ImageView output = stages_.sensor ? stages_.sensor->check_output(frame.output)
                                             : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
+    check_writable(output, "output");
+    stages_.aperture->refuse_workspace(output, "output");
     ImageView mask;
     if (frame.refresh_mask) {
         mask = stages_.phase->check_mask(frame.refresh_mask, "refresh_mask");
@@ -82,6 +84,7 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
                         "pipeline with a pattern");
         irradiance = check_image(frame.irradiance, "irradiance", cl_context, size, {Format::kFloat32});
         refuse_overlap(output, "output", irradiance, "irradiance");
+        stages_.aperture->refuse_workspace(irradiance, "irradiance");
     }
 
     next_profile_.entries.clear();
@@ -114,11 +117,19 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
     CommandChain save(queue, 0, nullptr);
     phase.enqueue_save(save, saved.get()(), 0);
     check_opencl(clFinish(queue), "clFinish");
-    enqueue_frame(queue, frame, 0, nullptr, nullptr);
-    check_opencl(clFinish(queue), "clFinish");
-    CommandChain restore(queue, 0, nullptr);
-    phase.enqueue_restore(restore, saved.get()(), 0);
-    check_opencl(clFinish(queue), "clFinish");
+    const auto restore = [&] {
+        CommandChain chain(queue, 0, nullptr);
+        phase.enqueue_restore(chain, saved.get()(), 0);
+        check_opencl(clFinish(queue), "clFinish");
+    };
+    try {
+        enqueue_frame(queue, frame, 0, nullptr, nullptr);
+        check_opencl(clFinish(queue), "clFinish");
+    } catch (...) {
+        restore();
+        throw;
+    }
+    restore();
 }
 
 void Pipeline::check(cl_command_queue queue) {

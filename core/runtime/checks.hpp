@@ -37,20 +37,22 @@ struct HostImage {
     const float *pixels;
     std::uint32_t width, height;
     std::uint64_t pitch_bytes; // 0: tightly packed
+    const char *name;          // what messages call the pixels
+    const char *pitch_name;    // what messages call the pitch
 };
 
 // A tightly packed copy. Throws unless every pixel is `good`; `rule` says what that means.
-template <typename Good>
-std::vector<float> copy_host_image(const HostImage &image, const char *name, Good good, const char *rule) {
+template <typename Good> std::vector<float> copy_host_image(const HostImage &image, Good good, const char *rule) {
     if (!image.pixels)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("{} is NULL; it must point to {} rows of {} floats", name, image.height, image.width));
+        throw Error(Status::kInvalidArgument, fmt::format("{} is NULL; it must point to {} rows of {} floats",
+                                                          image.name, image.height, image.width));
     const std::uint64_t row_bytes = std::uint64_t{image.width} * sizeof(float);
     const std::uint64_t pitch = image.pitch_bytes ? image.pitch_bytes : row_bytes;
-    if (pitch < row_bytes || pitch % sizeof(float) != 0)
+    constexpr std::uint64_t kLargestPitch = std::uint64_t{1} << 32; // far above any row, far below an overflow
+    if (pitch < row_bytes || pitch % sizeof(float) != 0 || pitch > kLargestPitch)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("the pitch of {} is {} bytes, it must be a multiple of {} and at least {} (a row)",
-                                name, pitch, sizeof(float), row_bytes));
+                    fmt::format("{} is {}, it must be a multiple of {}, at least {} (a row) and at most {}",
+                                image.pitch_name, pitch, sizeof(float), row_bytes, kLargestPitch));
     std::vector<float> copy;
     copy.reserve(std::size_t{image.width} * image.height);
     for (std::uint32_t y = 0; y < image.height; ++y) {
@@ -58,7 +60,7 @@ std::vector<float> copy_host_image(const HostImage &image, const char *name, Goo
         for (std::uint32_t x = 0; x < image.width; ++x) {
             if (!good(row[x]))
                 throw Error(Status::kInvalidData,
-                            fmt::format("{}[{}][{}] (row, column) is {}; {}", name, y, x, row[x], rule));
+                            fmt::format("{}[{}][{}] (row, column) is {}; {}", image.name, y, x, row[x], rule));
             copy.push_back(row[x]);
         }
     }

@@ -153,12 +153,34 @@ ImageView check_image(const ImageDescription &image, const char *name, ::cl_cont
 }
 
 bool overlap(const ImageView &a, const ImageView &b) {
-    return a && b && a.parent == b.parent && a.first_byte < b.end_byte && b.first_byte < a.end_byte;
+    if (!a || !b || a.parent != b.parent || a.first_byte >= b.end_byte || b.first_byte >= a.end_byte)
+        return false;
+    // Images side by side in one atlas: their rows interleave without sharing a byte.
+    const auto row_bytes = [](const ImageView &v) {
+        return std::uint64_t{v.width} * component_count(v.format) * component_bytes(v.format);
+    };
+    const auto pitch_bytes = [](const ImageView &v) { return std::uint64_t{v.pitch} * component_bytes(v.format); };
+    const std::uint64_t pitch = pitch_bytes(a);
+    if (pitch != pitch_bytes(b))
+        return true;
+    const std::uint64_t column_a = a.first_byte % pitch, column_b = b.first_byte % pitch;
+    const std::uint64_t end_a = column_a + row_bytes(a), end_b = column_b + row_bytes(b);
+    return end_a > pitch || end_b > pitch || (column_a < end_b && column_b < end_a);
 }
 
 bool same_pixels(const ImageView &a, const ImageView &b) {
     return a.parent == b.parent && a.first_byte == b.first_byte && a.pitch == b.pitch && a.width == b.width &&
            a.height == b.height && a.format == b.format;
+}
+
+void check_writable(const ImageView &view, const char *name) {
+    cl_mem_flags flags = 0;
+    check_opencl(clGetMemObjectInfo(view.mem, CL_MEM_FLAGS, sizeof flags, &flags, nullptr), "clGetMemObjectInfo");
+    if (flags & CL_MEM_READ_ONLY)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("{} is written, but its buffer was made with CL_MEM_READ_ONLY; make it with CL_MEM_READ_WRITE",
+                        name));
 }
 
 void refuse_overlap(const ImageView &output, const char *output_name, const ImageView &input, const char *input_name) {

@@ -66,6 +66,8 @@ ImageView check_image(const ImageDescription &image, const char *name, ::cl_cont
 bool overlap(const ImageView &a, const ImageView &b);
 // True if two views are the same pixels laid out the same way.
 bool same_pixels(const ImageView &a, const ImageView &b);
+// Throws kInvalidArgument if the kernel may not write to the image's buffer.
+void check_writable(const ImageView &view, const char *name);
 // Throws kOverlap if they overlap.
 void refuse_overlap(const ImageView &output, const char *output_name, const ImageView &input, const char *input_name);
 

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// FNV-1a, 64 bit. A cache key, not a safeguard: the stored key text is compared as a whole before a file is used.
+// FNV-1a, 64 bit: a cache key. Device and options are also stored in full and compared before a file is used.
 std::uint64_t fnv1a(const std::string &text, std::uint64_t hash = 0xcbf29ce484222325u) {
     for (const unsigned char c : text)
         hash = (hash ^ c) * 0x100000001b3u;
@@ -65,7 +65,8 @@ std::string ProgramCache::source(const std::string &file) const {
         if (fs::exists(path, ignored)) {
             std::string content;
             if (!read_file(path, content))
-                throw Error(Status::kIo, fmt::format("cannot read {}; kernel_dir must hold readable files", path.string()));
+                throw Error(Status::kIo,
+                            fmt::format("cannot read {}; kernel_dir must hold readable files", path.string()));
             return content;
         }
     }

@@ -21,8 +21,9 @@ std::uint64_t aligned(std::uint64_t bytes) {
 double diameter_of(const ApertureParameters &p) {
     if (p.relative_diameter != 0.0)
         return check_positive(p.relative_diameter, "relative_diameter");
-    return check_positive(p.pixel_pitch_m, "pixel_pitch_m") /
-           (check_positive(p.wavelength_m, "wavelength_m") * check_positive(p.f_number, "f_number"));
+    return check_positive(check_positive(p.pixel_pitch_m, "pixel_pitch_m") /
+                              (check_positive(p.wavelength_m, "wavelength_m") * check_positive(p.f_number, "f_number")),
+                          "relative_diameter = pixel_pitch_m / (wavelength_m * f_number)");
 }
 
 } // namespace
@@ -33,7 +34,7 @@ Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p
     check_fraction(p.degree_of_polarization, "degree_of_polarization");
     if (relative_diameter_ > grid_.oversampling)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("the relative diameter D is {:.4g} cycles per pixel, but a grid with oversampling {} "
+                    fmt::format("the relative diameter D is {} cycles per pixel, but a grid with oversampling {} "
                                 "carries at most {}; set "
                                 "oversampling to {} or more (at most {}), or use a larger f_number",
                                 relative_diameter_, grid_.oversampling, grid_.oversampling,
@@ -72,9 +73,18 @@ void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
         check_opencl(code, "clCreateSubBuffer");
         return cl::Buffer(part);
     };
-    field_ = slice(0, scratch_offset_);
-    scratch_ = slice(scratch_offset_, partial_offset_);
-    partial_ = slice(partial_offset_, workspace_bytes_);
+    cl::Buffer field = slice(0, scratch_offset_), scratch = slice(scratch_offset_, partial_offset_),
+               partial = slice(partial_offset_, workspace_bytes_);
+    // All or nothing.
+    field_ = field;
+    scratch_ = scratch;
+    partial_ = partial;
+    workspace_ = {};
+    workspace_.mem = workspace_.parent = memory();
+    workspace_.first_byte = offset;
+    workspace_.end_byte = offset + workspace_bytes_;
+    workspace_.pitch = 1; // a run of bytes
+    workspace_.format = Format::kUint8;
 }
 
 void Aperture::set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes) {
@@ -95,6 +105,9 @@ void Aperture::set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64
     if (parent)
         throw Error(Status::kInvalidArgument,
                     "mem is a sub-buffer, which cannot be divided again; give its parent and an offset");
+    ImageView whole;
+    whole.mem = mem;
+    check_writable(whole, "mem");
     slice_workspace(cl::Buffer(mem, true), offset_bytes);
 }
 
@@ -146,6 +159,9 @@ void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageV
                                  const ImageView &intensity) {
     check_phase(phase);
     check_workspace();
+    check_writable(intensity, "intensity");
+    refuse_workspace(irradiance, "irradiance");
+    refuse_workspace(intensity, "intensity");
     if (overlap(irradiance, intensity) && !same_pixels(irradiance, intensity))
         throw Error(
             Status::kOverlap,

@@ -43,6 +43,10 @@ class Aperture {
     void check_phase(const Phase &phase) const;
     // Throws unless there is work memory.
     void check_workspace() const;
+    // Throws if an image lies in the work memory.
+    void refuse_workspace(const ImageView &image, const char *name) const {
+        refuse_overlap(image, name, workspace_, "the work memory");
+    }
     // irradiance and intensity may be the same pixels.
     void enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance, const ImageView &intensity);
 
@@ -62,6 +66,7 @@ class Aperture {
     std::uint64_t field_bytes_ = 0, scratch_offset_ = 0, partial_offset_ = 0, workspace_bytes_ = 0;
     DeviceBuffer own_workspace_;
     cl::Buffer field_, scratch_, partial_; // slices of the work memory
+    ImageView workspace_;                  // all of it, for overlap checks
     cl::Kernel apply_pupil_, write_intensity_, add_intensity_;
 };
 

@@ -30,12 +30,13 @@ FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32
     FieldGrid grid{width, height, oversampling, guard_px, 0, 0};
     grid.grid_width = fft_size_at_least(oversampling * (width + guard_px));
     grid.grid_height = fft_size_at_least(oversampling * (height + guard_px));
-    if (grid.grid_width > kMaxImageSide || grid.grid_height > kMaxImageSide)
-        throw Error(Status::kUnsupported, fmt::format("the field grid would be {} x {} samples ({} x {} pixels, "
-                                                      "oversampling {}, guard {}); each side may have "
-                                                      "at most {}",
-                                                      grid.grid_width, grid.grid_height, width, height, oversampling,
-                                                      guard_px, kMaxImageSide));
+    if (grid.grid_width > kMaxImageSide || grid.grid_height > kMaxImageSide || grid.samples() > kMaxGridSamples)
+        throw Error(Status::kUnsupported,
+                    fmt::format("the field grid would be {} x {} samples ({} x {} pixels, oversampling {}, guard {}); "
+                                "each side may have at most "
+                                "{}, and the grid {} in all; use a smaller image or less oversampling",
+                                grid.grid_width, grid.grid_height, width, height, oversampling, guard_px, kMaxImageSide,
+                                kMaxGridSamples));
     return grid;
 }
 

@@ -26,5 +26,7 @@ FieldGrid make_field_grid(std::uint32_t width, std::uint32_t height, std::uint32
 std::uint32_t fft_size_at_least(std::uint32_t least);
 
 constexpr std::uint32_t kMaxOversampling = 8;
+// 8192 x 8192. clFFT goes astray somewhere above (at 16384 x 16384 it crashes on PoCL).
+constexpr std::uint64_t kMaxGridSamples = std::uint64_t{1} << 26;
 
 } // namespace clsp

@@ -35,8 +35,9 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
                 static_cast<float>(p.power_scale), 0.0f}};
     set_pose(p.laser_from_geometry);
     const auto good = [](float value) { return value >= 0.0f && std::isfinite(value); };
-    const std::vector<float> texels = copy_host_image({p.texels, p.width, p.height, p.texels_pitch_bytes}, "texels",
-                                                      good, "pattern values must be finite and not negative");
+    const std::vector<float> texels =
+        copy_host_image({p.texels, p.width, p.height, p.texels_pitch_bytes, "texels", "texels_pitch_bytes"}, good,
+                        "pattern values must be finite and not negative");
     texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());
 }
 
@@ -87,6 +88,7 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
 void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const ImageView &irradiance) {
     const ::cl_context cl_context = context_->cl_context()();
     const ImageSize size{irradiance.width, irradiance.height};
+    check_writable(irradiance, "irradiance");
     if (static_cast<bool>(g.position) == static_cast<bool>(g.depth))
         throw Error(Status::kInvalidArgument, g.position
                                                   ? "geometry has both position and depth; give one of them"

@@ -25,7 +25,7 @@ class PupilImage {
     explicit PupilImage(const PupilParameters &p) : width_(p.image_width), height_(p.image_height) {
         check_image_size(width_, height_, "pupil_image");
         pixels_ = copy_host_image(
-            {p.image, width_, height_, p.image_pitch_bytes}, "pupil_image",
+            {p.image, width_, height_, p.image_pitch_bytes, "pupil_image", "pupil_pitch_bytes"},
             [](float t) { return t >= 0.0f && t <= 1.0f; }, "transmissions must be 0 to 1");
     }
     double operator()(double u, double v) const {
@@ -68,6 +68,9 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     Pupil pupil;
     pupil.transmission.assign(grid.samples(), 0.0f);
     std::function<double(double, double)> shape;
+    if (p.shape == PupilShape::kCircle && p.image)
+        throw Error(Status::kInvalidArgument,
+                    "pupil_image was given, but pupil is CLSP_PUPIL_CIRCLE; set it to CLSP_PUPIL_IMAGE");
     if (p.shape == PupilShape::kImage) {
         shape = PupilImage(p);
     }
@@ -94,15 +97,16 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
             pupil.transmission[std::size_t{y} * width + x] = static_cast<float>(t);
         }
     }
-    pupil.mean_transmission = sum / double(grid.samples());
+    // z has unit variance on each sample, so its power per cycle falls with the number of samples per pixel; the
+    // aperture's light must not: amplitudes grow by the oversampling.
+    const double gain = grid.oversampling;
+    pupil.mean_transmission = gain * gain * sum / double(grid.samples());
     if (!(sum > 0.0))
         throw Error(Status::kInvalidArgument,
                     "the pupil passes nothing: its image is 0 everywhere that the grid samples it");
-    if (p.normalization == Normalization::kUnitMean) {
-        const auto scale = static_cast<float>(1.0 / std::sqrt(pupil.mean_transmission));
-        for (float &t : pupil.transmission)
-            t *= scale;
-    }
+    const double scale = p.normalization == Normalization::kUnitMean ? gain / std::sqrt(pupil.mean_transmission) : gain;
+    for (float &t : pupil.transmission)
+        t = static_cast<float>(t * scale);
     return pupil;
 }
 

@@ -23,7 +23,7 @@ struct PupilParameters {
 struct Pupil {
     std::vector<float> transmission; // grid_height x grid_width, FFT order, normalized as asked
     std::uint32_t samples = 0;       // frequencies that pass
-    double mean_transmission = 0.0;  // mean of |P|^2 before normalization
+    double mean_transmission = 0.0;  // mean of |P|^2 with Normalization::kTransmission
 };
 
 // diameter in cycles per pixel. Throws if nothing passes.

@@ -41,7 +41,7 @@ void Sensor::make_fixed_pattern() {
     std::vector<float> dark(std::size_t{p.width} * p.height, 0.0f);
     if (p.dark_frame_dn)
         dark = copy_host_image(
-            {p.dark_frame_dn, p.width, p.height, p.dark_frame_pitch_bytes}, "dark_frame_dn",
+            {p.dark_frame_dn, p.width, p.height, p.dark_frame_pitch_bytes, "dark_frame_dn", "dark_frame_pitch_bytes"},
             [](float value) { return std::isfinite(value); }, "it must be finite");
     offset_ = DeviceBuffer(context_, dark.size() * sizeof(float), dark.data());
     if (!has_defects_)
@@ -70,7 +70,18 @@ void Sensor::set_exposure_gain(double exposure_gain_dn) {
     parameters_.exposure_gain_dn = exposure_gain_dn;
 }
 
-ImageView Sensor::check_output(const ImageDescription &output) const {
+cl::Kernel &Sensor::kernel_for(Format output) {
+    const auto found = kernels_.find(output);
+    if (found != kernels_.end())
+        return found->second;
+    const bool quantize = parameters_.quantize || output != Format::kFloat32;
+    const std::string options = fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}",
+                                            static_cast<std::uint32_t>(output), parameters_.read_noise_dn > 0.0 ? 1 : 0,
+                                            has_defects_ ? 1 : 0, has_offset_ ? 1 : 0, quantize ? 1 : 0);
+    return kernels_.emplace(output, context_->kernel("sensor.cl", "sensor_expose", options)).first->second;
+}
+
+ImageView Sensor::check_output(const ImageDescription &output) {
     const ImageView view =
         check_image(output, "output", context_->cl_context()(), {parameters_.width, parameters_.height},
                     {Format::kUint16, Format::kUint8, Format::kFloat32});
@@ -79,6 +90,8 @@ ImageView Sensor::check_output(const ImageDescription &output) const {
             Status::kInvalidFormat,
             fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16",
                         parameters_.bits));
+    check_writable(view, "output");
+    kernel_for(view.format); // built now if it must be, not after the first commands of a frame
     return view;
 }
 
@@ -89,18 +102,10 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         throw Error(Status::kOverlap,
                     "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
     const SensorParameters &p = parameters_;
-    auto found = kernels_.find(output.format);
-    if (found == kernels_.end()) {
-        const bool quantize = p.quantize || output.format != Format::kFloat32;
-        const std::string options =
-            fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}",
-                        static_cast<std::uint32_t>(output.format), p.read_noise_dn > 0.0 ? 1 : 0, has_defects_ ? 1 : 0,
-                        has_offset_ ? 1 : 0, quantize ? 1 : 0);
-        found = kernels_.emplace(output.format, context_->kernel("sensor.cl", "sensor_expose", options)).first;
-    }
+    cl::Kernel &kernel = kernel_for(output.format);
     const double top_code = double((1u << p.bits) - 1u);
     const std::uint32_t quarter = quarter_rows(p.height);
-    KernelArguments(found->second)
+    KernelArguments(kernel)
         .add(intensity)
         .add(offset_.get())
         .add(response_.get())
@@ -117,7 +122,7 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         .add(static_cast<cl_float>(top_code))
         .add(static_cast<cl_float>(p.float_full_scale / top_code))
         .add(output);
-    chain.run("sensor", found->second, p.width, quarter);
+    chain.run("sensor", kernel, p.width, quarter);
 }
 
 } // namespace clsp

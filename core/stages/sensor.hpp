@@ -35,13 +35,14 @@ class Sensor {
     std::uint32_t width() const { return parameters_.width; }
     std::uint32_t height() const { return parameters_.height; }
     void set_exposure_gain(double exposure_gain_dn);
-    // Checks an output image against this sensor.
-    ImageView check_output(const ImageDescription &output) const;
+    // Checks an output image against this sensor, and makes ready for its format.
+    ImageView check_output(const ImageDescription &output);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
 
   private:
     void make_fixed_pattern();
+    cl::Kernel &kernel_for(Format output);
 
     std::shared_ptr<Context> context_;
     SensorParameters parameters_;

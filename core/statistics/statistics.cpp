@@ -1,5 +1,6 @@
 #include "statistics/statistics.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
@@ -92,7 +93,7 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
     // Powers of deviations in units of the range stay within float's reach whatever the image's scale.
     const double range = moments.maximum - moments.minimum;
     const auto centre = static_cast<float>(moments.mean);
-    const auto inverse_scale = static_cast<float>(range > 0.0 ? 1.0 / range : 1.0);
+    const auto inverse_scale = static_cast<float>(range > 0.0 ? std::min(1.0 / range, 1e37) : 1.0);
     cl::Kernel second = context->kernel("statistics.cl", "statistics_central_moments", inputs.options);
     KernelArguments central(second);
     add_inputs(central, inputs);
@@ -122,9 +123,10 @@ std::vector<std::uint64_t> compute_histogram(const std::shared_ptr<Context> &con
                                              const ImageDescription &image, const ImageDescription &mask, double low,
                                              double high, std::uint32_t bins) {
     constexpr std::uint32_t kMaxBins = 1u << 20;
-    if (!(std::isfinite(low) && std::isfinite(high) && low < high))
+    if (!(low < high && low >= -kLargestNumber && high <= kLargestNumber))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("low is {} and high is {}; they must be finite with low < high", low, high));
+                    fmt::format("low is {} and high is {}; they must be within +-{} with low < high", low, high,
+                                kLargestNumber));
     if (bins == 0 || bins > kMaxBins)
         throw Error(Status::kInvalidArgument, fmt::format("bins is {}, it must be 1 to {}", bins, kMaxBins));
     const Inputs inputs = check_inputs(*context, queue, image, mask);

@@ -41,6 +41,7 @@ int main(void) {
     check(clspSensorDescInit(&sensor_desc, sizeof sensor_desc));
     sensor_desc.width = WIDTH;
     sensor_desc.height = HEIGHT;
+    sensor_desc.seed = 7;
 
     ClspPipelineDesc pipeline_desc;
     check(clspPipelineDescInit(&pipeline_desc, sizeof pipeline_desc));

@@ -178,6 +178,17 @@ TEST_F(Aperture, UnitMeanScalesByTheTransmission) {
         EXPECT_NEAR(a[i] / dim.info().mean_transmission, b[i], 1e-5 * (1 + b[i])) << i;
 }
 
+TEST_F(Aperture, OversamplingDoesNotChangeTheLight) {
+    for (std::uint32_t oversampling : {1u, 2u, 4u}) {
+        auto desc = valid();
+        desc.width = desc.height = 128;
+        desc.oversampling = oversampling;
+        // About pi D^2 / 4; a circle of radius 32 samples on the grid is off by less than 1 %.
+        EXPECT_NEAR(M_PI * 0.25 / 4, clspeckle::Aperture(context, desc).info().mean_transmission, 0.002)
+            << oversampling;
+    }
+}
+
 TEST_F(Aperture, BadPixelsCountAsZero) {
     const auto phase = make_phase();
     auto ideal = test::dots(width, height);
@@ -271,6 +282,17 @@ TEST_F(Aperture, WorkspaceFromTheHost) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace",
                           clspApertureSetWorkspace(clspeckle::Aperture(context, valid()), workspace, 0, bytes));
         EXPECT_CLSP_OK(clspApertureSetWorkspace(aperture, workspace, 4096, bytes));
+        const ClspImage inside = workspace.image(width, height, CLSP_FORMAT_FLOAT32, 0, 4096 + 64);
+        EXPECT_CLSP_FAILS(
+            CLSP_ERROR_OVERLAP, "work",
+            clspApertureEnqueueIntensity(aperture, queue, phase, &inside, &out.view, 0, nullptr, nullptr));
+        EXPECT_CLSP_FAILS(
+            CLSP_ERROR_OVERLAP, "work",
+            clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, &inside, 0, nullptr, nullptr));
+        const ClspImage before_it = workspace.image(8, 8, CLSP_FORMAT_FLOAT32);
+        EXPECT_CLSP_FAILS(
+            CLSP_ERROR_INVALID_ARGUMENT, "irradiance", // the size is wrong, the place is not
+            clspApertureEnqueueIntensity(aperture, queue, phase, &before_it, &out.view, 0, nullptr, nullptr));
     } // the library keeps the memory
     EXPECT_EQ(expected, intensity(aperture, phase, ideal));
 }

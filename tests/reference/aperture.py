@@ -47,8 +47,9 @@ def _cycles_per_pixel(grid: FieldGrid) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def circle_pupil(grid: FieldGrid, diameter: float, soft_rim: float = 0.0) -> NDArray[np.float64]:
-    """Circular pupil; over the part soft_rim of the radius it falls from 1 to 0 by a raised cosine."""
-    pupil = circle_support(grid, diameter).astype(np.float64)
+    """Circular pupil; over the part soft_rim of the radius it falls from 1 to 0 by a raised cosine. Times the oversampling: z
+    has unit variance on each sample, so that its power per cycle falls as 1 / oversampling^2, but the light must not."""
+    pupil = circle_support(grid, diameter) * float(grid.oversampling)
     if soft_rim > 0:
         into_rim = (radius(grid, diameter) - (1 - soft_rim)) / soft_rim
         pupil *= 0.5 * (1 + np.cos(np.pi * np.clip(into_rim, 0, 1)))
@@ -57,14 +58,14 @@ def circle_pupil(grid: FieldGrid, diameter: float, soft_rim: float = 0.0) -> NDA
 
 def image_pupil(grid: FieldGrid, diameter: float, image: NDArray) -> NDArray[np.float64]:
     """Pupil from an image of amplitude transmissions that covers the square of side D, looked up bilinearly. 0
-    outside; the square's boundary is out, as the circle's rim is."""
+    outside; the square's boundary is out, as the circle's rim is. Times the oversampling, as the circle."""
     fy, fx = _cycles_per_pixel(grid)
     image = np.asarray(image, dtype=np.float64)
     rows, columns = image.shape
     # Texel centres lie at (i + 1/2) / rows of the side.
     weight_y, inside_y = _bilinear_weights(fy / diameter, rows)
     weight_x, inside_x = _bilinear_weights(fx / diameter, columns)
-    return (weight_y @ image @ weight_x.T) * inside_y[:, None] * inside_x[None, :]
+    return grid.oversampling * (weight_y @ image @ weight_x.T) * inside_y[:, None] * inside_x[None, :]
 
 
 def _bilinear_weights(position: NDArray[np.float64], texels: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

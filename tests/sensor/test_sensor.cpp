@@ -71,6 +71,21 @@ TEST_F(Sensor, CodesFollowTheEquation) {
     }
 }
 
+TEST_F(Sensor, IntensityThatIsNoneCountsAsZero) {
+    auto intensity = ramp();
+    intensity[3] = std::numeric_limits<float>::quiet_NaN();
+    intensity[4] = -1.0f;
+    intensity[5] = -std::numeric_limits<float>::infinity();
+    intensity[6] = std::numeric_limits<float>::infinity();
+    auto desc = valid();
+    desc.saturation_dn = 300;
+    const auto codes = expose<std::uint16_t>(clspeckle::Sensor(context, desc), intensity, CLSP_FORMAT_UINT16);
+    EXPECT_EQ(64, codes[3]);
+    EXPECT_EQ(64, codes[4]);
+    EXPECT_EQ(64, codes[5]);
+    EXPECT_EQ(364, codes[6]) << "saturated";
+}
+
 TEST_F(Sensor, EveryBitDepthClipsAtItsTopCode) {
     for (std::uint32_t bits = 8; bits <= 16; ++bits) {
         auto desc = valid();

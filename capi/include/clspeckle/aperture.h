@@ -3,7 +3,7 @@
  * @brief The lens's aperture: field, FFT, pupil, inverse FFT, intensity, both polarizations.
  *
  *     U_k = sqrt(I0) z_k              on the field grid (each sample takes I0 of its pixel; padding that of the nearest edge pixel)
- *     V_k = IFFT2( FFT2(U_k) P )      P the amplitude transmission of the pupil, radius D/2 cycles per pixel
+ *     V_k = IFFT2( FFT2(U_k) P )      P the amplitude of the pupil, radius D/2 cycles per pixel (CLSP_NORMALIZATION_*)
  *     I   = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2                                         (thesis eq. 32 and 40)
  * and with oversampling the mean of I over the samples of each pixel (integration over a fully filled pixel).
  *
@@ -26,8 +26,11 @@ extern "C" {
 #define CLSP_PUPIL_CIRCLE 0u  /**< A circle of diameter D, with a soft rim if wanted. */
 #define CLSP_PUPIL_IMAGE 1u   /**< Amplitude transmissions from an image. */
 
-#define CLSP_NORMALIZATION_TRANSMISSION 0u  /**< P is the transmission, 0 to 1: a smaller aperture passes less light (~ D^2). */
-#define CLSP_NORMALIZATION_UNIT_MEAN 1u     /**< P is scaled so that the mean of |P|^2 over the grid's frequencies is 1: mean of I = mean of I0. */
+/** P is the transmission t, 0 to 1, times the oversampling: a smaller aperture passes less light (~ D^2), and the oversampling, a matter of
+ *  sampling only, changes nothing. (z has unit variance on every sample, so its power per cycle falls as 1 / oversampling^2.) */
+#define CLSP_NORMALIZATION_TRANSMISSION 0u
+/** P is scaled so that the mean of |P|^2 over the grid's frequencies is 1: mean of I = mean of I0. */
+#define CLSP_NORMALIZATION_UNIT_MEAN 1u
 
 /** How an aperture is made. Give relative_diameter, or f_number, pixel_pitch_m and wavelength_m. */
 typedef struct ClspApertureDesc {
@@ -45,7 +48,7 @@ typedef struct ClspApertureDesc {
     double wavelength_m;             /**< > 0; default 940e-9. */
     double soft_rim;                 /**< Part of the radius, 0 to 1, over which a circular pupil falls from 1 to 0 by a raised cosine; default 0. */
     double degree_of_polarization;   /**< p, 0 to 1; default 1. */
-    const float *pupil_image;        /**< Host memory, pupil_height x pupil_width amplitude transmissions in [0, 1]; copied. The image covers
+    const float *pupil_image;        /**< With CLSP_PUPIL_IMAGE: host memory, pupil_height x pupil_width amplitude transmissions in [0, 1]; copied. The image covers
                                           the square of side D around the axis, edges on its boundary: looked up bilinearly inside (the edge
                                           samples reach to the boundary), 0 on the boundary and outside. */
     uint32_t pupil_width;            /**< 1 to 16384. */
@@ -55,7 +58,7 @@ typedef struct ClspApertureDesc {
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspApertureDesc). */
 CLSP_API ClspStatus clspApertureDescInit(ClspApertureDesc *desc, uint32_t struct_size);
-/** Makes a aperture; *aperture gets one reference. Computes the pupil, bakes the FFT plan (seconds, the first time on some devices) and allocates the work memory. */
+/** Makes an aperture; *aperture gets one reference. Computes the pupil, bakes the FFT plan (seconds, the first time on some devices) and allocates the work memory. */
 CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDesc *desc, ClspAperture *aperture);
 /** Adds a reference. */
 CLSP_API ClspStatus clspApertureRetain(ClspAperture aperture);
@@ -69,7 +72,8 @@ typedef struct ClspApertureInfo {
     uint32_t grid_height;         /**< Likewise. */
     uint32_t pupil_samples;       /**< Grid frequencies with a transmission above 0. */
     double relative_diameter;     /**< D in cycles per pixel. */
-    double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image. */
+    double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies with CLSP_NORMALIZATION_TRANSMISSION: E[I] / I0 of a flat
+                                       image, about pi D^2 / 4 for a circle. */
     uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
     char fft_backend[32];         /**< "clFFT". */
 } ClspApertureInfo;
@@ -78,7 +82,8 @@ typedef struct ClspApertureInfo {
 CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo *info);
 
 /** Gives the work memory (workspace_from_host = 1): at least workspace_bytes from offset_bytes, which must be a multiple of 4096.
- *  It is retained, and its content is undefined after each frame: the host may share it between apertures that never run at once. */
+ *  It is retained, and its content is undefined after each frame: the host may share it between apertures that never run at once. No image of
+ *  a frame may overlap it. */
 CLSP_API ClspStatus clspApertureSetWorkspace(ClspAperture aperture, cl_mem mem, uint64_t offset_bytes,
                                              uint64_t size_bytes);
 

@@ -29,7 +29,7 @@ typedef struct ClspFieldGrid {
 } ClspFieldGrid;
 
 /** Fills in grid_width and grid_height from the other four members. CLSP_ERROR_UNSUPPORTED if a side of the grid would exceed 16384
- *  samples. */
+ *  samples, or the whole grid 2^26 (8192 x 8192). */
 CLSP_API ClspStatus clspFieldGridCompute(ClspFieldGrid *grid);
 
 #define CLSP_FIELD_CIRCULAR_GAUSSIAN 0u  /**< Very many scatterers per pixel: fully developed at any aperture. */
@@ -59,7 +59,7 @@ CLSP_API ClspStatus clspPhaseRelease(ClspPhase phase);
 
 /**
  * Draws new values.
- * @param frame_index counter of the new values, below 2^48.
+ * @param frame_index counter of the new values, below 2^48; the same counter gives the same values.
  * @param mask UINT8 image of the size of the image: pixels that are not 0 are drawn anew. NULL: all of them. The first refresh after
  *             creation always draws everything, whatever the mask says.
  */

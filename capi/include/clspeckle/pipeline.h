@@ -36,7 +36,7 @@ CLSP_API ClspStatus clspPipelineRetain(ClspPipeline pipeline);
 CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline);
 
 #define CLSP_REFRESH_MASK 0u  /**< New phases where refresh_mask is not 0; nowhere if there is no mask. */
-#define CLSP_REFRESH_ALL 1u   /**< New phases everywhere: the speckle of this frame is independent of the last. */
+#define CLSP_REFRESH_ALL 1u   /**< New phases everywhere: independent of all frames with another frame_index. */
 
 /** One frame. */
 typedef struct ClspFrame {
@@ -66,7 +66,7 @@ CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue q
  *  frames since the last check: CLSP_SUCCESS if none, else CLSP_ERROR_INVALID_DATA with their number and the first one's place. */
 CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue queue);
 
-/** Device time of one stage of the last frame. */
+/** Device time of one stage of the last frame. Layout frozen. */
 typedef struct ClspStageTiming {
     char stage[32];       /**< "pattern", "phase", "field", "fft", "pupil", "inverse_fft", "intensity", "sensor". */
     double milliseconds;  /**< Sum over the stage's commands. */

@@ -2,7 +2,7 @@
  * @file sensor.h
  * @brief From intensity to codes: exposure, dark frame, hot and cold pixels, temporal noise, saturation, black level, ADC.
  *
- *     signal = min(exposure_gain_dn * I, saturation_dn)     0 at cold pixels
+ *     signal = min(max(exposure_gain_dn * I, 0), saturation_dn)     0 at cold pixels and where I is NaN
  *     value  = signal + black_level_dn + dark_frame(x, y) + hot(x, y) + read_noise_dn * n
  *     code   = clip(round_half_to_even(value), 0, 2^bits - 1)
  * n is standard normal, independent for each pixel and frame (Philox stream 0x10). Hot pixels are drawn once from the seed: a

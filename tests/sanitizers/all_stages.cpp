@@ -1,0 +1,165 @@
+// Every kernel of the library once, on 64 x 64 pixels: what oclgrind watches. Odd offsets and pitches, so that an
+// access beside an image lands in memory that is not the kernel's.
+#include <clspeckle/clspeckle.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <stdexcept>
+#include <vector>
+
+namespace {
+
+constexpr std::uint32_t side = 64, pixels = side * side;
+
+struct Image {
+    Image(const clspeckle::Context &context, std::uint32_t format)
+        : buffer(context, 4 + (side + 1) * clspeckle::pixel_bytes(format) * side),
+          view(buffer.image(side, side, format, (side + 1) * clspeckle::pixel_bytes(format), 4)) {}
+    clspeckle::Buffer buffer;
+    ClspImage view;
+};
+
+template <typename T> void fill(const Image &image, cl_command_queue queue, T value) {
+    image.buffer.write(queue, std::vector<T>(image.buffer.size_bytes() / sizeof(T), value));
+}
+
+void run() {
+    const clspeckle::Context context;
+    std::printf("device: %s\n", context.info().device_name);
+    const clspeckle::Queue queue(context);
+    const Image words(context, CLSP_FORMAT_UINT32), ideal(context, CLSP_FORMAT_FLOAT32),
+        result(context, CLSP_FORMAT_FLOAT32);
+    const Image bytes(context, CLSP_FORMAT_UINT8), codes(context, CLSP_FORMAT_UINT16), mask(context, CLSP_FORMAT_UINT8);
+    fill(mask, queue, std::uint8_t{1});
+
+    std::vector<std::uint32_t> counters(4 * 100);
+    std::iota(counters.begin(), counters.end(), 0u);
+    const clspeckle::Buffer blocks(context, queue, counters);
+    const std::uint32_t key[2] = {1, 2};
+    clspeckle::philox::enqueue_blocks(context, queue, blocks, 0, key, 100, 0, blocks, 0);
+    auto philox = clspeckle::make<ClspPhiloxDesc>();
+    clspeckle::philox::enqueue_fill(context, queue, philox, ideal.view);
+    philox.distribution = CLSP_DISTRIBUTION_NORMAL;
+    clspeckle::philox::enqueue_fill(context, queue, philox, result.view);
+    philox.distribution = CLSP_DISTRIBUTION_BITS;
+    clspeckle::philox::enqueue_fill(context, queue, philox, words.view);
+
+    const std::vector<float> texels(33 * 21, 1.0f);
+    auto pattern_desc = clspeckle::make<ClspPatternDesc>();
+    pattern_desc.width = 33;
+    pattern_desc.height = 21;
+    pattern_desc.texels = texels.data();
+    const Image depth(context, CLSP_FORMAT_FLOAT32), position(context, CLSP_FORMAT_FLOAT32X3),
+        normal(context, CLSP_FORMAT_FLOAT32X4), albedo(context, CLSP_FORMAT_FLOAT32),
+        visibility(context, CLSP_FORMAT_FLOAT32);
+    fill(depth, queue, 1.5f);
+    fill(position, queue, 0.7f);
+    fill(normal, queue, -0.5f);
+    fill(albedo, queue, 0.5f);
+    fill(visibility, queue, 1.0f);
+    auto by_depth = clspeckle::make<ClspGeometry>();
+    by_depth.depth = depth.view;
+    by_depth.fx_px = by_depth.fy_px = 60;
+    by_depth.cx_px = by_depth.cy_px = 31.5;
+    auto by_position = clspeckle::make<ClspGeometry>();
+    by_position.position = position.view;
+    by_position.normal = normal.view;
+    by_position.albedo = albedo.view;
+    by_position.visibility = visibility.view;
+    const clspeckle::Pattern pattern(context, pattern_desc);
+    pattern_desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    pattern_desc.quantity = CLSP_QUANTITY_PLANE_IRRADIANCE;
+    clspeckle::Pattern(context, pattern_desc).enqueue_lookup(queue, by_position, result.view);
+    by_depth.depth_kind = CLSP_DEPTH_ALONG_RAY;
+    by_depth.visibility = mask.view;
+    pattern.enqueue_lookup(queue, by_depth, result.view);
+
+    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+    phase_desc.width = phase_desc.height = side;
+    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+    aperture_desc.width = aperture_desc.height = side;
+    aperture_desc.degree_of_polarization = 0.5;
+    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
+    sensor_desc.width = sensor_desc.height = side;
+    const clspeckle::Phase phase(context, phase_desc);
+    phase.enqueue_refresh(queue, 0);
+    phase.enqueue_refresh(queue, 1, &mask.view);
+    const clspeckle::Buffer field(context, pixels * 8), state(context, phase.state_size());
+    phase.enqueue_field(queue, 1, field.image(side, side, CLSP_FORMAT_FLOAT32X2));
+    phase.enqueue_save(queue, state);
+    phase.enqueue_restore(queue, state);
+    phase_desc.field = CLSP_FIELD_UNIT_PHASOR;
+    phase_desc.guard_px = aperture_desc.guard_px = 3;
+    const clspeckle::Phase padded(context, phase_desc);
+    padded.enqueue_refresh(queue, 0);
+    padded.enqueue_refresh(queue, 1, &mask.view);
+    const float half[] = {0.5f, 1.0f, 0.5f, 0.5f};
+    aperture_desc.pupil = CLSP_PUPIL_IMAGE;
+    aperture_desc.pupil_image = half;
+    aperture_desc.pupil_width = aperture_desc.pupil_height = 2;
+    const clspeckle::Aperture padded_aperture(context, aperture_desc);
+    padded_aperture.enqueue_intensity(queue, padded, ideal.view, result.view);
+    const ClspApertureInfo info = padded_aperture.info();
+    const clspeckle::Buffer pupil(context, std::uint64_t{info.grid_width} * info.grid_height * 4);
+    padded_aperture.enqueue_pupil(queue, pupil.image(info.grid_width, info.grid_height, CLSP_FORMAT_FLOAT32));
+    // Oversampling: half the image on the same number of samples.
+    phase_desc = clspeckle::make<ClspPhaseDesc>();
+    phase_desc.width = phase_desc.height = side / 2;
+    phase_desc.oversampling = 2;
+    auto fine_desc = clspeckle::make<ClspApertureDesc>();
+    fine_desc.width = fine_desc.height = side / 2;
+    fine_desc.oversampling = 2;
+    fine_desc.relative_diameter = 1.5;
+    const clspeckle::Phase fine(context, phase_desc);
+    fine.enqueue_refresh(queue, 0);
+    ClspImage quarter = ideal.view, quarter_result = result.view;
+    quarter.width = quarter.height = quarter_result.width = quarter_result.height = side / 2;
+    clspeckle::Aperture(context, fine_desc).enqueue_intensity(queue, fine, quarter, quarter_result);
+
+    const std::vector<float> dark(pixels, 1.0f);
+    sensor_desc.dark_frame_dn = dark.data();
+    sensor_desc.hot_pixel_fraction = sensor_desc.cold_pixel_fraction = 0.1;
+    const clspeckle::Sensor sensor(context, sensor_desc);
+    sensor.enqueue_expose(queue, ideal.view, 0, result.view);
+    sensor_desc.bits = 8;
+    sensor_desc.quantize = 0;
+    sensor_desc.read_noise_dn = 0;
+    const clspeckle::Sensor plain(context, sensor_desc);
+    plain.enqueue_expose(queue, ideal.view, 0, bytes.view);
+    plain.enqueue_expose(queue, ideal.view, 0, result.view);
+
+    aperture_desc.guard_px = 0;
+    aperture_desc.pupil = CLSP_PUPIL_CIRCLE;
+    aperture_desc.soft_rim = 0.2;
+    const clspeckle::Pipeline pipeline(context, pattern, phase, clspeckle::Aperture(context, aperture_desc), sensor);
+    auto frame = clspeckle::make<ClspFrame>();
+    frame.geometry = &by_depth;
+    frame.refresh_mask = mask.view;
+    frame.output = codes.view;
+    pipeline.warm_up(queue, frame);
+    pipeline.enqueue_frame(queue, frame);
+    pipeline.check(queue);
+
+    const ClspMoments moments = clspeckle::statistics::moments(context, queue, ideal.view, &mask.view);
+    clspeckle::statistics::moments(context, queue, codes.view);
+    clspeckle::statistics::moments(context, queue, bytes.view);
+    clspeckle::statistics::histogram(context, queue, codes.view, 0, 1024, 16);
+    clspeckle::statistics::autocovariance(context, queue, ideal.view, 3);
+    queue.finish();
+    std::printf("mean of the uniforms: %.3f\n", moments.mean);
+    if (std::abs(moments.mean - 0.5) > 0.05)
+        throw std::runtime_error("the uniforms are not uniform");
+}
+
+} // namespace
+
+int main() {
+    try {
+        run();
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "failed: %s\n", error.what());
+        return 1;
+    }
+    std::puts("all stages ran");
+}
