@@ -7,6 +7,7 @@
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -44,6 +45,12 @@ template <> struct HandleTraits<ClspPipeline> {
     static constexpr const char *kName = "pipeline";
 };
 
+// A number that no handle of any kind has had before, so that a released handle is never mistaken for a later one.
+inline std::uintptr_t next_handle_value() {
+    static std::atomic<std::uintptr_t> last{0};
+    return last += 16;
+}
+
 // All live handles of one type. One table for each type and process, never destroyed: handles may be released late at
 // exit.
 template <typename Handle> class HandleTable {
@@ -59,8 +66,7 @@ template <typename Handle> class HandleTable {
         auto entry = std::make_unique<Entry>();
         entry->object = std::move(object);
         const std::unique_lock<std::shared_mutex> lock(mutex_);
-        // A number that is never given twice, so that a released handle is never mistaken for a later one.
-        const Handle handle = reinterpret_cast<Handle>(++last_serial_ * kHandleStep);
+        const Handle handle = reinterpret_cast<Handle>(next_handle_value());
         entries_.emplace(handle, std::move(entry));
         return handle;
     }
@@ -94,7 +100,6 @@ template <typename Handle> class HandleTable {
         std::uint32_t references = 1;
         std::shared_ptr<Object> object;
     };
-    static constexpr std::uintptr_t kHandleStep = 16;
 
     Entry &find(Handle handle) const {
         const auto found = entries_.find(handle);
@@ -107,7 +112,6 @@ template <typename Handle> class HandleTable {
     }
 
     mutable std::shared_mutex mutex_;
-    std::uintptr_t last_serial_ = 0;
     std::unordered_map<Handle, std::unique_ptr<Entry>> entries_;
 };
 

@@ -131,6 +131,7 @@ void run() {
 
     aperture_desc.guard_px = 0;
     aperture_desc.pupil = CLSP_PUPIL_CIRCLE;
+    aperture_desc.pupil_image = nullptr;
     aperture_desc.soft_rim = 0.2;
     const clspeckle::Pipeline pipeline(context, pattern, phase, clspeckle::Aperture(context, aperture_desc), sensor);
     auto frame = clspeckle::make<ClspFrame>();
