@@ -31,7 +31,7 @@ class OutputError : public std::runtime_error {
 /** The user stopped the program. */
 class Interrupted : public std::runtime_error {
   public:
-    Interrupted() : std::runtime_error("interrupted") {}
+    explicit Interrupted(const std::string &what = "interrupted") : std::runtime_error(what) {}
 };
 
 } // namespace tools

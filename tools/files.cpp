@@ -12,6 +12,7 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
+#include <set>
 
 namespace tools {
 
@@ -61,6 +62,30 @@ std::vector<std::string> images_of(const std::string &folder) {
     return by_extension.begin()->second;
 }
 
+/** JSON leaves open which of two equal keys counts, so neither is taken. */
+Json::parser_callback_t refuse_double_keys(const std::string &path) {
+    struct Level {
+        std::set<std::string> keys;
+        std::string last;
+    };
+    return [path, levels = std::vector<Level>()](int, Json::parse_event_t event, Json &parsed) mutable {
+        if (event == Json::parse_event_t::object_start) {
+            levels.emplace_back();
+        } else if (event == Json::parse_event_t::object_end) {
+            levels.pop_back();
+        } else if (event == Json::parse_event_t::key) {
+            levels.back().last = parsed.get<std::string>();
+            if (!levels.back().keys.insert(levels.back().last).second) {
+                std::string name;
+                for (const Level &level : levels)
+                    name += (name.empty() ? "" : ".") + level.last;
+                throw InputError(fmt::format("{}: the key \"{}\" is given twice; keep one of them", path, name));
+            }
+        }
+        return true;
+    };
+}
+
 } // namespace
 
 Json read_json(const std::string &path) {
@@ -70,7 +95,7 @@ Json read_json(const std::string &path) {
     std::string text(static_cast<std::size_t>(file.size()), '\0');
     file.read(text.data(), text.size());
     try {
-        return Json::parse(text);
+        return Json::parse(text, refuse_double_keys(path));
     } catch (const Json::exception &error) {
         std::string what = error.what();
         const std::size_t bracket = what.find("] ");

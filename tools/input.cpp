@@ -33,6 +33,7 @@ class FileSeries {
                 width = reader->info().width;
                 height = reader->info().height;
             }
+            check_size(*reader);
             first_frames_.push_back(frame_count);
             frame_count += reader->info().frame_count;
         }
@@ -61,15 +62,18 @@ class FileSeries {
         const auto file = static_cast<std::size_t>(after - first_frames_.begin()) - 1;
         return {file, frame - first_frames_[file]};
     }
+    void check_size(const Reader &reader) const {
+        if (reader.info().width != width || reader.info().height != height)
+            throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
+                                         reader.path(), reader.info().width, reader.info().height, paths_.front(),
+                                         width, height));
+    }
     Reader &reader(std::uint64_t frame) {
         const std::size_t file = locate(frame).first;
         if (!reader_ || open_file_ != file) {
             reader_ = image_io::open(paths_[file], options_);
             open_file_ = file;
-            if (reader_->info().width != width || reader_->info().height != height)
-                throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
-                                             paths_[file], reader_->info().width, reader_->info().height,
-                                             paths_.front(), width, height));
+            check_size(*reader_);
         }
         return *reader_;
     }
@@ -246,21 +250,19 @@ class ExrSceneInput final : public Input {
         height = first.height();
         frame_count = files_.size();
         first_name = files_.front();
+        // Before the first frame is rendered, not in the middle of the run.
+        for (const std::string &path : files_)
+            check_header(image_io::ExrFile(path));
         planes_.check(width, height, frame_count, first_name);
     }
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
         const image_io::ExrFile file(files_[frame]);
-        if (file.width() != width || file.height() != height)
-            throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
-                                         file.path(), file.width(), file.height(), files_.front(), width, height));
+        check_header(file);
         FrameData data;
         data.name = file.path();
         // Positions need no camera model, so they are preferred where a file has both.
         const bool position = whole(file, "P");
-        if (!position && !file.has("Z"))
-            throw InputError(fmt::format(
-                "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
         const bool normal = whole(file, "N");
         struct Target {
             const char *channel;
@@ -323,6 +325,15 @@ class ExrSceneInput final : public Input {
     }
 
   private:
+    void check_header(const image_io::ExrFile &file) const {
+        if (file.width() != width || file.height() != height)
+            throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
+                                         file.path(), file.width(), file.height(), files_.front(), width, height));
+        whole(file, "N");
+        if (!whole(file, "P") && !file.has("Z"))
+            throw InputError(fmt::format(
+                "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
+    }
     /** True if all three channels of a vector are there, false if none is. */
     static bool whole(const image_io::ExrFile &file, const std::string &prefix) {
         const int count = file.has(prefix + ".X") + file.has(prefix + ".Y") + file.has(prefix + ".Z");
@@ -463,7 +474,9 @@ void check_values(const Plane &plane, const std::string &path, const char *what,
                                  bad == 1 ? "" : "s"));
 }
 
-std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
+namespace {
+
+std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::string> &files, Config &config) {
     if (paths.inputs.empty()) {
         if (paths.depth.empty() && paths.position.empty())
             throw InputError("nothing to render: give an ideal image, a scene, or --depth or --position");
@@ -473,7 +486,6 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
     }
     if (!paths.depth.empty() || !paths.position.empty())
         throw InputError("give either an input file or --depth or --position, not both");
-    std::vector<std::string> files;
     for (const std::string &input : paths.inputs)
         for (std::string &file : expand(input))
             files.push_back(std::move(file));
@@ -486,11 +498,25 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
             throw InputError(fmt::format("{}: is not an EXR file with the channel Z or P.X, P.Y, P.Z", files.front()));
     }
     if (is_scene(files.front()))
-        return std::make_unique<ExrSceneInput>(std::move(files), paths);
+        return std::make_unique<ExrSceneInput>(files, paths);
     if (paths.any_plane())
         throw InputError(
             fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
     return std::make_unique<IdealInput>(files, paths, config);
+}
+
+} // namespace
+
+std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
+    std::vector<std::string> files;
+    std::unique_ptr<Input> input = open_kind(paths, files, config);
+    for (const std::string &plane :
+         {paths.depth, paths.position, paths.normal, paths.albedo, paths.visibility, paths.refresh_mask})
+        if (!plane.empty())
+            files.push_back(plane);
+    files.insert(files.end(), paths.inputs.begin(), paths.inputs.end());
+    input->files = std::move(files);
+    return input;
 }
 
 } // namespace tools

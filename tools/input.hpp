@@ -52,6 +52,7 @@ class Input {
     std::uint32_t height = 0;
     std::uint64_t frame_count = 1;
     std::string first_name;
+    std::vector<std::string> files; ///< All that are read, which no output may replace.
 
     /**
      * Reads and checks a frame: NaN, infinite and negative values are refused with file and pixel.

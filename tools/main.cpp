@@ -254,8 +254,10 @@ std::string usage_message(const CLI::App &app, const CLI::ParseError &error, int
 }
 
 int exit_code_of(ClspStatus status) {
-    return status == CLSP_ERROR_INVALID_ARGUMENT || status == CLSP_ERROR_INVALID_DATA ? tools::exit_input
-                                                                                      : tools::exit_device;
+    // The only files that the library reads are the user's own kernels.
+    return status == CLSP_ERROR_INVALID_ARGUMENT || status == CLSP_ERROR_INVALID_DATA || status == CLSP_ERROR_IO
+               ? tools::exit_input
+               : tools::exit_device;
 }
 
 int complain(int code, const std::string &message) {
@@ -299,6 +301,8 @@ int render(Arguments &arguments, tools::Console &console) {
     }
     if (arguments.output.empty())
         throw tools::InputError("name the folder for the frames with -o FOLDER");
+    if (!arguments.config.empty())
+        input->files.push_back(arguments.config);
     tools::run_render(config, *input, arguments.output, console);
     return tools::exit_ok;
 }
@@ -413,8 +417,8 @@ namespace {
 int run_guarded(int argc, char **argv) {
     try {
         return run(argc, argv);
-    } catch (const tools::Interrupted &) {
-        return complain(tools::exit_interrupted, "interrupted");
+    } catch (const tools::Interrupted &error) {
+        return complain(tools::exit_interrupted, error.what());
     } catch (const tools::OutputError &error) {
         return complain(tools::exit_output, error.what());
     } catch (const image_io::WriteError &error) {

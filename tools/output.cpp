@@ -36,7 +36,7 @@ Output::Output(std::string folder, const std::string &format, std::uint64_t fram
       job_limit_(std::max(2u, std::thread::hardware_concurrency())) {
     if (format_ == "npy-stack" || format_ == "float-npy-stack") {
         stack_name_ = "frames.npy";
-        stack_ = std::make_unique<image_io::NpyStackWriter>(path(stack_name_), frame_count, width, height,
+        stack_ = std::make_unique<image_io::NpyStackWriter>(begin(stack_name_), frame_count, width, height,
                                                             is_float(format_) ? sizeof(float) : sizeof(std::uint16_t));
     }
 }
@@ -48,6 +48,33 @@ Output::~Output() {
 
 std::string Output::path(const std::string &name) {
     return (std::filesystem::path(folder_) / name).string();
+}
+
+std::string Output::begin(const std::string &name) {
+    std::error_code ignored;
+    if (std::filesystem::exists(std::filesystem::symlink_status(path(name), ignored))) {
+        const std::lock_guard<std::mutex> lock(files_mutex_);
+        replaced_.push_back(name);
+    }
+    return path(name);
+}
+
+void Output::wait() {
+    for (std::future<void> &job : jobs_)
+        job.wait();
+}
+
+std::size_t Output::discard() {
+    wait();
+    jobs_.clear();
+    stack_.reset();
+    std::size_t count = 0;
+    std::error_code ignored;
+    for (const std::string &name : files_)
+        if (std::find(replaced_.begin(), replaced_.end(), name) == replaced_.end())
+            count += std::filesystem::remove(path(name), ignored);
+    files_.clear();
+    return count;
 }
 
 void Output::enqueue(std::function<void()> job) {
@@ -71,7 +98,7 @@ void Output::write_preview(const std::string &name, const Samples &samples, cons
             });
         },
         samples);
-    image_io::write_png8(path(name), width_, height_, codes.data());
+    image_io::write_png8(begin(name), width_, height_, codes.data());
     const std::lock_guard<std::mutex> lock(files_mutex_);
     files_.push_back(name);
 }
@@ -87,20 +114,17 @@ void Output::write_frame(std::uint64_t number, Samples samples, const PreviewSca
         const auto *codes = std::get_if<std::vector<std::uint16_t>>(&samples);
         const auto *values = std::get_if<std::vector<float>>(&samples);
         if (!stack_) {
-            const char *extension = format_ == "png16"                           ? "png"
-                                    : format_ == "npy" || format_ == "float-npy" ? "npy"
-                                                                                 : "tiff";
-            const std::string name = fmt::format("frame_{:06}.{}", number, extension);
+            const std::string name = fmt::format("frame_{:06}.{}", number, extension(format_));
             if (format_ == "png16")
-                image_io::write_png16(path(name), width_, height_, codes->data());
+                image_io::write_png16(begin(name), width_, height_, codes->data());
             else if (format_ == "tiff16")
-                image_io::write_tiff(path(name), width_, height_, codes->data());
+                image_io::write_tiff(begin(name), width_, height_, codes->data());
             else if (format_ == "npy")
-                image_io::write_npy(path(name), width_, height_, codes->data());
+                image_io::write_npy(begin(name), width_, height_, codes->data());
             else if (format_ == "float-npy")
-                image_io::write_npy(path(name), width_, height_, values->data());
+                image_io::write_npy(begin(name), width_, height_, values->data());
             else
-                image_io::write_tiff(path(name), width_, height_, values->data());
+                image_io::write_tiff(begin(name), width_, height_, values->data());
             const std::lock_guard<std::mutex> lock(files_mutex_);
             files_.push_back(name);
         }
@@ -114,7 +138,7 @@ void Output::write_ideal(std::uint64_t number, std::vector<float> values, const 
     const PreviewScale scale = preview ? *preview : PreviewScale{};
     enqueue([this, number, samples = Samples(std::move(values)), has_preview, scale] {
         const std::string name = fmt::format("ideal_{:06}.npy", number);
-        image_io::write_npy(path(name), width_, height_, std::get<std::vector<float>>(samples).data());
+        image_io::write_npy(begin(name), width_, height_, std::get<std::vector<float>>(samples).data());
         {
             const std::lock_guard<std::mutex> lock(files_mutex_);
             files_.push_back(name);
@@ -125,7 +149,7 @@ void Output::write_ideal(std::uint64_t number, std::vector<float> values, const 
 }
 
 void Output::write_text(const std::string &name, const std::string &text) {
-    image_io::write_text(path(name), text);
+    image_io::write_text(begin(name), text);
     const std::lock_guard<std::mutex> lock(files_mutex_);
     files_.push_back(name);
 }

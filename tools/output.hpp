@@ -52,12 +52,22 @@ class Output {
     void write_text(const std::string &name, const std::string &text);
     /** Waits until everything is written, and throws the first error. */
     void finish();
+    /** Of the frames' files, for a format that is not a stack. */
+    static const char *extension(const std::string &format) {
+        return format == "png16" ? "png" : format == "npy" || format == "float-npy" ? "npy" : "tiff";
+    }
+    /** Waits for what is being written, without a word on errors. */
+    void wait();
+    /** After a failure: waits, and removes what this run wrote, except where it replaced a file. @return how many. */
+    std::size_t discard();
     /** Names within the folder, sorted. */
     std::vector<std::string> files() const;
     const std::string &folder() const { return folder_; }
 
   private:
     std::string path(const std::string &name);
+    /** The path of a file that is about to be written. */
+    std::string begin(const std::string &name);
     void enqueue(std::function<void()> job);
     void write_preview(const std::string &name, const Samples &samples, const PreviewScale &scale);
 
@@ -71,6 +81,7 @@ class Output {
     std::size_t job_limit_;
     mutable std::mutex files_mutex_;
     std::vector<std::string> files_;
+    std::vector<std::string> replaced_; ///< Names that were there before.
 };
 
 } // namespace tools

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -292,6 +294,12 @@ class Renderer {
         const ClspApertureInfo aperture = aperture_.info();
         const std::uint64_t pixels = std::uint64_t{width_} * height_;
         const std::uint64_t oversampling = config_.integer("aperture.oversampling");
+        // The pupil's autocorrelation reaches D cycles per pixel, the grid holds half its samples per pixel.
+        if (aperture.relative_diameter > static_cast<double>(oversampling) / 2 * (1 + 1e-9))
+            console_.warn(fmt::format("the intensity is undersampled and aliases: the relative diameter {:.4f} exceeds "
+                                      "oversampling / 2 = {:g}; give --oversampling {}",
+                                      aperture.relative_diameter, static_cast<double>(oversampling) / 2,
+                                      static_cast<int>(std::ceil(2 * aperture.relative_diameter - 1e-9))));
         const bool padded =
             aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
         const double contrast = moments_.standard_deviation / (moments_.mean - black_level());
@@ -592,18 +600,83 @@ class FolderGuard {
     std::vector<std::string> created_;
 };
 
+/** Refuses a run that would replace one of its own inputs; before anything is written. */
+void check_overwriting(const Config &config, const Input &input, const std::string &folder, std::uint64_t frames) {
+    namespace fs = std::filesystem;
+    std::error_code code;
+    if (!fs::is_directory(folder, code))
+        return;
+    std::map<std::pair<dev_t, ino_t>, std::string> inputs;
+    std::vector<std::string> files = input.files;
+    for (const char *id : {"pattern.image", "aperture.pupil_image", "sensor.dark_frame"})
+        if (!config.text(id).empty())
+            files.push_back(config.text(id));
+    // What std::filesystem::equivalent compares, without a call for each pair.
+    struct stat status {};
+    for (const std::string &file : files)
+        if (::stat(file.c_str(), &status) == 0)
+            inputs.emplace(std::make_pair(status.st_dev, status.st_ino), file);
+    const auto check = [&](const std::string &name) {
+        if (::stat((fs::path(folder) / name).c_str(), &status) != 0)
+            return;
+        const auto found = inputs.find({status.st_dev, status.st_ino});
+        if (found != inputs.end())
+            throw InputError(fmt::format("the output would overwrite the input {}; choose another --output",
+                                         found->second));
+    };
+    check("config.json");
+    const std::string format = config.text("render.format");
+    const bool stack = format == "npy-stack" || format == "float-npy-stack";
+    if (stack)
+        check("frames.npy");
+    const std::uint64_t first = config.integer("render.first_frame");
+    for (std::uint64_t i = first; i < first + frames; ++i) {
+        if (!stack)
+            check(fmt::format("frame_{:06}.{}", i, Output::extension(format)));
+        if (config.flag("render.save_ideal"))
+            check(fmt::format("ideal_{:06}.npy", i));
+        if (config.flag("render.preview")) {
+            check(fmt::format("preview_{:06}.png", i));
+            check(fmt::format("ideal_preview_{:06}.png", i));
+        }
+    }
+}
+
 } // namespace
 
 void run_render(Config &config, Input &input, const std::string &folder, Console &console) {
     Renderer renderer(config, input, console);
+    check_overwriting(config, input, folder, renderer.frames());
+    // Asked before the device, so that a size that is too large is told as what it is: wrong usage.
+    try {
+        clspeckle::field_grid(input.width, input.height,
+                              static_cast<std::uint32_t>(config.integer("aperture.oversampling")),
+                              static_cast<std::uint32_t>(config.integer("aperture.guard_px")));
+    } catch (const clspeckle::Error &error) {
+        throw InputError(error.what());
+    }
     check_interrupt();
     renderer.make_stages();
     FolderGuard guard(make_output_folder(folder));
     check_interrupt();
     renderer.warm_up();
     Output output(folder, config.text("render.format"), renderer.frames(), input.width, input.height);
-    renderer.run(output);
-    output.write_text("config.json", config.dump().dump(2) + "\n");
+    try {
+        renderer.run(output);
+        output.write_text("config.json", config.dump().dump(2) + "\n");
+    } catch (const Interrupted &) {
+        output.wait();
+        const std::vector<std::string> files = output.files();
+        const auto count = std::count_if(files.begin(), files.end(),
+                                         [](const std::string &name) { return name.rfind("frame_", 0) == 0; });
+        throw Interrupted(fmt::format("interrupted; {} complete frame{} of this run in {}", count,
+                                      count == 1 ? " is" : "s are", folder));
+    } catch (...) {
+        if (const std::size_t count = output.discard(); count > 0)
+            console.warn(fmt::format("the run failed, so the {} file{} that it had written to {} {} removed", count,
+                                     count == 1 ? "" : "s", folder, count == 1 ? "is" : "are"));
+        throw;
+    }
     guard.keep();
     renderer.report(output.files(), folder);
 }

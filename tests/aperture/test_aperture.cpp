@@ -353,14 +353,17 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
         d.pupil_height = 2;
     };
     fails("pupil_image", [&](ClspApertureDesc &d) { with_image(d), d.pupil_image = nullptr; });
+    fails("pupil_image", [&](ClspApertureDesc &d) { with_image(d), d.pupil = CLSP_PUPIL_CIRCLE; });
+    for (std::uint64_t huge : {std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{3}})
+        fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = huge; });
+    fails_as(CLSP_ERROR_UNSUPPORTED, "grid",
+             [](ClspApertureDesc &d) { d.width = d.height = 16384, d.oversampling = 8; });
     for (std::uint32_t side : {0u, 16385u}) {
         fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_width = side; });
         fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_height = side; });
     }
-    fails("pitch of pupil_image|pupil_pitch_bytes",
-          [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 8; });
-    fails("pitch of pupil_image|pupil_pitch_bytes",
-          [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 13; });
+    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 8; });
+    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 13; });
     for (float bad : {-0.1f, 1.1f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         std::vector<float> values(6, 0.5f);
         values[4] = bad;

@@ -214,6 +214,10 @@ TEST_F(Phase, CreateRefusesBadArguments) {
         fails("width", [&](ClspPhaseDesc &d) { d.width = side; });
         fails("height", [&](ClspPhaseDesc &d) { d.height = side; });
     }
+    ClspPhaseDesc large = desc;
+    large.width = large.height = 16384;
+    large.oversampling = 8;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "grid", clspPhaseCreate(context, &large, &phase));
     fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 0; });
     fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 9; });
     fails("guard", [](ClspPhaseDesc &d) { d.guard_px = 0xffffffffu; });

@@ -218,6 +218,53 @@ TEST_F(Pipeline, SubBuffersWork) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output", clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
 }
 
+TEST_F(Pipeline, SideBySideInOneAtlas) {
+    const auto expected = render(make_pipeline(context), 3);
+    constexpr std::uint64_t pitch = 512; // 128 bytes of input, 64 bytes of output, room between them
+    const clspeckle::Buffer atlas(context, queue, std::vector<unsigned char>(pitch * height, filler));
+    const auto pixels = test::dots(width, height);
+    for (std::uint32_t y = 0; y < height; ++y)
+        atlas.write(queue, &pixels[y * width], width * sizeof(float), y * pitch + 64);
+    const auto pipeline = make_pipeline(context);
+    auto f = frame(3);
+    f.irradiance = atlas.image(width, height, CLSP_FORMAT_FLOAT32, pitch, 64);
+    f.output = atlas.image(width, height, CLSP_FORMAT_UINT16, pitch, 192);
+    pipeline.enqueue_frame(queue, f);
+    const auto bytes = atlas.read<unsigned char>(queue, pitch * height);
+    for (std::uint32_t y = 0; y < height; ++y) {
+        EXPECT_EQ(0, std::memcmp(&bytes[y * pitch + 192], &expected[y * width], width * 2)) << "row " << y;
+        EXPECT_EQ(0, std::memcmp(&bytes[y * pitch + 64], &pixels[y * width], width * 4)) << "row " << y;
+        EXPECT_EQ(filler, bytes[y * pitch + 191 - 128]);
+        EXPECT_EQ(filler, bytes[y * pitch + 192 + 64]);
+    }
+    for (std::uint64_t offset : {std::uint64_t{190}, std::uint64_t{2}}) { // one pixel of the other
+        f.output = atlas.image(width, height, CLSP_FORMAT_UINT16, pitch, offset);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output",
+                          clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    }
+    // Rows that wrap around the pitch: the last column of the picture is the first of the atlas.
+    f.output = atlas.image(width, height - 1, CLSP_FORMAT_UINT16, pitch, 510);
+    EXPECT_NE(CLSP_SUCCESS, clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+}
+
+TEST_F(Pipeline, ReadOnlyMemoryIsNotWritten) {
+    cl_int code = CL_SUCCESS;
+    const auto mem = clspeckle::Buffer::adopt(
+        clCreateBuffer(context.info().cl_context_handle, CL_MEM_READ_ONLY, width * height * 4, nullptr, &code),
+        width * height * 4);
+    ASSERT_EQ(CL_SUCCESS, code);
+    mem.write(queue, test::dots(width, height));
+    const auto pipeline = make_pipeline(context);
+    auto f = frame(3);
+    f.output = mem.image(width, height, CLSP_FORMAT_UINT16);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CL_MEM_READ_ONLY",
+                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    f = frame(3);
+    f.irradiance = mem.image(width, height, CLSP_FORMAT_FLOAT32);
+    pipeline.enqueue_frame(queue, f);
+    EXPECT_EQ(render(make_pipeline(context), 3), (pipeline.enqueue_frame(queue, f), download<std::uint16_t>(codes)));
+}
+
 // On an out-of-order queue nothing may run before the wait list is complete, and steps must wait for each other.
 TEST_F(Pipeline, NothingRunsBeforeTheUserEvent) {
     const auto expected = render(make_pipeline(context), 1);

@@ -244,9 +244,9 @@ TEST_F(Sensor, CreateRefusesBadArguments) {
     fails("quantize", [](ClspSensorDesc &d) { d.quantize = 2; });
     fails("reserved", [](ClspSensorDesc &d) { d.reserved = 1; });
     std::vector<float> dark(width * height, 0.0f);
-    fails("pitch of dark_frame_dn|dark_frame_pitch_bytes",
+    fails("dark_frame_pitch_bytes",
           [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = 4; });
-    fails("pitch of dark_frame_dn|dark_frame_pitch_bytes",
+    fails("dark_frame_pitch_bytes",
           [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = width * 4 + 2; });
     for (float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         dark[width + 2] = bad;
