@@ -200,14 +200,14 @@ class Planes {
 
 class IdealInput final : public Input {
   public:
-    IdealInput(const std::vector<std::string> &files, const InputPaths &paths, const Config &config)
-        : series_(files, {config.text("render.channel")}), planes_(paths),
+    IdealInput(const std::vector<std::string> &names, const InputPaths &paths, const Config &config)
+        : series_(names, {config.text("render.channel")}), planes_(paths),
           scale_(config.number("render.irradiance_scale")) {
-        kind = files.size() > 1 ? fmt::format("{} ideal images", files.size()) : "ideal image";
+        kind = names.size() > 1 ? fmt::format("{} ideal images", names.size()) : "ideal image";
         width = series_.width;
         height = series_.height;
         frame_count = series_.frame_count;
-        first_name = files.front();
+        first_name = names.front();
         planes_.check(width, height, frame_count, first_name);
     }
 
@@ -242,7 +242,7 @@ bool is_scene(const std::string &path) {
 /** G-buffers, one EXR file per frame. */
 class ExrSceneInput final : public Input {
   public:
-    ExrSceneInput(std::vector<std::string> files, const InputPaths &paths) : files_(std::move(files)), planes_(paths) {
+    ExrSceneInput(std::vector<std::string> names, const InputPaths &paths) : files_(std::move(names)), planes_(paths) {
         scene = true;
         kind = files_.size() > 1 ? fmt::format("scene, {} G-buffer files", files_.size()) : "scene, one G-buffer file";
         const image_io::ExrFile first(files_.front());

@@ -621,8 +621,8 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
             return;
         const auto found = inputs.find({status.st_dev, status.st_ino});
         if (found != inputs.end())
-            throw InputError(fmt::format("the output would overwrite the input {}; choose another --output",
-                                         found->second));
+            throw InputError(
+                fmt::format("the output would overwrite the input {}; choose another --output", found->second));
     };
     check("config.json");
     const std::string format = config.text("render.format");
