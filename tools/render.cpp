@@ -294,12 +294,6 @@ class Renderer {
         const ClspApertureInfo aperture = aperture_.info();
         const std::uint64_t pixels = std::uint64_t{width_} * height_;
         const std::uint64_t oversampling = config_.integer("aperture.oversampling");
-        // The pupil's autocorrelation reaches D cycles per pixel, the grid holds half its samples per pixel.
-        if (aperture.relative_diameter > static_cast<double>(oversampling) / 2 * (1 + 1e-9))
-            console_.warn(fmt::format("the intensity is undersampled and aliases: the relative diameter {:.4f} exceeds "
-                                      "oversampling / 2 = {:g}; give --oversampling {}",
-                                      aperture.relative_diameter, static_cast<double>(oversampling) / 2,
-                                      static_cast<int>(std::ceil(2 * aperture.relative_diameter - 1e-9))));
         const bool padded =
             aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
         const double contrast = moments_.standard_deviation / (moments_.mean - black_level());
@@ -356,6 +350,11 @@ class Renderer {
                                 : fmt::format(", padded from {} x {}", width_ * oversampling, height_ * oversampling)));
         console_.print(fmt::format("aperture    relative diameter {:.4f} cycles per pixel, mean transmission {:.4f}",
                                    aperture.relative_diameter, aperture.mean_transmission));
+        // The intensity has twice the field's bandwidth: D cycles per pixel, of which the grid holds oversampling / 2.
+        if (aperture.relative_diameter > static_cast<double>(oversampling) / 2 * (1 + 1e-9))
+            console_.print(fmt::format("sampling    D exceeds oversampling / 2 = {:g}: the finest speckle aliases; "
+                                       "--oversampling integrates over the pixel",
+                                       static_cast<double>(oversampling) / 2));
         if (has_sensor_)
             console_.print(fmt::format("exposure    gain {:.9g} dn per unit of intensity{}",
                                        config_.number("sensor.exposure_gain_dn"),

@@ -188,58 +188,6 @@ TEST(Devices, Selectors) {
 
 class Context : public DeviceTest {};
 
-// One live handle of each kind, given to the functions of all other kinds.
-TEST_F(Context, HandlesOfAnotherKindAreRefused) {
-    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
-    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
-    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
-    auto pattern_desc = clspeckle::make<ClspPatternDesc>();
-    const std::vector<float> texels(4, 1.0f);
-    phase_desc.width = phase_desc.height = aperture_desc.width = aperture_desc.height = 8;
-    sensor_desc.width = sensor_desc.height = 8;
-    pattern_desc.width = pattern_desc.height = 2;
-    pattern_desc.texels = texels.data();
-    std::vector<clspeckle::Context> own_contexts;
-    std::vector<clspeckle::Phase> phases;
-    std::vector<clspeckle::Aperture> apertures;
-    std::vector<clspeckle::Sensor> sensors;
-    std::vector<clspeckle::Pattern> patterns;
-    std::vector<clspeckle::Pipeline> pipelines;
-    std::vector<std::pair<int, void *>> all; // kind and handle
-    for (int i = 0; i < 4; ++i) {
-        own_contexts.emplace_back();
-        phases.emplace_back(context, phase_desc);
-        apertures.emplace_back(context, aperture_desc);
-        sensors.emplace_back(context, sensor_desc);
-        patterns.emplace_back(context, pattern_desc);
-        pipelines.emplace_back(context, phases.back(), apertures.back());
-        all.insert(all.end(), {{0, own_contexts.back().get()},
-                               {1, phases.back().get()},
-                               {2, apertures.back().get()},
-                               {3, sensors.back().get()},
-                               {4, patterns.back().get()},
-                               {5, pipelines.back().get()}});
-    }
-    for (const auto &[kind, handle] : all) {
-        const auto refused = [kind = kind](int other, ClspStatus status) {
-            if (other == kind)
-                EXPECT_EQ(CLSP_SUCCESS, status) << "kind " << kind;
-            else
-                EXPECT_EQ(CLSP_ERROR_INVALID_HANDLE, status) << "kind " << kind << " passes as kind " << other;
-        };
-        auto info = clspeckle::make<ClspContextInfo>();
-        auto aperture_info = clspeckle::make<ClspApertureInfo>();
-        std::uint64_t size = 0;
-        const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-        refused(0, clspContextGetInfo(static_cast<ClspContext>(handle), &info));
-        refused(1, clspPhaseGetStateSize(static_cast<ClspPhase>(handle), &size));
-        refused(2, clspApertureGetInfo(static_cast<ClspAperture>(handle), &aperture_info));
-        refused(3, clspSensorSetExposureGain(static_cast<ClspSensor>(handle), 1.0));
-        refused(4, clspPatternSetPose(static_cast<ClspPattern>(handle), identity));
-        refused(5, clspPipelineCheck(static_cast<ClspPipeline>(handle), queue));
-    }
-}
-
 TEST_F(Context, DescInit) {
     test::check_init<ClspContextDesc>("clspContextDescInit", clspContextDescInit);
     ClspContextDesc desc;
