@@ -30,7 +30,7 @@ fi
 
 # A virtual environment whose making was interrupted has no pip.
 .venv/bin/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv; python3 -m venv .venv; }
-.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
+.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()
     for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/cli/requirements.txt; do
