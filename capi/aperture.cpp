@@ -4,7 +4,9 @@
 #include "handles.hpp"
 #include "stages/aperture.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <iterator>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -25,6 +27,12 @@ ClspApertureDesc aperture_defaults() {
     desc.wavelength_m = p.wavelength_m;
     desc.soft_rim = p.pupil.soft_rim;
     desc.degree_of_polarization = p.degree_of_polarization;
+    desc.blade_count = p.pupil.blade_count;
+    desc.blade_rotation_rad = p.pupil.blade_rotation_rad;
+    desc.blade_curvature = p.pupil.blade_curvature;
+    desc.obstruction_ratio = p.pupil.obstruction_ratio;
+    desc.defocus_waves = p.pupil.defocus_waves;
+    desc.fill_factor = p.fill_factor;
     return desc;
 }
 
@@ -59,6 +67,14 @@ CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDe
         p.pixel_pitch_m = d.pixel_pitch_m;
         p.wavelength_m = d.wavelength_m;
         p.degree_of_polarization = d.degree_of_polarization;
+        check_reserved(d.reserved_blades, "desc->reserved_blades");
+        p.pupil.blade_count = d.blade_count;
+        p.pupil.blade_rotation_rad = d.blade_rotation_rad;
+        p.pupil.blade_curvature = d.blade_curvature;
+        p.pupil.obstruction_ratio = d.obstruction_ratio;
+        p.pupil.defocus_waves = d.defocus_waves;
+        std::copy(std::begin(d.zernike_waves), std::end(d.zernike_waves), p.pupil.zernike_waves.begin());
+        p.fill_factor = d.fill_factor;
         give(aperture, std::make_shared<Aperture>(c, p));
     });
 }

@@ -16,6 +16,13 @@
 #include <unordered_map>
 #include <utility>
 
+namespace clsp {
+class Dots;
+class Lens;
+class MaterialTable;
+class Motion;
+} // namespace clsp
+
 namespace clsp::capi {
 
 // The engine's class behind each handle type, and what messages call it.
@@ -27,6 +34,22 @@ template <> struct HandleTraits<ClspContext> {
 template <> struct HandleTraits<ClspPattern> {
     using Object = Pattern;
     static constexpr const char *kName = "pattern";
+};
+template <> struct HandleTraits<ClspDots> {
+    using Object = Dots;
+    static constexpr const char *kName = "dots";
+};
+template <> struct HandleTraits<ClspMaterialTable> {
+    using Object = MaterialTable;
+    static constexpr const char *kName = "table";
+};
+template <> struct HandleTraits<ClspMotion> {
+    using Object = Motion;
+    static constexpr const char *kName = "motion";
+};
+template <> struct HandleTraits<ClspLens> {
+    using Object = Lens;
+    static constexpr const char *kName = "lens";
 };
 template <> struct HandleTraits<ClspPhase> {
     using Object = Phase;

@@ -18,7 +18,19 @@ ClspPhaseDesc phase_defaults() {
     desc.field = static_cast<std::uint32_t>(p.field);
     desc.polarization_count = p.polarization_count;
     desc.seed = p.seed;
+    desc.dynamics = static_cast<std::uint32_t>(p.dynamics);
+    desc.translate = p.translate ? 1 : 0;
     return desc;
+}
+
+ClspPhaseAdvance advance_defaults() {
+    const PhaseAdvance a;
+    ClspPhaseAdvance advance{};
+    advance.struct_size = sizeof advance;
+    advance.substep = a.substep;
+    advance.uniform_path = a.uniform_path;
+    advance.uniform_correlation = a.uniform_correlation;
+    return advance;
 }
 
 } // namespace
@@ -52,6 +64,8 @@ CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *de
         p.field = static_cast<FieldKind>(d.field);
         p.polarization_count = d.polarization_count;
         p.seed = d.seed;
+        p.dynamics = static_cast<Dynamics>(d.dynamics);
+        p.translate = checked_flag(d.translate, "desc->translate");
         give(phase, std::make_shared<Phase>(c, p));
     });
 }
@@ -72,6 +86,51 @@ CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue qu
         const ImageView view = mask && mask->mem ? p->check_mask(description(*mask), "mask") : ImageView{};
         enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { p->enqueue_refresh(chain, frame_index, view); });
+    });
+}
+
+CLSP_API ClspStatus clspPhaseAdvanceInit(ClspPhaseAdvance *advance, uint32_t struct_size) {
+    return guarded("clspPhaseAdvanceInit", [&] { init_struct(advance, struct_size, advance_defaults(), "advance"); });
+}
+
+CLSP_API ClspStatus clspPhaseEnqueueAdvance(ClspPhase phase, cl_command_queue queue, uint64_t frame_index,
+                                            const ClspPhaseAdvance *advance, uint32_t num_events_in_wait_list,
+                                            const cl_event *event_wait_list, cl_event *event) {
+    return guarded("clspPhaseEnqueueAdvance", [&] {
+        const auto p = object(phase);
+        const ClspPhaseAdvance a = read_struct(advance, advance_defaults(), "advance");
+        const auto view = [&](const ClspImage &image, const char *name, Format format) {
+            return image.mem ? check_image(description(image), name, p->context()->cl_context()(),
+                                           {p->grid().width, p->grid().height}, {format})
+                             : ImageView{};
+        };
+        PhaseAdvance given;
+        given.path = view(a.path, "advance->path", Format::kFloat32);
+        given.correlation = view(a.correlation, "advance->correlation", Format::kFloat32);
+        given.shift = view(a.shift, "advance->shift", Format::kFloat32x2);
+        given.mask = view(a.mask, "advance->mask", Format::kUint8);
+        given.uniform_path = a.uniform_path;
+        given.uniform_correlation = a.uniform_correlation;
+        given.substep = a.substep;
+        enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { p->enqueue_advance(chain, frame_index, given); });
+    });
+}
+
+CLSP_API ClspStatus clspPhaseCheck(ClspPhase phase, cl_command_queue queue) {
+    return guarded("clspPhaseCheck", [&] {
+        const auto p = object(phase);
+        p->context()->check_queue(queue);
+        check_opencl(clFinish(queue), "clFinish");
+        const BadPixels bad = p->bad_pixels().take(queue);
+        if (bad.not_finite + bad.negative > 0)
+            throw Error(
+                Status::kInvalidData,
+                fmt::format(
+                    "{} pixels with a path, correlation or shift that is NaN or infinite and {} with one out of "
+                    "range since the last check, the first at x = {}, y = {}; they were replaced",
+                    bad.not_finite, bad.negative, bad.first_index % p->grid().width,
+                    bad.first_index / p->grid().width));
     });
 }
 

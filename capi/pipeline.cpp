@@ -2,6 +2,7 @@
 
 #include "convert.hpp"
 #include "handles.hpp"
+#include "motion.hpp"
 #include "pipeline/pipeline.hpp"
 
 #include <cstring>
@@ -14,6 +15,21 @@ namespace {
 ClspPipelineDesc pipeline_defaults() {
     ClspPipelineDesc desc{};
     desc.struct_size = sizeof desc;
+    const PipelineParameters p;
+    desc.seed = p.seed;
+    desc.line_count = p.line_count;
+    desc.sub_exposures = p.sub_exposures;
+    desc.dephasing_rad = p.dephasing_rad;
+    desc.power_flicker = p.power_flicker;
+    desc.coherent_fraction = p.coherent_fraction;
+    desc.subsurface_length_px = p.subsurface_length_px;
+    desc.subsurface_fraction = p.subsurface_fraction;
+    desc.exposure_path = p.exposure_path;
+    desc.boiling_correlation_frames = p.boiling_correlation_frames;
+    desc.airflow_rms_rad = p.airflow.rms_rad;
+    desc.airflow_scale_px = p.airflow.scale_px;
+    desc.airflow_correlation_frames = p.airflow.correlation_frames;
+    desc.vibration_rms_px = p.vibration_rms_px;
     return desc;
 }
 
@@ -41,6 +57,13 @@ template <typename Function> void with_frame(const ClspFrame *user, Function fun
     frame.irradiance = optional_description(&f.irradiance);
     frame.refresh_mask = optional_description(&f.refresh_mask);
     frame.output = description(f.output);
+    MotionInput m;
+    if (f.motion)
+        m = motion_input(f.motion);
+    frame.motion = f.motion ? &m : nullptr;
+    frame.material = optional_description(&f.material);
+    frame.illumination = static_cast<Illumination>(f.illumination);
+    check_reserved(f.reserved, "frame->reserved");
     function(frame);
 }
 
@@ -62,9 +85,31 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         required(pipeline, "pipeline");
         const ClspPipelineDesc d = read_struct(desc, pipeline_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        PipelineStages stages{optional_object(d.pattern), optional_object(d.phase), optional_object(d.aperture),
-                              optional_object(d.sensor)};
-        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages)));
+        PipelineStages stages;
+        stages.pattern = optional_object(d.pattern);
+        stages.dots = optional_object(d.dots);
+        stages.materials = optional_object(d.materials);
+        stages.motion = optional_object(d.motion);
+        stages.phase = optional_object(d.phase);
+        stages.aperture = optional_object(d.aperture);
+        stages.lens = optional_object(d.lens);
+        stages.sensor = optional_object(d.sensor);
+        PipelineParameters p;
+        p.seed = d.seed;
+        p.line_count = d.line_count;
+        p.sub_exposures = d.sub_exposures;
+        p.dephasing_rad = d.dephasing_rad;
+        p.power_flicker = d.power_flicker;
+        p.coherent_fraction = d.coherent_fraction;
+        p.subsurface_length_px = d.subsurface_length_px;
+        p.subsurface_fraction = d.subsurface_fraction;
+        p.exposure_path = d.exposure_path;
+        p.boiling_correlation_frames = d.boiling_correlation_frames;
+        p.airflow.rms_rad = d.airflow_rms_rad;
+        p.airflow.scale_px = d.airflow_scale_px;
+        p.airflow.correlation_frames = d.airflow_correlation_frames;
+        p.vibration_rms_px = d.vibration_rms_px;
+        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), p));
     });
 }
 

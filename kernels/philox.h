@@ -12,6 +12,20 @@
 #define STREAM_HOT_PIXEL 0x11u
 #define STREAM_HOT_OFFSET 0x12u
 #define STREAM_COLD_PIXEL 0x13u
+#define STREAM_PRNU 0x14u
+#define STREAM_DSNU 0x15u
+#define STREAM_COLUMN_OFFSET 0x16u
+#define STREAM_ROW_NOISE 0x17u
+#define STREAM_SHOT_NOISE 0x18u         // and 0x19
+#define STREAM_READ_NOISE_SPREAD 0x1au
+#define STREAM_COLUMN_NOISE 0x1bu
+#define STREAM_NEXT_PHASE 0x20u         // + polarization: the knot that a moving field turns towards
+#define STREAM_NEXT_MAGNITUDE 0x22u     // + polarization
+#define STREAM_PATH_START 0x24u
+#define STREAM_BOIL_PHASE 0x26u         // + polarization; + 2 for the next knot
+#define STREAM_BOIL_MAGNITUDE 0x2au     // + polarization; + 2 for the next knot
+#define STREAM_SURFACE_HEIGHT 0x30u
+#define STREAM_AIRFLOW 0x31u            // and 0x32
 
 // Four words, and two or four floats. Plain structs: compilers that vectorize across work-items (PoCL) give up on OpenCL's own vector
 // types, and on mul_hi.

@@ -265,7 +265,7 @@ void check_struct_size(const std::string &function, const Struct &valid,
     const std::uint32_t size = sizeof(Struct);
     EXPECT_TRUE(succeeded("", run(size, 0))) << function;
     EXPECT_TRUE(succeeded("", run(size + 64, 0))) << function << " with a longer struct";
-    for (std::uint32_t wrong : {0u, 4u, size / 2, 0xffffffffu}) // the last one must not make the library read that far
+    for (std::uint32_t wrong : {0u, 4u, 16u, 0xffffffffu}) // the last one must not make the library read that far
         EXPECT_TRUE(failed_as(function, run(wrong, 0), CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size"))
             << function << " with struct_size " << wrong;
     for (std::size_t dirty : {sizeof(Struct), sizeof(Struct) + 63})
@@ -405,7 +405,7 @@ template <typename Struct> void check_init(const std::string &function, ClspStat
     struct alignas(16) Longer {
         unsigned char bytes[sizeof(Struct) + 64];
     };
-    for (std::uint32_t wrong : {0u, 4u, static_cast<std::uint32_t>(sizeof(Struct) / 2), 0xffffffffu}) {
+    for (std::uint32_t wrong : {0u, 4u, 16u, 0xffffffffu}) {
         Longer memory;
         std::memset(&memory, 0xEE, sizeof(memory));
         poison_last_error(function);

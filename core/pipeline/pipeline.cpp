@@ -1,16 +1,59 @@
 #include "pipeline/pipeline.hpp"
 
+#include "effects/effects.hpp"
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
+#include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <fmt/core.h>
 #include <utility>
 
 namespace clsp {
+namespace {
 
-Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages)
-    : context_(std::move(context)), stages_(std::move(stages)) {
+constexpr std::uint32_t kMaxSubExposures = kMaxSubstep;
+
+void check_parameters(const PipelineParameters &p) {
+    check_not_negative(p.power_flicker, "power_flicker");
+    check_not_negative(p.subsurface_length_px, "subsurface_length_px");
+    check_fraction(p.subsurface_fraction, "subsurface_fraction");
+    if (p.subsurface_fraction > 0.0 && p.subsurface_length_px == 0.0)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("subsurface_fraction is {}, but subsurface_length_px is 0; set it above 0",
+                                p.subsurface_fraction));
+    if (p.sub_exposures < 1 || p.sub_exposures > kMaxSubExposures)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("sub_exposures is {}, it must be 1 to {}", p.sub_exposures, kMaxSubExposures));
+    check_not_negative(p.exposure_path, "exposure_path");
+    if (p.exposure_path > 0.0 && p.sub_exposures < 2)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("exposure_path is {}, which needs sub_exposures of 2 or more (about four per correlation "
+                                "length)",
+                                p.exposure_path));
+    if (!(p.boiling_correlation_frames > 0.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("boiling_correlation_frames is {}, it must be above 0 (infinity: off)",
+                                p.boiling_correlation_frames));
+    check_airflow(p.airflow);
+    check_not_negative(p.vibration_rms_px, "vibration_rms_px");
+}
+
+bool boils(const PipelineParameters &p) {
+    return std::isfinite(p.boiling_correlation_frames);
+}
+
+} // namespace
+
+Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters)
+    : context_(std::move(context)), stages_(std::move(stages)), parameters_(parameters) {
+    check_stages();
+    apply_own(model());
+}
+
+void Pipeline::check_stages() const {
     if (!stages_.phase || !stages_.aperture)
         throw Error(Status::kInvalidArgument, fmt::format("{} is NULL; a pipeline needs a phase and an aperture",
                                                           stages_.phase ? "aperture" : "phase"));
@@ -20,25 +63,212 @@ Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages)
             throw Error(Status::kWrongContext, fmt::format("{} belongs to another context than the pipeline", name));
     };
     check_context(stages_.pattern, "pattern");
+    check_context(stages_.dots, "dots");
+    check_context(stages_.materials, "materials");
+    check_context(stages_.motion, "motion");
     check_context(stages_.phase, "phase");
     check_context(stages_.aperture, "aperture");
+    check_context(stages_.lens, "lens");
     check_context(stages_.sensor, "sensor");
+    if (stages_.pattern && stages_.dots)
+        throw Error(Status::kInvalidArgument, "a pipeline has a pattern or dots, not both");
     stages_.aperture->check_phase(*stages_.phase);
+    if (stages_.materials && stages_.phase->polarization_count() < 2)
+        throw Error(Status::kInvalidArgument, "a material table needs a phase with polarization_count 2");
     const FieldGrid &grid = stages_.aperture->grid();
-    if (stages_.sensor && (stages_.sensor->width() != grid.width || stages_.sensor->height() != grid.height))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the sensor has {} x {} pixels (width x height), the aperture {} x {}",
-                                stages_.sensor->width(), stages_.sensor->height(), grid.width, grid.height));
-    if (stages_.pattern || stages_.sensor)
-        image_ = DeviceBuffer(context_, std::size_t{grid.width} * grid.height * sizeof(float));
+    const auto check_size = [&](const auto &stage, const char *name) {
+        if (stage && (stage->parameters().width != grid.width || stage->parameters().height != grid.height))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("the {} has {} x {} pixels (width x height), the aperture {} x {}", name,
+                                    stage->parameters().width, stage->parameters().height, grid.width, grid.height));
+    };
+    check_size(stages_.dots, "dots");
+    check_size(stages_.motion, "motion");
+    check_size(stages_.lens, "lens");
+    check_size(stages_.sensor, "sensor");
 }
 
-void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
-                             cl_event *event) {
-    // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
-    context_->check_queue(queue);
+PipelineModel Pipeline::model() const {
+    PipelineModel model;
+    model.pipeline = parameters_;
+    model.phase = stages_.phase->parameters();
+    model.aperture = stages_.aperture->parameters();
+    if (stages_.lens) {
+        model.lens = stages_.lens->parameters();
+    } else {
+        model.lens.width = stages_.aperture->grid().width;
+        model.lens.height = stages_.aperture->grid().height;
+    }
+    if (stages_.dots)
+        model.dots = stages_.dots->parameters();
+    if (stages_.sensor)
+        model.sensor = stages_.sensor->parameters();
+    return model;
+}
+
+void Pipeline::apply_stages(const PipelineModel &model, unsigned sets) {
+    if (sets & kSetsPhase)
+        stages_.phase->configure(model.phase);
+    if (sets & kSetsAperture)
+        stages_.aperture->configure(model.aperture);
+    if (sets & kSetsLens) {
+        if (stages_.lens)
+            stages_.lens->configure(model.lens);
+        else
+            stages_.lens = std::make_shared<Lens>(context_, model.lens);
+    }
+    if (sets & kSetsDots)
+        stages_.dots->configure(*model.dots);
+    if (sets & kSetsSensor)
+        stages_.sensor->configure(*model.sensor);
+}
+
+void Pipeline::apply_own(const PipelineModel &model) {
+    const PipelineParameters &p = model.pipeline;
+    check_parameters(p);
+    if (p.exposure_path > 0.0 && model.phase.dynamics != Dynamics::kContinuous)
+        throw Error(Status::kInvalidArgument,
+                    "exposure_path needs a phase with dynamics CLSP_DYNAMICS_CONTINUOUS");
+    if (boils(p) && model.phase.field != FieldKind::kCircularGaussian)
+        throw Error(Status::kInvalidArgument,
+                    "boiling_correlation_frames needs a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
+    FieldParameters field;
+    field.coherent_fraction = p.coherent_fraction;
+    field.line_count = p.line_count;
+    field.dephasing_rad = p.dephasing_rad;
+    field.wavelength_m = model.aperture.wavelength_m;
+    field.degree_of_polarization = model.aperture.degree_of_polarization;
+    field.seed = p.seed;
+    field.materials = stages_.materials;
+    std::unique_ptr<Airflow> airflow;
+    if (p.airflow.rms_rad > 0.0) {
+        AirflowParameters air = p.airflow;
+        air.seed = p.seed;
+        airflow = std::make_unique<Airflow>(context_, stages_.aperture->grid(), air);
+    }
+    stages_.aperture->field().configure(field);
+    parameters_ = p;
+    airflow_ = std::move(airflow);
+    allocate();
+}
+
+void Pipeline::allocate() {
+    const FieldGrid &grid = stages_.aperture->grid();
+    const std::size_t pixels = std::size_t{grid.width} * grid.height;
+    const auto image = [&](DeviceBuffer &buffer, bool needed, std::size_t bytes_per_pixel) {
+        if (!needed)
+            buffer = {};
+        else if (!buffer)
+            buffer = DeviceBuffer(context_, pixels * bytes_per_pixel);
+    };
+    const PipelineParameters &p = parameters_;
+    const bool distorts = stages_.lens && stages_.lens->distorts();
+    const bool makes_light = stages_.pattern || stages_.dots;
+    bool material_subsurface = false;
+    if (stages_.materials)
+        for (const Material &material : stages_.materials->materials())
+            material_subsurface |= material.subsurface_fraction > 0.0;
+    if (material_subsurface && p.subsurface_length_px == 0.0)
+        throw Error(Status::kInvalidArgument,
+                    "the material table has a subsurface_fraction, but the pipeline's subsurface_length_px is 0; set it "
+                    "above 0");
+    const bool subsurface = p.subsurface_fraction > 0.0 || material_subsurface;
+    // Where several fields are added, the ideal image cannot lie where the light is summed.
+    const bool many_fields = p.line_count > 1 || p.sub_exposures > 1 || stages_.materials;
+    image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
+    image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
+    image(distorted_, distorts, sizeof(float));
+    image(distorted_material_, distorts && stages_.materials, 1);
+    image(distorted_path_, distorts && stages_.motion, sizeof(float));
+    image(distorted_correlation_, distorts && stages_.motion, sizeof(float));
+    image(distorted_shift_, distorts && stages_.motion, sizeof(cl_float2));
+    image(distorted_mask_, distorts, 1);
+    image(subsurface_weight_, material_subsurface, sizeof(float));
+    subsurface_.reset();
+    if (subsurface) {
+        if (!filter_workspace_)
+            filter_workspace_ = std::make_shared<FilterWorkspace>(context_);
+        subsurface_ = std::make_unique<FftFilter>(
+            context_, grid.width, grid.height,
+            exponential_guard_px(p.subsurface_length_px, grid.width, grid.height),
+            exponential_spread(p.subsurface_length_px), filter_workspace_);
+    }
+    if (material_subsurface) {
+        std::vector<float> fractions;
+        for (const Material &material : stages_.materials->materials())
+            fractions.push_back(static_cast<float>(material.subsurface_fraction));
+        subsurface_table_ = DeviceBuffer(context_, fractions.size() * sizeof(float), fractions.data());
+        material_lookup_ = context_->kernel("material.cl", "material_lookup");
+    }
+    dark_ = context_->kernel("aperture.cl", "aperture_dark",
+                             "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+}
+
+void Pipeline::use_effects(Effects effects) {
+    const PipelineModel before = model();
+    PipelineModel base = base_ ? *base_ : before;
+    // What the host may have changed since: the exposure.
+    if (base.sensor)
+        base.sensor->exposure_gain_dn = before.sensor->exposure_gain_dn;
+    PipelineModel with = base;
+    unsigned sets = 0;
+    // In the catalogue's order, whatever the order of the calls.
+    for (const Effect &effect : effect_catalogue()) {
+        if (effects_.count(effect.id) > 0)
+            sets |= effect.sets;
+        const auto found = effects.find(effect.id);
+        if (found == effects.end())
+            continue;
+        sets |= effect.sets;
+        effect.apply(with, found->second.data());
+    }
+    try {
+        apply_stages(with, sets);
+        apply_own(with);
+    } catch (...) {
+        apply_stages(before, sets);
+        apply_own(before);
+        throw;
+    }
+    effects_ = std::move(effects);
+    if (effects_.empty())
+        base_.reset();
+    else
+        base_ = std::move(base);
+}
+
+void Pipeline::set_effect(const std::string &id, const double *values, std::uint32_t count) {
+    const Effect &effect = find_effect(id);
+    Effects effects = effects_;
+    effects[id] = check_effect_values(effect, values, count);
+    use_effects(std::move(effects));
+}
+
+void Pipeline::clear_effect(const std::string &id) {
+    Effects effects = effects_;
+    if (id.empty()) {
+        effects.clear();
+    } else {
+        find_effect(id);
+        effects.erase(id);
+    }
+    use_effects(std::move(effects));
+}
+
+ImageView Pipeline::own_image(const DeviceBuffer &buffer, Format format) const {
+    const FieldGrid &grid = stages_.aperture->grid();
+    return check_image({buffer.get()(), 0, 0, grid.width, grid.height, format}, "image", context_->cl_context()(),
+                       {grid.width, grid.height}, {format});
+}
+
+// The images of a frame, checked; those that a frame has not are empty.
+struct Pipeline::Checked {
+    ImageView output, mask, material, irradiance;
+    ImageView light; // what the lens and the sensor get; the output where there are neither
+};
+
+Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     const ::cl_context cl_context = context_->cl_context()();
-    check_wait_list(cl_context, num_waits, waits);
     check_frame_index(frame.frame_index);
     stages_.aperture->check_workspace();
     const FieldGrid &grid = stages_.aperture->grid();
@@ -47,57 +277,225 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
         throw Error(Status::kInvalidArgument,
                     fmt::format("refresh is {}, expected CLSP_REFRESH_MASK or CLSP_REFRESH_ALL",
                                 static_cast<std::uint32_t>(frame.refresh)));
-    const ImageView output = stages_.sensor ? stages_.sensor->check_output(frame.output)
-                                            : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
-    check_writable(output, "output");
-    stages_.aperture->refuse_workspace(output, "output");
-    ImageView mask;
-    if (frame.refresh_mask) {
-        mask = stages_.phase->check_mask(frame.refresh_mask, "refresh_mask");
-        refuse_overlap(output, "output", mask, "refresh_mask");
-    }
-    ImageView own;
-    if (image_)
-        own = check_image({image_.get()(), 0, 0, size.width, size.height, Format::kFloat32}, "image", cl_context, size,
-                          {Format::kFloat32});
-    ImageView irradiance = own;
-    if (stages_.pattern) {
+    if (frame.illumination > Illumination::kDark)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("illumination is {}, expected CLSP_ILLUMINATION_LASER, _INCOHERENT or _DARK",
+                                static_cast<std::uint32_t>(frame.illumination)));
+    Checked images;
+    images.output = stages_.sensor ? stages_.sensor->check_output(frame.output)
+                                   : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
+    check_writable(images.output, "output");
+    stages_.aperture->refuse_workspace(images.output, "output");
+    const auto input = [&](const ImageDescription &image, const char *name,
+                           std::initializer_list<Format> formats) -> ImageView {
+        const ImageView view = check_image(image, name, cl_context, size, formats);
+        refuse_overlap(images.output, "output", view, name);
+        stages_.aperture->refuse_workspace(view, name);
+        return view;
+    };
+    if (frame.refresh_mask)
+        images.mask = input(frame.refresh_mask, "refresh_mask", {Format::kUint8});
+    if (stages_.sensor || (stages_.lens && stages_.lens->finishes()))
+        images.light = own_image(light_);
+    else
+        images.light = images.output;
+
+    if (frame.illumination == Illumination::kDark)
+        return images;
+    if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
+        throw Error(Status::kInvalidArgument,
+                    "irradiance is missing; with CLSP_ILLUMINATION_INCOHERENT it is the light of the scene, whatever the "
+                    "pipeline's pattern or dots");
+    const bool laser = frame.illumination == Illumination::kLaser;
+    if (laser && stages_.pattern) {
         if (!frame.geometry)
             throw Error(Status::kInvalidArgument,
                         "geometry is NULL; this pipeline has a pattern and needs the frame's geometry");
-        if (frame.irradiance)
-            throw Error(Status::kInvalidArgument,
-                        "irradiance was given to a pipeline with a pattern; give geometry alone, or make the "
-                        "pipeline without a pattern");
         for (const ImageDescription *image :
              {&frame.geometry->position, &frame.geometry->depth, &frame.geometry->normal, &frame.geometry->albedo,
               &frame.geometry->visibility})
             if (*image)
-                refuse_overlap(output, "output",
+                refuse_overlap(images.output, "output",
                                check_image(*image, "geometry", cl_context, size,
                                            {Format::kFloat32, Format::kFloat32x3, Format::kFloat32x4, Format::kUint8}),
                                "an image of the geometry");
-    } else {
-        if (frame.geometry)
-            throw Error(Status::kInvalidArgument,
-                        "geometry was given to a pipeline without a pattern; give irradiance, or make the "
-                        "pipeline with a pattern");
-        irradiance = check_image(frame.irradiance, "irradiance", cl_context, size, {Format::kFloat32});
-        refuse_overlap(output, "output", irradiance, "irradiance");
-        stages_.aperture->refuse_workspace(irradiance, "irradiance");
+    } else if (laser && frame.geometry) {
+        throw Error(Status::kInvalidArgument,
+                    "geometry was given to a pipeline without a pattern; give irradiance, or make the "
+                    "pipeline with a pattern");
     }
+    if (laser && (stages_.pattern || stages_.dots)) {
+        if (frame.irradiance)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("irradiance was given to a pipeline with {}; give {}, or make the "
+                                    "pipeline without",
+                                    stages_.pattern ? "a pattern" : "dots",
+                                    stages_.pattern ? "geometry alone" : "no irradiance"));
+        images.irradiance = irradiance_ ? own_image(irradiance_) : own_image(light_);
+    } else {
+        images.irradiance = input(frame.irradiance, "irradiance", {Format::kFloat32});
+    }
+    if (!laser)
+        return images;
+    if (stages_.materials) {
+        if (!frame.material)
+            throw Error(Status::kInvalidArgument,
+                        "material is missing; this pipeline has a material table and needs each pixel's material id");
+        images.material = input(frame.material, "material", {Format::kUint8});
+    }
+    if (frame.motion) {
+        if (!stages_.motion)
+            throw Error(Status::kInvalidArgument,
+                        "motion was given to a pipeline without a motion stage; make the pipeline with one");
+        stages_.motion->check(*frame.motion);
+    }
+    if (stages_.lens && stages_.lens->distorts()) {
+        stages_.lens->check_distort(images.irradiance, own_image(distorted_), Interpolation::kCubic);
+        if (images.material)
+            stages_.lens->check_distort(images.material, own_image(distorted_material_, Format::kUint8),
+                                        Interpolation::kNearest);
+        if (images.mask)
+            stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8),
+                                        Interpolation::kNearest);
+    }
+    Exposure exposure;
+    exposure.screen = airflow_ ? &airflow_->screen() : nullptr;
+    exposure.moves_image = parameters_.vibration_rms_px > 0.0;
+    stages_.aperture->prepare(*stages_.phase, exposure);
+    stages_.aperture->prepare(*stages_.phase, {});
+    return images;
+}
+
+void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images) {
+    Phase &phase = *stages_.phase;
+    const PipelineParameters &p = parameters_;
+    const FieldGrid &grid = stages_.aperture->grid();
+    ImageView irradiance = images.irradiance, material = images.material, mask = images.mask;
+    if (stages_.pattern)
+        stages_.pattern->enqueue_lookup(chain, *frame.geometry, irradiance);
+    else if (stages_.dots)
+        stages_.dots->enqueue_render(chain, irradiance);
+
+    PhaseAdvance advance;
+    if (frame.motion)
+        advance = stages_.motion->enqueue_compute(chain, *frame.motion);
+
+    // The lens shows geometry and light at the same distorted places; speckle arises behind it.
+    if (stages_.lens && stages_.lens->distorts()) {
+        const auto distort = [&](ImageView &image, const DeviceBuffer &buffer) {
+            if (!image)
+                return;
+            const ImageView out = own_image(buffer, image.format);
+            stages_.lens->enqueue_distort(chain, image, out,
+                                          &image == &irradiance ? Interpolation::kCubic : Interpolation::kNearest);
+            image = out;
+        };
+        distort(irradiance, distorted_);
+        distort(material, distorted_material_);
+        distort(mask, distorted_mask_);
+        distort(advance.path, distorted_path_);
+        distort(advance.correlation, distorted_correlation_);
+        distort(advance.shift, distorted_shift_);
+    }
+
+    if (subsurface_) {
+        ImageView weight;
+        if (subsurface_weight_) {
+            KernelArguments(material_lookup_)
+                .add(material)
+                .add(static_cast<cl_uint>(stages_.materials->materials().size()))
+                .add(subsurface_table_.get())
+                .add(subsurface_weight_.get())
+                .add(cl_uint{grid.width})
+                .add(cl_uint{grid.height});
+            chain.run("subsurface", material_lookup_, grid.width, grid.height);
+            weight = own_image(subsurface_weight_);
+        }
+        // The host's image stays as it is.
+        const ImageView spread = irradiance_ && !distorted_ ? own_image(irradiance_) : irradiance;
+        subsurface_->enqueue(chain, "subsurface", irradiance, spread, p.subsurface_fraction, weight);
+        irradiance = spread;
+    }
+
+    const bool fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
+    const bool lives = boils(p) && !fresh;
+    if (fresh) {
+        phase.enqueue_refresh(chain, frame.frame_index, {});
+    } else if (frame.motion || lives) {
+        if (mask && !advance.mask)
+            advance.mask = mask;
+        else if (mask)
+            phase.enqueue_refresh(chain, frame.frame_index, mask);
+        if (lives && !advance.correlation)
+            advance.uniform_correlation *= std::exp(-1.0 / p.boiling_correlation_frames);
+        phase.enqueue_advance(chain, frame.frame_index, advance);
+        if (lives && advance.correlation) {
+            PhaseAdvance boiling;
+            boiling.uniform_correlation = std::exp(-1.0 / p.boiling_correlation_frames);
+            boiling.substep = kMaxSubstep;
+            phase.enqueue_advance(chain, frame.frame_index, boiling);
+        }
+    } else if (mask) {
+        phase.enqueue_refresh(chain, frame.frame_index, mask);
+    }
+
+    Exposure exposure;
+    exposure.material = material;
+    exposure.gain = std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
+    // What shakes or bends a still picture; in frames drawn anew nothing would show it.
+    if (!fresh || frame.refresh != Refresh::kAll) {
+        if (airflow_) {
+            airflow_->enqueue_advance(chain, frame.frame_index);
+            exposure.screen = &airflow_->screen();
+        }
+        if (p.vibration_rms_px > 0.0) {
+            const auto shift = host_normals(p.seed, frame.frame_index, kStreamVibration);
+            exposure.shift_x_px = p.vibration_rms_px * shift[0];
+            exposure.shift_y_px = p.vibration_rms_px * shift[1];
+            exposure.moves_image = true;
+        }
+    }
+    const bool moves = p.exposure_path > 0.0 && frame.refresh == Refresh::kAll;
+    const std::uint32_t count = moves ? p.sub_exposures : 1;
+    exposure.gain /= count;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        if (i > 0) {
+            PhaseAdvance step;
+            step.uniform_path = p.exposure_path / count;
+            step.substep = i;
+            phase.enqueue_advance(chain, frame.frame_index, step);
+            exposure.adds = true;
+        }
+        stages_.aperture->enqueue_intensity(chain, phase, irradiance, images.light, exposure);
+    }
+}
+
+void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
+                             cl_event *event) {
+    // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
+    context_->check_queue(queue);
+    check_wait_list(context_->cl_context()(), num_waits, waits);
+    const Checked images = check_frame(frame);
+    const FieldGrid &grid = stages_.aperture->grid();
 
     next_profile_.entries.clear();
     CommandChain chain(queue, num_waits, waits, &next_profile_);
-    if (stages_.pattern)
-        stages_.pattern->enqueue_lookup(chain, *frame.geometry, irradiance);
-    if (frame.refresh == Refresh::kAll || !stages_.phase->refreshed())
-        stages_.phase->enqueue_refresh(chain, frame.frame_index, {});
-    else if (mask)
-        stages_.phase->enqueue_refresh(chain, frame.frame_index, mask);
-    stages_.aperture->enqueue_intensity(chain, *stages_.phase, irradiance, stages_.sensor ? own : output);
+    if (frame.illumination == Illumination::kLaser) {
+        enqueue_laser(chain, frame, images);
+    } else if (frame.illumination == Illumination::kIncoherent) {
+        stages_.aperture->enqueue_incoherent(chain, images.irradiance, images.light);
+    } else {
+        KernelArguments(dark_).add(images.light).add(cl_uint{grid.width}).add(cl_uint{grid.height});
+        chain.run("intensity", dark_, grid.width, grid.height);
+    }
+    ImageView light = images.light;
+    if (stages_.lens && stages_.lens->finishes()) {
+        const ImageView out = stages_.sensor ? light : images.output;
+        stages_.lens->enqueue_finish(chain, light, out, frame.illumination == Illumination::kDark);
+        light = out;
+    }
     if (stages_.sensor)
-        stages_.sensor->enqueue_expose(chain, own, frame.frame_index, output);
+        stages_.sensor->enqueue_expose(chain, light, frame.frame_index, images.output);
     chain.finish(event);
     // Only now is it the last frame: a refused one leaves the times of the one before.
     std::swap(profile_, next_profile_);
@@ -146,9 +544,25 @@ void Pipeline::check(cl_command_queue queue) {
                                message.empty() ? "" : "; ", what, bad.not_finite, bad.negative, bad.first_index % width,
                                bad.first_index / width);
     };
+    const auto report_as = [&](const BadPixels &bad, const char *what, const char *fault, const char *taken) {
+        if (bad.not_finite == 0 && bad.negative == 0)
+            return;
+        const std::uint32_t width = stages_.aperture->grid().width;
+        message += fmt::format("{}{}: {} pixels {} since the last check, the first at x = {}, y = {}; they were {}",
+                               message.empty() ? "" : "; ", what, bad.not_finite + bad.negative, fault,
+                               bad.first_index % width, bad.first_index / width, taken);
+    };
     if (stages_.pattern)
         report(stages_.pattern->bad_pixels().take(queue), "albedo or visibility");
     report(stages_.aperture->bad_pixels().take(queue), "irradiance");
+    report_as(stages_.phase->bad_pixels().take(queue), "path, correlation or shift", "NaN or out of range", "replaced");
+    report_as(stages_.aperture->field().bad_materials().take(queue), "material", "with ids outside the table",
+              "given the first material");
+    if (stages_.motion) {
+        report_as(stages_.motion->bad_pixels().take(queue), "motion", "NaN", "taken as moved");
+        report_as(stages_.motion->bad_materials().take(queue), "the motion's material", "with ids outside the table",
+                  "given the first material");
+    }
     if (!message.empty())
         throw Error(Status::kInvalidData, message);
 }

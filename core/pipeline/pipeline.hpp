@@ -1,32 +1,63 @@
-// A frame: pattern, phase, aperture, sensor, as one chain of commands.
+// A frame: light, motion, phase, aperture, lens, sensor, as one chain of commands.
 #pragma once
 
+#include "stages/airflow.hpp"
 #include "stages/aperture.hpp"
+#include "stages/dots.hpp"
+#include "stages/filter.hpp"
+#include "stages/lens.hpp"
+#include "stages/material.hpp"
+#include "stages/motion.hpp"
 #include "stages/pattern.hpp"
 #include "stages/phase.hpp"
 #include "stages/sensor.hpp"
 
 #include <cstdint>
+#include <limits>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace clsp {
 
 enum class Refresh : std::uint32_t { kMask = 0, kAll = 1 };
+enum class Illumination : std::uint32_t { kLaser = 0, kIncoherent = 1, kDark = 2 };
 
 struct PipelineStages {
-    std::shared_ptr<Pattern> pattern; // may be empty
+    std::shared_ptr<Pattern> pattern; // may be empty, as all but phase and aperture
+    std::shared_ptr<Dots> dots;
+    std::shared_ptr<MaterialTable> materials;
+    std::shared_ptr<Motion> motion;
     std::shared_ptr<Phase> phase;
     std::shared_ptr<Aperture> aperture;
-    std::shared_ptr<Sensor> sensor; // may be empty
+    std::shared_ptr<Lens> lens;
+    std::shared_ptr<Sensor> sensor;
+};
+
+// What belongs to no stage alone. The defaults are off.
+struct PipelineParameters {
+    std::uint64_t seed = 0;
+    std::uint32_t line_count = 1; // laser
+    double dephasing_rad = 0.0;
+    double power_flicker = 0.0;
+    double coherent_fraction = 0.0; // surface, where no material says otherwise
+    double subsurface_length_px = 0.0, subsurface_fraction = 0.0;
+    std::uint32_t sub_exposures = 1; // exposure
+    double exposure_path = 0.0;
+    double boiling_correlation_frames = std::numeric_limits<double>::infinity();
+    AirflowParameters airflow;
+    double vibration_rms_px = 0.0;
 };
 
 struct Frame {
     Refresh refresh = Refresh::kMask;
+    Illumination illumination = Illumination::kLaser;
     std::uint64_t frame_index = 0;
     const Geometry *geometry = nullptr;
-    ImageDescription irradiance, refresh_mask, output;
+    const MotionInput *motion = nullptr;
+    ImageDescription irradiance, refresh_mask, material, output;
 };
 
 struct StageTiming {
@@ -34,11 +65,27 @@ struct StageTiming {
     double milliseconds;
 };
 
+// Every parameter of a pipeline and its stages: what an effect changes.
+struct PipelineModel {
+    PipelineParameters pipeline;
+    PhaseParameters phase;
+    ApertureParameters aperture;
+    LensParameters lens;
+    std::optional<DotsParameters> dots;
+    std::optional<SensorParameters> sensor;
+};
+
 class Pipeline {
   public:
-    Pipeline(std::shared_ptr<Context> context, PipelineStages stages);
+    Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters);
 
     const std::shared_ptr<Context> &context() const { return context_; }
+
+    // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their defaults. After an
+    // error all is as it was.
+    void set_effect(const std::string &id, const double *values, std::uint32_t count);
+    // Off again; "" for all.
+    void clear_effect(const std::string &id);
 
     void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
                        cl_event *event);
@@ -50,10 +97,34 @@ class Pipeline {
     std::vector<StageTiming> timings();
 
   private:
+    struct Checked; // the images of a frame, checked
+    using Effects = std::map<std::string, std::vector<double>>;
+
+    void check_stages() const;
+    PipelineModel model() const;
+    // What is the pipeline's own, and the parts of the model that stages have (kSets* of effects.hpp).
+    void apply_own(const PipelineModel &model);
+    void apply_stages(const PipelineModel &model, unsigned sets);
+    void use_effects(Effects effects);
+    // Buffers and filters that the parameters ask for.
+    void allocate();
+    Checked check_frame(const Frame &frame);
+    ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
+    void enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images);
+
     std::shared_ptr<Context> context_;
     PipelineStages stages_;
-    // The pattern's image and, with a sensor, the intensity; empty where the frame's own images do.
-    DeviceBuffer image_;
+    PipelineParameters parameters_;
+    Effects effects_;
+    std::optional<PipelineModel> base_; // without effects; while there are any
+    // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's distortion; subsurface
+    // fractions. Empty where a frame needs none.
+    DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,
+        distorted_shift_, distorted_mask_, subsurface_weight_, subsurface_table_;
+    std::shared_ptr<FilterWorkspace> filter_workspace_;
+    std::unique_ptr<FftFilter> subsurface_;
+    std::unique_ptr<Airflow> airflow_;
+    cl::Kernel material_lookup_, dark_;
     ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;
 };

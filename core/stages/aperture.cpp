@@ -3,6 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "stages/pixel_taps.hpp"
 
 #include <cmath>
 #include <fmt/core.h>
@@ -13,6 +14,7 @@ namespace {
 // Host memory for sub-buffers must be aligned so on every device that we know (CL_DEVICE_MEM_BASE_ADDR_ALIGN is at most
 // 4096 bits there; a page is generous).
 constexpr std::uint64_t kWorkspaceAlignment = 4096;
+constexpr double kPi = 3.14159265358979323846;
 
 std::uint64_t aligned(std::uint64_t bytes) {
     return (bytes + kWorkspaceAlignment - 1) / kWorkspaceAlignment * kWorkspaceAlignment;
@@ -29,37 +31,136 @@ double diameter_of(const ApertureParameters &p) {
 } // namespace
 
 Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p)
-    : context_(std::move(context)), grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)),
-      relative_diameter_(diameter_of(p)), degree_of_polarization_(p.degree_of_polarization), bad_pixels_(context_) {
+    : context_(std::move(context)), parameters_(p),
+      grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)), relative_diameter_(diameter_of(p)),
+      degree_of_polarization_(check_fraction(p.degree_of_polarization, "degree_of_polarization")),
+      bad_pixels_(context_), field_stage_(context_, grid_) {
+    configure(p);
+}
+
+void Aperture::configure(const ApertureParameters &p) {
+    const double diameter = diameter_of(p);
     check_fraction(p.degree_of_polarization, "degree_of_polarization");
-    if (relative_diameter_ > grid_.oversampling)
+    check_fraction(p.fill_factor, "fill_factor");
+    if (diameter > grid_.oversampling)
         throw Error(Status::kInvalidArgument,
                     fmt::format("the relative diameter D is {} cycles per pixel, but a grid with oversampling {} "
                                 "carries at most {}; set "
                                 "oversampling to {} or more (at most {}), or use a larger f_number",
-                                relative_diameter_, grid_.oversampling, grid_.oversampling,
-                                static_cast<std::uint64_t>(std::ceil(std::min(relative_diameter_, 1e9))),
-                                kMaxOversampling));
-    const Pupil pupil = make_pupil(p.pupil, grid_, relative_diameter_);
-    mean_transmission_ = pupil.mean_transmission;
-    pupil_samples_ = pupil.samples;
-    pupil_ = DeviceBuffer(context_, pupil.transmission.size() * sizeof(float), pupil.transmission.data());
-    fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
+                                diameter, grid_.oversampling, grid_.oversampling,
+                                static_cast<std::uint64_t>(std::ceil(std::min(diameter, 1e9))), kMaxOversampling));
+    const Pupil pupil = make_pupil(p.pupil, grid_, diameter);
+    const bool is_complex = !pupil.phase_turns.empty();
+    DeviceBuffer pupil_buffer;
+    if (is_complex) {
+        std::vector<cl_float2> amplitudes(pupil.transmission.size());
+        for (std::size_t i = 0; i < amplitudes.size(); ++i) {
+            const double t = pupil.transmission[i], angle = 2.0 * kPi * pupil.phase_turns[i];
+            amplitudes[i] = {{static_cast<float>(t * std::cos(angle)), static_cast<float>(t * std::sin(angle))}};
+        }
+        pupil_buffer = DeviceBuffer(context_, amplitudes.size() * sizeof(cl_float2), amplitudes.data());
+    } else {
+        pupil_buffer = DeviceBuffer(context_, pupil.transmission.size() * sizeof(float), pupil.transmission.data());
+    }
+    DeviceBuffer taps_buffer;
+    std::uint32_t tap_count = 0;
+    if (p.fill_factor > 0.0) {
+        std::vector<float> taps;
+        for (const double tap : pixel_taps(p.fill_factor, grid_.oversampling, diameter))
+            taps.push_back(static_cast<float>(tap));
+        tap_count = static_cast<std::uint32_t>(taps.size());
+        // A kernel reaches around the periodic border once.
+        if (grid_.grid_width < tap_count || grid_.grid_height < tap_count)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("fill_factor needs a field grid of at least {} x {} samples, this one has {} x {}",
+                                    tap_count, tap_count, grid_.grid_width, grid_.grid_height));
+        taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
+    }
+    if (!fft_)
+        fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
 
     // Work memory: the field, the transform's scratch, and the first polarization's intensity.
-    field_bytes_ = grid_.samples() * sizeof(cl_float2);
-    scratch_offset_ = aligned(field_bytes_);
-    partial_offset_ = scratch_offset_ + aligned(fft_->scratch_bytes());
+    const std::uint64_t field_bytes = grid_.samples() * sizeof(cl_float2);
+    const std::uint64_t scratch_offset = aligned(field_bytes);
+    const std::uint64_t partial_offset = scratch_offset + aligned(fft_->scratch_bytes());
     const std::uint64_t partial_bytes =
-        degree_of_polarization_ < 1.0 ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
-    workspace_bytes_ = partial_offset_ + aligned(partial_bytes);
-    if (!p.workspace_from_host) {
-        own_workspace_ = DeviceBuffer(context_, workspace_bytes_);
-        slice_workspace(own_workspace_.get(), 0);
+        p.degree_of_polarization < 1.0 ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
+    const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
+    DeviceBuffer workspace;
+    if (p.workspace_from_host && field_() && workspace_bytes > workspace_bytes_)
+        throw Error(Status::kBufferTooSmall,
+                    fmt::format("degree_of_polarization {} needs {} bytes of work memory; the host gave {}",
+                                p.degree_of_polarization, workspace_bytes, workspace_bytes_));
+    const bool new_workspace = !p.workspace_from_host && workspace_bytes != workspace_bytes_;
+    if (new_workspace)
+        workspace = DeviceBuffer(context_, workspace_bytes);
+    const std::string options =
+        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={}", is_complex ? 1 : 0, tap_count);
+    cl::Kernel apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
+    cl::Kernel write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
+    cl::Kernel add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
+    cl::Kernel incoherent = context_->kernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
+
+    // The field stage's table says how much light each polarization gets.
+    FieldParameters field = field_stage_.parameters();
+    field.degree_of_polarization = p.degree_of_polarization;
+    field.wavelength_m = p.wavelength_m;
+    field_stage_.configure(field);
+
+    // Nothing throws from here on, but slicing new work memory, which comes first.
+    if (!p.workspace_from_host || !field_()) {
+        scratch_offset_ = scratch_offset;
+        partial_offset_ = partial_offset;
+        workspace_bytes_ = workspace_bytes;
     }
-    apply_pupil_ = context_->kernel("aperture.cl", "aperture_pupil", "-DACCUMULATE=0");
-    write_intensity_ = context_->kernel("aperture.cl", "aperture_intensity", "-DACCUMULATE=0");
-    add_intensity_ = context_->kernel("aperture.cl", "aperture_intensity", "-DACCUMULATE=1");
+    if (new_workspace) {
+        slice_workspace(workspace.get(), 0);
+        own_workspace_ = std::move(workspace);
+    }
+    // The caller's pupil image need not outlive the call.
+    if (p.pupil.image && p.pupil.image != pupil_image_.data()) {
+        const std::uint64_t row = std::uint64_t{p.pupil.image_width} * sizeof(float);
+        const std::uint64_t pitch = (p.pupil.image_pitch_bytes ? p.pupil.image_pitch_bytes : row) / sizeof(float);
+        pupil_image_.clear();
+        for (std::uint32_t y = 0; y < p.pupil.image_height; ++y)
+            pupil_image_.insert(pupil_image_.end(), p.pupil.image + y * pitch,
+                                p.pupil.image + y * pitch + p.pupil.image_width);
+    }
+    parameters_ = p;
+    if (p.pupil.image) {
+        parameters_.pupil.image = pupil_image_.data();
+        parameters_.pupil.image_pitch_bytes = 0;
+    }
+    relative_diameter_ = diameter;
+    degree_of_polarization_ = p.degree_of_polarization;
+    mean_transmission_ = pupil.mean_transmission;
+    normalized_mean_transmission_ =
+        p.pupil.normalization == Normalization::kUnitMean ? 1.0 : pupil.mean_transmission;
+    pupil_samples_ = pupil.samples;
+    pupil_ = std::move(pupil_buffer);
+    taps_ = std::move(taps_buffer);
+    complex_pupil_ = is_complex;
+    tap_count_ = tap_count;
+    apply_pupil_ = apply;
+    write_intensity_ = write;
+    add_intensity_ = add;
+    incoherent_ = incoherent;
+    shift_pupil_ = {};
+}
+
+cl::Kernel &Aperture::pupil_kernel(bool shifted) {
+    if (!shifted)
+        return apply_pupil_;
+    if (!shift_pupil_())
+        shift_pupil_ = context_->kernel(
+            "aperture.cl", "aperture_pupil",
+            fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DACCUMULATE=0", complex_pupil_ ? 1 : 0));
+    return shift_pupil_;
+}
+
+void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
+    field_stage_.prepare(phase, exposure.screen != nullptr);
+    pupil_kernel(exposure.moves_image);
 }
 
 void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
@@ -113,8 +214,8 @@ void Aperture::set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64
 
 void Aperture::enqueue_pupil(CommandChain &chain, const ImageDescription &pupil) {
     const ImageView view = check_image(pupil, "pupil", context_->cl_context()(), {grid_.grid_width, grid_.grid_height},
-                                       {Format::kFloat32});
-    const std::size_t row = std::size_t{grid_.grid_width} * sizeof(float);
+                                       {complex_pupil_ ? Format::kFloat32x2 : Format::kFloat32});
+    const std::size_t row = std::size_t{grid_.grid_width} * (complex_pupil_ ? sizeof(cl_float2) : sizeof(float));
     const std::size_t origin_from[3] = {0, 0, 0};
     const std::size_t offset = view.offset * sizeof(float), pitch = std::size_t{view.pitch} * sizeof(float);
     const std::size_t origin_to[3] = {offset % pitch, offset / pitch, 0};
@@ -143,10 +244,12 @@ void Aperture::check_phase(const Phase &phase) const {
                                 "oversampling {}, guard {}",
                                 other.width, other.height, other.oversampling, other.guard_px, grid_.width,
                                 grid_.height, grid_.oversampling, grid_.guard_px));
-    if (degree_of_polarization_ < 1.0 && phase.polarization_count() < 2)
+    if ((degree_of_polarization_ < 1.0 || field_stage_.weighs_polarizations()) && phase.polarization_count() < 2)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("degree_of_polarization is {}, which needs a phase with polarization_count 2",
-                                degree_of_polarization_));
+                    degree_of_polarization_ < 1.0
+                        ? fmt::format("degree_of_polarization is {}, which needs a phase with polarization_count 2",
+                                      degree_of_polarization_)
+                        : std::string("a material table needs a phase with polarization_count 2"));
 }
 
 void Aperture::check_workspace() const {
@@ -155,44 +258,83 @@ void Aperture::check_workspace() const {
                     "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
 }
 
-void Aperture::enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance,
-                                 const ImageView &intensity) {
+void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
+                                 const ImageView &intensity, const Exposure &exposure) {
     check_phase(phase);
+    if (!phase.refreshed())
+        throw Error(Status::kInvalidState,
+                    "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
     check_workspace();
     check_writable(intensity, "intensity");
     refuse_workspace(irradiance, "irradiance");
     refuse_workspace(intensity, "intensity");
-    if (overlap(irradiance, intensity) && !same_pixels(irradiance, intensity))
+    const bool in_place = same_pixels(irradiance, intensity);
+    if (overlap(irradiance, intensity) && !in_place)
         throw Error(
             Status::kOverlap,
             "irradiance and intensity overlap without being the same image; use one image for both, or two apart");
 
-    const std::uint32_t polarizations = degree_of_polarization_ < 1.0 ? 2 : 1;
-    for (std::uint32_t k = 0; k < polarizations; ++k) {
-        phase.enqueue_illuminate(chain, k, irradiance, field_, bad_pixels_.buffer());
-        fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
-        KernelArguments(apply_pupil_).add(field_).add(pupil_.get()).add(cl_ulong{grid_.samples()});
-        chain.run("pupil", apply_pupil_, grid_.samples());
-        fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
+    const bool weighs = field_stage_.weighs_polarizations();
+    const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || weighs ? 2 : 1;
+    const std::vector<LaserLine> &lines = field_stage_.lines();
+    const std::size_t passes = lines.size() * polarizations;
+    if (in_place && (exposure.adds || passes > (partial_() ? 2 : 1)))
+        throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
+    std::size_t pass = 0;
+    for (std::size_t line = 0; line < lines.size(); ++line)
+        for (std::uint32_t k = 0; k < polarizations; ++k, ++pass) {
+            field_stage_.enqueue_illuminate(chain, phase, {irradiance, exposure.material, exposure.screen}, k, line,
+                                            field_, bad_pixels_.buffer());
+            fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
+            cl::Kernel &apply = pupil_kernel(exposure.moves_image);
+            KernelArguments pupil_arguments(apply);
+            pupil_arguments.add(field_).add(pupil_.get());
+            if (exposure.moves_image)
+                pupil_arguments.add(static_cast<cl_float>(exposure.shift_x_px * grid_.oversampling))
+                    .add(static_cast<cl_float>(exposure.shift_y_px * grid_.oversampling));
+            if (complex_pupil_ || exposure.moves_image) {
+                pupil_arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
+                chain.run("pupil", apply, grid_.grid_width, grid_.grid_height);
+            } else {
+                pupil_arguments.add(cl_ulong{grid_.samples()});
+                chain.run("pupil", apply, grid_.samples());
+            }
+            fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
 
-        // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40). The first sum waits in the work memory, because
-        // the output may be the irradiance that the second field still needs.
-        const double sign = k == 0 ? 1.0 : -1.0;
-        const auto weight = static_cast<cl_float>(0.5 * (1.0 + sign * degree_of_polarization_));
-        ImageView partial = intensity;
-        partial.mem = partial_();
-        partial.offset = 0;
-        partial.pitch = grid_.width;
-        cl::Kernel &kernel = k == 0 ? write_intensity_ : add_intensity_;
-        KernelArguments arguments(kernel);
-        arguments.add(field_).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
-        if (k == 1)
-            arguments.add(partial);
-        arguments.add(k + 1 == polarizations ? intensity : partial)
-            .add(cl_uint{grid_.width})
-            .add(cl_uint{grid_.height});
-        chain.run("intensity", kernel, grid_.width, grid_.height);
-    }
+            // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material table
+            // the field has these weights already. Where the output is the irradiance that the second field still needs,
+            // the first sum waits in the work memory.
+            const double sign = k == 0 ? 1.0 : -1.0;
+            const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);
+            const auto weight = static_cast<cl_float>(share * lines[line].weight * exposure.gain);
+            ImageView partial = intensity;
+            if (in_place && passes > 1) {
+                partial.mem = partial_();
+                partial.offset = 0;
+                partial.pitch = grid_.width;
+            }
+            const bool adds = pass > 0 || exposure.adds;
+            cl::Kernel &kernel = intensity_kernel(adds);
+            KernelArguments arguments(kernel);
+            arguments.add(field_).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
+            if (tap_count_ > 0)
+                arguments.add(cl_uint{grid_.grid_height}).add(taps_.get());
+            if (adds)
+                arguments.add(partial);
+            arguments.add(pass + 1 == passes ? intensity : partial).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+            chain.run("intensity", kernel, grid_.width, grid_.height);
+        }
+}
+
+void Aperture::enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity) {
+    KernelArguments(incoherent_)
+        .add(irradiance)
+        .add(static_cast<cl_float>(normalized_mean_transmission_))
+        .add(intensity)
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(bad_pixels_.buffer());
+    chain.run("intensity", incoherent_, grid_.width, grid_.height);
 }
 
 } // namespace clsp

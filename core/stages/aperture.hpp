@@ -6,6 +6,7 @@
 #include "runtime/fft.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/bad_pixels.hpp"
+#include "stages/field.hpp"
 #include "stages/field_grid.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
@@ -22,6 +23,17 @@ struct ApertureParameters {
     double relative_diameter = 0.0; // 0: from the next three
     double f_number = 5.6, pixel_pitch_m = 2.9e-6, wavelength_m = 940e-9;
     double degree_of_polarization = 1.0;
+    double fill_factor = 0.0; // 0: the mean over a pixel's own samples; else its light-sensitive part
+};
+
+// What one exposure, or a part of it, is made of. The defaults are the plain case.
+struct Exposure {
+    ImageView material;                 // with a material table
+    const cl::Buffer *screen = nullptr; // phase screen in turns, on the field grid
+    double gain = 1.0;                  // on the intensity
+    double shift_x_px = 0.0, shift_y_px = 0.0;
+    bool moves_image = false;           // the shift counts
+    bool adds = false;                  // to what the intensity image holds
 };
 
 class Aperture {
@@ -36,6 +48,10 @@ class Aperture {
     std::uint64_t workspace_bytes() const { return workspace_bytes_; }
     const char *fft_backend() const { return fft_->backend(); }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
+    Field &field() { return field_stage_; }
+    const ApertureParameters &parameters() const { return parameters_; }
+    // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps what it had.
+    void configure(const ApertureParameters &parameters);
 
     void set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes);
     void enqueue_pupil(CommandChain &chain, const ImageDescription &pupil);
@@ -47,27 +63,41 @@ class Aperture {
     void refuse_workspace(const ImageView &image, const char *name) const {
         refuse_overlap(image, name, workspace_, "the work memory");
     }
-    // irradiance and intensity may be the same pixels.
-    void enqueue_intensity(CommandChain &chain, Phase &phase, const ImageView &irradiance, const ImageView &intensity);
+    // Builds what such frames need, before their first command.
+    void prepare(const Phase &phase, const Exposure &exposure);
+    // irradiance and intensity may be the same pixels, unless several fields are added (laser lines, materials, Exposure::adds).
+    void enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
+                           const ImageView &intensity, const Exposure &exposure = {});
+    // Light without speckle: the irradiance times the pupil's mean transmission. The images may be the same pixels.
+    void enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity);
 
   private:
     // Parts of the work memory.
     void slice_workspace(const cl::Buffer &memory, std::uint64_t offset);
+    cl::Kernel &pupil_kernel(bool shifted);
+    cl::Kernel &intensity_kernel(bool adds) { return adds ? add_intensity_ : write_intensity_; }
 
     std::shared_ptr<Context> context_;
+    ApertureParameters parameters_; // the pupil's image is in pupil_image_
+    std::vector<float> pupil_image_;
     FieldGrid grid_;
     double relative_diameter_;
     double degree_of_polarization_;
+    double normalized_mean_transmission_ = 1.0; // as the pupil is normalized
     double mean_transmission_ = 0.0;
     std::uint32_t pupil_samples_ = 0;
     std::shared_ptr<Fft> fft_;
-    DeviceBuffer pupil_;
+    DeviceBuffer pupil_, taps_;
+    bool complex_pupil_ = false;
+    std::uint32_t tap_count_ = 0;
     BadPixelCounter bad_pixels_;
-    std::uint64_t field_bytes_ = 0, scratch_offset_ = 0, partial_offset_ = 0, workspace_bytes_ = 0;
+    std::uint64_t scratch_offset_ = 0, partial_offset_ = 0, workspace_bytes_ = 0;
     DeviceBuffer own_workspace_;
     cl::Buffer field_, scratch_, partial_; // slices of the work memory
     ImageView workspace_;                  // all of it, for overlap checks
-    cl::Kernel apply_pupil_, write_intensity_, add_intensity_;
+    Field field_stage_;
+    cl::Kernel apply_pupil_, write_intensity_, add_intensity_, incoherent_;
+    cl::Kernel shift_pupil_; // made when first prepared
 };
 
 } // namespace clsp

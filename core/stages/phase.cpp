@@ -1,30 +1,104 @@
 #include "stages/phase.hpp"
 
+#include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
+#include <cmath>
 #include <fmt/core.h>
+#include <utility>
 
 namespace clsp {
+namespace {
+
+void check_parameters(const PhaseParameters &p) {
+    if (p.field != FieldKind::kCircularGaussian && p.field != FieldKind::kUnitPhasor)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("field is {}, expected CLSP_FIELD_CIRCULAR_GAUSSIAN or CLSP_FIELD_UNIT_PHASOR",
+                                static_cast<std::uint32_t>(p.field)));
+    if (p.polarization_count != 1 && p.polarization_count != 2)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("polarization_count is {}, it must be 1 or 2", p.polarization_count));
+    if (p.dynamics != Dynamics::kReplace && p.dynamics != Dynamics::kContinuous)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("dynamics is {}, expected CLSP_DYNAMICS_REPLACE or CLSP_DYNAMICS_CONTINUOUS",
+                                static_cast<std::uint32_t>(p.dynamics)));
+    if (p.dynamics == Dynamics::kContinuous && p.field == FieldKind::kUnitPhasor)
+        throw Error(
+            Status::kInvalidArgument,
+            "dynamics is CLSP_DYNAMICS_CONTINUOUS, which needs field CLSP_FIELD_CIRCULAR_GAUSSIAN: a sum of two unit "
+            "phasors is not one");
+}
+
+// What of the state's layout the parameters decide, and nothing else.
+bool same_state(const PhaseParameters &a, const PhaseParameters &b) {
+    return a.field == b.field && a.polarization_count == b.polarization_count && a.dynamics == b.dynamics &&
+           a.translate == b.translate;
+}
+
+} // namespace
 
 Phase::Phase(std::shared_ptr<Context> context, const PhaseParameters &p)
     : context_(std::move(context)), grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)),
-      field_(p.field), polarization_count_(p.polarization_count), seed_(p.seed) {
-    if (field_ != FieldKind::kCircularGaussian && field_ != FieldKind::kUnitPhasor)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("field is {}, expected CLSP_FIELD_CIRCULAR_GAUSSIAN or CLSP_FIELD_UNIT_PHASOR",
-                                static_cast<std::uint32_t>(field_)));
-    if (polarization_count_ != 1 && polarization_count_ != 2)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("polarization_count is {}, it must be 1 or 2", polarization_count_));
-    const std::uint64_t sample_bytes = field_ == FieldKind::kUnitPhasor ? sizeof(cl_uint) : sizeof(cl_float2);
-    state_ = DeviceBuffer(context_, polarization_count_ * grid_.samples() * sample_bytes);
-    const std::string options = fmt::format("-DFIELD_UNIT_PHASOR={}", field_ == FieldKind::kUnitPhasor ? 1 : 0);
-    refresh_all_ = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
-    refresh_masked_ = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
-    export_ = context_->kernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
-    illuminate_ = context_->kernel("phase.cl", "phase_illuminate", options + " -DHAS_MASK=0");
+      bad_pixels_(context_) {
+    configure(p);
+}
+
+void Phase::configure(const PhaseParameters &p) {
+    check_parameters(p);
+    if (!grid_.same_as({p.width, p.height, p.oversampling, p.guard_px, 0, 0}))
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format(
+                "the phase is for {} x {} pixels (width x height), oversampling {}, guard {}; these stay as they "
+                "are, make another phase for {} x {}, oversampling {}, guard {}",
+                grid_.width, grid_.height, grid_.oversampling, grid_.guard_px, p.width, p.height, p.oversampling,
+                p.guard_px));
+    if (state_ && same_state(p, parameters_)) {
+        parameters_ = p;
+        return;
+    }
+    // Words of a sample, see kernels/phase_state.h.
+    const bool continuous = p.dynamics == Dynamics::kContinuous;
+    const std::uint64_t field_words = p.field == FieldKind::kUnitPhasor ? 1 : continuous ? 4 : 2;
+    const std::uint64_t words = p.polarization_count * field_words + (continuous ? 1 : 0);
+    const std::uint64_t bytes = (words + (p.translate ? 2 : 0)) * grid_.samples() * sizeof(cl_uint);
+    const PhaseParameters old = std::exchange(parameters_, p);
+    try {
+        DeviceBuffer state(context_, bytes);
+        DeviceBuffer next_state;
+        if (p.translate)
+            next_state = DeviceBuffer(context_, bytes);
+        const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
+        cl::Kernel refresh_all = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
+        cl::Kernel refresh_masked = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
+        cl::Kernel field = context_->kernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
+        refresh_all_ = std::move(refresh_all);
+        refresh_masked_ = std::move(refresh_masked);
+        export_ = std::move(field);
+        state_ = std::move(state);
+        next_state_ = std::move(next_state);
+    } catch (...) {
+        parameters_ = old;
+        throw;
+    }
+    rest_offset_ = words * grid_.samples();
+    advance_.clear();
+    refreshed_ = false;
+}
+
+std::string Phase::state_options() const {
+    return fmt::format("-DFIELD_UNIT_PHASOR={} -DPHASE_CONTINUOUS={}",
+                       parameters_.field == FieldKind::kUnitPhasor ? 1 : 0,
+                       parameters_.dynamics == Dynamics::kContinuous ? 1 : 0);
+}
+
+std::string Phase::kernel_options() const {
+    return fmt::format("{} -DPHASE_TRANSLATE={}", state_options(), parameters_.translate ? 1 : 0);
+}
+
+void Phase::add_state(KernelArguments &arguments, std::uint32_t polarization) const {
+    arguments.add(state_.get()).add(cl_ulong{grid_.samples()}).add(cl_ulong{polarization * grid_.samples()});
 }
 
 void Phase::check_refreshed() const {
@@ -34,9 +108,9 @@ void Phase::check_refreshed() const {
 }
 
 void Phase::check_polarization(std::uint32_t polarization) const {
-    if (polarization >= polarization_count_)
+    if (polarization >= parameters_.polarization_count)
         throw Error(Status::kInvalidArgument, fmt::format("polarization is {}, but the phase has {} (numbered from 0)",
-                                                          polarization, polarization_count_));
+                                                          polarization, parameters_.polarization_count));
 }
 
 ImageView Phase::check_mask(const ImageDescription &mask, const char *name) const {
@@ -53,13 +127,96 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
         .add(cl_uint{grid_.grid_width})
         .add(cl_uint{grid_.grid_height})
         .add(cl_uint{quarter})
-        .add(philox_key(seed_))
+        .add(philox_key(parameters_.seed))
         .add(frame_low(frame_index))
-        .add(frame_high(frame_index));
+        .add(frame_high(frame_index))
+        .add(cl_ulong{rest_offset_});
     if (masked)
         arguments.add(mask).add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl_uint{grid_.oversampling});
-    chain.run("phase", kernel, grid_.grid_width, quarter, polarization_count_);
+    chain.run("phase", kernel, grid_.grid_width, quarter, parameters_.polarization_count);
     refreshed_ = true;
+    if (!masked)
+        epoch_ = frame_index;
+}
+
+cl::Kernel &Phase::advance_kernel(AdvanceVariant variant) {
+    const auto found = advance_.find(variant);
+    if (found != advance_.end())
+        return found->second;
+    const std::string options =
+        fmt::format("{} -DADVANCE=1 -DHAS_PATH={} -DHAS_CORRELATION={} -DHAS_SHIFT={} -DHAS_MASK={}", kernel_options(),
+                    variant[0] ? 1 : 0, variant[1] ? 1 : 0, variant[2] ? 1 : 0, variant[3] ? 1 : 0);
+    return advance_.emplace(variant, context_->kernel("phase.cl", "phase_advance", options)).first->second;
+}
+
+void Phase::check_advance(const PhaseAdvance &advance) {
+    if (!(advance.uniform_path >= 0.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("uniform_path is {}, it must be 0 or more (infinity: everything is new)",
+                                advance.uniform_path));
+    check_fraction(advance.uniform_correlation, "uniform_correlation");
+    if (advance.substep > kMaxSubstep)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("substep is {}, it must be 0 to {}", advance.substep, kMaxSubstep));
+    if (parameters_.dynamics != Dynamics::kContinuous && (advance.path || advance.uniform_path > 0.0))
+        throw Error(
+            Status::kInvalidArgument,
+            "a path was given to a phase with dynamics CLSP_DYNAMICS_REPLACE, which is kept or replaced; make it with "
+            "CLSP_DYNAMICS_CONTINUOUS, or give a mask (a motion with CLSP_MOTION_REPLACE makes one)");
+    if (parameters_.field == FieldKind::kUnitPhasor && (advance.correlation || advance.uniform_correlation < 1.0))
+        throw Error(Status::kInvalidArgument, "a correlation was given to a phase with field CLSP_FIELD_UNIT_PHASOR, "
+                                              "which is kept or replaced; make it with "
+                                              "CLSP_FIELD_CIRCULAR_GAUSSIAN, or give a mask");
+    if (advance.shift && !parameters_.translate)
+        throw Error(Status::kInvalidArgument,
+                    "a shift was given to a phase that does not move; make it with translate = 1, or give no shift");
+    if (advance.path && advance.uniform_path > 0.0)
+        throw Error(Status::kInvalidArgument, "both path and uniform_path were given; give one of them");
+    if (advance.correlation && advance.uniform_correlation < 1.0)
+        throw Error(Status::kInvalidArgument, "both correlation and uniform_correlation were given; give one of them");
+    advance_kernel({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
+                    static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+}
+
+void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, const PhaseAdvance &advance) {
+    check_refreshed();
+    check_frame_index(frame_index);
+    check_advance(advance);
+    if (!advance.path && !advance.correlation && !advance.shift && !advance.mask && advance.uniform_path == 0.0 &&
+        advance.uniform_correlation == 1.0)
+        return; // nothing happened
+    cl::Kernel &kernel = advance_kernel({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
+                                         static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    const std::uint32_t quarter = quarter_rows(grid_.grid_height);
+    KernelArguments arguments(kernel);
+    arguments.add(advance.shift ? next_state_.get() : state_.get())
+        .add(cl_uint{grid_.grid_width})
+        .add(cl_uint{grid_.grid_height})
+        .add(cl_uint{quarter})
+        .add(cl_uint{parameters_.polarization_count})
+        .add(philox_key(parameters_.seed))
+        .add(frame_low(frame_index))
+        .add(frame_high(frame_index))
+        .add(cl_uint{advance.substep})
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl_uint{grid_.oversampling})
+        .add(static_cast<cl_float>(kKnotsPerPath))
+        .add(static_cast<cl_float>(advance.uniform_path))
+        .add(static_cast<cl_float>(advance.uniform_correlation))
+        .add(cl_ulong{rest_offset_});
+    if (advance.path)
+        arguments.add(advance.path);
+    if (advance.correlation)
+        arguments.add(advance.correlation);
+    if (advance.shift)
+        arguments.add(state_.get()).add(advance.shift);
+    if (advance.mask)
+        arguments.add(advance.mask);
+    arguments.add(bad_pixels_.buffer());
+    chain.run("phase", kernel, grid_.grid_width, quarter);
+    if (advance.shift)
+        std::swap(state_, next_state_);
 }
 
 void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const ImageDescription &field) {
@@ -67,31 +224,10 @@ void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const
     check_polarization(polarization);
     const ImageView view = check_image(field, "field", context_->cl_context()(), {grid_.grid_width, grid_.grid_height},
                                        {Format::kFloat32x2});
-    KernelArguments(export_)
-        .add(state_.get())
-        .add(cl_ulong{polarization * grid_.samples()})
-        .add(cl_uint{grid_.grid_width})
-        .add(cl_uint{grid_.grid_height})
-        .add(view);
+    KernelArguments arguments(export_);
+    add_state(arguments, polarization);
+    arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height}).add(view);
     chain.run("phase", export_, grid_.grid_width, grid_.grid_height);
-}
-
-void Phase::enqueue_illuminate(CommandChain &chain, std::uint32_t polarization, const ImageView &irradiance,
-                               const cl::Buffer &field, const cl::Buffer &bad_pixels) {
-    check_refreshed();
-    check_polarization(polarization);
-    KernelArguments(illuminate_)
-        .add(state_.get())
-        .add(cl_ulong{polarization * grid_.samples()})
-        .add(cl_uint{grid_.grid_width})
-        .add(cl_uint{grid_.grid_height})
-        .add(irradiance)
-        .add(cl_uint{grid_.width})
-        .add(cl_uint{grid_.height})
-        .add(cl_uint{grid_.oversampling})
-        .add(field)
-        .add(bad_pixels);
-    chain.run("field", illuminate_, grid_.grid_width, grid_.grid_height);
 }
 
 void Phase::enqueue_save(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes) {

@@ -1,23 +1,47 @@
-// The surface's random field: state, refresh, use. phase.h of the C API says what is stored.
+// The surface's random field: state, refresh, advance, use. phase.h of the C API says what is stored.
 #pragma once
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/image_view.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "stages/bad_pixels.hpp"
 #include "stages/field_grid.hpp"
 
+#include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <string>
 
 namespace clsp {
 
 enum class FieldKind : std::uint32_t { kCircularGaussian = 0, kUnitPhasor = 1 };
+enum class Dynamics : std::uint32_t { kReplace = 0, kContinuous = 1 };
+
+// Knots of a continuous field that a path of 1 passes: the d at which R(d) = (1 - d/2) cos(pi d/2) + sin(pi d/2) / pi,
+// the field's correlation over d knots, is 1/e.
+constexpr double kKnotsPerPath = 0.9386677132131623;
+// The largest substep: counters have the bits 8 to 14 of their last word for it.
+constexpr std::uint32_t kMaxSubstep = 127;
 
 struct PhaseParameters {
     std::uint32_t width = 0, height = 0, oversampling = 1, guard_px = 0;
     FieldKind field = FieldKind::kCircularGaussian;
     std::uint32_t polarization_count = 2;
     std::uint64_t seed = 0;
+    Dynamics dynamics = Dynamics::kReplace;
+    bool translate = false; // the state moves with the surface
+};
+
+// What happened to the surface since the last advance. Images are those of the pixels; empty ones say nothing.
+struct PhaseAdvance {
+    ImageView path;                                       // in correlation lengths
+    ImageView correlation;                                // what time leaves of the field's correlation
+    ImageView shift;                                      // in pixels: where the surface point was minus where it is
+    ImageView mask;                                       // not 0: a new surface
+    double uniform_path = 0.0, uniform_correlation = 1.0; // without an image
+    std::uint32_t substep = 0;                            // tells several advances of one frame apart
 };
 
 class Phase {
@@ -25,36 +49,53 @@ class Phase {
     Phase(std::shared_ptr<Context> context, const PhaseParameters &parameters);
 
     const std::shared_ptr<Context> &context() const { return context_; }
+    const PhaseParameters &parameters() const { return parameters_; }
+    // Other parameters for the same grid. The state is lost where its layout changes; a refused change changes nothing.
+    void configure(const PhaseParameters &parameters);
     const FieldGrid &grid() const { return grid_; }
-    std::uint32_t polarization_count() const { return polarization_count_; }
+    std::uint32_t polarization_count() const { return parameters_.polarization_count; }
     bool refreshed() const { return refreshed_; }
     // Back to how it was made: the next refresh draws everything.
     void forget() { refreshed_ = false; }
     std::uint64_t state_bytes() const { return state_.bytes(); }
+    // Frame index of the last refresh of everything.
+    std::uint64_t epoch() const { return epoch_; }
+    // Paths and correlations that were NaN or out of range, shifts that were not finite.
+    BadPixelCounter &bad_pixels() { return bad_pixels_; }
+
+    // For kernels that read the state through phase_state.h: how to build them, and their first three arguments.
+    std::string state_options() const;
+    void add_state(KernelArguments &arguments, std::uint32_t polarization) const;
 
     // mask: empty to draw everything.
     void enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, const ImageView &mask);
     // Checks a mask image against this phase.
     ImageView check_mask(const ImageDescription &mask, const char *name) const;
+    // Checks what can be checked of an advance, and builds the kernel that it needs.
+    void check_advance(const PhaseAdvance &advance);
+    void enqueue_advance(CommandChain &chain, std::uint64_t frame_index, const PhaseAdvance &advance);
     void enqueue_field(CommandChain &chain, std::uint32_t polarization, const ImageDescription &field);
-    // U = sqrt(I0) z into the grid-sized complex buffer `field`.
-    void enqueue_illuminate(CommandChain &chain, std::uint32_t polarization, const ImageView &irradiance,
-                            const cl::Buffer &field, const cl::Buffer &bad_pixels);
     void enqueue_save(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes);
     void enqueue_restore(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes);
 
   private:
+    using AdvanceVariant = std::array<bool, 4>; // which images there are: path, correlation, shift, mask
     void check_refreshed() const;
     void check_polarization(std::uint32_t polarization) const;
+    cl::Kernel &advance_kernel(AdvanceVariant variant);
+    std::string kernel_options() const;
 
     std::shared_ptr<Context> context_;
+    PhaseParameters parameters_;
     FieldGrid grid_;
-    FieldKind field_;
-    std::uint32_t polarization_count_;
-    std::uint64_t seed_;
     bool refreshed_ = false;
+    std::uint64_t epoch_ = 0;
+    std::uint64_t rest_offset_ = 0; // in words of the state; where the rest of the shift begins
     DeviceBuffer state_;
-    cl::Kernel refresh_all_, refresh_masked_, export_, illuminate_;
+    DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
+    BadPixelCounter bad_pixels_;
+    cl::Kernel refresh_all_, refresh_masked_, export_;
+    std::map<AdvanceVariant, cl::Kernel> advance_;
 };
 
 } // namespace clsp

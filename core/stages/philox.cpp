@@ -3,6 +3,7 @@
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
 
+#include <cmath>
 #include <fmt/core.h>
 
 namespace clsp {
@@ -22,6 +23,21 @@ void check_local_size(Context &context, std::uint64_t local_size) {
 void check_frame_index(std::uint64_t frame_index) {
     if (frame_index > kMaxFrameIndex)
         throw Error(Status::kInvalidArgument, fmt::format("frame_index is {}, it must be below 2^48", frame_index));
+}
+
+std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream) {
+    std::array<std::uint32_t, 4> counter{0, 0, frame_low(frame_index), stream | frame_high(frame_index) << 16};
+    auto k0 = static_cast<std::uint32_t>(seed), k1 = static_cast<std::uint32_t>(seed >> 32);
+    for (int round = 0; round < 10; ++round) {
+        const std::uint64_t p0 = std::uint64_t{0xD2511F53u} * counter[0], p1 = std::uint64_t{0xCD9E8D57u} * counter[2];
+        counter = {static_cast<std::uint32_t>(p1 >> 32) ^ counter[1] ^ k0, static_cast<std::uint32_t>(p1),
+                   static_cast<std::uint32_t>(p0 >> 32) ^ counter[3] ^ k1, static_cast<std::uint32_t>(p0)};
+        k0 += 0x9E3779B9u;
+        k1 += 0xBB67AE85u;
+    }
+    const double u = (counter[0] + 0.5) * 0x1p-32, angle = 2.0 * 3.14159265358979323846 * counter[1] * 0x1p-32;
+    const double r = std::sqrt(-2.0 * std::log(u));
+    return {r * std::cos(angle), r * std::sin(angle)};
 }
 
 void enqueue_philox_blocks(Context &context, CommandChain &chain, cl_mem counters, std::uint64_t counters_offset_bytes,

@@ -5,6 +5,7 @@
 #include "runtime/context.hpp"
 #include "runtime/image_view.hpp"
 
+#include <array>
 #include <cstdint>
 #include <memory>
 
@@ -33,6 +34,11 @@ inline cl_uint frame_low(std::uint64_t frame_index) {
 inline cl_uint frame_high(std::uint64_t frame_index) {
     return static_cast<cl_uint>(frame_index >> 32);
 }
+
+// Numbers for a whole frame are drawn on the host.
+constexpr std::uint32_t kStreamFlicker = 0x33, kStreamVibration = 0x34;
+// Two standard normal numbers, from words 0 and 1 of the block of counter (0, 0, frame, stream) by Box and Muller.
+std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream);
 
 // Rows that share Philox blocks: row y takes word y / quarter of the block of row y mod quarter.
 inline std::uint32_t quarter_rows(std::uint32_t height) {

@@ -7,7 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
-#include <functional>
+#include <optional>
+#include <string>
 
 namespace clsp {
 namespace {
@@ -44,17 +45,159 @@ class PupilImage {
     std::vector<float> pixels_;
 };
 
-} // namespace
+// Distance from the axis to the polygon's boundary in a direction, the rim at 1. With n blades the chord between two
+// vertices lies at a = cos(pi/n) and is 2 b = 2 sin(pi/n) long. In the direction psi from a blade's middle, the arc of
+// curvature c through both ends holds c r^2 + 2 (q - c a) r cos(psi) = 2 a q - c (a^2 - b^2) with q = sqrt(1 - c^2
+// b^2); solved so that nothing cancels as c goes to 0, where it is the chord r = a / cos(psi).
+class Polygon {
+  public:
+    explicit Polygon(const PupilParameters &p)
+        : sector_(2.0 * kPi / p.blade_count), rotation_(p.blade_rotation_rad), curvature_(p.blade_curvature) {
+        const double a = std::cos(0.5 * sector_), b = std::sin(0.5 * sector_), c = curvature_;
+        const double q = std::sqrt(1.0 - c * c * b * b);
+        linear_ = q - c * a;
+        constant_ = 2.0 * a * q - c * (a * a - b * b);
+    }
+    double boundary(double theta) const {
+        // remainder() is exact: the angle from the middle of a blade, within half a sector.
+        const double psi = std::remainder(theta - rotation_ - 0.5 * sector_, sector_);
+        const double half = linear_ * std::cos(psi);
+        return constant_ / (half + std::sqrt(half * half + curvature_ * constant_));
+    }
 
-Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relative_diameter) {
-    if (p.shape != PupilShape::kCircle && p.shape != PupilShape::kImage)
-        throw Error(Status::kInvalidArgument, fmt::format("pupil is {}, expected CLSP_PUPIL_CIRCLE or CLSP_PUPIL_IMAGE",
-                                                          static_cast<std::uint32_t>(p.shape)));
+  private:
+    double sector_, rotation_, curvature_, linear_, constant_;
+};
+
+void check(const PupilParameters &p) {
+    if (p.shape != PupilShape::kCircle && p.shape != PupilShape::kImage && p.shape != PupilShape::kPolygon &&
+        p.shape != PupilShape::kRing)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("pupil is {}, expected CLSP_PUPIL_CIRCLE or CLSP_PUPIL_IMAGE or CLSP_PUPIL_POLYGON or "
+                                "CLSP_PUPIL_RING",
+                                static_cast<std::uint32_t>(p.shape)));
     if (p.normalization != Normalization::kTransmission && p.normalization != Normalization::kUnitMean)
         throw Error(Status::kInvalidArgument,
                     fmt::format("normalization is {}, expected CLSP_NORMALIZATION_TRANSMISSION or _UNIT_MEAN",
                                 static_cast<std::uint32_t>(p.normalization)));
     check_fraction(p.soft_rim, "soft_rim");
+    if (p.shape != PupilShape::kImage && p.image)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("pupil_image was given, but pupil is {}; set it to CLSP_PUPIL_IMAGE",
+                                p.shape == PupilShape::kCircle    ? "CLSP_PUPIL_CIRCLE"
+                                : p.shape == PupilShape::kPolygon ? "CLSP_PUPIL_POLYGON"
+                                                                  : "CLSP_PUPIL_RING"));
+    if (p.shape == PupilShape::kPolygon && (p.blade_count < kMinBlades || p.blade_count > kMaxBlades))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("blade_count is {}, it must be {} to {}", p.blade_count, kMinBlades, kMaxBlades));
+    // Angles far outside a turn would lose their digits.
+    constexpr double kLargestAngle = 1e6;
+    if (!(std::abs(p.blade_rotation_rad) <= kLargestAngle))
+        throw Error(Status::kInvalidArgument, fmt::format("blade_rotation_rad is {}, it must be {} to {}",
+                                                          p.blade_rotation_rad, -kLargestAngle, kLargestAngle));
+    check_fraction(p.blade_curvature, "blade_curvature");
+    if (!(p.obstruction_ratio >= 0.0 && p.obstruction_ratio < 1.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("obstruction_ratio is {}, it must be at least 0 and below 1", p.obstruction_ratio));
+    if (p.shape == PupilShape::kRing && p.obstruction_ratio == 0.0)
+        throw Error(Status::kInvalidArgument,
+                    "obstruction_ratio is 0, but pupil is CLSP_PUPIL_RING, which needs it above "
+                    "0; without an obstruction use CLSP_PUPIL_CIRCLE");
+    const auto check_waves = [](double waves, const std::string &name) {
+        if (!(std::abs(waves) <= kLargestAberrationWaves))
+            throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {}", name, waves,
+                                                              -kLargestAberrationWaves, kLargestAberrationWaves));
+    };
+    check_waves(p.defocus_waves, "defocus_waves");
+    for (std::uint32_t i = 0; i < kZernikeCount; ++i)
+        check_waves(p.zernike_waves[i], fmt::format("zernike_waves[{}] (Noll index {})", i, i + kFirstZernike));
+}
+
+bool aberrated(const PupilParameters &p) {
+    return p.defocus_waves != 0.0 ||
+           std::any_of(p.zernike_waves.begin(), p.zernike_waves.end(), [](double waves) { return waves != 0.0; });
+}
+
+double wavefront(const PupilParameters &p, double u, double v) {
+    const double rho = std::hypot(u, v), theta = std::atan2(v, u);
+    double waves = p.defocus_waves * rho * rho;
+    for (std::uint32_t i = 0; i < kZernikeCount; ++i)
+        if (p.zernike_waves[i] != 0.0)
+            waves += p.zernike_waves[i] * zernike(i + kFirstZernike, rho, theta);
+    return waves;
+}
+
+// Falls from 1 to 0 over the last part `soft` of the way from 0 to 1.
+double rim(double way, double soft) {
+    const double start = 1.0 - soft;
+    return way <= start ? 1.0 : 0.5 * (1.0 + std::cos(kPi * (way - start) / soft));
+}
+
+// The slope of the wavefront, in turns per frequency step, is where light of that frequency lands, in grid widths: half
+// a turn is half the grid. Beyond it the samples would show another wavefront than the one that was asked for.
+void check_sampling(const std::vector<double> &waves, const std::vector<float> &transmission, const FieldGrid &grid) {
+    const std::uint32_t width = grid.grid_width, height = grid.grid_height;
+    double steepest = 0.0;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::size_t i = std::size_t{y} * width + x;
+            const std::size_t right = std::size_t{y} * width + (x + 1) % width,
+                              below = std::size_t{(y + 1) % height} * width + x;
+            if (!(transmission[i] > 0.0f))
+                continue;
+            // Not across the fold at the highest frequency.
+            if (transmission[right] > 0.0f && frequency((x + 1) % width, width) == frequency(x, width) + 1)
+                steepest = std::max(steepest, std::abs(waves[right] - waves[i]));
+            if (transmission[below] > 0.0f && frequency((y + 1) % height, height) == frequency(y, height) + 1)
+                steepest = std::max(steepest, std::abs(waves[below] - waves[i]));
+        }
+    }
+    if (steepest > 0.5)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the aberrations (defocus_waves, zernike_waves) spread a point over {:.3g} times the field "
+                        "grid of {} x {} samples, which holds at most 1; use fewer waves, a larger guard_px or "
+                        "a larger image",
+                        2.0 * steepest, width, height));
+}
+
+} // namespace
+
+double zernike(std::uint32_t noll_index, double rho, double theta) {
+    const double r2 = rho * rho;
+    switch (noll_index) {
+    case 4:
+        return std::sqrt(3.0) * (2.0 * r2 - 1.0);
+    case 5:
+        return std::sqrt(6.0) * r2 * std::sin(2.0 * theta);
+    case 6:
+        return std::sqrt(6.0) * r2 * std::cos(2.0 * theta);
+    case 7:
+        return std::sqrt(8.0) * (3.0 * r2 - 2.0) * rho * std::sin(theta);
+    case 8:
+        return std::sqrt(8.0) * (3.0 * r2 - 2.0) * rho * std::cos(theta);
+    case 9:
+        return std::sqrt(8.0) * r2 * rho * std::sin(3.0 * theta);
+    case 10:
+        return std::sqrt(8.0) * r2 * rho * std::cos(3.0 * theta);
+    case 11:
+        return std::sqrt(5.0) * ((6.0 * r2 - 6.0) * r2 + 1.0);
+    case 12:
+        return std::sqrt(10.0) * (4.0 * r2 - 3.0) * r2 * std::cos(2.0 * theta);
+    case 13:
+        return std::sqrt(10.0) * (4.0 * r2 - 3.0) * r2 * std::sin(2.0 * theta);
+    case 14:
+        return std::sqrt(10.0) * r2 * r2 * std::cos(4.0 * theta);
+    case 15:
+        return std::sqrt(10.0) * r2 * r2 * std::sin(4.0 * theta);
+    default:
+        throw Error(Status::kInternal,
+                    fmt::format("Zernike polynomial {} was asked for, 4 to 15 are known", noll_index));
+    }
+}
+
+Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relative_diameter) {
+    check(p);
 
     const std::uint32_t width = grid.grid_width, height = grid.grid_height;
     // D in cycles per field sample; radius in bins is D W / 2 along x and D H / 2 along y.
@@ -65,15 +208,23 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     const auto w2 = std::int64_t{width} * width, h2 = std::int64_t{height} * height;
     const long double limit = (1.0L - 0x1p-40L) * static_cast<long double>(d) * d * w2 * h2 / 4.0L;
 
+    // The obstruction's own boundary is out as well.
+    const long double least = (1.0L + 0x1p-40L) * static_cast<long double>(d * p.obstruction_ratio) *
+                              (d * p.obstruction_ratio) * w2 * h2 / 4.0L;
+    // A hair inside a boundary that is not decided in integers: rounding must not let frequencies on it pass.
+    constexpr double kInside = 1.0 - 0x1p-41;
+
     Pupil pupil;
     pupil.transmission.assign(grid.samples(), 0.0f);
-    std::function<double(double, double)> shape;
-    if (p.shape == PupilShape::kCircle && p.image)
-        throw Error(Status::kInvalidArgument,
-                    "pupil_image was given, but pupil is CLSP_PUPIL_CIRCLE; set it to CLSP_PUPIL_IMAGE");
-    if (p.shape == PupilShape::kImage) {
-        shape = PupilImage(p);
-    }
+    std::vector<double> waves;
+    if (aberrated(p))
+        waves.assign(grid.samples(), 0.0);
+    std::optional<PupilImage> image;
+    if (p.shape == PupilShape::kImage)
+        image.emplace(p);
+    std::optional<Polygon> polygon;
+    if (p.shape == PupilShape::kPolygon)
+        polygon.emplace(p);
     double sum = 0.0;
     for (std::uint32_t y = 0; y < height; ++y) {
         const std::int64_t ky = frequency(y, height);
@@ -82,17 +233,26 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
             double t = 0.0;
             // Pupil coordinates, 1 at the rim.
             const double u = 2.0 * double(kx) / (d * width), v = 2.0 * double(ky) / (d * height);
-            if (shape) {
+            const auto k2 = static_cast<long double>(kx * kx * h2 + ky * ky * w2);
+            if (image) {
                 // The boundary itself is out, as the circle's rim is; the margin is the circle's.
-                if (std::max(std::abs(u), std::abs(v)) < 1.0 - 0x1p-41)
-                    t = shape(u, v);
-            } else if (static_cast<long double>(kx * kx * h2 + ky * ky * w2) < limit) {
-                const double rho = std::sqrt(u * u + v * v), start = 1.0 - p.soft_rim;
-                t = rho <= start ? 1.0 : 0.5 * (1.0 + std::cos(kPi * (rho - start) / p.soft_rim));
+                const double way = std::max(std::abs(u), std::abs(v));
+                if (way < kInside)
+                    t = (*image)(u, v) * rim(way, p.soft_rim);
+            } else if (k2 < limit) {
+                double way = std::sqrt(u * u + v * v);
+                if (polygon)
+                    way /= polygon->boundary(std::atan2(v, u));
+                t = !polygon || way < kInside ? rim(way, p.soft_rim) : 0.0;
             }
+            if (p.obstruction_ratio > 0.0)
+                // 1 on the obstruction's boundary, 0 and below where its soft rim is over.
+                t = k2 > least ? t * rim(2.0 - std::sqrt(u * u + v * v) / p.obstruction_ratio, p.soft_rim) : 0.0;
             if (t > 0.0) {
                 ++pupil.samples;
                 sum += t * t;
+                if (!waves.empty())
+                    waves[std::size_t{y} * width + x] = wavefront(p, u, v);
             }
             pupil.transmission[std::size_t{y} * width + x] = static_cast<float>(t);
         }
@@ -103,7 +263,15 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     pupil.mean_transmission = gain * gain * sum / double(grid.samples());
     if (!(sum > 0.0))
         throw Error(Status::kInvalidArgument,
-                    "the pupil passes nothing: its image is 0 everywhere that the grid samples it");
+                    image ? "the pupil passes nothing: its image is 0 everywhere that the grid samples it"
+                          : "the pupil passes nothing: the grid's frequencies all lie outside its boundary or on its "
+                            "obstruction; use a smaller obstruction_ratio, a larger image or a larger guard_px");
+    if (!waves.empty()) {
+        check_sampling(waves, pupil.transmission, grid);
+        pupil.phase_turns.resize(waves.size());
+        std::transform(waves.begin(), waves.end(), pupil.phase_turns.begin(),
+                       [](double turns) { return static_cast<float>(std::remainder(turns, 1.0)); });
+    }
     const double scale = p.normalization == Normalization::kUnitMean ? gain / std::sqrt(pupil.mean_transmission) : gain;
     for (float &t : pupil.transmission)
         t = static_cast<float>(t * scale);

@@ -5,16 +5,84 @@
 #include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
 #include <vector>
 
 namespace clsp {
-Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
-    : context_(std::move(context)), parameters_(p) {
+namespace {
+
+double top_code_of(const SensorParameters &p) {
+    return double((1u << p.bits) - 1u);
+}
+
+// Distance of neighbouring codes.
+double code_step_of(const SensorParameters &p) {
+    return p.effective_bits == 0 ? 1.0 : double(1u << (p.bits - p.effective_bits));
+}
+
+// Mean signal of the dark current in DN.
+double dark_signal_of(const SensorParameters &p) {
+    if (p.dark_current_e_per_s == 0.0)
+        return 0.0;
+    const double doublings = (p.temperature_c - p.dark_current_reference_temperature_c) / p.dark_current_doubling_k;
+    return p.conversion_gain_dn_per_e * p.dark_current_e_per_s * p.exposure_time_s * std::exp2(doublings);
+}
+
+double check_range(double value, double low, double high, const char *name) {
+    if (!(value >= low && value <= high))
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {}", name, value, low, high));
+    return value;
+}
+
+void check_temperature(double value, const char *name) {
+    constexpr double kAbsoluteZero = -273.15, kHottest = 500.0;
+    if (!(value >= kAbsoluteZero && value <= kHottest))
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {} (degrees Celsius)", name,
+                                                          value, kAbsoluteZero, kHottest));
+}
+
+void check_electrons(const SensorParameters &p) {
+    check_not_negative(p.conversion_gain_dn_per_e, "conversion_gain_dn_per_e");
+    constexpr double kSmallest = 1e-9; // its inverse stays far within single precision
+    if (p.conversion_gain_dn_per_e > 0.0 && p.conversion_gain_dn_per_e < kSmallest)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("conversion_gain_dn_per_e is {}, it must be 0 (no electrons) or at least {}",
+                                p.conversion_gain_dn_per_e, kSmallest));
+    if (p.shot_noise && p.conversion_gain_dn_per_e == 0.0)
+        throw Error(Status::kInvalidArgument,
+                    "shot_noise needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
+    check_not_negative(p.dark_current_e_per_s, "dark_current_e_per_s");
+    check_temperature(p.dark_current_reference_temperature_c, "dark_current_reference_temperature_c");
+    check_positive(p.dark_current_doubling_k, "dark_current_doubling_k");
+    check_temperature(p.temperature_c, "temperature_c");
+    check_not_negative(p.exposure_time_s, "exposure_time_s");
+    if (p.dark_current_e_per_s > 0.0 && p.conversion_gain_dn_per_e == 0.0)
+        throw Error(
+            Status::kInvalidArgument,
+            "dark_current_e_per_s needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
+    const double dark = dark_signal_of(p);
+    if (!(dark <= kLargestNumber))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("dark_current_e_per_s, temperature_c and exposure_time_s give a dark signal of {} DN; "
+                                "lower one of them",
+                                dark));
+    if (dark >= p.saturation_dn)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the dark current alone gives {} DN and fills the well of saturation_dn = {}; lower "
+                                "dark_current_e_per_s, temperature_c or exposure_time_s",
+                                dark, p.saturation_dn));
+}
+
+void check_parameters(const SensorParameters &p) {
     check_image_size(p.width, p.height, "the sensor");
     if (p.bits < 8 || p.bits > 16)
         throw Error(Status::kInvalidArgument, fmt::format("bits is {}, it must be 8 to 16", p.bits));
+    if (p.effective_bits > p.bits)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("effective_bits is {}, it must be 1 to bits = {}, or 0 for as many as bits",
+                                p.effective_bits, p.bits));
     check_not_negative(p.exposure_gain_dn, "exposure_gain_dn");
     if (!(p.saturation_dn > 0.0))
         throw Error(
@@ -24,45 +92,143 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
     if (!(std::abs(p.black_level_dn) <= kLargestNumber))
         throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite and at most {}",
                                                           p.black_level_dn, kLargestNumber));
+    if (p.black_level_dn >= top_code_of(p))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("black_level_dn is {}, but the top code of {} bits is {}: every pixel would be white",
+                                p.black_level_dn, p.bits, top_code_of(p)));
     check_not_negative(p.read_noise_dn, "read_noise_dn");
     check_fraction(p.hot_pixel_fraction, "hot_pixel_fraction");
     check_not_negative(p.hot_pixel_mean_dn, "hot_pixel_mean_dn");
     check_fraction(p.cold_pixel_fraction, "cold_pixel_fraction");
     check_positive(p.float_full_scale, "float_full_scale");
-    has_defects_ = p.hot_pixel_fraction > 0.0 || p.cold_pixel_fraction > 0.0;
-    has_offset_ = p.dark_frame_dn || p.hot_pixel_fraction > 0.0;
-    if (has_defects_ || has_offset_)
-        make_fixed_pattern();
-    parameters_.dark_frame_dn = nullptr;
+    check_fraction(p.crosstalk_fraction, "crosstalk_fraction");
+    check_fraction(p.prnu, "prnu");
+    for (std::size_t i = 0; i < p.mosaic_gain.size(); ++i)
+        check_not_negative(p.mosaic_gain[i], fmt::format("mosaic_gain[{}]", i).c_str());
+    if (std::all_of(p.mosaic_gain.begin(), p.mosaic_gain.end(), [](double gain) { return gain == 0.0; }))
+        throw Error(Status::kInvalidArgument,
+                    "mosaic_gain is 0 at all four sites: no pixel would see light; 1, 1, 1, 1 is no mosaic");
+    check_electrons(p);
+    if (!(p.lag_fraction >= 0.0 && p.lag_fraction < 1.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("lag_fraction is {}, it must be at least 0 and below 1", p.lag_fraction));
+    check_range(p.gamma, 0.1, 10.0, "gamma");
+    check_not_negative(p.dsnu_dn, "dsnu_dn");
+    check_not_negative(p.column_offset_dn, "column_offset_dn");
+    check_not_negative(p.row_noise_dn, "row_noise_dn");
+    check_not_negative(p.column_noise_dn, "column_noise_dn");
+    check_range(p.read_noise_spread, 0.0, 2.0, "read_noise_spread");
+}
+
+bool has_mosaic(const SensorParameters &p) {
+    return p.mosaic_gain != SensorParameters().mosaic_gain;
+}
+bool has_offset(const SensorParameters &p) {
+    return p.dark_frame_dn || p.hot_pixel_fraction > 0.0 || p.dsnu_dn > 0.0 || p.column_offset_dn > 0.0;
+}
+// Cold pixels alone take a byte each; with PRNU they are zeros of its map.
+bool has_response(const SensorParameters &p) {
+    return p.cold_pixel_fraction > 0.0 && p.prnu == 0.0;
+}
+bool has_read_noise_map(const SensorParameters &p) {
+    return p.read_noise_dn > 0.0 && p.read_noise_spread > 0.0;
+}
+
+} // namespace
+
+void check_bayer(Bayer bayer) {
+    const auto number = static_cast<std::uint32_t>(bayer);
+    if (number < 1 || number > 4)
+        throw Error(Status::kInvalidArgument, fmt::format("bayer is {}, it must be one of CLSP_BAYER_*", number));
+}
+
+std::array<double, 4> mosaic_gain_of(Bayer bayer, double red, double green, double blue) {
+    check_bayer(bayer);
+    check_not_negative(red, "red");
+    check_not_negative(green, "green");
+    check_not_negative(blue, "blue");
+    switch (bayer) {
+    case Bayer::kRggb:
+        return {{red, green, green, blue}};
+    case Bayer::kBggr:
+        return {{blue, green, green, red}};
+    case Bayer::kGrbg:
+        return {{green, red, blue, green}};
+    default:
+        return {{green, blue, red, green}};
+    }
+}
+
+Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
+    : context_(std::move(context)), parameters_(p) {
+    check_parameters(p);
+    if (p.dark_frame_dn)
+        dark_frame_ = copy_host_image(
+            {p.dark_frame_dn, p.width, p.height, p.dark_frame_pitch_bytes, "dark_frame_dn", "dark_frame_pitch_bytes"},
+            [](float value) { return std::isfinite(value); }, "it must be finite");
+    parameters_.dark_frame_dn = p.dark_frame_dn ? dark_frame_.data() : nullptr;
+    parameters_.dark_frame_pitch_bytes = 0;
+    make_fixed_pattern();
+    if (p.lag_fraction > 0.0)
+        lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * sizeof(float));
 }
 
 void Sensor::make_fixed_pattern() {
     const SensorParameters &p = parameters_;
-    std::vector<float> dark(std::size_t{p.width} * p.height, 0.0f);
-    if (p.dark_frame_dn)
-        dark = copy_host_image(
-            {p.dark_frame_dn, p.width, p.height, p.dark_frame_pitch_bytes, "dark_frame_dn", "dark_frame_pitch_bytes"},
-            [](float value) { return std::isfinite(value); }, "it must be finite");
-    offset_ = DeviceBuffer(context_, dark.size() * sizeof(float), dark.data());
-    if (!has_defects_)
-        return;
-    response_ = DeviceBuffer(context_, dark.size());
+    const std::size_t pixels = std::size_t{p.width} * p.height;
+    if (has_offset(p)) {
+        const std::vector<float> zeros(p.dark_frame_dn ? 0 : pixels, 0.0f);
+        offset_ = DeviceBuffer(context_, pixels * sizeof(float), p.dark_frame_dn ? dark_frame_.data() : zeros.data());
+    }
+    if (has_response(p))
+        response_ = DeviceBuffer(context_, pixels);
+    if (p.prnu > 0.0)
+        pixel_gain_ = DeviceBuffer(context_, pixels * sizeof(float));
+    if (has_read_noise_map(p))
+        read_noise_map_ = DeviceBuffer(context_, pixels * sizeof(float));
+    if (p.hot_pixel_fraction == 0.0 && p.dsnu_dn == 0.0 && p.column_offset_dn == 0.0 && !response_ && !pixel_gain_ &&
+        !read_noise_map_)
+        return; // nothing to draw
     const std::uint32_t quarter = quarter_rows(p.height);
-    cl::Kernel kernel = context_->kernel("sensor.cl", "sensor_defects");
+    const std::string options = fmt::format(
+        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DDSNU={} -DCOLUMN_OFFSET={} -DREAD_NOISE_SPREAD={}",
+        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
+        p.column_offset_dn > 0.0 ? 1 : 0, read_noise_map_ ? 1 : 0);
+    cl::Kernel kernel = context_->kernel("sensor.cl", "sensor_fixed_pattern", options);
     KernelArguments(kernel)
         .add(offset_.get())
         .add(response_.get())
+        .add(pixel_gain_.get())
+        .add(read_noise_map_.get())
         .add(cl_uint{p.width})
         .add(cl_uint{p.height})
         .add(cl_uint{quarter})
         .add(philox_key(p.seed))
         .add(static_cast<cl_float>(p.hot_pixel_fraction))
         .add(static_cast<cl_float>(p.hot_pixel_mean_dn))
-        .add(static_cast<cl_float>(p.cold_pixel_fraction));
+        .add(static_cast<cl_float>(p.cold_pixel_fraction))
+        .add(static_cast<cl_float>(p.prnu))
+        .add(static_cast<cl_float>(p.dsnu_dn))
+        .add(static_cast<cl_float>(p.column_offset_dn))
+        .add(static_cast<cl_float>(p.read_noise_dn))
+        .add(static_cast<cl_float>(p.read_noise_spread));
     cl::CommandQueue queue(context_->cl_context(), context_->device());
     CommandChain chain(queue(), 0, nullptr);
     chain.run("sensor", kernel, p.width, quarter);
     queue.finish();
+}
+
+void Sensor::configure(const SensorParameters &p) {
+    if (p.width != parameters_.width || p.height != parameters_.height)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the sensor has {} x {} pixels (width x height), the new parameters {} x {}; make a "
+                                "new sensor for another size",
+                                parameters_.width, parameters_.height, p.width, p.height));
+    Sensor next(context_, p);
+    for (const auto &[format, kernel] : kernels_)
+        next.kernel_for(format); // so that no frame has to
+    next.demosaic_kernels_ = std::move(demosaic_kernels_);
+    *this = std::move(next);
 }
 
 void Sensor::set_exposure_gain(double exposure_gain_dn) {
@@ -74,10 +240,25 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     const auto found = kernels_.find(output);
     if (found != kernels_.end())
         return found->second;
-    const bool quantize = parameters_.quantize || output != Format::kFloat32;
-    const std::string options = fmt::format("-DOUTPUT_FORMAT={} -DREAD_NOISE={} -DDEFECTS={} -DOFFSET={} -DQUANTIZE={}",
-                                            static_cast<std::uint32_t>(output), parameters_.read_noise_dn > 0.0 ? 1 : 0,
-                                            has_defects_ ? 1 : 0, has_offset_ ? 1 : 0, quantize ? 1 : 0);
+    const SensorParameters &p = parameters_;
+    const bool quantize = p.quantize || output != Format::kFloat32;
+    std::string options = fmt::format("-DOUTPUT_FORMAT={}", static_cast<std::uint32_t>(output));
+    const auto define = [&](const char *name, bool on) { options += fmt::format(" -D{}={}", name, on ? 1 : 0); };
+    define("READ_NOISE", p.read_noise_dn > 0.0);
+    define("COLD", bool(response_));
+    define("OFFSET", bool(offset_));
+    define("QUANTIZE", quantize);
+    define("CODE_STEP", code_step_of(p) != 1.0);
+    define("CROSSTALK", p.crosstalk_fraction > 0.0);
+    define("MOSAIC", has_mosaic(p));
+    define("PRNU", bool(pixel_gain_));
+    define("DARK_CURRENT", dark_signal_of(p) > 0.0);
+    define("SHOT_NOISE", p.shot_noise);
+    define("LAG", bool(lag_state_));
+    define("GAMMA", p.gamma != 1.0);
+    define("ROW_NOISE", p.row_noise_dn > 0.0);
+    define("COLUMN_NOISE", p.column_noise_dn > 0.0);
+    define("READ_NOISE_SPREAD", bool(read_noise_map_));
     return kernels_.emplace(output, context_->kernel("sensor.cl", "sensor_expose", options)).first->second;
 }
 
@@ -98,31 +279,141 @@ ImageView Sensor::check_output(const ImageDescription &output) {
 void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                             const ImageView &output) {
     check_frame_index(frame_index);
-    if (overlap(intensity, output) && !same_pixels(intensity, output))
-        throw Error(Status::kOverlap,
-                    "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
+    if (overlap(intensity, output)) {
+        if (!same_pixels(intensity, output))
+            throw Error(Status::kOverlap,
+                        "intensity and output overlap; only a FLOAT32 output may be the intensity image itself");
+        if (parameters_.crosstalk_fraction > 0.0)
+            throw Error(Status::kOverlap, "output is the intensity image itself; with crosstalk_fraction above 0 each "
+                                          "pixel also reads its neighbours: give an output of its own");
+    }
     const SensorParameters &p = parameters_;
     cl::Kernel &kernel = kernel_for(output.format);
-    const double top_code = double((1u << p.bits) - 1u);
+    const double full = top_code_of(p), step = code_step_of(p);
+    const bool quantize = p.quantize || output.format != Format::kFloat32;
+    const double top_code = quantize ? full + 1.0 - step : full; // the largest code that occurs
     const std::uint32_t quarter = quarter_rows(p.height);
+    const auto real = [](double value) { return static_cast<cl_float>(value); };
     KernelArguments(kernel)
         .add(intensity)
         .add(offset_.get())
         .add(response_.get())
+        .add(pixel_gain_.get())
+        .add(read_noise_map_.get())
+        .add(lag_state_.get())
         .add(cl_uint{p.width})
         .add(cl_uint{p.height})
         .add(cl_uint{quarter})
         .add(philox_key(p.seed))
         .add(frame_low(frame_index))
         .add(frame_high(frame_index))
-        .add(static_cast<cl_float>(p.exposure_gain_dn))
-        .add(static_cast<cl_float>(p.saturation_dn))
-        .add(static_cast<cl_float>(p.black_level_dn))
-        .add(static_cast<cl_float>(p.read_noise_dn))
-        .add(static_cast<cl_float>(top_code))
-        .add(static_cast<cl_float>(p.float_full_scale / top_code))
+        .add(real(p.exposure_gain_dn))
+        .add(real(p.saturation_dn))
+        .add(real(p.black_level_dn))
+        .add(real(p.read_noise_dn))
+        .add(real(top_code))
+        .add(real(p.float_full_scale / full))
+        .add(real(p.crosstalk_fraction))
+        .add(real(p.mosaic_gain[0]))
+        .add(real(p.mosaic_gain[1]))
+        .add(real(p.mosaic_gain[2]))
+        .add(real(p.mosaic_gain[3]))
+        .add(real(dark_signal_of(p)))
+        .add(real(p.conversion_gain_dn_per_e))
+        .add(real(p.conversion_gain_dn_per_e > 0.0 ? 1.0 / p.conversion_gain_dn_per_e : 0.0))
+        .add(real(p.lag_fraction))
+        .add(cl_uint{lag_started_ ? 0u : 1u})
+        .add(real(p.gamma))
+        .add(real(full))
+        .add(real(1.0 / full))
+        .add(real(p.row_noise_dn))
+        .add(real(p.column_noise_dn))
+        .add(real(step))
+        .add(real(1.0 / step))
         .add(output);
     chain.run("sensor", kernel, p.width, quarter);
+    lag_started_ = bool(lag_state_);
+}
+
+void Sensor::enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb) {
+    const SensorParameters &p = parameters_;
+    const auto found = demosaic_kernels_.find(raw.format);
+    cl::Kernel &kernel =
+        found != demosaic_kernels_.end()
+            ? found->second
+            : demosaic_kernels_
+                  .emplace(raw.format, context_->kernel("sensor.cl", "sensor_demosaic",
+                                                        fmt::format("-DDEMOSAIC=1 -DINPUT_FORMAT={}",
+                                                                    static_cast<std::uint32_t>(raw.format))))
+                  .first->second;
+    const bool red_is_odd_column = bayer == Bayer::kBggr || bayer == Bayer::kGrbg;
+    const bool red_is_odd_row = bayer == Bayer::kBggr || bayer == Bayer::kGbrg;
+    KernelArguments(kernel)
+        .add(raw)
+        .add(cl_uint{p.width})
+        .add(cl_uint{p.height})
+        .add(cl_uint{red_is_odd_column ? 1u : 0u})
+        .add(cl_uint{red_is_odd_row ? 1u : 0u})
+        .add(rgb);
+    chain.run("demosaic", kernel, p.width, p.height);
+}
+
+void dark_frame_from_captures(const DarkCaptures &c, float *dark_frame_dn, double *temporal_noise_dn) {
+    if (!c.frames)
+        throw Error(Status::kInvalidArgument,
+                    "frames is NULL; it must point to frame_count frames of height rows of width uint16");
+    if (!dark_frame_dn && !temporal_noise_dn)
+        throw Error(Status::kInvalidArgument, "dark_frame_dn and temporal_noise_dn are both NULL: nothing to work out");
+    check_image_size(c.width, c.height, "a captured frame");
+    constexpr std::uint32_t kMostFrames = 65535; // count * sum of squares fits 64 bits
+    if (c.count < 1 || c.count > kMostFrames)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("frame_count is {}, it must be 1 to {}", c.count, kMostFrames));
+    if (temporal_noise_dn && c.count < 2)
+        throw Error(Status::kInvalidArgument,
+                    "frame_count is 1: the temporal noise shows only between two frames or more; give more frames, or "
+                    "NULL for temporal_noise_dn");
+    if (!(std::abs(c.black_level_dn) <= kLargestNumber))
+        throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite and at most {}",
+                                                          c.black_level_dn, kLargestNumber));
+    const std::uint64_t row_bytes = std::uint64_t{c.width} * sizeof(std::uint16_t);
+    const std::uint64_t row_pitch = c.row_pitch_bytes ? c.row_pitch_bytes : row_bytes;
+    constexpr std::uint64_t kLargestPitch = std::uint64_t{1} << 40; // far above any frame, far below an overflow
+    if (row_pitch < row_bytes || row_pitch % sizeof(std::uint16_t) != 0 || row_pitch > kLargestPitch / c.height)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("row_pitch_bytes is {}, it must be a multiple of {}, at least {} (a row), at most {}",
+                                row_pitch, sizeof(std::uint16_t), row_bytes, kLargestPitch / c.height));
+    const std::uint64_t frame_bytes = row_pitch * (c.height - 1) + row_bytes;
+    const std::uint64_t frame_pitch = c.frame_pitch_bytes ? c.frame_pitch_bytes : row_pitch * c.height;
+    if (frame_pitch < frame_bytes || frame_pitch % sizeof(std::uint16_t) != 0 || frame_pitch > kLargestPitch)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("frame_pitch_bytes is {}, it must be a multiple of {}, at least {} (a frame), at most {}",
+                        frame_pitch, sizeof(std::uint16_t), frame_bytes, kLargestPitch));
+    const std::uint64_t n = c.count;
+    std::vector<std::uint64_t> sums(c.width), squares(c.width);
+    double variance = 0.0; // the sum over the pixels
+    for (std::uint32_t y = 0; y < c.height; ++y) {
+        std::fill(sums.begin(), sums.end(), std::uint64_t{0});
+        std::fill(squares.begin(), squares.end(), std::uint64_t{0});
+        for (std::uint64_t frame = 0; frame < n; ++frame) {
+            const std::uint16_t *row =
+                c.frames + (frame * frame_pitch + std::uint64_t{y} * row_pitch) / sizeof(std::uint16_t);
+            for (std::uint32_t x = 0; x < c.width; ++x) {
+                sums[x] += row[x];
+                squares[x] += std::uint64_t{row[x]} * row[x];
+            }
+        }
+        for (std::uint32_t x = 0; x < c.width; ++x) {
+            if (dark_frame_dn)
+                dark_frame_dn[std::size_t{y} * c.width + x] =
+                    static_cast<float>(double(sums[x]) / double(n) - c.black_level_dn);
+            if (temporal_noise_dn)
+                variance += double(n * squares[x] - sums[x] * sums[x]) / (double(n) * double(n - 1));
+        }
+    }
+    if (temporal_noise_dn)
+        *temporal_noise_dn = std::sqrt(variance / (double(c.width) * double(c.height)));
 }
 
 } // namespace clsp

@@ -5,13 +5,16 @@
 #include "runtime/device_buffer.hpp"
 #include "runtime/image_view.hpp"
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <map>
 #include <memory>
+#include <vector>
 
 namespace clsp {
 
+// The members and defaults of ClspSensorDesc, but for the views in photons and electrons, which are worked out before.
 struct SensorParameters {
     std::uint32_t width = 0, height = 0;
     std::uint32_t bits = 10;
@@ -22,10 +25,29 @@ struct SensorParameters {
     double read_noise_dn = 4.0;
     double hot_pixel_fraction = 0.0, hot_pixel_mean_dn = 150.0, cold_pixel_fraction = 0.0;
     double float_full_scale = 1.0;
-    const float *dark_frame_dn = nullptr; // host memory, only read during construction
+    const float *dark_frame_dn = nullptr; // host memory, only read during construction and configure()
     std::uint64_t dark_frame_pitch_bytes = 0;
     bool quantize = true;
+
+    double conversion_gain_dn_per_e = 0.0; // 0: no electrons
+    double crosstalk_fraction = 0.0;
+    double prnu = 0.0;
+    std::array<double, 4> mosaic_gain{{1.0, 1.0, 1.0, 1.0}}; // sites (x & 1) + 2 (y & 1)
+    double dark_current_e_per_s = 0.0, dark_current_reference_temperature_c = 25.0, dark_current_doubling_k = 8.0;
+    double temperature_c = 25.0, exposure_time_s = 0.01;
+    double lag_fraction = 0.0;
+    double gamma = 1.0;
+    double dsnu_dn = 0.0, column_offset_dn = 0.0, row_noise_dn = 0.0, column_noise_dn = 0.0;
+    double read_noise_spread = 0.0;
+    bool shot_noise = false;
+    std::uint32_t effective_bits = 0; // 0: bits
 };
+
+// Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
+enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };
+void check_bayer(Bayer bayer);
+// The mosaic_gain of a colour filter.
+std::array<double, 4> mosaic_gain_of(Bayer bayer, double red, double green, double blue);
 
 class Sensor {
   public:
@@ -34,11 +56,19 @@ class Sensor {
     const std::shared_ptr<Context> &context() const { return context_; }
     std::uint32_t width() const { return parameters_.width; }
     std::uint32_t height() const { return parameters_.height; }
+    // As they are in force; dark_frame_dn points to a copy that lives until the next configure().
+    const SensorParameters &parameters() const { return parameters_; }
+    // Takes new parameters of the same size: draws the fixed pattern again, starts the lag afresh. Commands that were
+    // enqueued before keep what they were enqueued with. Waits for the device. If it throws, nothing has changed.
+    void configure(const SensorParameters &parameters);
     void set_exposure_gain(double exposure_gain_dn);
+    // The next frame has no frame before it.
+    void reset_lag() { lag_started_ = false; }
     // Checks an output image against this sensor, and makes ready for its format.
     ImageView check_output(const ImageDescription &output);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
+    void enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb);
 
   private:
     void make_fixed_pattern();
@@ -46,9 +76,23 @@ class Sensor {
 
     std::shared_ptr<Context> context_;
     SensorParameters parameters_;
-    bool has_offset_ = false, has_defects_ = false;
-    DeviceBuffer offset_, response_;
-    std::map<Format, cl::Kernel> kernels_; // by output format
+    std::vector<float> dark_frame_; // tightly packed; empty without one
+    DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
+    bool lag_started_ = false;
+    std::map<Format, cl::Kernel> kernels_;          // by output format
+    std::map<Format, cl::Kernel> demosaic_kernels_; // by input format
 };
+
+// Frames of one camera in the dark, in host memory.
+struct DarkCaptures {
+    const std::uint16_t *frames;
+    std::uint32_t count, width, height;
+    std::uint64_t row_pitch_bytes, frame_pitch_bytes; // 0: tightly packed
+    double black_level_dn;
+};
+
+// The mean over the frames less the black level (width x height, tightly packed), and the root mean square over the
+// pixels of the temporal standard deviation; either may be nullptr.
+void dark_frame_from_captures(const DarkCaptures &captures, float *dark_frame_dn, double *temporal_noise_dn);
 
 } // namespace clsp

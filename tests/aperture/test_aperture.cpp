@@ -326,7 +326,7 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
     fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 0; });
     fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 9; });
     fails("guard", [](ClspApertureDesc &d) { d.guard_px = 0xffffffffu; });
-    fails("pupil", [](ClspApertureDesc &d) { d.pupil = 2; });
+    fails("pupil", [](ClspApertureDesc &d) { d.pupil = 4; });
     fails("normalization", [](ClspApertureDesc &d) { d.normalization = 2; });
     fails("workspace_from_host", [](ClspApertureDesc &d) { d.workspace_from_host = 2; });
     for (double bad : {-0.5, test::nan_value, test::infinity, -test::infinity})

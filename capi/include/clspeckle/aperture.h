@@ -25,6 +25,8 @@ extern "C" {
 
 #define CLSP_PUPIL_CIRCLE 0u  /**< A circle of diameter D, with a soft rim if wanted. */
 #define CLSP_PUPIL_IMAGE 1u   /**< Amplitude transmissions from an image. */
+#define CLSP_PUPIL_POLYGON 2u /**< A diaphragm of blades: a polygon whose corners lie on the rim (thesis Fig. 8). */
+#define CLSP_PUPIL_RING 3u    /**< A circle with its centre blocked. */
 
 /** P is the transmission t, 0 to 1, times the oversampling: a smaller aperture passes less light (~ D^2), and the oversampling, a matter of
  *  sampling only, changes nothing. (z has unit variance on every sample, so its power per cycle falls as 1 / oversampling^2.) */
@@ -54,6 +56,18 @@ typedef struct ClspApertureDesc {
     uint32_t pupil_width;            /**< 1 to 16384. */
     uint32_t pupil_height;           /**< 1 to 16384. */
     uint64_t pupil_pitch_bytes;      /**< From row to row; 0 (default) means tightly packed. */
+    uint32_t blade_count;            /**< With CLSP_PUPIL_POLYGON: 3 to 32 blades; default 6. */
+    uint32_t reserved_blades;        /**< 0. */
+    double blade_rotation_rad;       /**< Turns the polygon; 0 (default): a corner points along +x. */
+    double blade_curvature;          /**< 0 (default): straight edges; 1: the circle through the corners; between: their mix. */
+    double obstruction_ratio;        /**< Radius of the blocked centre over the pupil's, 0 (default) to below 1; any shape, above 0 with CLSP_PUPIL_RING. */
+    double defocus_waves;            /**< w: pupil phase 2 pi w rho^2, rho = 1 at the rim; default 0. */
+    /** Aberrations: Noll's Zernike polynomials 4 to 15, RMS waves over the full circular pupil; default 0. */
+    double zernike_waves[12];
+    /** Light-sensitive part of a pixel's area, above 0 to 1: the intensity is integrated over a centred square of that area, exactly within the
+     *  band that D leaves (weights over oversampling + 4 or + 6 samples along each axis). 0 (default): the mean over the pixel's own
+     *  samples, which without oversampling is a point. Right where D <= oversampling / 2: beyond, the samples are aliased already. */
+    double fill_factor;
 } ClspApertureDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspApertureDesc). */
@@ -87,7 +101,8 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
 CLSP_API ClspStatus clspApertureSetWorkspace(ClspAperture aperture, cl_mem mem, uint64_t offset_bytes,
                                              uint64_t size_bytes);
 
-/** Writes P, FFT order (frequency 0 first), after normalization. @param pupil FLOAT32 image of grid_width x grid_height. */
+/** Writes P, FFT order (frequency 0 first), after normalization. @param pupil image of grid_width x grid_height; FLOAT32, or with defocus or
+ *  aberrations FLOAT32X2 (re, im). */
 CLSP_API ClspStatus clspApertureEnqueuePupil(ClspAperture aperture, cl_command_queue queue, const ClspImage *pupil,
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
                                              cl_event *event);

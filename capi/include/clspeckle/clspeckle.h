@@ -6,6 +6,11 @@
 #define CLSPECKLE_H
 
 #include "aperture.h"
+#include "dots.h"
+#include "effects.h"
+#include "lens.h"
+#include "material.h"
+#include "motion.h"
 #include "pattern.h"
 #include "phase.h"
 #include "philox.h"

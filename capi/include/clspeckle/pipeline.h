@@ -1,11 +1,36 @@
 /**
  * @file pipeline.h
- * @brief A whole frame as one enqueued command: pattern (optional), phase refresh, aperture, sensor (optional).
+ * @brief A whole frame as one enqueued command: the laser's light (pattern, dots or an ideal image), motion, phase, aperture, lens, sensor.
+ *
+ * In the order of the light; each step is there only if something asks for it:
+ *
+ *     I0           from the pattern and the geometry, from dots, or the frame's irradiance
+ *     distortion   I0, material, motion, mask as the lens shows them (lens.h)
+ *     sub-surface  a fraction f of I0 is spread by h(r) ~ exp(-r / L), sum of h over the pixels 1; with materials f is that of each
+ *                  pixel: I0 <- (1 - f) I0 + h * (f I0)
+ *     phase        refreshed, or carried on along the motion (phase.h, motion.h); without motion z <- r z + sqrt(1 - r^2) w with
+ *                  r = exp(-1 / boiling_correlation_frames)
+ *     field        U_k = sqrt(I0) (sqrt(1 - c) z + sqrt(c)) exp(i k s h) exp(i a): coherent fraction c (low roughness), a line of the laser
+ *                  at k with the surface's height h (standard normal, Philox stream 0x30, at the frame index of the last full refresh) and s =
+ *                  dephasing_rad, the airflow's phase a. Lines lie evenly in [-2, 2] and carry light in proportion to exp(-k^2 / 2)
+ *     aperture     both polarizations, summed over the lines and the sub-exposures; with materials the weights (1 + p)/2 and (1 - p)/2 are
+ *                  those of each pixel, on |U|^2
+ *     light        times max(0, 1 + power_flicker n), n standard normal, one for a frame (stream 0x33); shifted by vibration_rms_px
+ *                  (n_x, n_y) (stream 0x34), by a phase ramp over the pupil
+ *     lens         glare, ambient light, vignetting (lens.h)
+ *     sensor       sensor.h
+ *
+ * Airflow, vibration and boiling disturb a scene at rest: frames with CLSP_REFRESH_ALL have none. Sub-exposures are for those: between them
+ * the surface moves on by exposure_path / sub_exposures, and their light is averaged.
  */
 #ifndef CLSPECKLE_PIPELINE_H
 #define CLSPECKLE_PIPELINE_H
 
 #include "aperture.h"
+#include "dots.h"
+#include "lens.h"
+#include "material.h"
+#include "motion.h"
 #include "pattern.h"
 #include "phase.h"
 #include "sensor.h"
@@ -24,6 +49,25 @@ typedef struct ClspPipelineDesc {
     ClspPhase phase;        /**< Required. */
     ClspAperture aperture;  /**< Required; same grid as the phase. */
     ClspSensor sensor;      /**< NULL: the output is the FLOAT32 intensity. */
+    ClspDots dots;          /**< Ideal dots instead of a pattern; NULL: none. */
+    ClspMaterialTable materials; /**< Roughness, polarization and sub-surface fraction by material; NULL: none. Frames then bring material ids. */
+    ClspMotion motion;      /**< NULL: frames bring no motion. */
+    ClspLens lens;          /**< NULL: an ideal one. */
+    uint64_t seed;          /**< Of flicker, vibration, surface heights and airflow; default 0. */
+    uint32_t line_count;    /**< Lines of the laser, 1 (default) to 63. */
+    uint32_t sub_exposures; /**< Parts of an exposure, 1 (default) to 127. */
+    double dephasing_rad;   /**< s, the standard deviation over the surface of the phase by which a line at k = 1 differs from that at 0; default 0. */
+    double power_flicker;   /**< Relative standard deviation of the laser's power from frame to frame; default 0. */
+    double coherent_fraction;    /**< c, 0 (default) to 1; with materials theirs counts instead. */
+    double subsurface_length_px; /**< L, in pixels; needed above 0 with a fraction. Default 0. */
+    double subsurface_fraction;  /**< f, 0 (default) to 1; with materials theirs counts instead. */
+    double exposure_path;   /**< Path of the surface in correlation lengths while the shutter is open, in frames with CLSP_REFRESH_ALL; default 0. Needs
+                                 sub_exposures (about four a correlation length) and a phase with CLSP_DYNAMICS_CONTINUOUS. */
+    double boiling_correlation_frames; /**< Frames after which a resting surface's field correlation is 1/e, > 0; default infinity: it never changes. */
+    double airflow_rms_rad;      /**< Standard deviation of the phase screen; default 0. */
+    double airflow_scale_px;     /**< Distance at which its correlation is 1/e; default 6. */
+    double airflow_correlation_frames; /**< Frames after which its correlation is 1/e; default 3. */
+    double vibration_rms_px;     /**< Standard deviation of the picture's shift along each axis; default 0. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */
@@ -38,6 +82,11 @@ CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline);
 #define CLSP_REFRESH_MASK 0u  /**< New phases where refresh_mask is not 0; nowhere if there is no mask. */
 #define CLSP_REFRESH_ALL 1u   /**< New phases everywhere: independent of all frames with another frame_index. */
 
+#define CLSP_ILLUMINATION_LASER 0u       /**< The laser's light: speckle. */
+#define CLSP_ILLUMINATION_INCOHERENT 1u  /**< Incoherent light (an LED, a lamp) from the frame's irradiance: no speckle, imaged without diffraction; the pupil's mean
+                                              transmission counts. The pipeline's pattern or dots are off. */
+#define CLSP_ILLUMINATION_DARK 2u        /**< No light at all, ambient light neither: a covered lens. */
+
 /** One frame. */
 typedef struct ClspFrame {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
@@ -47,6 +96,10 @@ typedef struct ClspFrame {
     ClspImage irradiance;          /**< Without a pattern: FLOAT32 ideal image. */
     ClspImage refresh_mask;        /**< UINT8; optional. */
     ClspImage output;              /**< UINT16, UINT8 or FLOAT32 as ClspSensor takes; FLOAT32 without a sensor. Must not overlap an input. */
+    const ClspMotionInput *motion; /**< How the scene moved since the last frame, with a motion stage; NULL: it rests. */
+    ClspImage material;            /**< UINT8 material ids; needed with a material table. */
+    uint32_t illumination;         /**< CLSP_ILLUMINATION_*; default LASER. */
+    uint32_t reserved;             /**< 0. */
 } ClspFrame;
 
 /** Writes the defaults (no images, frame 0) into *frame. @param struct_size sizeof(ClspFrame). */
@@ -68,7 +121,8 @@ CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue qu
 
 /** Device time of one stage of the last frame. Layout frozen. */
 typedef struct ClspStageTiming {
-    char stage[32];       /**< "pattern", "phase", "field", "fft", "pupil", "inverse_fft", "intensity", "sensor". */
+    char stage[32];       /**< "pattern", "dots", "motion", "distortion", "subsurface", "airflow", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",
+                               "lens", "sensor". */
     double milliseconds;  /**< Sum over the stage's commands. */
 } ClspStageTiming;
 

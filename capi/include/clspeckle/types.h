@@ -115,8 +115,12 @@ CLSP_API ClspStatus clspGetVersion(uint32_t *major, uint32_t *minor, uint32_t *p
 /** @{ */
 typedef struct ClspContext_ *ClspContext;   /**< A device and its programs (runtime.h). */
 typedef struct ClspPattern_ *ClspPattern;   /**< A projected pattern (pattern.h). */
+typedef struct ClspDots_ *ClspDots;         /**< Ideal projected dots (dots.h). */
+typedef struct ClspMaterialTable_ *ClspMaterialTable; /**< What surfaces are made of (material.h). */
+typedef struct ClspMotion_ *ClspMotion;     /**< How surfaces moved since the last frame (motion.h). */
 typedef struct ClspPhase_ *ClspPhase;       /**< A surface's random field (phase.h). */
 typedef struct ClspAperture_ *ClspAperture; /**< A lens's aperture (aperture.h). */
+typedef struct ClspLens_ *ClspLens;         /**< What a lens does beside diffraction (lens.h). */
 typedef struct ClspSensor_ *ClspSensor;     /**< A sensor (sensor.h). */
 typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
 /** @} */

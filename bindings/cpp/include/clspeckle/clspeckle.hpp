@@ -81,11 +81,29 @@ inline void init(ClspPhiloxDesc &desc) {
 inline void init(ClspPatternDesc &desc) {
     check(clspPatternDescInit(&desc, sizeof(desc)));
 }
+inline void init(ClspDotsDesc &desc) {
+    check(clspDotsDescInit(&desc, sizeof(desc)));
+}
 inline void init(ClspGeometry &geometry) {
     check(clspGeometryInit(&geometry, sizeof(geometry)));
 }
 inline void init(ClspPhaseDesc &desc) {
     check(clspPhaseDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspPhaseAdvance &advance) {
+    check(clspPhaseAdvanceInit(&advance, sizeof(advance)));
+}
+inline void init(ClspMaterial &material) {
+    check(clspMaterialInit(&material, sizeof(material)));
+}
+inline void init(ClspMotionDesc &desc) {
+    check(clspMotionDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspMotionInput &input) {
+    check(clspMotionInputInit(&input, sizeof(input)));
+}
+inline void init(ClspMotionOutput &output) {
+    check(clspMotionOutputInit(&output, sizeof(output)));
 }
 inline void init(ClspApertureDesc &desc) {
     check(clspApertureDescInit(&desc, sizeof(desc)));
@@ -528,11 +546,32 @@ class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatter
     explicit Pattern(ClspPattern handle) noexcept : Shared(handle) {}
 };
 
+/** Ideal projected dots, see dots.h. */
+class Dots : public detail::Shared<ClspDots, clspDotsRetain, clspDotsRelease> {
+  public:
+    Dots() noexcept = default;
+    Dots(const Context &context, const ClspDotsDesc &desc) { check(clspDotsCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Dots adopt(ClspDots handle) noexcept { return Dots(handle); }
+
+    /** Changes the pattern; with count 0 and no pointers the dots stay. All or nothing. */
+    void configure(const ClspDotsDesc &desc) const { check(clspDotsConfigure(handle_, &desc)); }
+    void enqueue_render(cl_command_queue queue, const ClspImage &irradiance,
+                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspDotsEnqueueRender(handle_, queue, &irradiance, detail::count(wait_list), detail::data(wait_list),
+                                         out.get()));
+    }
+
+  private:
+    explicit Dots(ClspDots handle) noexcept : Shared(handle) {}
+};
+
 /** The surface's random field, see phase.h. */
 class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease> {
   public:
     Phase() noexcept = default;
-    Phase(const Context &context, const ClspPhaseDesc &desc) { check(clspPhaseCreate(context, &desc, &handle_)); }
+    Phase(const Context &context, const ClspPhaseDesc &desc) { clspeckle::check(clspPhaseCreate(context, &desc, &handle_)); }
     /** Takes over one reference of a C handle. */
     static Phase adopt(ClspPhase handle) noexcept { return Phase(handle); }
 
@@ -543,6 +582,15 @@ class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease
         out.finish(clspPhaseEnqueueRefresh(handle_, queue, frame_index, mask, detail::count(wait_list),
                                            detail::data(wait_list), out.get()));
     }
+    /** Carries the field on along the path, the time and the shift of its surface. */
+    void enqueue_advance(cl_command_queue queue, std::uint64_t frame_index, const ClspPhaseAdvance &advance,
+                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPhaseEnqueueAdvance(handle_, queue, frame_index, &advance, detail::count(wait_list),
+                                           detail::data(wait_list), out.get()));
+    }
+    /** Waits, and throws CLSP_ERROR_INVALID_DATA if advances since the last check held bad pixels. */
+    void check(cl_command_queue queue) const { clspeckle::check(clspPhaseCheck(handle_, queue)); }
     void enqueue_field(cl_command_queue queue, std::uint32_t polarization, const ClspImage &field,
                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::EventOut out(event);
@@ -551,7 +599,7 @@ class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease
     }
     std::uint64_t state_size() const {
         std::uint64_t size_bytes = 0;
-        check(clspPhaseGetStateSize(handle_, &size_bytes));
+        clspeckle::check(clspPhaseGetStateSize(handle_, &size_bytes));
         return size_bytes;
     }
     void enqueue_save(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
@@ -569,6 +617,44 @@ class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease
 
   private:
     explicit Phase(ClspPhase handle) noexcept : Shared(handle) {}
+};
+
+/** What surfaces are made of, see material.h. */
+class MaterialTable : public detail::Shared<ClspMaterialTable, clspMaterialTableRetain, clspMaterialTableRelease> {
+  public:
+    MaterialTable() noexcept = default;
+    /** @param materials entry i is material id i; make<ClspMaterial>() gives the defaults. */
+    MaterialTable(const Context &context, const std::vector<ClspMaterial> &materials) {
+        check(clspMaterialTableCreate(context, materials.data(), static_cast<std::uint32_t>(materials.size()), &handle_));
+    }
+    /** Takes over one reference of a C handle. */
+    static MaterialTable adopt(ClspMaterialTable handle) noexcept { return MaterialTable(handle); }
+
+  private:
+    explicit MaterialTable(ClspMaterialTable handle) noexcept : Shared(handle) {}
+};
+
+/** How far surfaces have moved since the last frame, see motion.h. */
+class Motion : public detail::Shared<ClspMotion, clspMotionRetain, clspMotionRelease> {
+  public:
+    Motion() noexcept = default;
+    Motion(const Context &context, const ClspMotionDesc &desc) {
+        clspeckle::check(clspMotionCreate(context, &desc, &handle_));
+    }
+    /** Takes over one reference of a C handle. */
+    static Motion adopt(ClspMotion handle) noexcept { return Motion(handle); }
+
+    void enqueue_compute(cl_command_queue queue, const ClspMotionInput &input, const ClspMotionOutput &output,
+                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspMotionEnqueueCompute(handle_, queue, &input, &output, detail::count(wait_list),
+                                            detail::data(wait_list), out.get()));
+    }
+    /** Waits, and throws CLSP_ERROR_INVALID_DATA if calls since the last check held bad pixels. */
+    void check(cl_command_queue queue) const { clspeckle::check(clspMotionCheck(handle_, queue)); }
+
+  private:
+    explicit Motion(ClspMotion handle) noexcept : Shared(handle) {}
 };
 
 /** The lens's aperture, see aperture.h. */
@@ -616,15 +702,54 @@ class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRel
     /** Takes over one reference of a C handle. */
     static Sensor adopt(ClspSensor handle) noexcept { return Sensor(handle); }
 
+    /** The settings of a known camera. */
+    static ClspSensorDesc profile(const std::string &name) {
+        ClspSensorDesc desc{};
+        check(clspSensorDescFromProfile(&desc, sizeof(desc), name.c_str()));
+        return desc;
+    }
+    /** ClspSensorDesc::mosaic_gain of a colour filter. @param bayer one of CLSP_BAYER_*. */
+    static std::array<double, 4> mosaic_gain(std::uint32_t bayer, double red, double green, double blue) {
+        std::array<double, 4> gains{};
+        check(clspSensorMosaicFromBayer(bayer, red, green, blue, gains.data()));
+        return gains;
+    }
+    /** What captures in the dark tell of a camera. */
+    struct DarkFrame {
+        std::vector<float> dark_frame_dn; /**< height x width, for ClspSensorDesc::dark_frame_dn. */
+        double temporal_noise_dn = 0.0;   /**< For ClspSensorDesc::read_noise_dn; 0 for a single frame. */
+    };
+    /** @param frames frame after frame, tightly packed. */
+    static DarkFrame dark_frame_from_captures(const std::vector<std::uint16_t> &frames, std::uint32_t width,
+                                              std::uint32_t height, double black_level_dn) {
+        const std::size_t pixels = std::size_t{width} * height;
+        const std::size_t count = pixels == 0 ? 0 : frames.size() / pixels;
+        if (count == 0 || count * pixels != frames.size())
+            throw std::invalid_argument("frames must hold one or more whole frames of width x height codes");
+        DarkFrame result;
+        result.dark_frame_dn.resize(pixels);
+        check(clspSensorDarkFrameFromCaptures(frames.data(), static_cast<std::uint32_t>(count), width, height, 0, 0,
+                                              black_level_dn, result.dark_frame_dn.data(),
+                                              count > 1 ? &result.temporal_noise_dn : nullptr));
+        return result;
+    }
+
     void set_exposure_gain(double exposure_gain_dn) const {
         check(clspSensorSetExposureGain(handle_, exposure_gain_dn));
     }
+    void reset_lag() const { check(clspSensorResetLag(handle_)); }
     void enqueue_expose(cl_command_queue queue, const ClspImage &intensity, std::uint64_t frame_index,
                         const ClspImage &output, const std::vector<cl_event> &wait_list = {},
                         Event *event = nullptr) const {
         detail::EventOut out(event);
         out.finish(clspSensorEnqueueExpose(handle_, queue, &intensity, frame_index, &output, detail::count(wait_list),
                                            detail::data(wait_list), out.get()));
+    }
+    void enqueue_demosaic(cl_command_queue queue, const ClspImage &raw, std::uint32_t bayer, const ClspImage &rgb,
+                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspSensorEnqueueDemosaic(handle_, queue, &raw, bayer, &rgb, detail::count(wait_list),
+                                             detail::data(wait_list), out.get()));
     }
 
   private:

@@ -9,7 +9,7 @@ or with a camera that keeps the state of the speckle from frame to frame::
     camera = clspeckle.Pipeline.from_parameters(ideal.shape, f_number=5.6, seed=7)
     frame = camera.render(ideal, refresh=moved)
 
-Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Phase`, :class:`Aperture`,
+Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Dots`, :class:`Phase`, :class:`Aperture`,
 :class:`Sensor`, :class:`Pipeline`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes
 are (height, width), as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
 
@@ -19,7 +19,10 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
+from .dots import Dots
 from .errors import ClspeckleError
+from .material import Material, MaterialTable
+from .motion import Motion, MotionInput
 from .pattern import Geometry, Pattern
 from .phase import FieldGrid, Phase, field_grid
 from .pipeline import Frame, Pipeline, PipelineParameters, simulate
@@ -51,10 +54,15 @@ __all__ = [
     "ContextInfo",
     "Device",
     "DeviceImage",
+    "Dots",
     "Event",
     "FieldGrid",
     "Frame",
     "Geometry",
+    "Material",
+    "MaterialTable",
+    "Motion",
+    "MotionInput",
     "Pattern",
     "Phase",
     "Pipeline",

@@ -180,6 +180,14 @@ def float_plane(
     return converted
 
 
+def vector2_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """An image of (x, y) pairs."""
+    given = array(value, name)
+    if given.ndim != 3 or given.shape[2] != 2:
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(shape)[:-1]}, 2)")
+    return float_plane(given, name, (*shape, 2), "an image of (x, y) pairs")
+
+
 def places(bad: npt.NDArray[np.bool_]) -> str:
     """How many pixels are bad and where the first one is."""
     count = int(np.count_nonzero(bad))

@@ -16,6 +16,7 @@ from ctypes import (
     c_double,
     c_float,
     c_int32,
+    c_uint16,
     c_uint32,
     c_uint64,
     c_void_p,
@@ -59,8 +60,17 @@ CLSP_QUANTITY_PLANE_IRRADIANCE = 1
 CLSP_DEPTH_ALONG_AXIS = 0
 CLSP_DEPTH_ALONG_RAY = 1
 
+CLSP_MAX_DOTS = 1000000
+
 CLSP_FIELD_CIRCULAR_GAUSSIAN = 0
 CLSP_FIELD_UNIT_PHASOR = 1
+CLSP_DYNAMICS_REPLACE = 0
+CLSP_DYNAMICS_CONTINUOUS = 1
+
+CLSP_MAX_MATERIALS = 256
+
+CLSP_MOTION_CORRELATE = 0
+CLSP_MOTION_REPLACE = 1
 
 CLSP_PUPIL_CIRCLE = 0
 CLSP_PUPIL_IMAGE = 1
@@ -190,6 +200,34 @@ class ClspGeometry(ctypes.Structure):
     ]
 
 
+class ClspDotsDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("principal_point_given", c_uint32),
+        ("count", c_uint64),
+        ("positions_px", POINTER(c_double)),
+        ("sigmas_px", POINTER(c_double)),
+        ("peaks", POINTER(c_double)),
+        ("sigma_px", c_double),
+        ("scale", c_double),
+        ("principal_point_x_px", c_double),
+        ("principal_point_y_px", c_double),
+        ("relative_wavelength_shift", c_double),
+        ("beam_skew", c_double),
+        ("beam_skew_angle_rad", c_double),
+        ("beam_flatness", c_double),
+        ("zero_order_relative_intensity", c_double),
+        ("ghost_relative_intensity", c_double),
+        ("ghost_offset_given", c_uint32),
+        ("reserved", c_uint32),
+        ("ghost_offset_x_px", c_double),
+        ("ghost_offset_y_px", c_double),
+        ("scatter_fraction", c_double),
+    ]
+
+
 class ClspFieldGrid(ctypes.Structure):
     _fields_ = [
         ("width", c_uint32),
@@ -212,6 +250,85 @@ class ClspPhaseDesc(ctypes.Structure):
         ("polarization_count", c_uint32),
         ("reserved", c_uint32),
         ("seed", c_uint64),
+        ("dynamics", c_uint32),
+        ("translate", c_uint32),
+    ]
+
+
+class ClspPhaseAdvance(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("substep", c_uint32),
+        ("uniform_path", c_double),
+        ("uniform_correlation", c_double),
+        ("path", ClspImage),
+        ("correlation", ClspImage),
+        ("shift", ClspImage),
+        ("mask", ClspImage),
+    ]
+
+
+class ClspMaterial(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("roughness_rms_m", c_double),
+        ("degree_of_polarization", c_double),
+        ("correlation_time_s", c_double),
+        ("lateral_correlation_length_m", c_double),
+        ("axial_correlation_length_m", c_double),
+        ("rotation_correlation_angle_rad", c_double),
+        ("subsurface_fraction", c_double),
+    ]
+
+
+class ClspMotionDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("rule", c_uint32),
+        ("translate", c_uint32),
+        ("depth_kind", c_uint32),
+        ("materials", c_void_p),
+        ("fx_px", c_double),
+        ("fy_px", c_double),
+        ("cx_px", c_double),
+        ("cy_px", c_double),
+        ("replace_threshold", c_double),
+        ("occlusion_tolerance", c_double),
+    ]
+
+
+class ClspMotionInput(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("transform_count", c_uint32),
+        ("previous_from_current", POINTER(c_double)),
+        ("frame_time_s", c_double),
+        ("roll_from_motion", c_uint32),
+        ("reserved", c_uint32),
+        ("position", ClspImage),
+        ("depth", ClspImage),
+        ("normal", ClspImage),
+        ("material", ClspImage),
+        ("motion", ClspImage),
+        ("previous_position", ClspImage),
+        ("previous_depth", ClspImage),
+        ("previous_normal", ClspImage),
+        ("previous_material", ClspImage),
+    ]
+
+
+class ClspMotionOutput(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("path", ClspImage),
+        ("correlation", ClspImage),
+        ("shift", ClspImage),
+        ("displacement", ClspImage),
+        ("mask", ClspImage),
     ]
 
 
@@ -270,6 +387,27 @@ class ClspSensorDesc(ctypes.Structure):
         ("dark_frame_pitch_bytes", c_uint64),
         ("quantize", c_uint32),
         ("reserved", c_uint32),
+        ("conversion_gain_dn_per_e", c_double),
+        ("photons_per_unit", c_double),
+        ("quantum_efficiency", c_double),
+        ("full_well_e", c_double),
+        ("crosstalk_fraction", c_double),
+        ("prnu", c_double),
+        ("mosaic_gain", c_double * 4),
+        ("dark_current_e_per_s", c_double),
+        ("dark_current_reference_temperature_c", c_double),
+        ("dark_current_doubling_k", c_double),
+        ("temperature_c", c_double),
+        ("exposure_time_s", c_double),
+        ("lag_fraction", c_double),
+        ("gamma", c_double),
+        ("dsnu_dn", c_double),
+        ("column_offset_dn", c_double),
+        ("row_noise_dn", c_double),
+        ("column_noise_dn", c_double),
+        ("read_noise_spread", c_double),
+        ("shot_noise", c_uint32),
+        ("effective_bits", c_uint32),
     ]
 
 
@@ -327,8 +465,14 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspPhiloxDesc,
     ClspPatternDesc,
     ClspGeometry,
+    ClspDotsDesc,
     ClspFieldGrid,
     ClspPhaseDesc,
+    ClspPhaseAdvance,
+    ClspMaterial,
+    ClspMotionDesc,
+    ClspMotionInput,
+    ClspMotionOutput,
     ClspApertureDesc,
     ClspApertureInfo,
     ClspSensorDesc,
@@ -394,16 +538,37 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPatternSetPose": (_HANDLE, POINTER(c_double)),
     "clspGeometryInit": _init(ClspGeometry),
     "clspPatternEnqueueLookup": (_HANDLE, _HANDLE, POINTER(ClspGeometry), _IMAGE, *_WAIT),
+    "clspDotsDescInit": _init(ClspDotsDesc),
+    "clspDotsCreate": (_HANDLE, POINTER(ClspDotsDesc), _HANDLE_OUT),
+    "clspDotsRetain": (_HANDLE,),
+    "clspDotsRelease": (_HANDLE,),
+    "clspDotsConfigure": (_HANDLE, POINTER(ClspDotsDesc)),
+    "clspDotsEnqueueRender": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
     "clspFieldGridCompute": (POINTER(ClspFieldGrid),),
     "clspPhaseDescInit": _init(ClspPhaseDesc),
     "clspPhaseCreate": (_HANDLE, POINTER(ClspPhaseDesc), _HANDLE_OUT),
     "clspPhaseRetain": (_HANDLE,),
     "clspPhaseRelease": (_HANDLE,),
     "clspPhaseEnqueueRefresh": (_HANDLE, _HANDLE, c_uint64, _IMAGE, *_WAIT),
+    "clspPhaseAdvanceInit": _init(ClspPhaseAdvance),
+    "clspPhaseEnqueueAdvance": (_HANDLE, _HANDLE, c_uint64, POINTER(ClspPhaseAdvance), *_WAIT),
+    "clspPhaseCheck": (_HANDLE, _HANDLE),
     "clspPhaseEnqueueField": (_HANDLE, _HANDLE, c_uint32, _IMAGE, *_WAIT),
     "clspPhaseGetStateSize": (_HANDLE, POINTER(c_uint64)),
     "clspPhaseEnqueueSave": (_HANDLE, _HANDLE, _HANDLE, c_uint64, *_WAIT),
     "clspPhaseEnqueueRestore": (_HANDLE, _HANDLE, _HANDLE, c_uint64, *_WAIT),
+    "clspMaterialInit": _init(ClspMaterial),
+    "clspMaterialTableCreate": (_HANDLE, POINTER(ClspMaterial), c_uint32, _HANDLE_OUT),
+    "clspMaterialTableRetain": (_HANDLE,),
+    "clspMaterialTableRelease": (_HANDLE,),
+    "clspMotionDescInit": _init(ClspMotionDesc),
+    "clspMotionInputInit": _init(ClspMotionInput),
+    "clspMotionOutputInit": _init(ClspMotionOutput),
+    "clspMotionCreate": (_HANDLE, POINTER(ClspMotionDesc), _HANDLE_OUT),
+    "clspMotionRetain": (_HANDLE,),
+    "clspMotionRelease": (_HANDLE,),
+    "clspMotionEnqueueCompute": (_HANDLE, _HANDLE, POINTER(ClspMotionInput), POINTER(ClspMotionOutput), *_WAIT),
+    "clspMotionCheck": (_HANDLE, _HANDLE),
     "clspApertureDescInit": _init(ClspApertureDesc),
     "clspApertureCreate": (_HANDLE, POINTER(ClspApertureDesc), _HANDLE_OUT),
     "clspApertureRetain": (_HANDLE,),
@@ -413,11 +578,26 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspApertureEnqueuePupil": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
     "clspApertureEnqueueIntensity": (_HANDLE, _HANDLE, _HANDLE, _IMAGE, _IMAGE, *_WAIT),
     "clspSensorDescInit": _init(ClspSensorDesc),
+    "clspSensorDescFromProfile": (POINTER(ClspSensorDesc), c_uint32, c_char_p),
+    "clspSensorMosaicFromBayer": (c_uint32, c_double, c_double, c_double, POINTER(c_double)),
+    "clspSensorDarkFrameFromCaptures": (
+        POINTER(c_uint16),
+        c_uint32,
+        c_uint32,
+        c_uint32,
+        c_uint64,
+        c_uint64,
+        c_double,
+        POINTER(c_float),
+        POINTER(c_double),
+    ),
     "clspSensorCreate": (_HANDLE, POINTER(ClspSensorDesc), _HANDLE_OUT),
     "clspSensorRetain": (_HANDLE,),
     "clspSensorRelease": (_HANDLE,),
     "clspSensorSetExposureGain": (_HANDLE, c_double),
+    "clspSensorResetLag": (_HANDLE,),
     "clspSensorEnqueueExpose": (_HANDLE, _HANDLE, _IMAGE, c_uint64, _IMAGE, *_WAIT),
+    "clspSensorEnqueueDemosaic": (_HANDLE, _HANDLE, _IMAGE, c_uint32, _IMAGE, *_WAIT),
     "clspPipelineDescInit": _init(ClspPipelineDesc),
     "clspPipelineCreate": (_HANDLE, POINTER(ClspPipelineDesc), _HANDLE_OUT),
     "clspPipelineRetain": (_HANDLE,),
@@ -441,6 +621,9 @@ _HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init")} | {
     "clspGetLastError",
     "clspGetVersion",
     "clspFieldGridCompute",
+    "clspSensorDescFromProfile",
+    "clspSensorMosaicFromBayer",
+    "clspSensorDarkFrameFromCaptures",
 }
 
 # --- Loading ---

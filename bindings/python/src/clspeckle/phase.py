@@ -2,7 +2,8 @@
 
 The field lives on the field grid: `oversampling` samples per pixel and axis, padded to a size that the FFT takes. Each
 sample holds z with E|z|^2 = 1: exp(i phi) with phi uniform ("unit_phasor"), or a circular complex Gaussian number
-("circular_gaussian", the limit of very many scatterers per pixel; contrast 1 for any aperture). Equations: ``phase.h``.
+("circular_gaussian", the limit of very many scatterers per pixel; contrast 1 for any aperture). With dynamics
+"continuous" it follows the path that the surface moves gradually. Equations: ``phase.h``.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from ._handle import Handle, create, exclusive
 from ._interop import EventLike, SupportsIntPtr
 from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
 from .runtime import (
+    FLOAT32,
     FLOAT32X2,
     UINT8,
     Buffer,
@@ -38,6 +40,12 @@ __all__ = ["FieldGrid", "Phase", "field_grid"]
 _FIELD = {
     "circular_gaussian": _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
     "unit_phasor": _library.CLSP_FIELD_UNIT_PHASOR,
+}
+
+
+_DYNAMICS = {
+    "replace": _library.CLSP_DYNAMICS_REPLACE,
+    "continuous": _library.CLSP_DYNAMICS_CONTINUOUS,
 }
 
 
@@ -87,6 +95,9 @@ class Phase(Handle):
         field: "circular_gaussian" or "unit_phasor".
         polarization_count: 1 or 2; 2 is needed for a degree of polarization below 1.
         seed: below 2^64.
+        dynamics: "replace": a sample is kept or replaced; "continuous": it follows the path of its surface gradually
+            (circular Gaussian only).
+        translate: True: the state can move with the surface (`shift` of :meth:`advance`).
         context: None for :func:`default_context`.
 
     What is None has the C library's default, see :meth:`defaults`.
@@ -106,12 +117,18 @@ class Phase(Handle):
         field: str | None = None,
         polarization_count: int | None = None,
         seed: int | None = None,
+        dynamics: str | None = None,
+        translate: bool | None = None,
         context: Context | None = None,
     ) -> None:
         desc = _library.initialized(_library.ClspPhaseDesc)
         desc.height, desc.width = _check.image_shape(shape)
         if field is not None:
             desc.field = _check.choice(field, "field", _FIELD)
+        if dynamics is not None:
+            desc.dynamics = _check.choice(dynamics, "dynamics", _DYNAMICS)
+        if translate is not None:
+            desc.translate = _check.flag(translate, "translate")
         given = {
             "oversampling": oversampling,
             "guard_px": guard_px,
@@ -133,8 +150,10 @@ class Phase(Handle):
     def defaults() -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
         desc = _library.initialized(_library.ClspPhaseDesc)
-        names = ("oversampling", "guard_px", "field", "polarization_count", "seed")
-        return _check.defaults(desc, {"field": _FIELD}, names)
+        names = ("oversampling", "guard_px", "field", "polarization_count", "seed", "dynamics", "translate")
+        result = _check.defaults(desc, {"field": _FIELD, "dynamics": _DYNAMICS}, names)
+        result["translate"] = bool(result["translate"])
+        return result
 
     @property
     def grid_shape(self) -> tuple[int, int]:
@@ -187,6 +206,106 @@ class Phase(Handle):
             struct,
             wait_for=wait_for,
         )
+
+    def advance(
+        self,
+        frame_index: int,
+        *,
+        path: ImageLike | float | None = None,
+        correlation: ImageLike | float | None = None,
+        shift: ImageLike | None = None,
+        mask: ImageLike | None = None,
+        substep: int = 0,
+        queue: QueueLike | None = None,
+    ) -> None:
+        """Carries the field on: it moves (`shift`), follows the path, and lives (`correlation`). Blocks.
+
+        Args:
+            frame_index: counter of the new values, below 2^48; with `substep` another one than in all calls before.
+            path: >= 0 in correlation lengths, infinity: replaced; a number for all pixels, or a float32 image.
+            correlation: 0 to 1, what time has left of the field's correlation; a number or a float32 image.
+            shift: (height, width, 2) of (x, y) in pixels: where the surface point was minus where it is.
+            mask: bool or integers: pixels that are not 0 are replaced.
+            substep: tells several advances with one frame_index apart, 0 to 127.
+
+        A pixel with a path, correlation or shift that is NaN or out of range is replaced, and :meth:`check` reports it.
+        """
+        with exclusive(self):
+            queue = self.context.queue if queue is None else queue
+            images = {"path": path, "correlation": correlation, "shift": shift, "mask": mask}
+            self._enqueue_advance(frame_index, images, substep, queue, None, False).wait()
+
+    def enqueue_advance(
+        self,
+        frame_index: int,
+        *,
+        path: DeviceImageLike | float | None = None,
+        correlation: DeviceImageLike | float | None = None,
+        shift: DeviceImageLike | None = None,
+        mask: DeviceImageLike | None = None,
+        substep: int = 0,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`advance`, asynchronously; all images must be in device memory."""
+        with exclusive(self):
+            images = {"path": path, "correlation": correlation, "shift": shift, "mask": mask}
+            return self._enqueue_advance(frame_index, images, substep, queue, wait_for, True)
+
+    def _enqueue_advance(
+        self,
+        frame_index: int,
+        given: dict[str, Any],
+        substep: int,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+        device_only: bool,
+    ) -> Event:
+        frame_index = _check.integer(frame_index, "frame_index", 64)
+        struct = _library.initialized(_library.ClspPhaseAdvance)
+        struct.substep = _check.integer(substep, "substep")
+        images = {name: value for name, value in given.items() if value is not None}
+        for name in ("path", "correlation"):
+            if isinstance(images.get(name), (int, float, np.integer, np.floating)):
+                setattr(struct, "uniform_" + name, _check.real(images.pop(name), name))
+        checks = {
+            "path": _check.float_plane,
+            "correlation": _check.float_plane,
+            "shift": _check.vector2_plane,
+            "mask": _check.mask_plane,
+        }
+        # All host images are checked before the first one is uploaded.
+        host = {
+            name: checks[name](value, name, self.shape)
+            for name, value in images.items()
+            if not device_only and not on_device(value)
+        }
+        operands = Operands()
+        for name, value in images.items():
+            if name in host:
+                image = self._staging.upload(name, host[name], queue, operands)
+            else:
+                shape = (*self.shape, 2) if name == "shift" else self.shape
+                default = {"shift": FLOAT32X2, "mask": UINT8}.get(name, FLOAT32)
+                image = device_image(value, name, shape, default, self.context)
+            setattr(struct, name, operands.add(image))
+        return operands.enqueue(
+            "clspPhaseEnqueueAdvance",
+            self._get(),
+            queue_pointer(queue, self.context),
+            frame_index,
+            ctypes.byref(struct),
+            wait_for=wait_for,
+        )
+
+    def check(self, *, queue: QueueLike | None = None) -> None:
+        """Waits, and reports bad pixels of all advances since the last check.
+
+        Raises:
+            InvalidDataError: there were some; the message says how many, and where the first one is.
+        """
+        with exclusive(self):
+            _library.call("clspPhaseCheck", self._get(), queue_pointer(queue, self.context))
 
     def field(self, polarization: int = 0, *, queue: QueueLike | None = None) -> npt.NDArray[np.complex64]:
         """z of one polarization as complex64 of :attr:`grid_shape`. Blocks.

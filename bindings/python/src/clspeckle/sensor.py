@@ -1,10 +1,12 @@
-"""From intensity to codes: exposure, dark frame, hot and cold pixels, temporal noise, saturation, black level, ADC.
+"""From intensity to codes: exposure, crosstalk, pixel gain, dark current, shot noise, full well, lag, non-linearity,
+offsets, ADC.
 
     signal = min(exposure_gain_dn * I, saturation_dn)     0 at cold pixels
     value  = signal + black_level_dn + dark_frame(x, y) + hot(x, y) + read_noise_dn * n
     code   = clip(round_half_to_even(value), 0, 2^bits - 1)
 
-n is standard normal, independent for each pixel and frame. Equations: ``sensor.h``; thesis sections 3.2.1 to 3.2.3.
+n is standard normal, independent for each pixel and frame. These are the steps that are on by default; the whole chain
+with its equations is in ``sensor.h``. Thesis sections 3.2.1 to 3.2.3.
 """
 
 from __future__ import annotations
@@ -16,14 +18,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library
+from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, output
+from ._staging import (
+    DeviceImageLike,
+    ImageLike,
+    Operands,
+    Staging,
+    device_image,
+    on_device,
+    output,
+    refuse_handle,
+)
 from .aperture import irradiance_image
-from .runtime import FLOAT32, UINT16, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
+from .runtime import FLOAT32, FLOAT32X3, UINT16, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
 
-__all__ = ["Sensor"]
+__all__ = ["Sensor", "dark_frame_from_captures", "mosaic_gain_from_bayer"]
 
 _REALS = (
     "exposure_gain_dn",
@@ -34,10 +45,99 @@ _REALS = (
     "hot_pixel_mean_dn",
     "cold_pixel_fraction",
     "float_full_scale",
+    "conversion_gain_dn_per_e",
+    "photons_per_unit",
+    "quantum_efficiency",
+    "full_well_e",
+    "crosstalk_fraction",
+    "prnu",
+    "dark_current_e_per_s",
+    "dark_current_reference_temperature_c",
+    "dark_current_doubling_k",
+    "temperature_c",
+    "exposure_time_s",
+    "lag_fraction",
+    "gamma",
+    "dsnu_dn",
+    "column_offset_dn",
+    "row_noise_dn",
+    "column_noise_dn",
+    "read_noise_spread",
 )
+_INTEGERS = {"bits": 32, "seed": 64, "effective_bits": 32}
+_FLAGS = ("quantize", "shot_noise")
+
+BAYER = {"RGGB": 1, "BGGR": 2, "GRBG": 3, "GBRG": 4}
+"""Colour filters, by the colours of the sites (0, 0) (1, 0) and (0, 1) (1, 1)."""
 
 OUTPUT_DTYPES = (np.uint16, np.uint8, np.float32)
 """What a sensor writes; the first one is the default."""
+
+
+def mosaic_gain_from_bayer(bayer: str, red: float, green: float, blue: float) -> list[float]:
+    """The ``mosaic_gain`` of a colour filter.
+
+    Args:
+        bayer: "RGGB", "BGGR", "GRBG" or "GBRG".
+        red: relative efficiency of red at the wavelength of the light, finite, >= 0; `green` and `blue` likewise.
+    """
+    gains = (ctypes.c_double * 4)()
+    _library.call(
+        "clspSensorMosaicFromBayer",
+        _check.choice(bayer, "bayer", BAYER),
+        _check.real(red, "red"),
+        _check.real(green, "green"),
+        _check.real(blue, "blue"),
+        gains,
+    )
+    return list(gains)
+
+
+def dark_frame_from_captures(
+    frames: npt.ArrayLike, black_level_dn: float
+) -> tuple[npt.NDArray[np.float32], float | None]:
+    """The dark frame of a camera, from its own captures in the dark.
+
+    Args:
+        frames: (frames, height, width) uint16 codes.
+        black_level_dn: taken off the mean.
+
+    Returns:
+        The mean over the frames less the black level, float32 of (height, width), for ``Sensor(dark_frame_dn=...)``;
+        and the root mean square over the pixels of the temporal standard deviation, for ``read_noise_dn`` (None for a
+        single frame). The rounding to codes is in it (variance 1/12).
+    """
+    given = _check.array(frames, "frames")
+    if given.dtype != np.uint16:
+        raise _check.format_error("frames", given.dtype, (np.uint16,))
+    _check.check_shape(given, "frames", (None, None, None))
+    codes = np.ascontiguousarray(given)
+    count, height, width = codes.shape
+    dark = np.empty((height, width), np.float32)
+    noise = ctypes.c_double()
+    _library.call(
+        "clspSensorDarkFrameFromCaptures",
+        codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16)),
+        _check.integer(count, "frame count"),
+        _check.integer(width, "width"),
+        _check.integer(height, "height"),
+        0,
+        0,
+        _check.real(black_level_dn, "black_level_dn"),
+        dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
+        ctypes.byref(noise) if count > 1 else None,
+    )
+    return dark, noise.value if count > 1 else None
+
+
+def _mosaic(value: Any) -> ctypes.Array[ctypes.c_double]:
+    """Four gains from a sequence of four or a 2 x 2 array [y][x]."""
+    given = _check.array(value, "mosaic_gain")
+    if given.dtype.kind not in "fiu":
+        raise _check.format_error("mosaic_gain", given.dtype, (np.float64,))
+    if given.shape not in ((4,), (2, 2)):
+        raise errors.InvalidArgumentError(f"mosaic_gain has shape {given.shape}, expected (4,) or (2, 2)")
+    return (ctypes.c_double * 4)(*np.asarray(given, dtype=np.float64).reshape(-1).tolist())
 
 
 class Sensor(Handle):
@@ -56,6 +156,29 @@ class Sensor(Handle):
         cold_pixel_fraction: 0 to 1.
         dark_frame_dn: (height, width) mean dark signal above the black level; finite; copied.
         float_full_scale: value of the top code in a float32 output, > 0.
+        conversion_gain_dn_per_e: DN per electron (EMVA 1288's system gain K); 0: no electrons.
+        photons_per_unit: photons per pixel and exposure for a unit of intensity; above 0 it takes the place of
+            exposure_gain_dn, which becomes K * quantum_efficiency * photons_per_unit.
+        quantum_efficiency: electrons per photon, above 0 to 1; used with photons_per_unit only.
+        full_well_e: electrons that a pixel holds; above 0 it takes the place of saturation_dn. Needs K.
+        crosstalk_fraction: part of a pixel's signal that its four neighbours get, 0 to 1.
+        prnu: relative standard deviation of the pixels' gain, 0 to 1.
+        mosaic_gain: gains of the sites (x & 1, y & 1) = (0, 0), (1, 0), (0, 1), (1, 1); see
+            :func:`mosaic_gain_from_bayer`.
+        dark_current_e_per_s: electrons per pixel and second at the reference temperature. Needs K.
+        dark_current_reference_temperature_c: degrees Celsius.
+        dark_current_doubling_k: temperature step that doubles the dark current.
+        temperature_c: of the sensor, degrees Celsius.
+        exposure_time_s: for the dark current only.
+        lag_fraction: part of the frame before that remains, 0 to below 1; see :meth:`reset_lag`.
+        gamma: exponent of the non-linearity, 0.1 to 10; 1: linear.
+        dsnu_dn: standard deviation of the pixels' offsets, constant in time.
+        column_offset_dn: standard deviation of the columns' offsets, constant in time.
+        row_noise_dn: standard deviation of the rows' offsets, new in each frame.
+        column_noise_dn: standard deviation of the columns' offsets, new in each frame.
+        read_noise_spread: standard deviation of the logarithm of the pixels' read noise, 0 to 2.
+        shot_noise: Poisson noise of the electrons. Needs K.
+        effective_bits: that the ADC resolves, 1 to bits; 0: all of them.
         quantize: False: a float32 output is only clipped, not quantized.
         context: None for :func:`default_context`.
 
@@ -82,6 +205,27 @@ class Sensor(Handle):
         dark_frame_dn: npt.ArrayLike | None = None,
         float_full_scale: float | None = None,
         quantize: bool | None = None,
+        conversion_gain_dn_per_e: float | None = None,
+        photons_per_unit: float | None = None,
+        quantum_efficiency: float | None = None,
+        full_well_e: float | None = None,
+        crosstalk_fraction: float | None = None,
+        prnu: float | None = None,
+        mosaic_gain: npt.ArrayLike | None = None,
+        dark_current_e_per_s: float | None = None,
+        dark_current_reference_temperature_c: float | None = None,
+        dark_current_doubling_k: float | None = None,
+        temperature_c: float | None = None,
+        exposure_time_s: float | None = None,
+        lag_fraction: float | None = None,
+        gamma: float | None = None,
+        dsnu_dn: float | None = None,
+        column_offset_dn: float | None = None,
+        row_noise_dn: float | None = None,
+        column_noise_dn: float | None = None,
+        read_noise_spread: float | None = None,
+        shot_noise: bool | None = None,
+        effective_bits: int | None = None,
         context: Context | None = None,
     ) -> None:
         desc = _library.initialized(_library.ClspSensorDesc)
@@ -97,19 +241,44 @@ class Sensor(Handle):
             "hot_pixel_mean_dn": hot_pixel_mean_dn,
             "cold_pixel_fraction": cold_pixel_fraction,
             "float_full_scale": float_full_scale,
+            "conversion_gain_dn_per_e": conversion_gain_dn_per_e,
+            "photons_per_unit": photons_per_unit,
+            "quantum_efficiency": quantum_efficiency,
+            "full_well_e": full_well_e,
+            "crosstalk_fraction": crosstalk_fraction,
+            "prnu": prnu,
+            "dark_current_e_per_s": dark_current_e_per_s,
+            "dark_current_reference_temperature_c": dark_current_reference_temperature_c,
+            "dark_current_doubling_k": dark_current_doubling_k,
+            "temperature_c": temperature_c,
+            "exposure_time_s": exposure_time_s,
+            "lag_fraction": lag_fraction,
+            "gamma": gamma,
+            "dsnu_dn": dsnu_dn,
+            "column_offset_dn": column_offset_dn,
+            "row_noise_dn": row_noise_dn,
+            "column_noise_dn": column_noise_dn,
+            "read_noise_spread": read_noise_spread,
+            "effective_bits": effective_bits,
         }
-        _check.assign(desc, given, {"bits": 32, "seed": 64}, _REALS)
+        _check.assign(desc, given, _INTEGERS, _REALS)
+        if mosaic_gain is not None:
+            desc.mosaic_gain = _mosaic(mosaic_gain)
         if dark_frame_dn is not None:
             dark = _check.float_plane(dark_frame_dn, "dark_frame_dn", (desc.height, desc.width))
             _check.within(dark, "dark_frame_dn", -np.inf)
             desc.dark_frame_dn = dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
         if quantize is not None:
             desc.quantize = _check.flag(quantize, "quantize")
+        if shot_noise is not None:
+            desc.shot_noise = _check.flag(shot_noise, "shot_noise")
         self.context = resolve_context(context)
         self._adopt(create("clspSensorCreate", self.context._get(), ctypes.byref(desc)))
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.bits: int = desc.bits
         self._exposure_gain_dn: float = desc.exposure_gain_dn
+        if desc.photons_per_unit > 0:
+            self._exposure_gain_dn = desc.conversion_gain_dn_per_e * desc.quantum_efficiency * desc.photons_per_unit
         self._staging = Staging(self.context)
 
     def _forget(self) -> None:
@@ -118,10 +287,22 @@ class Sensor(Handle):
     @staticmethod
     def defaults() -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspSensorDesc)
-        result = _check.defaults(desc, {}, ("bits", "seed", *_REALS, "quantize"))
-        result["quantize"] = bool(result["quantize"])
-        return result
+        return _values(_library.initialized(_library.ClspSensorDesc))
+
+    @staticmethod
+    def profile(name: str) -> dict[str, Any]:
+        """The settings of a known camera as arguments: ``Sensor(**Sensor.profile("OS04A10"))``.
+
+        All of them, `shape` too; change what you know better. An unknown name is answered with the known ones.
+        Which values are public and which are assumptions: docs/sensor.md.
+        """
+        if not isinstance(name, str):
+            raise TypeError(f"name must be the name of a camera, got {_check.kind(name)}")
+        desc = _library.ClspSensorDesc()
+        size = ctypes.sizeof(desc)
+        encoded = _check.no_null(name.encode(), "name")
+        _library.call("clspSensorDescFromProfile", ctypes.byref(desc), size, encoded)
+        return {"shape": (desc.height, desc.width), **_values(desc)}
 
     @property
     def exposure_gain_dn(self) -> float:
@@ -134,6 +315,11 @@ class Sensor(Handle):
         with exclusive(self):
             _library.call("clspSensorSetExposureGain", self._get(), gain)
             self._exposure_gain_dn = gain
+
+    def reset_lag(self) -> None:
+        """Forgets the frame before: the next one has no lag."""
+        with exclusive(self):
+            _library.call("clspSensorResetLag", self._get())
 
     def expose(
         self,
@@ -201,3 +387,77 @@ class Sensor(Handle):
             ctypes.byref(operands.add(image)),
             wait_for=wait_for,
         )
+
+    def demosaic(self, raw: ImageLike, bayer: str, *, out: Any = None, queue: QueueLike | None = None) -> Any:
+        """Three colours for each pixel of a frame, by bilinear interpolation. Blocks.
+
+        The black level is not taken off, and a flat grey stays flat.
+
+        Args:
+            raw: (height, width) uint16 or uint8 codes, or float32.
+            bayer: "RGGB", "BGGR", "GRBG" or "GBRG".
+            out: float32 array of (height, width, 3) or device image to write to; None: a new array.
+
+        Returns:
+            `out`, or a new (height, width, 3) array.
+        """
+        pattern = _check.choice(bayer, "bayer", BAYER)
+        with exclusive(self):
+            queue = self.context.queue if queue is None else queue
+            operands = Operands()
+            if on_device(raw):
+                source = device_image(raw, "raw", self.shape, UINT16, self.context)
+            else:
+                refuse_handle(raw, "raw")
+                given = _check.array(raw, "raw")
+                if given.dtype not in [np.dtype(dtype) for dtype in OUTPUT_DTYPES]:
+                    raise _check.format_error("raw", given.dtype, OUTPUT_DTYPES)
+                _check.check_shape(given, "raw", self.shape)
+                source = self._staging.upload("raw", np.ascontiguousarray(given), queue, operands)
+            shape: Any = (*self.shape, 3)
+            target = output(out, "out", shape, (np.float32,), None, self._staging, self.context)
+            event = self._enqueue_demosaic(source, pattern, target.image, operands, queue, None)
+            return target.finish(queue, event)
+
+    def enqueue_demosaic(
+        self,
+        raw: DeviceImageLike,
+        bayer: str,
+        rgb: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """:meth:`demosaic` from a uint16, uint8 or float32 device image into a float32 x 3 one, asynchronously."""
+        pattern = _check.choice(bayer, "bayer", BAYER)
+        with exclusive(self):
+            source = device_image(raw, "raw", self.shape, UINT16, self.context)
+            target = device_image(rgb, "rgb", (*self.shape, 3), FLOAT32X3, self.context)
+            return self._enqueue_demosaic(source, pattern, target, Operands(), queue, wait_for)
+
+    def _enqueue_demosaic(
+        self,
+        raw: DeviceImage,
+        bayer: int,
+        rgb: DeviceImage,
+        operands: Operands,
+        queue: QueueLike | None,
+        wait_for: Sequence[EventLike] | None,
+    ) -> Event:
+        return operands.enqueue(
+            "clspSensorEnqueueDemosaic",
+            self._get(),
+            queue_pointer(queue, self.context),
+            ctypes.byref(operands.add(raw)),
+            bayer,
+            ctypes.byref(operands.add(rgb)),
+            wait_for=wait_for,
+        )
+
+
+def _values(desc: _library.ClspSensorDesc) -> dict[str, Any]:
+    """A description as keyword arguments."""
+    result = _check.defaults(desc, {}, (*_INTEGERS, *_REALS, *_FLAGS))
+    result.update({name: bool(result[name]) for name in _FLAGS})
+    result["mosaic_gain"] = list(desc.mosaic_gain)
+    return result

@@ -1,0 +1,107 @@
+#include "clspeckle/dots.h"
+
+#include "convert.hpp"
+#include "handles.hpp"
+#include "stages/dots.hpp"
+
+#include <cstdint>
+#include <limits>
+
+using namespace clsp;
+using namespace clsp::capi;
+
+namespace {
+
+static_assert(CLSP_MAX_DOTS == kMaxDots, "the engine's limit and the API's must agree");
+
+ClspDotsDesc dots_defaults() {
+    const DotsParameters p;
+    ClspDotsDesc desc{};
+    desc.struct_size = sizeof desc;
+    desc.sigma_px = p.sigma_px;
+    desc.scale = p.scale;
+    return desc;
+}
+
+// An optional point with the flag that says whether it is meant.
+std::optional<Vector2> optional_point(std::uint32_t given, double x, double y, const char *name) {
+    if (checked_flag(given, fmt::format("desc->{}_given", name).c_str()))
+        return Vector2{x, y};
+    if (x != 0.0 || y != 0.0) // also NaN
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("desc->{0} is ({1}, {2}), but desc->{0}_given is 0; set it to 1, or leave the point at 0", name,
+                                x, y));
+    return std::nullopt;
+}
+
+DotsParameters dots_parameters(const ClspDotsDesc *user) {
+    const ClspDotsDesc d = read_struct(user, dots_defaults(), "desc");
+    check_reserved(d.reserved, "desc->reserved");
+    DotsParameters p;
+    p.width = d.width;
+    p.height = d.height;
+    p.count = d.count;
+    p.positions_px = d.positions_px;
+    p.sigmas_px = d.sigmas_px;
+    p.peaks = d.peaks;
+    p.sigma_px = d.sigma_px;
+    p.scale = d.scale;
+    p.principal_point_px =
+        optional_point(d.principal_point_given, d.principal_point_x_px, d.principal_point_y_px, "principal_point");
+    p.relative_wavelength_shift = d.relative_wavelength_shift;
+    p.beam_skew = d.beam_skew;
+    p.beam_skew_angle_rad = d.beam_skew_angle_rad;
+    p.beam_flatness = d.beam_flatness;
+    p.zero_order_relative_intensity = d.zero_order_relative_intensity;
+    p.ghost_relative_intensity = d.ghost_relative_intensity;
+    p.ghost_offset_px = optional_point(d.ghost_offset_given, d.ghost_offset_x_px, d.ghost_offset_y_px, "ghost_offset");
+    p.scatter_fraction = d.scatter_fraction;
+    return p;
+}
+
+} // namespace
+
+extern "C" {
+
+CLSP_API ClspStatus clspDotsDescInit(ClspDotsDesc *desc, uint32_t struct_size) {
+    return guarded("clspDotsDescInit", [&] { init_struct(desc, struct_size, dots_defaults(), "desc"); });
+}
+
+CLSP_API ClspStatus clspDotsCreate(ClspContext context, const ClspDotsDesc *desc, ClspDots *dots) {
+    return guarded("clspDotsCreate", [&] {
+        const auto c = object(context);
+        required(dots, "dots");
+        give(dots, std::make_shared<Dots>(c, dots_parameters(desc)));
+    });
+}
+
+CLSP_API ClspStatus clspDotsRetain(ClspDots dots) {
+    return guarded("clspDotsRetain", [&] { HandleTable<ClspDots>::instance().retain(dots); });
+}
+
+CLSP_API ClspStatus clspDotsRelease(ClspDots dots) {
+    return guarded("clspDotsRelease", [&] { HandleTable<ClspDots>::instance().release(dots); });
+}
+
+CLSP_API ClspStatus clspDotsConfigure(ClspDots dots, const ClspDotsDesc *desc) {
+    return guarded("clspDotsConfigure", [&] {
+        const auto d = object(dots);
+        d->configure(dots_parameters(desc));
+    });
+}
+
+CLSP_API ClspStatus clspDotsEnqueueRender(ClspDots dots, cl_command_queue queue, const ClspImage *irradiance,
+                                          uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
+                                          cl_event *event) {
+    return guarded("clspDotsEnqueueRender", [&] {
+        const auto d = object(dots);
+        const Context &context = *d->context();
+        const ImageView view =
+            check_image(description(irradiance, "irradiance"), "irradiance", context.cl_context()(),
+                        {d->parameters().width, d->parameters().height}, {Format::kFloat32});
+        enqueue(context, queue, num_events_in_wait_list, event_wait_list, event,
+                [&](CommandChain &chain) { d->enqueue_render(chain, view); });
+    });
+}
+
+} // extern "C"

@@ -1,0 +1,68 @@
+#include "clspeckle/effects.h"
+
+#include "effects/effects.hpp"
+#include "handles.hpp"
+#include "status.hpp"
+
+#include <cstring>
+#include <fmt/core.h>
+
+using namespace clsp;
+using namespace clsp::capi;
+
+namespace {
+
+// The catalogue's texts fit: tests/effects checks that none is cut.
+template <std::size_t Size> void copy_text(char (&to)[Size], const char *from) {
+    std::strncpy(to, from, Size - 1);
+}
+
+} // namespace
+
+extern "C" {
+
+CLSP_API ClspStatus clspEffectGetCount(uint32_t *count) {
+    return guarded("clspEffectGetCount", [&] {
+        required(count, "count");
+        *count = static_cast<std::uint32_t>(effect_catalogue().size());
+    });
+}
+
+CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info) {
+    return guarded("clspEffectGetInfo", [&] {
+        required(info, "info");
+        const std::vector<Effect> &catalogue = effect_catalogue();
+        if (index >= catalogue.size())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("index is {}, there are {} effects (numbered from 0)", index, catalogue.size()));
+        const Effect &effect = catalogue[index];
+        ClspEffectInfo result{};
+        copy_text(result.id, effect.id);
+        copy_text(result.stage, effect.stage);
+        copy_text(result.summary, effect.summary);
+        copy_text(result.kernel, effect.kernel);
+        result.parameter_count = static_cast<std::uint32_t>(effect.parameters.size());
+        for (std::size_t i = 0; i < effect.parameters.size() && i < CLSP_MAX_EFFECT_PARAMETERS; ++i) {
+            const EffectParameter &from = effect.parameters[i];
+            ClspEffectParameter &to = result.parameters[i];
+            copy_text(to.name, from.name);
+            copy_text(to.unit, from.unit);
+            to.minimum = from.minimum;
+            to.maximum = from.maximum;
+            to.weak = from.weak;
+            to.strong = from.strong;
+        }
+        *info = result;
+    });
+}
+
+CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id, const double *values, uint32_t count) {
+    return guarded("clspPipelineSetEffect",
+                   [&] { object(pipeline)->set_effect(&required(id, "id"), values, count); });
+}
+
+CLSP_API ClspStatus clspPipelineClearEffect(ClspPipeline pipeline, const char *id) {
+    return guarded("clspPipelineClearEffect", [&] { object(pipeline)->clear_effect(id ? id : ""); });
+}
+
+} // extern "C"

@@ -1,0 +1,62 @@
+/**
+ * @file effects.h
+ * @brief The catalogue of effects that make a camera's picture differ from the ideal one, each to be switched on in a pipeline.
+ *
+ * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/effects.md lists them with their equations). An effect that is
+ * off costs nothing: kernels are built without it. What an effect sets can also be set in the descriptions of the stages; a pipeline
+ * with effects changes its stages' parameters, and clearing the effect puts them back.
+ */
+#ifndef CLSPECKLE_EFFECTS_H
+#define CLSPECKLE_EFFECTS_H
+
+#include "types.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CLSP_MAX_EFFECT_PARAMETERS 4u /**< No effect has more parameters. */
+
+/** One parameter of an effect. Layout frozen. */
+typedef struct ClspEffectParameter {
+    char name[32];   /**< For example "waves". */
+    char unit[16];   /**< For example "px", "DN"; "1" for a plain number. */
+    double minimum;  /**< Least value accepted. */
+    double maximum;  /**< Greatest value accepted. */
+    double weak;     /**< A weak effect, as cameras show it. */
+    double strong;   /**< A strong one; may be below `weak`. */
+} ClspEffectParameter;
+
+/** One effect. Layout frozen. */
+typedef struct ClspEffectInfo {
+    char id[32];              /**< For example "defocus". */
+    char stage[16];           /**< "laser", "doe", "surface", "motion", "optics" or "sensor". */
+    char summary[128];        /**< What happens. */
+    char kernel[64];          /**< File and function that carry it out. */
+    uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
+    uint32_t reserved;        /**< 0. */
+    ClspEffectParameter parameters[CLSP_MAX_EFFECT_PARAMETERS]; /**< The first parameter_count of them. */
+} ClspEffectInfo;
+
+/** How many effects there are. */
+CLSP_API ClspStatus clspEffectGetCount(uint32_t *count);
+/** What effect `index` is, 0 to count - 1, in the order in which light meets them. */
+CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info);
+
+/**
+ * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds programs and
+ * waits for the device; sensors draw their fixed patterns again, and a phase whose state changes its layout (depolarization,
+ * motion_decorrelation) draws all phases in the next frame. After an error everything is as it was.
+ * @param id     one of the catalogue's.
+ * @param values its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle between weak and strong.
+ * Fails if the pipeline has not the stage that the effect belongs to (dots for laser and DOE effects, a sensor); a lens is made if needed.
+ */
+CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id, const double *values, uint32_t count);
+/** Switches an effect off; NULL: all of them. One that is off stays off. */
+CLSP_API ClspStatus clspPipelineClearEffect(ClspPipeline pipeline, const char *id);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* CLSPECKLE_EFFECTS_H */

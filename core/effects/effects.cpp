@@ -1,0 +1,260 @@
+#include "effects/effects.hpp"
+
+#include "pipeline/pipeline.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+using Model = PipelineModel;
+using Values = const double *;
+
+// A part of the model that not every pipeline has.
+template <typename T> T &needed(std::optional<T> &part, const char *effect, const char *what) {
+    if (!part)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the effect {} needs a pipeline with {}; make it with one", effect, what));
+    return *part;
+}
+
+DotsParameters &dots(Model &model, const char *effect) { return needed(model.dots, effect, "dots"); }
+SensorParameters &sensor(Model &model, const char *effect) { return needed(model.sensor, effect, "a sensor"); }
+
+// Lines enough that no gap between them shows: neighbours turn by at most 4 s / (n - 1) standard deviations of height.
+constexpr std::uint32_t kLineCount = 9;
+// Steps within an exposure: the speckle's intensity correlation is smooth over a quarter of its length.
+constexpr double kStepsPerCorrelationLength = 4.0;
+constexpr double kMinSteps = 4.0, kMaxSteps = 64.0;
+
+std::vector<Effect> make_catalogue() {
+    return {
+    // Laser.
+    {"linewidth", "laser",
+     "several lines add in intensity; each turns with the surface's height, U_k = U exp(i k s h)",
+     "field.cl: field_illuminate (LINES)", kSetsPipeline,
+     {{"dephasing_rad", "rad", 0.0, 1000.0, 0.5, 1.2}},
+     [](Model &m, Values v) {
+         m.pipeline.line_count = kLineCount;
+         m.pipeline.dephasing_rad = v[0];
+     }},
+    {"power_flicker", "laser", "one factor 1 + sigma n for each frame's laser light",
+     "aperture.cl: aperture_intensity", kSetsPipeline,
+     {{"sigma", "1", 0.0, 1.0, 0.02, 0.1}},
+     [](Model &m, Values v) { m.pipeline.power_flicker = v[0]; }},
+    {"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "dots.cl: dots_render", kSetsDots,
+     {{"delta_nm", "nm", -200.0, 200.0, 4.0, 12.0}},
+     [](Model &m, Values v) {
+         dots(m, "wavelength_shift").relative_wavelength_shift = v[0] * 1e-9 / m.aperture.wavelength_m;
+     }},
+    {"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "dots.cl: dots_render", kSetsDots,
+     {{"skew", "1", -3.0, 3.0, 0.5, 1.2}},
+     [](Model &m, Values v) { dots(m, "beam_skew").beam_skew = v[0]; }},
+    {"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "dots.cl: dots_render", kSetsDots,
+     {{"flatness", "1", 0.0, 10.0, 0.5, 1.0}},
+     [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; }},
+    // Diffractive optical element.
+    {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "dots.cl: dots_render", kSetsDots,
+     {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
+     [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; }},
+    {"ghost_dots", "doe", "faint copies of the lattice between the dots", "dots.cl: dots_render", kSetsDots,
+     {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}},
+     [](Model &m, Values v) { dots(m, "ghost_dots").ghost_relative_intensity = v[0]; }},
+    {"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "dots.cl: dots_render", kSetsDots,
+     {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
+     [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; }},
+    // Surface.
+    {"depolarization", "surface", "the returned light has another degree of polarization",
+     "aperture.cl: aperture_intensity", kSetsAperture | kSetsPhase,
+     {{"degree_of_polarization", "1", 0.0, 1.0, 0.7, 0.0}},
+     [](Model &m, Values v) {
+         m.aperture.degree_of_polarization = v[0];
+         m.phase.polarization_count = 2;
+     }},
+    {"low_roughness", "surface", "part of the field keeps its phase: U = sqrt(I0) (sqrt(1 - c) z + sqrt(c))",
+     "field.cl: field_illuminate (COHERENT)", kSetsPipeline,
+     {{"coherent_fraction", "1", 0.0, 1.0, 0.1, 0.5}},
+     [](Model &m, Values v) { m.pipeline.coherent_fraction = v[0]; }},
+    {"subsurface_scattering", "surface", "a fraction of the light is spread by exp(-r / L) before the speckle forms",
+     "filter.cl", kSetsPipeline,
+     {{"length_px", "px", 0.01, 1000.0, 1.5, 4.0}, {"fraction", "1", 0.0, 1.0, 0.6, 0.6}},
+     [](Model &m, Values v) {
+         m.pipeline.subsurface_length_px = v[0];
+         m.pipeline.subsurface_fraction = v[1];
+     }},
+    // Motion.
+    {"motion_decorrelation", "motion",
+     "the speckle changes while the shutter is open, in frames drawn anew: path over correlation length",
+     "phase.cl: phase_advance", kSetsPipeline | kSetsPhase,
+     {{"lags", "1", 0.0, 16.0, 0.4, 2.5}},
+     [](Model &m, Values v) {
+         m.phase.dynamics = Dynamics::kContinuous;
+         m.pipeline.exposure_path = v[0];
+         m.pipeline.sub_exposures = static_cast<std::uint32_t>(
+             std::clamp(std::ceil(kStepsPerCorrelationLength * v[0]), kMinSteps, kMaxSteps));
+     }},
+    {"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
+     "phase.cl: phase_advance", kSetsPipeline,
+     {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},
+     [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; }},
+    {"airflow", "motion", "smooth phase screens, correlated in time, in front of a resting scene",
+     "airflow.cl, field.cl: field_illuminate (SCREEN)", kSetsPipeline,
+     {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8}, {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0}},
+     [](Model &m, Values v) {
+         m.pipeline.airflow.rms_rad = v[0];
+         m.pipeline.airflow.scale_px = v[1];
+     }},
+    {"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
+     "aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,
+     {{"rms_px", "px", 0.0, 100.0, 0.05, 0.3}},
+     [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; }},
+    // Optics.
+    {"defocus", "optics", "quadratic pupil phase, w waves at the rim", "aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
+     kSetsAperture,
+     {{"waves", "waves", -100.0, 100.0, 0.6, 1.5}},
+     [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; }},
+    {"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "lens.cl: lens_finish", kSetsLens,
+     {{"corner_loss", "1", 0.0, 1.0, 0.12, 0.45}},
+     [](Model &m, Values v) { m.lens.vignetting_corner_loss = v[0]; }},
+    {"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
+     "aperture.cl: aperture_pupil", kSetsAperture,
+     {{"f_number_ratio", "1", 0.05, 20.0, 1.12, 1.45}},
+     [](Model &m, Values v) {
+         m.aperture.f_number *= v[0];
+         m.aperture.relative_diameter /= v[0]; // 0 stays 0: from the f-number
+     }},
+    {"pupil_obstruction", "optics", "the centre of the pupil is blocked", "aperture.cl: aperture_pupil", kSetsAperture,
+     {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
+     [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; }},
+    {"glare", "optics", "a fraction of the image light is spread over wide tails", "filter.cl, lens.cl: lens_finish",
+     kSetsLens,
+     {{"fraction", "1", 0.0, 1.0, 0.05, 0.2}, {"scale_px", "px", 0.1, 1000.0, 6.0, 6.0}},
+     [](Model &m, Values v) {
+         m.lens.glare_fraction = v[0];
+         m.lens.glare_scale_px = v[1];
+     }},
+    {"ambient_light", "optics", "constant light on everything but dark frames", "lens.cl: lens_finish",
+     kSetsLens,
+     {{"level_dn", "DN", 0.0, 65535.0, 6.0, 40.0}},
+     [](Model &m, Values v) {
+         const double gain = sensor(m, "ambient_light").exposure_gain_dn;
+         if (!(gain > 0.0))
+             throw Error(Status::kInvalidArgument,
+                         "the effect ambient_light is a level in DN, but the sensor's exposure_gain_dn is 0");
+         m.lens.ambient = v[0] / gain;
+     }},
+    {"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "lens.cl: lens_distort", kSetsLens,
+     {{"k1", "1", -0.3, 1.0, 0.01, 0.05}},
+     [](Model &m, Values v) {
+         m.lens.radius_unit = RadiusUnit::kCorner;
+         m.lens.k1 = v[0];
+     }},
+    // Sensor.
+    {"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
+     "aperture.cl: aperture_intensity (PIXEL_TAPS)", kSetsAperture,
+     {{"fill_factor", "1", 0.01, 1.0, 1.0, 1.0}},
+     [](Model &m, Values v) { m.aperture.fill_factor = v[0]; }},
+    {"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
+     "sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
+     {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
+     [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; }},
+    {"shot_noise", "sensor", "Poisson noise of the signal", "sensor.cl: sensor_expose (SHOT_NOISE)", kSetsSensor,
+     {{"dn_per_electron", "DN/e", 1e-6, 1e6, 0.08, 0.5}},
+     [](Model &m, Values v) {
+         sensor(m, "shot_noise").shot_noise = true;
+         m.sensor->conversion_gain_dn_per_e = v[0];
+     }},
+    {"prnu", "sensor", "the pixels' gains vary", "sensor.cl: sensor_expose (PIXEL_GAIN)", kSetsSensor,
+     {{"sigma", "1", 0.0, 1.0, 0.006, 0.03}},
+     [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; }},
+    {"dsnu", "sensor", "the pixels' offsets vary", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+     {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
+     [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; }},
+    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+     {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
+     [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; }},
+    {"hot_pixels", "sensor", "few pixels with large offsets", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+     {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
+     [](Model &m, Values v) {
+         sensor(m, "hot_pixels").hot_pixel_fraction = v[0];
+         m.sensor->hot_pixel_mean_dn = v[1];
+     }},
+    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "sensor.cl: sensor_expose (ROW_NOISE)", kSetsSensor,
+     {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
+     [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; }},
+    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "sensor.cl: sensor_expose (GAMMA)",
+     kSetsSensor,
+     {{"gamma", "1", 0.05, 20.0, 0.93, 0.75}},
+     [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; }},
+    {"full_well", "sensor", "the signal clips below the converter's maximum", "sensor.cl: sensor_expose", kSetsSensor,
+     {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
+     [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; }},
+    {"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
+     "sensor.cl: sensor_expose (EFFECTIVE_BITS)", kSetsSensor,
+     {{"bits", "bits", 1.0, 16.0, 8.0, 6.0}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "adc_bits");
+         s.effective_bits = std::min(s.bits, static_cast<std::uint32_t>(std::lround(v[0])));
+     }},
+    {"bayer_mismatch", "sensor", "the two green-diagonal sites of the 2x2 mosaic have gains 1 - d and 1 + d",
+     "sensor.cl: sensor_expose (PIXEL_GAIN)", kSetsSensor,
+     {{"delta", "1", -1.0, 1.0, 0.015, 0.06}},
+     [](Model &m, Values v) {
+         auto &gain = sensor(m, "bayer_mismatch").mosaic_gain;
+         gain[1] *= 1.0 - v[0];
+         gain[2] *= 1.0 + v[0];
+     }},
+    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "sensor.cl: sensor_expose (LAG)", kSetsSensor,
+     {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
+     [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; }},
+    };
+}
+
+} // namespace
+
+const std::vector<Effect> &effect_catalogue() {
+    // Never destroyed: calls may come late at exit.
+    static const auto *catalogue = new std::vector<Effect>(make_catalogue());
+    return *catalogue;
+}
+
+const Effect &find_effect(const std::string &id) {
+    std::string ids;
+    for (const Effect &effect : effect_catalogue()) {
+        if (id == effect.id)
+            return effect;
+        ids += fmt::format("{}{}", ids.empty() ? "" : ", ", effect.id);
+    }
+    throw Error(Status::kInvalidArgument, fmt::format("there is no effect \"{}\"; the effects are {}", id, ids));
+}
+
+std::vector<double> check_effect_values(const Effect &effect, const double *values, std::uint32_t count) {
+    std::vector<double> result;
+    if (!values) {
+        if (count != 0)
+            throw Error(Status::kInvalidArgument, fmt::format("values is NULL, but count is {}", count));
+        for (const EffectParameter &parameter : effect.parameters)
+            result.push_back(0.5 * (parameter.weak + parameter.strong));
+        return result;
+    }
+    if (count == 0 || count > effect.parameters.size())
+        throw Error(Status::kInvalidArgument, fmt::format("count is {}, but the effect {} has {} parameter{}", count,
+                                                          effect.id, effect.parameters.size(),
+                                                          effect.parameters.size() == 1 ? "" : "s"));
+    for (std::size_t i = 0; i < effect.parameters.size(); ++i) {
+        const EffectParameter &parameter = effect.parameters[i];
+        // What the caller leaves out is as in the middle of what cameras show.
+        const double value = i < count ? values[i] : 0.5 * (parameter.weak + parameter.strong);
+        if (!(value >= parameter.minimum && value <= parameter.maximum))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{} of the effect {} is {}, it must be {} to {} ({})", parameter.name, effect.id, value,
+                                    parameter.minimum, parameter.maximum, parameter.unit));
+        result.push_back(value);
+    }
+    return result;
+}
+
+} // namespace clsp

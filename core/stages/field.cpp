@@ -1,0 +1,135 @@
+#include "stages/field.hpp"
+
+#include "runtime/checks.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "stages/philox.hpp"
+
+#include <cmath>
+#include <fmt/core.h>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr std::uint32_t kMaxLines = 63;
+
+// Fraction of the light that keeps its phase on a surface of RMS height h at normal incidence.
+double coherent_fraction(double roughness_rms_m, double wavelength_m) {
+    const double spread = 4.0 * kPi * roughness_rms_m / wavelength_m;
+    return std::exp(-spread * spread);
+}
+
+} // namespace
+
+std::vector<LaserLine> laser_lines(const FieldParameters &p) {
+    if (p.line_count == 1)
+        return {{0.0, 1.0}};
+    std::vector<LaserLine> lines;
+    double sum = 0.0;
+    for (std::uint32_t i = 0; i < p.line_count; ++i) {
+        const double k = -2.0 + 4.0 * i / (p.line_count - 1.0);
+        lines.push_back({k, std::exp(-0.5 * k * k)});
+        sum += lines.back().weight;
+    }
+    for (LaserLine &line : lines)
+        line.weight /= sum;
+    return lines;
+}
+
+Field::Field(std::shared_ptr<Context> context, const FieldGrid &grid)
+    : context_(std::move(context)), grid_(grid), bad_materials_(context_) {
+    configure({});
+}
+
+void Field::configure(const FieldParameters &p) {
+    check_fraction(p.coherent_fraction, "coherent_fraction");
+    if (p.line_count < 1 || p.line_count > kMaxLines)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("line_count is {}, a laser has 1 to {} lines", p.line_count, kMaxLines));
+    check_not_negative(p.dephasing_rad, "dephasing_rad");
+    if (p.dephasing_rad > 1000.0)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("dephasing_rad is {}, it must be at most 1000", p.dephasing_rad));
+    DeviceBuffer table;
+    if (p.materials) {
+        if (p.materials->context()->cl_context()() != context_->cl_context()())
+            throw Error(Status::kWrongContext, "the material table belongs to another context");
+        check_positive(p.wavelength_m, "wavelength_m");
+        std::vector<float> rows;
+        for (const Material &m : p.materials->materials()) {
+            const double c = coherent_fraction(m.roughness_rms_m, p.wavelength_m);
+            const double q = m.degree_of_polarization < 0.0 ? p.degree_of_polarization : m.degree_of_polarization;
+            for (const double value : {1.0 - c, c, 0.5 * (1.0 + q), 0.5 * (1.0 - q)})
+                rows.push_back(static_cast<float>(std::sqrt(value)));
+        }
+        table = DeviceBuffer(context_, rows.size() * sizeof(float), rows.data());
+    }
+    std::vector<LaserLine> lines = laser_lines(p);
+    parameters_ = p;
+    lines_ = std::move(lines);
+    table_ = std::move(table);
+    kernels_.clear();
+}
+
+cl::Kernel &Field::kernel_for(const Phase &phase, Variant variant) {
+    const std::string options =
+        fmt::format("{} -DMATERIALS={} -DCOHERENT={}", phase.state_options(), table_ ? 1 : 0,
+                    !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
+    if (options != kernel_options_) {
+        kernels_.clear();
+        kernel_options_ = options;
+    }
+    const auto found = kernels_.find(variant);
+    if (found != kernels_.end())
+        return found->second;
+    return kernels_
+        .emplace(variant, context_->kernel("field.cl", "field_illuminate",
+                                           fmt::format("{} -DLINES={} -DSCREEN={}", options, variant[0] ? 1 : 0,
+                                                       variant[1] ? 1 : 0)))
+        .first->second;
+}
+
+void Field::prepare(const Phase &phase, bool with_screen) {
+    kernel_for(phase, {false, with_screen});
+    if (parameters_.line_count > 1 && parameters_.dephasing_rad > 0.0)
+        kernel_for(phase, {true, with_screen});
+}
+
+void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,
+                               std::uint32_t polarization, std::size_t line, const cl::Buffer &field,
+                               const cl::Buffer &bad_pixels) {
+    const FieldParameters &p = parameters_;
+    const double turns_per_height = lines_[line].offset * p.dephasing_rad / (2.0 * kPi);
+    const bool dephased = turns_per_height != 0.0;
+    cl::Kernel &kernel = kernel_for(phase, {dephased, input.screen != nullptr});
+    KernelArguments arguments(kernel);
+    phase.add_state(arguments, polarization);
+    arguments.add(cl_uint{grid_.grid_width})
+        .add(cl_uint{grid_.grid_height})
+        .add(cl_uint{polarization})
+        .add(input.irradiance)
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl_uint{grid_.oversampling});
+    if (table_)
+        arguments.add(input.material)
+            .add(static_cast<cl_uint>(p.materials->materials().size()))
+            .add(table_.get())
+            .add(bad_materials_.buffer());
+    else if (p.coherent_fraction > 0.0)
+        arguments.add(static_cast<cl_float>(std::sqrt(1.0 - p.coherent_fraction)))
+            .add(static_cast<cl_float>(std::sqrt(p.coherent_fraction)));
+    if (dephased)
+        arguments.add(static_cast<cl_float>(turns_per_height))
+            .add(cl_uint{quarter_rows(grid_.grid_height)})
+            .add(philox_key(p.seed))
+            .add(frame_low(phase.epoch()))
+            .add(frame_high(phase.epoch()));
+    if (input.screen)
+        arguments.add(*input.screen);
+    arguments.add(field).add(bad_pixels);
+    chain.run("field", kernel, grid_.grid_width, grid_.grid_height);
+}
+
+} // namespace clsp

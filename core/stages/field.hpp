@@ -1,0 +1,72 @@
+// The field that leaves the surface towards the lens. The equations are in aperture.h and pipeline.h of the C API.
+#pragma once
+
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/image_view.hpp"
+#include "stages/bad_pixels.hpp"
+#include "stages/material.hpp"
+#include "stages/phase.hpp"
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace clsp {
+
+struct FieldParameters {
+    double coherent_fraction = 0.0; // of light that keeps its phase, where no material table says otherwise
+    std::uint32_t line_count = 1;   // lines of the laser
+    double dephasing_rad = 0.0;     // s: a line at k turns by k s h, h the height in standard deviations
+    double wavelength_m = 940e-9;   // roughness to phase, with a material table
+    double degree_of_polarization = 1.0;
+    std::uint64_t seed = 0;
+    std::shared_ptr<MaterialTable> materials; // may be empty
+};
+
+// A line of the laser: its offset k in [-2, 2] and the share of the light that it carries.
+struct LaserLine {
+    double offset, weight;
+};
+std::vector<LaserLine> laser_lines(const FieldParameters &parameters);
+
+// What a frame brings.
+struct FieldInput {
+    ImageView irradiance;
+    ImageView material;                  // with a material table
+    const cl::Buffer *screen = nullptr;  // turns on the field grid; may be nullptr
+};
+
+class Field {
+  public:
+    Field(std::shared_ptr<Context> context, const FieldGrid &grid);
+
+    const FieldParameters &parameters() const { return parameters_; }
+    const std::vector<LaserLine> &lines() const { return lines_; }
+    void configure(const FieldParameters &parameters);
+    // True if the two polarizations' weights are in the field (they differ from pixel to pixel).
+    bool weighs_polarizations() const { return parameters_.materials != nullptr; }
+    BadPixelCounter &bad_materials() { return bad_materials_; }
+
+    // Builds what such frames need; nothing is built later.
+    void prepare(const Phase &phase, bool with_screen);
+    void enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input, std::uint32_t polarization,
+                            std::size_t line, const cl::Buffer &field, const cl::Buffer &bad_pixels);
+
+  private:
+    using Variant = std::array<bool, 2>; // dephased line, screen
+    cl::Kernel &kernel_for(const Phase &phase, Variant variant);
+
+    std::shared_ptr<Context> context_;
+    FieldGrid grid_;
+    FieldParameters parameters_;
+    std::vector<LaserLine> lines_;
+    DeviceBuffer table_;
+    BadPixelCounter bad_materials_;
+    std::string kernel_options_; // of the kernels kept
+    std::map<Variant, cl::Kernel> kernels_;
+};
+
+} // namespace clsp

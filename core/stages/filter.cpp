@@ -1,0 +1,122 @@
+#include "stages/filter.hpp"
+
+#include "runtime/checks.hpp"
+#include "runtime/error.hpp"
+#include "runtime/kernel_arguments.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <utility>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+// A reach of `reach` pixels needs twice as much guard: each side has half of it. More than the image itself is of no
+// use.
+std::uint32_t guard_of(double reach, std::uint32_t width, std::uint32_t height) {
+    return static_cast<std::uint32_t>(std::ceil(2.0 * std::min(reach, double(std::max(width, height)))));
+}
+
+} // namespace
+
+void FilterWorkspace::reserve(std::size_t field_bytes, std::size_t scratch_bytes) {
+    if (!field_ || field_.bytes() < field_bytes)
+        field_ = DeviceBuffer(context_, field_bytes);
+    if (scratch_bytes > 0 && (!scratch_ || scratch_.bytes() < scratch_bytes))
+        scratch_ = DeviceBuffer(context_, scratch_bytes);
+}
+
+PointSpread exponential_spread(double scale_px) {
+    check_positive(scale_px, "the scale of an exponential point spread");
+    return [=](double dx, double dy) { return std::exp(-std::hypot(dx, dy) / scale_px); };
+}
+
+PointSpread gaussian_spread(double sigma_px) {
+    check_positive(sigma_px, "the standard deviation of a Gaussian point spread");
+    return [=](double dx, double dy) { return std::exp(-(dx * dx + dy * dy) / (2.0 * sigma_px * sigma_px)); };
+}
+
+// Beyond a straight edge at distance R lies less than half of the light outside the circle of radius R, of which an
+// exponential point spread has (1 + R/L) exp(-R/L) and a Gaussian one exp(-R^2 / (2 sigma^2)).
+std::uint32_t exponential_guard_px(double scale_px, std::uint32_t width, std::uint32_t height) {
+    return guard_of(10.0 * scale_px, width, height);
+}
+
+std::uint32_t gaussian_guard_px(double sigma_px, std::uint32_t width, std::uint32_t height) {
+    return guard_of(4.0 * sigma_px, width, height);
+}
+
+FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height,
+                     std::uint32_t guard_px, const PointSpread &point_spread,
+                     std::shared_ptr<FilterWorkspace> workspace)
+    : context_(std::move(context)), grid_(make_field_grid(width, height, 1, guard_px)),
+      fft_(context_->fft(grid_.grid_width, grid_.grid_height)),
+      workspace_(workspace ? std::move(workspace) : std::make_shared<FilterWorkspace>(context_)),
+      transfer_(context_, grid_.samples() * sizeof(cl_float)),
+      load_(context_->kernel("filter.cl", "filter_load", "-DHAS_WEIGHT=0")),
+      load_weighted_(context_->kernel("filter.cl", "filter_load", "-DHAS_WEIGHT=1")),
+      multiply_(context_->kernel("filter.cl", "filter_multiply", "-DHAS_WEIGHT=0")),
+      store_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=0")),
+      store_weighted_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=1")) {
+    workspace_->reserve(grid_.samples() * sizeof(cl_float2), fft_->scratch_bytes());
+    make_transfer(point_spread);
+}
+
+void FftFilter::make_transfer(const PointSpread &point_spread) {
+    const auto offset = [](std::uint32_t i, std::uint32_t n) { return i < (n + 1) / 2 ? double(i) : double(i) - n; };
+    std::vector<double> values(grid_.samples());
+    double sum = 0.0;
+    for (std::uint32_t y = 0; y < grid_.grid_height; ++y)
+        for (std::uint32_t x = 0; x < grid_.grid_width; ++x) {
+            const double h = point_spread(offset(x, grid_.grid_width), offset(y, grid_.grid_height));
+            sum += values[std::size_t{y} * grid_.grid_width + x] = h;
+        }
+    if (!(sum > 0.0 && sum <= kLargestNumber))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the sum of a point spread is {}, it must be finite and above 0", sum));
+    std::vector<cl_float2> samples(values.size());
+    for (std::size_t i = 0; i < values.size(); ++i)
+        samples[i] = {{static_cast<cl_float>(values[i] / sum), 0.0f}};
+    // In memory of its own: the shared one may be in use by a frame that is still under way.
+    const DeviceBuffer spectrum(context_, samples.size() * sizeof(cl_float2), samples.data());
+    const DeviceBuffer scratch =
+        fft_->scratch_bytes() > 0 ? DeviceBuffer(context_, fft_->scratch_bytes()) : DeviceBuffer();
+    cl::CommandQueue queue(context_->cl_context(), context_->device());
+    CommandChain chain(queue(), 0, nullptr);
+    fft_->enqueue(chain, FftDirection::kForward, "filter", spectrum.get(), scratch.get());
+    cl::Kernel transfer = context_->kernel("filter.cl", "filter_transfer", "-DHAS_WEIGHT=0");
+    KernelArguments(transfer).add(spectrum.get()).add(transfer_.get()).add(cl_ulong{grid_.samples()});
+    chain.run("filter", transfer, grid_.samples());
+    check_opencl(clFinish(queue()), "clFinish");
+}
+
+void FftFilter::enqueue_convolve(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &weight) {
+    cl::Kernel &load = weight ? load_weighted_ : load_;
+    KernelArguments arguments(load);
+    arguments.add(in).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+    if (weight)
+        arguments.add(weight);
+    arguments.add(workspace_->field()).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
+    chain.run(stage, load, grid_.grid_width, grid_.grid_height);
+    fft_->enqueue(chain, FftDirection::kForward, stage, workspace_->field(), workspace_->scratch());
+    KernelArguments(multiply_).add(workspace_->field()).add(transfer_.get()).add(cl_ulong{grid_.samples()});
+    chain.run(stage, multiply_, grid_.samples());
+    fft_->enqueue(chain, FftDirection::kInverse, stage, workspace_->field(), workspace_->scratch());
+}
+
+void FftFilter::enqueue(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &out,
+                        double fraction, const ImageView &weight) {
+    check_fraction(fraction, "the fraction that a filter spreads");
+    enqueue_convolve(chain, stage, in, weight);
+    cl::Kernel &store = weight ? store_weighted_ : store_;
+    KernelArguments arguments(store);
+    arguments.add(workspace_->field()).add(cl_uint{grid_.grid_width}).add(static_cast<cl_float>(fraction)).add(in);
+    if (weight)
+        arguments.add(weight);
+    arguments.add(out).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+    chain.run(stage, store, grid_.width, grid_.height);
+}
+
+} // namespace clsp

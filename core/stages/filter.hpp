@@ -1,0 +1,77 @@
+// A linear filter of a FLOAT32 image with a real, symmetric point spread h of sum 1, by Fourier transforms:
+//
+//     out = (1 - f) in + f (h * in)            a fraction f of the light is spread by h
+//     out = (1 - f(x)) in + h * (f in)         the same with a fraction for each pixel: what leaves a pixel is what the
+//     others get
+//
+// Beyond its borders the image goes on with its edge pixels, as far as half the guard on each side; the transform is
+// periodic beyond that. A flat image stays as it is. Pixels that are NaN, infinite or negative spread nothing and are
+// passed on as they are.
+#pragma once
+
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/fft.hpp"
+#include "runtime/image_view.hpp"
+#include "stages/field_grid.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+namespace clsp {
+
+// Work memory that filters may share if they never run at the same time (one pipeline's, one after the other).
+class FilterWorkspace {
+  public:
+    explicit FilterWorkspace(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+    // Grows to at least these sizes; memory that enqueued commands still use lives on until they are done.
+    void reserve(std::size_t field_bytes, std::size_t scratch_bytes);
+    const cl::Buffer &field() const { return field_.get(); }
+    const cl::Buffer &scratch() const { return scratch_.get(); }
+
+  private:
+    std::shared_ptr<Context> context_;
+    DeviceBuffer field_, scratch_;
+};
+
+// A point spread: its value at (dx, dy) pixels from the point. Central symmetry is required, h(-dx, -dy) = h(dx, dy);
+// the filter scales it to sum 1.
+using PointSpread = std::function<double(double dx, double dy)>;
+PointSpread exponential_spread(double scale_px); // exp(-r / scale_px)
+PointSpread gaussian_spread(double sigma_px);    // exp(-r^2 / (2 sigma_px^2))
+// Guards that keep what the other side's edge gives a pixel below 3e-4 of its value, as far as images of that size can
+// show.
+std::uint32_t exponential_guard_px(double scale_px, std::uint32_t width, std::uint32_t height);
+std::uint32_t gaussian_guard_px(double sigma_px, std::uint32_t width, std::uint32_t height);
+
+class FftFilter {
+  public:
+    // Samples the point spread on the grid's pixels (offsets up to half the grid) and transforms it; waits for the
+    // device. workspace: memory to share, or nullptr for its own.
+    FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height, std::uint32_t guard_px,
+              const PointSpread &point_spread, std::shared_ptr<FilterWorkspace> workspace = nullptr);
+
+    const FieldGrid &grid() const { return grid_; }
+
+    // The whole filter, every command under the name `stage` (a string literal). in and out may be the same pixels.
+    // weight: FLOAT32, f(x) in 0 to 1 (clamped; NaN is 0); without one, f is `fraction`. All images are width x height.
+    void enqueue(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &out, double fraction,
+                 const ImageView &weight = {});
+    // Only h * in, or h * (f in): the result is the real part of field(), rows of grid().grid_width complex numbers,
+    // until the workspace is used again.
+    void enqueue_convolve(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &weight = {});
+    const cl::Buffer &field() const { return workspace_->field(); }
+
+  private:
+    void make_transfer(const PointSpread &point_spread);
+
+    std::shared_ptr<Context> context_;
+    FieldGrid grid_;
+    std::shared_ptr<Fft> fft_;
+    std::shared_ptr<FilterWorkspace> workspace_;
+    DeviceBuffer transfer_;
+    cl::Kernel load_, load_weighted_, multiply_, store_, store_weighted_;
+};
+
+} // namespace clsp

@@ -1,0 +1,358 @@
+#include "stages/lens.hpp"
+
+#include "runtime/checks.hpp"
+#include "runtime/error.hpp"
+#include "runtime/kernel_arguments.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <limits>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+// Pixels; four times the largest image.
+constexpr double kFarthestPrincipalPoint = 4.0 * kMaxImageSide;
+// Exponentials wider than this are flat over any image.
+constexpr double kLargestGlareScale = kMaxImageSide;
+
+void check(const LensParameters &p) {
+    check_image_size(p.width, p.height, "the lens's image");
+    if (p.radius_unit != RadiusUnit::kCorner && p.radius_unit != RadiusUnit::kFocalLength)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("radius_unit is {}, expected CLSP_LENS_RADIUS_CORNER or CLSP_LENS_RADIUS_FOCAL_LENGTH",
+                                static_cast<std::uint32_t>(p.radius_unit)));
+    const auto check_within = [](double value, double limit, const char *name) {
+        if (!(std::abs(value) <= limit))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{} is {}, it must be {} to {}", name, value, -limit, limit));
+    };
+    check_within(p.principal_point_x_px, kFarthestPrincipalPoint, "principal_point_x_px");
+    check_within(p.principal_point_y_px, kFarthestPrincipalPoint, "principal_point_y_px");
+    if (!p.principal_point_given && (p.principal_point_x_px != 0.0 || p.principal_point_y_px != 0.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("principal_point_px is ({}, {}), but principal_point_given is 0; set it to 1",
+                                p.principal_point_x_px, p.principal_point_y_px));
+    check_not_negative(p.focal_length_x_px, "focal_length_x_px");
+    check_not_negative(p.focal_length_y_px, "focal_length_y_px");
+    if (p.focal_length_x_px == 0.0 || p.focal_length_y_px == 0.0) {
+        if (p.radius_unit == RadiusUnit::kFocalLength)
+            throw Error(Status::kInvalidArgument, "radius_unit is CLSP_LENS_RADIUS_FOCAL_LENGTH, which needs "
+                                                  "focal_length_x_px and focal_length_y_px above 0");
+        if (p.cos4_falloff)
+            throw Error(Status::kInvalidArgument,
+                        "cos4_falloff is 1, which needs focal_length_x_px and focal_length_y_px above 0");
+    }
+    constexpr double kLargestCoefficient = 1e6;
+    check_within(p.k1, kLargestCoefficient, "k1");
+    check_within(p.k2, kLargestCoefficient, "k2");
+    check_within(p.k3, kLargestCoefficient, "k3");
+    check_within(p.p1, kLargestCoefficient, "p1");
+    check_within(p.p2, kLargestCoefficient, "p2");
+    check_fraction(p.vignetting_corner_loss, "vignetting_corner_loss");
+    check_fraction(p.glare_fraction, "glare_fraction");
+    if (!(p.glare_scale_px > 0.0 && p.glare_scale_px <= kLargestGlareScale))
+        throw Error(Status::kInvalidArgument, fmt::format("glare_scale_px is {}, it must be above 0 and at most {}",
+                                                          p.glare_scale_px, kLargestGlareScale));
+    check_not_negative(p.ambient, "ambient");
+}
+
+// The smallest s > 0 at which 1 + a s + b s^2 + c s^3 is 0; infinity if there is none.
+double first_root(double a, double b, double c) {
+    const auto value = [=](double s) { return 1.0 + s * (a + s * (b + s * c)); };
+    // Between its extrema, at the roots of a + 2 b s + 3 c s^2, a cubic is monotone.
+    std::vector<double> ends;
+    if (c != 0.0) {
+        const double discriminant = b * b - 3.0 * a * c;
+        if (discriminant >= 0.0) {
+            const double q = -(b + std::copysign(std::sqrt(discriminant), b));
+            ends.push_back(q / (3.0 * c));
+            if (q != 0.0)
+                ends.push_back(a / q);
+        }
+    } else if (b != 0.0) {
+        ends.push_back(-a / (2.0 * b));
+    }
+    ends.push_back(1e12); // a radius of a million units
+    std::sort(ends.begin(), ends.end());
+    double low = 0.0;
+    for (double high : ends) {
+        if (!(high > low))
+            continue;
+        if (value(high) <= 0.0) {
+            for (int i = 0; i < 200 && low < high; ++i) {
+                const double middle = 0.5 * (low + high);
+                if (middle <= low || middle >= high)
+                    break;
+                (value(middle) > 0.0 ? low : high) = middle;
+            }
+            return low;
+        }
+        low = high;
+    }
+    return std::numeric_limits<double>::infinity();
+}
+
+} // namespace
+
+Distortion::Distortion(const LensParameters &p)
+    : principal_x_(p.principal_point_given ? p.principal_point_x_px : 0.5 * (p.width - 1.0)),
+      principal_y_(p.principal_point_given ? p.principal_point_y_px : 0.5 * (p.height - 1.0)),
+      corner_px_(std::hypot(std::max(principal_x_, p.width - 1.0 - principal_x_),
+                            std::max(principal_y_, p.height - 1.0 - principal_y_))),
+      k1_(p.k1), k2_(p.k2), k3_(p.k3), p1_(p.p1), p2_(p.p2),
+      identity_(p.k1 == 0.0 && p.k2 == 0.0 && p.k3 == 0.0 && p.p1 == 0.0 && p.p2 == 0.0),
+      fold_(first_root(3.0 * p.k1, 5.0 * p.k2, 7.0 * p.k3)) {
+    if (corner_px_ == 0.0)
+        corner_px_ = 1.0;
+    unit_x_ = p.radius_unit == RadiusUnit::kCorner ? corner_px_ : p.focal_length_x_px;
+    unit_y_ = p.radius_unit == RadiusUnit::kCorner ? corner_px_ : p.focal_length_y_px;
+}
+
+// In units of the radius, from the principal point (D. C. Brown, Photogrammetric Engineering 32 (1966) 444; the signs
+// and names of p1, p2 are OpenCV's).
+Distortion::Point Distortion::forward(Point p) const {
+    const double s = p.x * p.x + p.y * p.y, r = radial(s);
+    return {p.x * r + 2.0 * p1_ * p.x * p.y + p2_ * (s + 2.0 * p.x * p.x),
+            p.y * r + p1_ * (s + 2.0 * p.y * p.y) + 2.0 * p2_ * p.x * p.y};
+}
+
+Distortion::Jacobian Distortion::jacobian(Point p) const {
+    const double s = p.x * p.x + p.y * p.y, r = radial(s);
+    const double slope = 2.0 * (k1_ + s * (2.0 * k2_ + s * 3.0 * k3_)); // 2 dR/ds
+    return {r + slope * p.x * p.x + 2.0 * p1_ * p.y + 6.0 * p2_ * p.x,
+            slope * p.x * p.y + 2.0 * p1_ * p.x + 2.0 * p2_ * p.y,
+            r + slope * p.y * p.y + 6.0 * p1_ * p.y + 2.0 * p2_ * p.x};
+}
+
+// Where a symmetric Jacobian is positive definite all over a convex region, no two of its points have the same image.
+bool Distortion::unfolded(Point p) const {
+    const Jacobian j = jacobian(p);
+    return p.x * p.x + p.y * p.y < fold_ && j.xx > 0.0 && j.xx * j.yy > j.xy * j.xy;
+}
+
+std::optional<Distortion::Point> Distortion::distort(Point ideal) const {
+    if (identity_)
+        return ideal;
+    const Point p{(ideal.x - principal_x_) / unit_x_, (ideal.y - principal_y_) / unit_y_};
+    if (!unfolded(p))
+        return std::nullopt;
+    const Point q = forward(p);
+    return Point{principal_x_ + q.x * unit_x_, principal_y_ + q.y * unit_y_};
+}
+
+// r with r R(r^2) = distorted, on the branch that begins at the axis, where the left side rises.
+std::optional<double> Distortion::undistorted_radius(double distorted) const {
+    double low = 0.0, high = std::sqrt(fold_);
+    if (fold_ < std::numeric_limits<double>::infinity()) {
+        if (!(high * radial(fold_) > distorted))
+            return std::nullopt;
+    } else {
+        high = std::max(1.0, distorted);
+        while (!(high * radial(high * high) > distorted)) {
+            high *= 2.0;
+            if (!(high < 1e6))
+                return std::nullopt;
+        }
+    }
+    // Newton's method, kept within the bracket by bisection.
+    double r = std::min(distorted, 0.5 * (low + high));
+    for (int i = 0; i < 200; ++i) {
+        const double error = r * radial(r * r) - distorted;
+        if (error == 0.0)
+            break;
+        (error < 0.0 ? low : high) = r;
+        double next = r - error / radial_slope(r * r);
+        if (!(next > low && next < high))
+            next = 0.5 * (low + high);
+        if (std::abs(next - r) <= 1e-16 * r || next == low || next == high)
+            break;
+        r = next;
+    }
+    return r;
+}
+
+std::optional<Distortion::Point> Distortion::undistort(Point distorted) const {
+    if (identity_)
+        return distorted;
+    const Point q{(distorted.x - principal_x_) / unit_x_, (distorted.y - principal_y_) / unit_y_};
+    const double radius = std::hypot(q.x, q.y);
+    if (radius == 0.0)
+        return distorted;
+    const std::optional<double> r = undistorted_radius(radius);
+    if (!r)
+        return std::nullopt;
+    // Exact without tangential terms; with them, where Newton's method in the plane begins.
+    Point p{q.x * (*r / radius), q.y * (*r / radius)};
+    if (p1_ != 0.0 || p2_ != 0.0) {
+        constexpr int kMostSteps = 50;
+        int step = 0;
+        for (; step < kMostSteps; ++step) {
+            const Point f = forward(p);
+            const Jacobian j = jacobian(p);
+            const double determinant = j.xx * j.yy - j.xy * j.xy;
+            if (!(determinant > 0.0))
+                return std::nullopt;
+            const double ex = f.x - q.x, ey = f.y - q.y;
+            const double dx = (j.yy * ex - j.xy * ey) / determinant, dy = (j.xx * ey - j.xy * ex) / determinant;
+            p.x -= dx;
+            p.y -= dy;
+            if (std::hypot(dx, dy) <= 1e-15 * (1.0 + std::hypot(p.x, p.y)))
+                break;
+        }
+        if (step == kMostSteps)
+            return std::nullopt;
+    }
+    if (!unfolded(p))
+        return std::nullopt;
+    return Point{principal_x_ + p.x * unit_x_, principal_y_ + p.y * unit_y_};
+}
+
+Lens::Lens(std::shared_ptr<Context> context, const LensParameters &parameters) : context_(std::move(context)) {
+    configure(parameters);
+}
+
+void Lens::configure(const LensParameters &p) {
+    check(p);
+    const Distortion distortion(p);
+    DeviceBuffer displacement;
+    if (!distortion.identity()) {
+        std::vector<float> map;
+        map.reserve(std::size_t{p.width} * p.height * 2);
+        for (std::uint32_t y = 0; y < p.height; ++y)
+            for (std::uint32_t x = 0; x < p.width; ++x) {
+                const auto source = distortion.undistort({double(x), double(y)});
+                if (!source)
+                    throw Error(
+                        Status::kInvalidArgument,
+                        fmt::format("the distortion folds over within the image: no ideal point is imaged at pixel "
+                                    "({}, {}); use smaller k1, k2, k3, p1, p2, or check their radius_unit",
+                                    x, y));
+                // No image is wider than this; farther sources are all outside.
+                constexpr double kFarthest = 1e6;
+                map.push_back(static_cast<float>(std::clamp(source->x - x, -kFarthest, kFarthest)));
+                map.push_back(static_cast<float>(std::clamp(source->y - y, -kFarthest, kFarthest)));
+            }
+        displacement = DeviceBuffer(context_, map.size() * sizeof(float), map.data());
+    }
+    std::unique_ptr<FftFilter> glare;
+    if (p.glare_fraction > 0.0)
+        glare = std::make_unique<FftFilter>(context_, p.width, p.height,
+                                            exponential_guard_px(p.glare_scale_px, p.width, p.height),
+                                            exponential_spread(p.glare_scale_px));
+    const std::string options =
+        fmt::format("-DDISTORT=0 -DGLARE={} -DVIGNETTING={} -DCOS4={}", p.glare_fraction > 0.0 ? 1 : 0,
+                    p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
+    cl::Kernel finish = context_->kernel("lens.cl", "lens_finish", options);
+    // From here on nothing fails.
+    if (!distortion_ || distortion_->identity() != distortion.identity())
+        distort_kernels_.clear();
+    parameters_ = p;
+    distortion_ = distortion;
+    displacement_ = std::move(displacement);
+    glare_ = std::move(glare);
+    finish_ = std::move(finish);
+}
+
+bool Lens::finishes() const {
+    const LensParameters &p = parameters_;
+    return p.glare_fraction > 0.0 || p.ambient > 0.0 || p.vignetting_corner_loss > 0.0 || p.cos4_falloff;
+}
+
+Interpolation Lens::usual_interpolation(Format format) {
+    return format == Format::kFloat32 ? Interpolation::kCubic : Interpolation::kNearest;
+}
+
+cl::Kernel &Lens::distort_kernel(Format format, Interpolation interpolation) {
+    const Variant variant{format, interpolation};
+    const auto found = distort_kernels_.find(variant);
+    if (found != distort_kernels_.end())
+        return found->second;
+    const char *component = format == Format::kUint8    ? "uchar"
+                            : format == Format::kUint16 ? "ushort"
+                            : format == Format::kUint32 ? "uint"
+                                                        : "float";
+    // Where the lens sees no ideal pixel there is no light and no surface: 0, and for points and normals NaN.
+    const bool vector = format == Format::kFloat32x3 || format == Format::kFloat32x4;
+    const std::string options = fmt::format(
+        "-DDISTORT=1 -DHAS_MAP={} -DCOMPONENT={} -DCOMPONENTS={} -DINTERPOLATION={} -DOUTSIDE={}", distorts() ? 1 : 0,
+        component, component_count(format), static_cast<std::uint32_t>(interpolation), vector ? "NAN" : "0");
+    return distort_kernels_.emplace(variant, context_->kernel("lens.cl", "lens_distort", options)).first->second;
+}
+
+void Lens::check_distort(const ImageView &ideal, const ImageView &distorted, Interpolation interpolation) {
+    if (interpolation != Interpolation::kNearest && interpolation != Interpolation::kLinear &&
+        interpolation != Interpolation::kCubic)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("interpolation is {}, expected CLSP_INTERPOLATION_NEAREST, _LINEAR or _CUBIC",
+                                static_cast<std::uint32_t>(interpolation)));
+    const bool integers =
+        ideal.format == Format::kUint8 || ideal.format == Format::kUint16 || ideal.format == Format::kUint32;
+    if (integers && interpolation != Interpolation::kNearest)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("interpolation is {}, but an image of {} has no values between its own; use "
+                                "CLSP_INTERPOLATION_NEAREST",
+                                interpolation == Interpolation::kLinear ? "CLSP_INTERPOLATION_LINEAR"
+                                                                        : "CLSP_INTERPOLATION_CUBIC",
+                                format_name(ideal.format)));
+    if (ideal.format != distorted.format)
+        throw Error(Status::kInvalidFormat, fmt::format("distorted.format is {}, expected {}, the format of ideal",
+                                                        format_name(distorted.format), format_name(ideal.format)));
+    check_writable(distorted, "distorted");
+    refuse_overlap(distorted, "distorted", ideal, "ideal");
+    distort_kernel(ideal.format, interpolation); // built now if it must be, not after the first commands of a frame
+}
+
+void Lens::enqueue_distort(CommandChain &chain, const ImageView &ideal, const ImageView &distorted,
+                           Interpolation interpolation) {
+    check_distort(ideal, distorted, interpolation);
+    cl::Kernel &kernel = distort_kernel(ideal.format, interpolation);
+    KernelArguments(kernel)
+        .add(ideal)
+        .add(displacement_.get())
+        .add(distorted)
+        .add(cl_uint{parameters_.width})
+        .add(cl_uint{parameters_.height});
+    chain.run("distortion", kernel, parameters_.width, parameters_.height);
+}
+
+void Lens::check_finish(const ImageView &light, const ImageView &out) const {
+    check_writable(out, "output");
+    if (overlap(light, out) && !same_pixels(light, out))
+        throw Error(Status::kOverlap,
+                    "light and output overlap without being the same image; use one image for both, or two apart");
+}
+
+void Lens::enqueue_finish(CommandChain &chain, const ImageView &light, const ImageView &out, bool is_dark) {
+    check_finish(light, out);
+    const LensParameters &p = parameters_;
+    const double ambient = is_dark ? 0.0 : p.ambient;
+    const bool changes = p.glare_fraction > 0.0 || ambient > 0.0 || p.vignetting_corner_loss > 0.0 || p.cos4_falloff;
+    if (!changes && same_pixels(light, out))
+        return;
+    if (glare_)
+        glare_->enqueue_convolve(chain, "glare", light);
+    const auto inverse = [](double length) { return static_cast<cl_float>(length > 0.0 ? 1.0 / length : 0.0); };
+    const double corner = distortion_->corner_px();
+    const cl_float4 optics{
+        {static_cast<cl_float>(distortion_->principal_x()), static_cast<cl_float>(distortion_->principal_y()),
+         static_cast<cl_float>(1.0 / (corner * corner)), static_cast<cl_float>(p.vignetting_corner_loss)}};
+    const cl_float2 inverse_focal{{inverse(p.focal_length_x_px), inverse(p.focal_length_y_px)}};
+    KernelArguments arguments(finish_);
+    arguments.add(light);
+    if (glare_)
+        arguments.add(glare_->field())
+            .add(cl_uint{glare_->grid().grid_width})
+            .add(static_cast<cl_float>(p.glare_fraction));
+    arguments.add(static_cast<cl_float>(ambient))
+        .add(optics)
+        .add(inverse_focal)
+        .add(out)
+        .add(cl_uint{p.width})
+        .add(cl_uint{p.height});
+    chain.run("lens", finish_, p.width, p.height);
+}
+
+} // namespace clsp

@@ -1,0 +1,116 @@
+// What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the
+// C API.
+#pragma once
+
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/image_view.hpp"
+#include "stages/filter.hpp"
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <utility>
+
+namespace clsp {
+
+enum class RadiusUnit : std::uint32_t { kCorner = 0, kFocalLength = 1 };
+enum class Interpolation : std::uint32_t { kNearest = 0, kLinear = 1, kCubic = 2 };
+
+struct LensParameters {
+    std::uint32_t width = 0, height = 0;
+    RadiusUnit radius_unit = RadiusUnit::kCorner;
+    bool cos4_falloff = false;
+    bool principal_point_given = false; // else it is the image's centre ((w - 1)/2, (h - 1)/2)
+    double principal_point_x_px = 0.0, principal_point_y_px = 0.0;
+    double focal_length_x_px = 0.0, focal_length_y_px = 0.0; // 0: not given
+    double k1 = 0.0, k2 = 0.0, k3 = 0.0, p1 = 0.0, p2 = 0.0;
+    double vignetting_corner_loss = 0.0;
+    double glare_fraction = 0.0, glare_scale_px = 6.0;
+    double ambient = 0.0;
+};
+
+// Brown and Conrady's distortion of points, in double precision and in pixels.
+class Distortion {
+  public:
+    struct Point {
+        double x, y;
+    };
+    // The parameters must have been checked.
+    explicit Distortion(const LensParameters &parameters);
+
+    double principal_x() const { return principal_x_; }
+    double principal_y() const { return principal_y_; }
+    // Pixels from the principal point to the farthest corner pixel's centre; 1 if there is but one pixel.
+    double corner_px() const { return corner_px_; }
+    bool identity() const { return identity_; }
+
+    // Where an ideal point is imaged, and back. Nothing where the lens images no such point: beyond the radius at which
+    // the distortion turns back (or where the tangential terms fold the plane).
+    std::optional<Point> distort(Point ideal) const;
+    std::optional<Point> undistort(Point distorted) const;
+
+  private:
+    struct Jacobian {
+        double xx, xy, yy; // symmetric: the distortion is a gradient
+    };
+    double radial(double s) const { return 1.0 + s * (k1_ + s * (k2_ + s * k3_)); }
+    double radial_slope(double s) const { return 1.0 + s * (3.0 * k1_ + s * (5.0 * k2_ + s * 7.0 * k3_)); }
+    Point forward(Point p) const;
+    Jacobian jacobian(Point p) const;
+    bool unfolded(Point p) const;
+    std::optional<double> undistorted_radius(double distorted) const;
+
+    double principal_x_, principal_y_, corner_px_;
+    double unit_x_, unit_y_; // pixels
+    double k1_, k2_, k3_, p1_, p2_;
+    bool identity_;
+    double fold_; // squared radius at which the distortion turns back; infinity if it does not
+};
+
+class Lens {
+  public:
+    Lens(std::shared_ptr<Context> context, const LensParameters &parameters);
+
+    const std::shared_ptr<Context> &context() const { return context_; }
+    const LensParameters &parameters() const { return parameters_; }
+    const Distortion &distortion() const { return *distortion_; }
+    // Checks, builds programs, maps and filters; after an error the lens is what it was.
+    void configure(const LensParameters &parameters);
+
+    // True if enqueue_distort() moves anything.
+    bool distorts() const { return !distortion_->identity(); }
+    // True if enqueue_finish() changes anything (of a frame that is not dark).
+    bool finishes() const;
+
+    // What an image of this format holds as a rule: FLOAT32 is light (cubic), all others are geometry or numbers
+    // (nearest).
+    static Interpolation usual_interpolation(Format format);
+    // Checks images and interpolation against this lens, and makes ready for them.
+    void check_distort(const ImageView &ideal, const ImageView &distorted, Interpolation interpolation);
+    void enqueue_distort(CommandChain &chain, const ImageView &ideal, const ImageView &distorted,
+                         Interpolation interpolation);
+    void enqueue_distort(CommandChain &chain, const ImageView &ideal, const ImageView &distorted) {
+        enqueue_distort(chain, ideal, distorted, usual_interpolation(ideal.format));
+    }
+
+    // Throws unless light and out are apart or the same pixels, and out can be written.
+    void check_finish(const ImageView &light, const ImageView &out) const;
+    // A dark frame (shutter closed) gets no ambient light. Nothing is enqueued if nothing changes.
+    void enqueue_finish(CommandChain &chain, const ImageView &light, const ImageView &out, bool is_dark);
+
+  private:
+    using Variant = std::pair<Format, Interpolation>;
+    cl::Kernel &distort_kernel(Format format, Interpolation interpolation);
+
+    std::shared_ptr<Context> context_;
+    LensParameters parameters_;
+    std::optional<Distortion> distortion_;
+    DeviceBuffer displacement_; // float2 a pixel, if it distorts
+    std::map<Variant, cl::Kernel> distort_kernels_;
+    std::unique_ptr<FftFilter> glare_;
+    cl::Kernel finish_;
+};
+
+} // namespace clsp

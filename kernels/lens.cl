@@ -1,0 +1,123 @@
+// What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the C API.
+#include "common.h"
+
+#if DISTORT
+
+#define INTERPOLATION_NEAREST 0
+#define INTERPOLATION_LINEAR 1
+#define INTERPOLATION_CUBIC 2
+
+// component_t comes from the options (-DCOMPONENT=float): the type of a component; COMPONENTS of them make a pixel. A source
+// outside the image gives OUTSIDE.
+typedef COMPONENT component_t;
+
+#if INTERPOLATION == INTERPOLATION_CUBIC
+typedef struct {
+    float w0, w1, w2, w3;
+} weights4;
+
+// Keys' cubic convolution with a = -1/2 (Catmull-Rom), the taps at -1, 0, 1, 2; f in [0, 1).
+static inline weights4 cubic_weights(float f) {
+    const weights4 w = {f * fma(f, fma(-0.5f, f, 1.0f), -0.5f), fma(f * f, fma(1.5f, f, -2.5f), 1.0f),
+                        f * fma(f, fma(-1.5f, f, 2.0f), 0.5f), f * f * fma(0.5f, f, -0.5f)};
+    return w;
+}
+#endif
+
+static inline int clamped(int i, uint count) { return clamp(i, 0, (int)count - 1); }
+
+// displacement: from each pixel of the distorted image to its source in the ideal one, in pixels: floats hold it, where they would
+// not hold the position of a pixel far from the origin.
+__kernel void lens_distort(__global const component_t *ideal, ulong ideal_offset, uint ideal_pitch,
+                           __global const float *displacement, __global component_t *distorted, ulong distorted_offset,
+                           uint distorted_pitch, uint width, uint height) {
+    const uint x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+#if HAS_MAP
+    const ulong i = 2u * ((ulong)y * width + x);
+    const float dx = displacement[i], dy = displacement[i + 1u];
+#else
+    const float dx = 0.0f, dy = 0.0f;
+#endif
+    __global component_t *out = distorted + distorted_offset + (ulong)y * distorted_pitch + COMPONENTS * x;
+    __global const component_t *in = ideal + ideal_offset;
+    // Nearest: halves go up, as they do at the image's border, which reaches from -1/2 to width - 1/2.
+    const float step_x = floor(dx + 0.5f), step_y = floor(dy + 0.5f);
+    const int nearest_x = (int)x + (int)step_x, nearest_y = (int)y + (int)step_y;
+    if (nearest_x < 0 || nearest_y < 0 || nearest_x >= (int)width || nearest_y >= (int)height) {
+        for (int c = 0; c < COMPONENTS; ++c)
+            out[c] = OUTSIDE;
+        return;
+    }
+#if INTERPOLATION == INTERPOLATION_NEAREST
+    for (int c = 0; c < COMPONENTS; ++c)
+        out[c] = in[(ulong)nearest_y * ideal_pitch + COMPONENTS * nearest_x + c];
+#else
+    const float base_x = floor(dx), base_y = floor(dy);
+    const float fx = dx - base_x, fy = dy - base_y;
+    const int x0 = (int)x + (int)base_x, y0 = (int)y + (int)base_y;
+#if INTERPOLATION == INTERPOLATION_LINEAR
+    const int xs[2] = {clamped(x0, width), clamped(x0 + 1, width)};
+    __global const component_t *upper = in + (ulong)clamped(y0, height) * ideal_pitch;
+    __global const component_t *lower = in + (ulong)clamped(y0 + 1, height) * ideal_pitch;
+    for (int c = 0; c < COMPONENTS; ++c) {
+        const float above = mix(upper[COMPONENTS * xs[0] + c], upper[COMPONENTS * xs[1] + c], fx);
+        const float below = mix(lower[COMPONENTS * xs[0] + c], lower[COMPONENTS * xs[1] + c], fx);
+        out[c] = mix(above, below, fy);
+    }
+#else
+    const weights4 wx = cubic_weights(fx), wy = cubic_weights(fy);
+    const float rows[4] = {wy.w0, wy.w1, wy.w2, wy.w3};
+    for (int c = 0; c < COMPONENTS; ++c) {
+        float sum = 0.0f, least = 0.0f;
+        for (int j = 0; j < 4; ++j) {
+            __global const component_t *row = in + (ulong)clamped(y0 - 1 + j, height) * ideal_pitch + c;
+            const float a = row[COMPONENTS * clamped(x0 - 1, width)], b = row[COMPONENTS * clamped(x0, width)];
+            const float d = row[COMPONENTS * clamped(x0 + 1, width)], e = row[COMPONENTS * clamped(x0 + 2, width)];
+            sum = fma(rows[j], fma(wx.w0, a, fma(wx.w1, b, fma(wx.w2, d, wx.w3 * e))), sum);
+            least = fmin(least, fmin(fmin(a, b), fmin(d, e)));
+        }
+        // The cubic's undershoot must not make light negative. A NaN stays one.
+        out[c] = sum < least ? least : sum;
+    }
+#endif
+#endif
+}
+
+#else
+
+// out = (ambient + (1 - g) light + g glare) v(x, y): v = (1 - corner_loss r^2), r^2 = |position|^2 / unit^2, times
+// cos^4 = 1 / (1 + (x/fx)^2 + (y/fy)^2)^2. optics: principal point (x, y), 1 / unit^2, corner loss; inverse_focal: 1 / fx, 1 / fy.
+// light and output may be the same pixels.
+__kernel void lens_finish(__global const float *light, ulong light_offset, uint light_pitch,
+#if GLARE
+                          __global const float *spread, uint spread_width, float glare_fraction,
+#endif
+                          float ambient, float4 optics, float2 inverse_focal, __global float *output, ulong output_offset,
+                          uint output_pitch, uint width, uint height) {
+    const uint x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    float value = light[light_offset + (ulong)y * light_pitch + x];
+#if GLARE
+    // The real part of the filter's field. The transform's rounding must not make light negative.
+    const float glare = spread[2u * ((ulong)y * spread_width + x)];
+    value = value >= 0.0f ? fmax(fma(1.0f - glare_fraction, value, glare_fraction * glare), 0.0f) : value;
+#endif
+    value += ambient;
+#if VIGNETTING || COS4
+    const float px = convert_float(x) - optics.x, py = convert_float(y) - optics.y;
+#endif
+#if VIGNETTING
+    value *= fmax(fma(-optics.w, fma(px, px, py * py) * optics.z, 1.0f), 0.0f);
+#endif
+#if COS4
+    const float tx = px * inverse_focal.x, ty = py * inverse_focal.y;
+    const float q = 1.0f + fma(tx, tx, ty * ty);
+    value /= q * q;
+#endif
+    output[output_offset + (ulong)y * output_pitch + x] = value;
+}
+
+#endif
