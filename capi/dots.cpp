@@ -28,9 +28,10 @@ std::optional<Vector2> optional_point(std::uint32_t given, double x, double y, c
     if (checked_flag(given, fmt::format("desc->{}_given", name).c_str()))
         return Vector2{x, y};
     if (x != 0.0 || y != 0.0) // also NaN
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("desc->{0} is ({1}, {2}), but desc->{0}_given is 0; set it to 1, or leave the point at 0", name,
-                                x, y));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("desc->{0} is ({1}, {2}), but desc->{0}_given is 0; set it to 1, or leave the point at 0", name,
+                        x, y));
     return std::nullopt;
 }
 
@@ -96,9 +97,8 @@ CLSP_API ClspStatus clspDotsEnqueueRender(ClspDots dots, cl_command_queue queue,
     return guarded("clspDotsEnqueueRender", [&] {
         const auto d = object(dots);
         const Context &context = *d->context();
-        const ImageView view =
-            check_image(description(irradiance, "irradiance"), "irradiance", context.cl_context()(),
-                        {d->parameters().width, d->parameters().height}, {Format::kFloat32});
+        const ImageView view = check_image(description(irradiance, "irradiance"), "irradiance", context.cl_context()(),
+                                           {d->parameters().width, d->parameters().height}, {Format::kFloat32});
         enqueue(context, queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { d->enqueue_render(chain, view); });
     });

@@ -93,9 +93,8 @@ double saturation_of(const ClspSensorDesc &d) {
     if (d.full_well_e == 0.0)
         return d.saturation_dn;
     if (d.conversion_gain_dn_per_e == 0.0)
-        throw Error(
-            Status::kInvalidArgument,
-            "full_well_e needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
+        throw Error(Status::kInvalidArgument,
+                    "full_well_e needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
     const double saturation = d.conversion_gain_dn_per_e * d.full_well_e;
     if (saturation <= d.black_level_dn)
         throw Error(Status::kInvalidArgument,
@@ -108,6 +107,46 @@ double saturation_of(const ClspSensorDesc &d) {
                                 "the one or the other",
                                 d.saturation_dn, saturation));
     return saturation;
+}
+
+SensorParameters parameters_of(const ClspSensorDesc *desc) {
+    const ClspSensorDesc d = read_struct(desc, sensor_defaults(), "desc");
+    check_reserved(d.reserved, "desc->reserved");
+    SensorParameters p;
+    p.width = d.width;
+    p.height = d.height;
+    p.bits = d.bits;
+    p.seed = d.seed;
+    p.exposure_gain_dn = exposure_gain_of(d);
+    p.saturation_dn = saturation_of(d);
+    p.black_level_dn = d.black_level_dn;
+    p.read_noise_dn = d.read_noise_dn;
+    p.hot_pixel_fraction = d.hot_pixel_fraction;
+    p.hot_pixel_mean_dn = d.hot_pixel_mean_dn;
+    p.cold_pixel_fraction = d.cold_pixel_fraction;
+    p.float_full_scale = d.float_full_scale;
+    p.dark_frame_dn = d.dark_frame_dn;
+    p.dark_frame_pitch_bytes = d.dark_frame_pitch_bytes;
+    p.quantize = checked_flag(d.quantize, "desc->quantize");
+    p.conversion_gain_dn_per_e = d.conversion_gain_dn_per_e;
+    p.crosstalk_fraction = d.crosstalk_fraction;
+    p.prnu = d.prnu;
+    std::copy(std::begin(d.mosaic_gain), std::end(d.mosaic_gain), p.mosaic_gain.begin());
+    p.dark_current_e_per_s = d.dark_current_e_per_s;
+    p.dark_current_reference_temperature_c = d.dark_current_reference_temperature_c;
+    p.dark_current_doubling_k = d.dark_current_doubling_k;
+    p.temperature_c = d.temperature_c;
+    p.exposure_time_s = d.exposure_time_s;
+    p.lag_fraction = d.lag_fraction;
+    p.gamma = d.gamma;
+    p.dsnu_dn = d.dsnu_dn;
+    p.column_offset_dn = d.column_offset_dn;
+    p.row_noise_dn = d.row_noise_dn;
+    p.column_noise_dn = d.column_noise_dn;
+    p.read_noise_spread = d.read_noise_spread;
+    p.shot_noise = checked_flag(d.shot_noise, "desc->shot_noise");
+    p.effective_bits = d.effective_bits;
+    return p;
 }
 
 struct Profile {
@@ -189,43 +228,7 @@ CLSP_API ClspStatus clspSensorCreate(ClspContext context, const ClspSensorDesc *
     return guarded("clspSensorCreate", [&] {
         const auto c = object(context);
         required(sensor, "sensor");
-        const ClspSensorDesc d = read_struct(desc, sensor_defaults(), "desc");
-        check_reserved(d.reserved, "desc->reserved");
-        SensorParameters p;
-        p.width = d.width;
-        p.height = d.height;
-        p.bits = d.bits;
-        p.seed = d.seed;
-        p.exposure_gain_dn = exposure_gain_of(d);
-        p.saturation_dn = saturation_of(d);
-        p.black_level_dn = d.black_level_dn;
-        p.read_noise_dn = d.read_noise_dn;
-        p.hot_pixel_fraction = d.hot_pixel_fraction;
-        p.hot_pixel_mean_dn = d.hot_pixel_mean_dn;
-        p.cold_pixel_fraction = d.cold_pixel_fraction;
-        p.float_full_scale = d.float_full_scale;
-        p.dark_frame_dn = d.dark_frame_dn;
-        p.dark_frame_pitch_bytes = d.dark_frame_pitch_bytes;
-        p.quantize = checked_flag(d.quantize, "desc->quantize");
-        p.conversion_gain_dn_per_e = d.conversion_gain_dn_per_e;
-        p.crosstalk_fraction = d.crosstalk_fraction;
-        p.prnu = d.prnu;
-        std::copy(std::begin(d.mosaic_gain), std::end(d.mosaic_gain), p.mosaic_gain.begin());
-        p.dark_current_e_per_s = d.dark_current_e_per_s;
-        p.dark_current_reference_temperature_c = d.dark_current_reference_temperature_c;
-        p.dark_current_doubling_k = d.dark_current_doubling_k;
-        p.temperature_c = d.temperature_c;
-        p.exposure_time_s = d.exposure_time_s;
-        p.lag_fraction = d.lag_fraction;
-        p.gamma = d.gamma;
-        p.dsnu_dn = d.dsnu_dn;
-        p.column_offset_dn = d.column_offset_dn;
-        p.row_noise_dn = d.row_noise_dn;
-        p.column_noise_dn = d.column_noise_dn;
-        p.read_noise_spread = d.read_noise_spread;
-        p.shot_noise = checked_flag(d.shot_noise, "desc->shot_noise");
-        p.effective_bits = d.effective_bits;
-        give(sensor, std::make_shared<Sensor>(c, p));
+        give(sensor, std::make_shared<Sensor>(c, parameters_of(desc)));
     });
 }
 
@@ -239,6 +242,10 @@ CLSP_API ClspStatus clspSensorRelease(ClspSensor sensor) {
 
 CLSP_API ClspStatus clspSensorSetExposureGain(ClspSensor sensor, double exposure_gain_dn) {
     return guarded("clspSensorSetExposureGain", [&] { object(sensor)->set_exposure_gain(exposure_gain_dn); });
+}
+
+CLSP_API ClspStatus clspSensorConfigure(ClspSensor sensor, const ClspSensorDesc *desc) {
+    return guarded("clspSensorConfigure", [&] { object(sensor)->configure(parameters_of(desc)); });
 }
 
 CLSP_API ClspStatus clspSensorResetLag(ClspSensor sensor) {

@@ -58,14 +58,15 @@ static inline float profile(float u, float v, float cosine, float sine, float sk
 #endif
 }
 
-// The dots of a tile at the pixels of one of its rows, summed in the order of their indices. A position is the nearest pixel and the rest, so
-// that the difference from a pixel is good to 3e-8 px anywhere in the image. The loop over the pixels is the inner one for the sake
-// of CPUs, whose compilers vectorize nothing but innermost loops.
+// The dots of a tile at the pixels of one of its rows, summed in the order of their indices. A position is the nearest pixel and the
+// rest, so that the difference from a pixel is good to 3e-8 px anywhere in the image. The loop over the pixels is the inner one for the
+// sake of CPUs, whose compilers vectorize nothing but innermost loops.
 static inline void dots_of_row(uint tile_x, uint y, uint tiles_x, __global const uint *first,
                                __global const uint *members, __global const int *nearest, __global const float *shape,
                                float cosine, float sine, float skew_sixth, float power, float *sums) {
+    float lost[TILE_PX]; // Kahan's summation: thousands of wide dots may overlap
     for (int i = 0; i < TILE_PX; ++i)
-        sums[i] = 0.0f;
+        sums[i] = lost[i] = 0.0f;
     const uint tile = y / TILE_PX * tiles_x + tile_x, end = first[tile + 1];
     for (uint m = first[tile]; m < end; ++m) {
         const uint j = members[m];
@@ -74,7 +75,10 @@ static inline void dots_of_row(uint tile_x, uint y, uint tiles_x, __global const
         const float v = (convert_float((int)y - nearest[2 * j + 1]) - shape[4 * j + 1]) * scale;
         for (int i = 0; i < TILE_PX; ++i) {
             const float u = (convert_float(left + i) - rest) * scale;
-            sums[i] = fma(peak, profile(u, v, cosine, sine, skew_sixth, power), sums[i]);
+            const float value = fma(peak, profile(u, v, cosine, sine, skew_sixth, power), -lost[i]);
+            const float next = sums[i] + value;
+            lost[i] = (next - sums[i]) - value;
+            sums[i] = next;
         }
     }
 }

@@ -152,7 +152,9 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
         delta.z = now.z - before.z;
 #elif MODE == 1 || MODE == 2
 #if MODE == 2
-        const float16 body = vload16(id, bodies);
+        __global const float *b = bodies + 16u * id;
+        const float16 body =
+            (float16)(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], 0.0f, 0.0f, 0.0f);
 #endif
         // X - (R X + t), with R - I so that small motions keep their digits.
         delta.x = -fma(body.s0, now.x, fma(body.s1, now.y, fma(body.s2, now.z, body.s9)));
@@ -199,28 +201,26 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
             moved = true;
 #endif
 #if MODE == 3
-        // Where the point was, between the four pixels around: X/Z and 1/Z are linear over a plane's image.
-        point_t before = nearest;
-        const float fx = u - floor(u), fy = v - floor(v);
-        if (!moved && !wrong && (fx != 0.0f || fy != 0.0f)) {
-            const int x0 = clamp((int)floor(u), 0, (int)width - 1), y0 = clamp((int)floor(v), 0, (int)height - 1);
-            const int x1 = min(x0 + 1, (int)width - 1), y1 = min(y0 + 1, (int)height - 1);
-            const point_t p00 = HISTORY_AT((uint)x0, (uint)y0), p10 = HISTORY_AT((uint)x1, (uint)y0);
-            const point_t p01 = HISTORY_AT((uint)x0, (uint)y1), p11 = HISTORY_AT((uint)x1, (uint)y1);
+        // The depth where the point was, between the four pixels around if they show the same surface: 1/Z is linear over a plane's image.
+        float depth_before = nearest.z;
+        const float low_u = floor(u), low_v = floor(v), part_u = u - low_u, part_v = v - low_v;
+        if (!moved && !wrong && (part_u != 0.0f || part_v != 0.0f) && low_u >= 0.0f && low_v >= 0.0f &&
+            low_u < convert_float(width - 1) && low_v < convert_float(height - 1)) {
+            const uint x0 = convert_uint(low_u), y0 = convert_uint(low_v);
+            const float z00 = HISTORY_AT(x0, y0).z, z10 = HISTORY_AT(x0 + 1, y0).z;
+            const float z01 = HISTORY_AT(x0, y0 + 1).z, z11 = HISTORY_AT(x0 + 1, y0 + 1).z;
+            const float d00 = nearest.z - z00, d10 = nearest.z - z10, d01 = nearest.z - z01, d11 = nearest.z - z11;
             const float room = tolerance * fabs(nearest.z);
-            if (floor(u) >= 0.0f && floor(v) >= 0.0f && x1 > x0 && y1 > y0 && fabs(p00.z - nearest.z) <= room &&
-                fabs(p10.z - nearest.z) <= room && fabs(p01.z - nearest.z) <= room && fabs(p11.z - nearest.z) <= room) {
-                const float w00 = (1.0f - fx) * (1.0f - fy) / p00.z, w10 = fx * (1.0f - fy) / p10.z;
-                const float w01 = (1.0f - fx) * fy / p01.z, w11 = fx * fy / p11.z;
-                const float z = 1.0f / (w00 + w10 + w01 + w11);
-                before.x = z * fma(w00, p00.x, fma(w10, p10.x, fma(w01, p01.x, w11 * p11.x)));
-                before.y = z * fma(w00, p00.y, fma(w10, p10.y, fma(w01, p01.y, w11 * p11.y)));
-                before.z = z;
+            if (fabs(d00) <= room && fabs(d10) <= room && fabs(d01) <= room && fabs(d11) <= room) {
+                const float upper = fma(part_u, d10 / z10, (1.0f - part_u) * (d00 / z00));
+                const float lower = fma(part_u, d11 / z11, (1.0f - part_u) * (d01 / z01));
+                depth_before = nearest.z / (1.0f + fma(part_v, lower, (1.0f - part_v) * upper));
             }
         }
-        delta.x = now.x - before.x;
-        delta.y = now.y - before.y;
-        delta.z = now.z - before.z;
+        // x Z - x' Z' of the directions x = (pixel - c) / f, written so that no digits cancel; nothing where pixel and depth stay.
+        delta.z = now.z - depth_before;
+        delta.x = ((convert_float(x) - intrinsics.z) * delta.z - shift_x * depth_before) / intrinsics.x;
+        delta.y = ((convert_float(y) - intrinsics.w) * delta.z - shift_y * depth_before) / intrinsics.y;
 #endif
 #endif
 #if HAS_NORMALS

@@ -63,7 +63,8 @@ __kernel void phase_refresh(__global state_word *state, uint grid_width, uint gr
         if (polarization == 0)
             store_path(state, i, word_of(start, j));
 #endif
-#if PHASE_TRANSLATE
+#if PHASE_TRANSLATE && !HAS_MASK
+        // (The rest of a shift belongs to the motion, not to the grain: a masked sample keeps it.)
         if (polarization == 0) {
             __global float *rest = (__global float *)(state + rest_offset);
             rest[2 * i] = 0.0f;
@@ -83,17 +84,17 @@ typedef struct {
 
 static inline int inside(int x, int y, int width, int height) { return x >= 0 && y >= 0 && x < width && y < height; }
 
-// The point that lies at sample (x, y) lay at (x, y) + shift. What it carried there of earlier shifts comes on top; the sum is carried out
-// in whole samples. inside_width, inside_height: the samples of the image without the padding.
+// The point that lies at sample (x, y) lay at (x, y) + shift. What was left there of earlier shifts comes on top; the sum is carried out in
+// whole samples. inside_width, inside_height: the samples of the image without the padding; what comes from outside of them brings the rest
+// of the nearest one, so that a surface that moves as one has one rest.
 static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __global const float *rest, uint grid_width,
                                  int inside_width, int inside_height) {
     origin_t origin = {x, y, 0.0f, 0.0f, 0};
     // The comparisons are false for NaN, and no conversion overflows.
     if (!(fabs(shift_x) <= 32767.0f && fabs(shift_y) <= 32767.0f))
         return origin;
-    const int near_x = x + (int)rint(shift_x), near_y = y + (int)rint(shift_y);
-    if ((near_x != x || near_y != y) && !inside(near_x, near_y, inside_width, inside_height))
-        return origin;
+    const int near_x = clamp(x + (int)rint(shift_x), 0, inside_width - 1);
+    const int near_y = clamp(y + (int)rint(shift_y), 0, inside_height - 1);
     const ulong near = (ulong)near_y * grid_width + near_x;
     const float sum_x = shift_x + rest[2 * near], sum_y = shift_y + rest[2 * near + 1];
     const float whole_x = rint(sum_x), whole_y = rint(sum_y);
@@ -185,7 +186,7 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
         replaced |= !origin.known;
         rest_x[j] = origin.rest_x;
         rest_y[j] = origin.rest_y;
-        if (!replaced && !(origin.x == (int)x && origin.y == (int)y && origin.rest_x == 0.0f && origin.rest_y == 0.0f)) {
+        if (!replaced) {
             // A surface that grows or turns has samples with the same origin. They would repeat a grain: only the first one in the
             // order of rows keeps it.
             for (uint n = 0; n < 4; ++n) {
@@ -340,17 +341,10 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
 #endif
             store_path(state, i, step[j] == REPLACE ? word_of(start, j) : t[j]);
 #endif
-#if PHASE_TRANSLATE
-        __global float *new_rest = (__global float *)(state + rest_offset);
 #if HAS_SHIFT
-        new_rest[2 * i] = step[j] == REPLACE ? 0.0f : rest_x[j];
-        new_rest[2 * i + 1] = step[j] == REPLACE ? 0.0f : rest_y[j];
-#else
-        if (step[j] == REPLACE) {
-            new_rest[2 * i] = 0.0f;
-            new_rest[2 * i + 1] = 0.0f;
-        }
-#endif
+        __global float *new_rest = (__global float *)(state + rest_offset);
+        new_rest[2 * i] = rest_x[j];
+        new_rest[2 * i + 1] = rest_y[j];
 #endif
     }
 }

@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "image_io/image_io.hpp"
+#include "output.hpp"
 
 #include <fmt/format.h>
 
@@ -32,9 +33,46 @@ bool natural_less(const std::string &a, const std::string &b) {
     return ::strverscmp(a.c_str(), b.c_str()) < 0;
 }
 
-std::vector<std::string> images_of(const std::string &folder) {
+/** True for `prefix`, at least six digits, `suffix`: how render names the files of frames. */
+bool is_numbered(const std::string &name, const std::string &prefix, const std::string &suffix) {
+    if (name.size() < prefix.size() + 6 + suffix.size() || name.compare(0, prefix.size(), prefix) != 0 ||
+        name.compare(name.size() - suffix.size(), suffix.size(), suffix) != 0)
+        return false;
+    return std::all_of(name.begin() + static_cast<std::ptrdiff_t>(prefix.size()),
+                       name.end() - static_cast<std::ptrdiff_t>(suffix.size()),
+                       [](unsigned char c) { return std::isdigit(c) != 0; });
+}
+
+/** The format of the frames that a run left in the folder, as its config.json says; empty without one. */
+std::string format_of_run(const std::string &folder) {
+    const std::string path = (fs::path(folder) / "config.json").string();
+    std::error_code code;
+    if (!fs::is_regular_file(path, code))
+        return {};
+    try {
+        const Json config = read_json(path);
+        if (config.is_object() && config.contains("aperture") && config.contains("sensor"))
+            return config.at("render").at("format").get<std::string>();
+    } catch (const std::exception &) {
+        // A file of this name that the program did not write.
+    }
+    return {};
+}
+
+std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
     std::map<std::string, std::vector<std::string>> by_extension;
     std::error_code code;
+    const std::string format = purpose == Purpose::ideal_images ? format_of_run(folder) : "";
+    const bool stack = format == "npy-stack" || format == "float-npy-stack";
+    const auto written_by_render = [&](const std::string &name) {
+        if (is_numbered(name, "preview_", ".png") || is_numbered(name, "ideal_preview_", ".png"))
+            return true;
+        if (format.empty())
+            return false;
+        return stack ? name == "frames.npy"
+                     : is_numbered(name, "frame_", fmt::format(".{}", Output::extension(format)));
+    };
+    bool left_out = false;
     for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
         const std::string name = entry.path().filename().string();
         std::string extension = lower(entry.path().extension().string());
@@ -43,11 +81,19 @@ std::vector<std::string> images_of(const std::string &folder) {
         static const char *const known[] = {".png", ".tiff", ".exr", ".hdr", ".npy", ".pgm"};
         const bool image =
             std::any_of(std::begin(known), std::end(known), [&](const char *k) { return extension == k; });
-        if (name[0] != '.' && image && entry.is_regular_file())
+        if (name[0] == '.' || !image || !entry.is_regular_file())
+            continue;
+        if (written_by_render(name))
+            left_out = true;
+        else
             by_extension[extension].push_back(entry.path().string());
     }
     if (code)
         throw InputError(fmt::format("{}: cannot be read: {}", folder, code.message()));
+    if (by_extension.empty() && left_out)
+        throw InputError(fmt::format("{0}: the folder holds only what an earlier run wrote; if it is meant, name the "
+                                     "files, for example '{0}/frame_*.png'",
+                                     folder));
     if (by_extension.empty())
         throw InputError(fmt::format(
             "{}: the folder holds neither sequence.json nor PNG, TIFF, EXR, HDR, NPY or PGM images", folder));
@@ -105,7 +151,7 @@ Json read_json(const std::string &path) {
     }
 }
 
-std::vector<std::string> expand(const std::string &argument) {
+std::vector<std::string> expand(const std::string &argument, Purpose purpose) {
     std::error_code code;
     const fs::file_status status = fs::status(argument, code);
     std::vector<std::string> files;
@@ -113,7 +159,7 @@ std::vector<std::string> expand(const std::string &argument) {
         const fs::path description = fs::path(argument) / "sequence.json";
         if (fs::exists(description, code))
             return {description.string()};
-        files = images_of(argument);
+        files = images_of(argument, purpose);
     } else if (fs::exists(status) || argument.find_first_of("*?[") == std::string::npos) {
         return {argument};
     } else {

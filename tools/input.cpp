@@ -487,7 +487,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
     if (!paths.depth.empty() || !paths.position.empty())
         throw InputError("give either an input file or --depth or --position, not both");
     for (const std::string &input : paths.inputs)
-        for (std::string &file : expand(input))
+        for (std::string &file : expand(input, Purpose::ideal_images))
             files.push_back(std::move(file));
     if (std::filesystem::path(files.front()).extension() == ".json") {
         if (files.size() > 1)

@@ -55,7 +55,8 @@ constexpr const char *render_examples =
 TIFF with pages), a folder or a quoted glob pattern; or a scene: EXR files with the channels Z (depth in m) or P.X P.Y
 P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility and refresh; or a sequence.json or its
 folder. Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility. Values are
-linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE.
+linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE. Of a folder,
+what render itself wrote is left out: previews, and the frames of the run whose config.json lies there; not ideal_*.npy.
 
 Configuration: the options in the groups "Configuration" are also the keys of a JSON file, grouped as here:
   {"aperture": {"f_number": 8}, "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}
@@ -79,7 +80,8 @@ Examples:
 constexpr const char *statistics_examples =
     R"(Per frame: mean, standard deviation, contrast (their ratio), skewness, least and greatest value, share at the top code
 (of --bits, else of the file's integer type) and at 0, and the size of a speckle: full width at half maximum of the
-autocovariance along x and y (not with --mask, whose outline would be measured). Values are as stored.
+autocovariance along x and y (not with --mask, whose outline would be measured). Values are as stored. Of a folder, the
+previews that render wrote are left out.
 
 Examples:
   clspeckle statistics out/frame_*.png --bits 10

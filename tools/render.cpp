@@ -634,10 +634,10 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
             check(fmt::format("frame_{:06}.{}", i, Output::extension(format)));
         if (config.flag("render.save_ideal"))
             check(fmt::format("ideal_{:06}.npy", i));
-        if (config.flag("render.preview")) {
+        if (config.flag("render.preview"))
             check(fmt::format("preview_{:06}.png", i));
+        if (config.flag("render.preview") && config.flag("render.save_ideal"))
             check(fmt::format("ideal_preview_{:06}.png", i));
-        }
     }
 }
 

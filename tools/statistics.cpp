@@ -289,7 +289,7 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
     };
     std::vector<std::string> files;
     for (const std::string &argument : arguments.files)
-        for (std::string &file : expand(argument))
+        for (std::string &file : expand(argument, Purpose::measurement))
             files.push_back(std::move(file));
     std::optional<image_io::Plane> mask_plane;
     if (!arguments.mask.empty()) {

@@ -26,10 +26,6 @@ SensorParameters &sensor(Model &model, const char *effect) { return needed(model
 
 // Lines enough that no gap between them shows: neighbours turn by at most 4 s / (n - 1) standard deviations of height.
 constexpr std::uint32_t kLineCount = 9;
-// Steps within an exposure: the speckle's intensity correlation is smooth over a quarter of its length.
-constexpr double kStepsPerCorrelationLength = 4.0;
-constexpr double kMinSteps = 4.0, kMaxSteps = 64.0;
-
 std::vector<Effect> make_catalogue() {
     return {
     // Laser.
@@ -88,14 +84,9 @@ std::vector<Effect> make_catalogue() {
     // Motion.
     {"motion_decorrelation", "motion",
      "the speckle changes while the shutter is open, in frames drawn anew: path over correlation length",
-     "phase.cl: phase_advance", kSetsPipeline | kSetsPhase,
+     "phase.cl: phase_advance", kSetsPipeline,
      {{"lags", "1", 0.0, 16.0, 0.4, 2.5}},
-     [](Model &m, Values v) {
-         m.phase.dynamics = Dynamics::kContinuous;
-         m.pipeline.exposure_path = v[0];
-         m.pipeline.sub_exposures = static_cast<std::uint32_t>(
-             std::clamp(std::ceil(kStepsPerCorrelationLength * v[0]), kMinSteps, kMaxSteps));
-     }},
+     [](Model &m, Values v) { m.pipeline.exposure_path = v[0]; }},
     {"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
      "phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},

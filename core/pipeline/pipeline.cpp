@@ -14,8 +14,6 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kMaxSubExposures = kMaxSubstep;
-
 void check_parameters(const PipelineParameters &p) {
     check_not_negative(p.power_flicker, "power_flicker");
     check_not_negative(p.subsurface_length_px, "subsurface_length_px");
@@ -24,15 +22,10 @@ void check_parameters(const PipelineParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("subsurface_fraction is {}, but subsurface_length_px is 0; set it above 0",
                                 p.subsurface_fraction));
-    if (p.sub_exposures < 1 || p.sub_exposures > kMaxSubExposures)
+    if (p.sub_exposures > kMaxSubstep)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("sub_exposures is {}, it must be 1 to {}", p.sub_exposures, kMaxSubExposures));
+                    fmt::format("sub_exposures is {}, it must be 0 (automatic) to {}", p.sub_exposures, kMaxSubstep));
     check_not_negative(p.exposure_path, "exposure_path");
-    if (p.exposure_path > 0.0 && p.sub_exposures < 2)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("exposure_path is {}, which needs sub_exposures of 2 or more (about four per correlation "
-                                "length)",
-                                p.exposure_path));
     if (!(p.boiling_correlation_frames > 0.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("boiling_correlation_frames is {}, it must be above 0 (infinity: off)",
@@ -99,10 +92,17 @@ PipelineModel Pipeline::model() const {
         model.lens.width = stages_.aperture->grid().width;
         model.lens.height = stages_.aperture->grid().height;
     }
-    if (stages_.dots)
+    if (stages_.dots) {
+        // The stage's own list of dots stays; its pointers would not outlive a change.
         model.dots = stages_.dots->parameters();
-    if (stages_.sensor)
+        model.dots->count = 0;
+        model.dots->positions_px = model.dots->sigmas_px = model.dots->peaks = nullptr;
+    }
+    if (stages_.sensor) {
         model.sensor = stages_.sensor->parameters();
+        if (!dark_frame_.empty())
+            model.sensor->dark_frame_dn = dark_frame_.data();
+    }
     return model;
 }
 
@@ -126,12 +126,10 @@ void Pipeline::apply_stages(const PipelineModel &model, unsigned sets) {
 void Pipeline::apply_own(const PipelineModel &model) {
     const PipelineParameters &p = model.pipeline;
     check_parameters(p);
-    if (p.exposure_path > 0.0 && model.phase.dynamics != Dynamics::kContinuous)
+    const ExposureSteps steps = exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics);
+    if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(Status::kInvalidArgument,
-                    "exposure_path needs a phase with dynamics CLSP_DYNAMICS_CONTINUOUS");
-    if (boils(p) && model.phase.field != FieldKind::kCircularGaussian)
-        throw Error(Status::kInvalidArgument,
-                    "boiling_correlation_frames needs a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
+                    "boiling_correlation_frames and exposure_path need a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
     FieldParameters field;
     field.coherent_fraction = p.coherent_fraction;
     field.line_count = p.line_count;
@@ -148,6 +146,7 @@ void Pipeline::apply_own(const PipelineModel &model) {
     }
     stages_.aperture->field().configure(field);
     parameters_ = p;
+    exposure_steps_ = steps;
     airflow_ = std::move(airflow);
     allocate();
 }
@@ -174,7 +173,7 @@ void Pipeline::allocate() {
                     "above 0");
     const bool subsurface = p.subsurface_fraction > 0.0 || material_subsurface;
     // Where several fields are added, the ideal image cannot lie where the light is summed.
-    const bool many_fields = p.line_count > 1 || p.sub_exposures > 1 || stages_.materials;
+    const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || stages_.materials;
     image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
     image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
     image(distorted_, distorts, sizeof(float));
@@ -204,7 +203,16 @@ void Pipeline::allocate() {
                              "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
+void Pipeline::keep_dark_frame() {
+    if (!stages_.sensor || !dark_frame_.empty())
+        return;
+    const SensorParameters &p = stages_.sensor->parameters();
+    if (p.dark_frame_dn)
+        dark_frame_.assign(p.dark_frame_dn, p.dark_frame_dn + std::size_t{p.width} * p.height);
+}
+
 void Pipeline::use_effects(Effects effects) {
+    keep_dark_frame();
     const PipelineModel before = model();
     PipelineModel base = base_ ? *base_ : before;
     // What the host may have changed since: the exposure.
@@ -442,8 +450,11 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
     Exposure exposure;
     exposure.material = material;
     exposure.gain = std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
-    // What shakes or bends a still picture; in frames drawn anew nothing would show it.
-    if (!fresh || frame.refresh != Refresh::kAll) {
+    // What shakes or bends a still picture; in frames drawn anew nothing would show it. Those begin a scene of their own.
+    if (frame.refresh == Refresh::kAll) {
+        if (airflow_)
+            airflow_->reset();
+    } else {
         if (airflow_) {
             airflow_->enqueue_advance(chain, frame.frame_index);
             exposure.screen = &airflow_->screen();
@@ -455,13 +466,13 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
             exposure.moves_image = true;
         }
     }
-    const bool moves = p.exposure_path > 0.0 && frame.refresh == Refresh::kAll;
-    const std::uint32_t count = moves ? p.sub_exposures : 1;
+    const std::uint32_t count = frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
     exposure.gain /= count;
     for (std::uint32_t i = 0; i < count; ++i) {
         if (i > 0) {
             PhaseAdvance step;
-            step.uniform_path = p.exposure_path / count;
+            step.uniform_path = exposure_steps_.path;
+            step.uniform_correlation = exposure_steps_.correlation;
             step.substep = i;
             phase.enqueue_advance(chain, frame.frame_index, step);
             exposure.adds = true;

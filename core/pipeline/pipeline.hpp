@@ -1,6 +1,7 @@
 // A frame: light, motion, phase, aperture, lens, sensor, as one chain of commands.
 #pragma once
 
+#include "pipeline/exposure_steps.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"
 #include "stages/dots.hpp"
@@ -44,7 +45,7 @@ struct PipelineParameters {
     double power_flicker = 0.0;
     double coherent_fraction = 0.0; // surface, where no material says otherwise
     double subsurface_length_px = 0.0, subsurface_fraction = 0.0;
-    std::uint32_t sub_exposures = 1; // exposure
+    std::uint32_t sub_exposures = 0; // exposure; 0: as many as exposure_path takes
     double exposure_path = 0.0;
     double boiling_correlation_frames = std::numeric_limits<double>::infinity();
     AirflowParameters airflow;
@@ -106,6 +107,8 @@ class Pipeline {
     void apply_own(const PipelineModel &model);
     void apply_stages(const PipelineModel &model, unsigned sets);
     void use_effects(Effects effects);
+    // The sensor's dark frame, which changes of the sensor must not lose.
+    void keep_dark_frame();
     // Buffers and filters that the parameters ask for.
     void allocate();
     Checked check_frame(const Frame &frame);
@@ -115,8 +118,10 @@ class Pipeline {
     std::shared_ptr<Context> context_;
     PipelineStages stages_;
     PipelineParameters parameters_;
+    ExposureSteps exposure_steps_;
     Effects effects_;
     std::optional<PipelineModel> base_; // without effects; while there are any
+    std::vector<float> dark_frame_;
     // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's distortion; subsurface
     // fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,

@@ -12,8 +12,8 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kTilePx = 16;  // TILE_PX of dots.cl
-constexpr double kCutoff = 1e-7;       // of a dot's peak
+constexpr std::uint32_t kTilePx = 16; // TILE_PX of dots.cl
+constexpr double kCutoff = 1e-7;      // of a dot's peak
 constexpr double kSmallestSigma = 0.01;
 constexpr std::uint64_t kMaxMembers = std::uint64_t{1} << 27; // 512 MiB of indices
 constexpr std::uint64_t kMaxLatticeDots = 1024;               // that are asked for their neighbours
@@ -29,13 +29,15 @@ void check_finite(double value, const char *name) {
 
 void check_sigma(double value, const std::string &name, Status status) {
     if (!(value >= kSmallestSigma && value <= kMaxImageSide))
-        throw Error(status, fmt::format("{} is {}, it must be {} to {} px", name, value, kSmallestSigma, kMaxImageSide));
+        throw Error(status,
+                    fmt::format("{} is {}, it must be {} to {} px", name, value, kSmallestSigma, kMaxImageSide));
 }
 
 void check(const DotsParameters &p) {
     check_image_size(p.width, p.height, "the image of the dots");
     if (p.count == 0 || p.count > kMaxDots)
-        throw Error(Status::kInvalidArgument, fmt::format("count is {}, a pattern has 1 to {} dots", p.count, kMaxDots));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("count is {}, a pattern has 1 to {} dots", p.count, kMaxDots));
     if (!p.positions_px)
         throw Error(Status::kInvalidArgument,
                     fmt::format("positions_px is NULL; it must point to x and y of {} dots", p.count));
@@ -46,9 +48,11 @@ void check(const DotsParameters &p) {
         check_finite((*p.principal_point_px)[1], "principal_point_y_px");
     }
     if (!(p.relative_wavelength_shift > -1.0 && p.relative_wavelength_shift <= 1.0))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("relative_wavelength_shift is {}, it must be above -1 and at most 1 (0.01 is a wavelength 1 % longer)",
-                                p.relative_wavelength_shift));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format(
+                "relative_wavelength_shift is {}, it must be above -1 and at most 1 (0.01 is a wavelength 1 % longer)",
+                p.relative_wavelength_shift));
     if (!(std::abs(p.beam_skew) <= 3.0))
         throw Error(Status::kInvalidArgument, fmt::format("beam_skew is {}, it must be -3 to 3", p.beam_skew));
     check_finite(p.beam_skew_angle_rad, "beam_skew_angle_rad");
@@ -107,8 +111,7 @@ Vector2 lattice_offset(const std::vector<double> &positions) {
             const double dx = x(i) - x(j), dy = y(i) - y(j), distance2 = dx * dx + dy * dy;
             const bool right = dx > 0.0 && std::abs(dy) <= dx, down = dy > 0.0 && std::abs(dx) < dy;
             Neighbour &best = nearest[down ? 1 : 0];
-            if ((right || down) &&
-                (distance2 < best.distance2 || (distance2 == best.distance2 && i < best.index)))
+            if ((right || down) && (distance2 < best.distance2 || (distance2 == best.distance2 && i < best.index)))
                 best = {distance2, i};
             return dy * dy <= std::max(nearest[0].distance2, dy > 0.0 ? nearest[1].distance2 : 0.0);
         };
@@ -123,9 +126,10 @@ Vector2 lattice_offset(const std::vector<double> &positions) {
             }
     }
     if (found[0].empty() && found[2].empty())
-        throw Error(Status::kInvalidArgument,
-                    "ghost_relative_intensity is not 0, but the dots are no lattice that says where the ghosts lie; give "
-                    "ghost_offset_x_px and ghost_offset_y_px, and set ghost_offset_given to 1");
+        throw Error(
+            Status::kInvalidArgument,
+            "ghost_relative_intensity is not 0, but the dots are no lattice that says where the ghosts lie; give "
+            "ghost_offset_x_px and ghost_offset_y_px, and set ghost_offset_given to 1");
     Vector2 offset{0.0, 0.0};
     for (std::size_t way = 0; way < 2; ++way)
         for (std::size_t axis = 0; axis < 2; ++axis)
@@ -148,8 +152,8 @@ std::vector<Dot> all_dots(const DotsParameters &p, const std::vector<double> &po
         const double sigma = sigmas.empty() ? p.sigma_px : sigmas[j], peak = peaks.empty() ? 1.0 : peaks[j];
         sum_of_sigmas += sigma;
         sum_of_peaks += peak;
-        dots.push_back({c[0] + stretch * (positions[2 * j] + dx - c[0]), c[1] + stretch * (positions[2 * j + 1] + dy - c[1]),
-                        sigma, relative * p.scale * peak});
+        dots.push_back({c[0] + stretch * (positions[2 * j] + dx - c[0]),
+                        c[1] + stretch * (positions[2 * j + 1] + dy - c[1]), sigma, relative * p.scale * peak});
     };
     for (std::uint64_t j = 0; j < p.count; ++j)
         add(j, 0.0, 0.0, 1.0);
@@ -203,8 +207,9 @@ Binned bin(const std::vector<Dot> &dots, double radius_sigmas, double flux, std:
         const double r = radius_sigmas * dot.sigma;
         const auto tile_range = [&](double centre, std::uint32_t tiles) {
             const double low = std::floor((centre - r) / kTilePx), high = std::floor((centre + r) / kTilePx);
-            return std::pair<std::uint32_t, std::uint32_t>(static_cast<std::uint32_t>(std::clamp(low, 0.0, tiles - 1.0)),
-                                                           static_cast<std::uint32_t>(std::clamp(high, 0.0, tiles - 1.0)));
+            return std::pair<std::uint32_t, std::uint32_t>(
+                static_cast<std::uint32_t>(std::clamp(low, 0.0, tiles - 1.0)),
+                static_cast<std::uint32_t>(std::clamp(high, 0.0, tiles - 1.0)));
         };
         const auto [x_low, x_high] = tile_range(dot.x, tiles_x);
         const auto [y_low, y_high] = tile_range(dot.y, tiles_y);
@@ -227,10 +232,11 @@ Binned bin(const std::vector<Dot> &dots, double radius_sigmas, double flux, std:
             ++members;
         });
         if (members > kMaxMembers)
-            throw Error(Status::kUnsupported,
-                        fmt::format("the dots reach too many tiles of the image ({} sigma each way): more than {} pairs of "
-                                    "dot and tile; use fewer or narrower dots",
-                                    radius_sigmas, kMaxMembers));
+            throw Error(
+                Status::kUnsupported,
+                fmt::format("the dots reach too many tiles of the image ({} sigma each way): more than {} pairs of "
+                            "dot and tile; use fewer or narrower dots",
+                            radius_sigmas, kMaxMembers));
     }
     for (std::size_t tile = 0; tile < tiles; ++tile)
         result.first[tile + 1] += result.first[tile];
@@ -293,13 +299,15 @@ Dots::State Dots::make_state(DotsParameters p) const {
     state.power = static_cast<cl_float>(power);
     state.tiles_x = (p.width + kTilePx - 1) / kTilePx;
     state.tiles_y = (p.height + kTilePx - 1) / kTilePx;
-    const Binned binned = bin(all_dots(p, state.positions_px, state.sigmas_px, state.peaks), support(p.beam_skew, power),
-                              skewed_flux(p.beam_skew), p.width, p.height, state.tiles_x, state.tiles_y);
+    const Binned binned =
+        bin(all_dots(p, state.positions_px, state.sigmas_px, state.peaks), support(p.beam_skew, power),
+            skewed_flux(p.beam_skew), p.width, p.height, state.tiles_x, state.tiles_y);
     state.first = upload(context_, binned.first);
     state.members = upload(context_, binned.members);
     state.nearest = upload(context_, binned.nearest);
     state.shape = upload(context_, binned.shape);
-    const std::string defines = fmt::format("-DSKEW={} -DFLAT_TOP={} -DSCATTER={}", skewed ? 1 : 0, flat ? 1 : 0, scattered ? 1 : 0);
+    const std::string defines =
+        fmt::format("-DSKEW={} -DFLAT_TOP={} -DSCATTER={}", skewed ? 1 : 0, flat ? 1 : 0, scattered ? 1 : 0);
     state.render = context_->kernel("dots.cl", "dots_render", defines);
     if (scattered) {
         state.kept = static_cast<cl_float>(1.0 - p.scatter_fraction);
@@ -343,8 +351,9 @@ void Dots::enqueue_render(CommandChain &chain, const ImageView &irradiance) {
     check_writable(irradiance, "irradiance");
     if (irradiance.width != state_.parameters.width || irradiance.height != state_.parameters.height)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("irradiance is {} x {} pixels (width x height), the dots' image is {} x {}", irradiance.width,
-                                irradiance.height, state_.parameters.width, state_.parameters.height));
+                    fmt::format("irradiance is {} x {} pixels (width x height), the dots' image is {} x {}",
+                                irradiance.width, irradiance.height, state_.parameters.width,
+                                state_.parameters.height));
     KernelArguments arguments(state_.render);
     add_common_arguments(arguments, state_);
     arguments.add(state_.kept).add(state_.background).add(irradiance);

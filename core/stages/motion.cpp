@@ -181,11 +181,10 @@ Motion::Views Motion::resolve(const MotionInput &input, bool with_shift) const {
     in.roll = input.roll_from_motion;
     if (in.roll && in.mode != Mode::kMotionVectors)
         fail("roll_from_motion needs motion");
-    const bool projects = in.mode != Mode::kMotionVectors && (with_shift || in.history);
-    if (parameters_.fx_px == 0.0 && (!in.has_position || projects || (in.history && !in.history_position)))
-        fail("fx_px and fy_px are 0; depth images, and the shift of points between frames, need the camera's focal "
-             "length in pixels "
-             "(fx_px, fy_px, cx_px, cy_px of ClspMotionDesc)");
+    if (parameters_.fx_px == 0.0 && (!in.has_position || with_shift || in.history))
+        fail("fx_px and fy_px are 0; depth images, motion vectors, shifts and the previous frame's images need the "
+             "focal "
+             "length in pixels (fx_px, fy_px, cx_px, cy_px of ClspMotionDesc)");
     if (in.mode == Mode::kOneTransform || in.mode == Mode::kTransforms)
         for (std::uint32_t i = 0; i < input.transform_count; ++i)
             body_of(input.previous_from_current + std::size_t{12} * i, i);

@@ -59,9 +59,8 @@ void check_electrons(const SensorParameters &p) {
     check_temperature(p.temperature_c, "temperature_c");
     check_not_negative(p.exposure_time_s, "exposure_time_s");
     if (p.dark_current_e_per_s > 0.0 && p.conversion_gain_dn_per_e == 0.0)
-        throw Error(
-            Status::kInvalidArgument,
-            "dark_current_e_per_s needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
+        throw Error(Status::kInvalidArgument,
+                    "dark_current_e_per_s needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
     const double dark = dark_signal_of(p);
     if (!(dark <= kLargestNumber))
         throw Error(Status::kInvalidArgument,

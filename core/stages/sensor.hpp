@@ -76,7 +76,7 @@ class Sensor {
 
     std::shared_ptr<Context> context_;
     SensorParameters parameters_;
-    std::vector<float> dark_frame_; // tightly packed; empty without one
+    std::vector<float> dark_frame_;                                            // tightly packed; empty without one
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
     bool lag_started_ = false;
     std::map<Format, cl::Kernel> kernels_;          // by output format

@@ -332,6 +332,8 @@ def test_kernel_folder_that_is_wrong(refused, ideal: Path, tmp_path: Path) -> No
     (tmp_path / "kernels" / "sensor.cl").write_text("this is not OpenCL C")
     environment = {**os.environ, "CLSPECKLE_KERNEL_DIR": str(tmp_path / "kernels")}
     assert "sensor" in refused("render", ideal, "-o", "out", code=2, env=environment)
+    environment["CLSPECKLE_KERNEL_DIR"] = str(tmp_path / "no such folder")
+    assert "no such folder" in refused("render", ideal, "-o", "out", code=2, env=environment)
 
 
 def test_png_of_two_sizes_in_a_row(refused, tmp_path: Path) -> None:

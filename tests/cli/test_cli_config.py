@@ -202,6 +202,8 @@ BAD_CONFIGS = [
     ('{"aperture": 5}', ['section "aperture" must be an object']),
     ("[1, 2]", ["a JSON object"]),
     ('{"aperture": {"f_number": 8}', ["not valid JSON", "line 1"]),
+    ('{"aperture": {"f_number": 8, "f_number": 8}}', ['"aperture.f_number" is given twice']),
+    ('{"render": {"seed": 1}, "render": {"frames": 2}}', ['"render" is given twice']),
     ("", ["is empty"]),
     ("\x00\x01", ["not valid JSON"]),
     ("[" * 100000, ["not valid JSON"]),

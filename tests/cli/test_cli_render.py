@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import cli_images as images
+import imageio.v3 as iio
 import numpy as np
 import pytest
 from cli_support import frames
@@ -286,3 +287,129 @@ def test_an_image_of_another_size_is_refused_before_the_first_frame(refused, tmp
     np.save(tmp_path / "image_1.npy", images.real()[:20])
     error = refused("render", "image_0.npy", "image_1.npy", "-o", "out", *QUICK)
     assert "image_1.npy" in error and "40 x 20" in error and "40 x 28" in error
+
+
+def test_a_stack_of_another_size_is_refused_before_the_first_frame(refused, tmp_path: Path) -> None:
+    np.save(tmp_path / "stack_0.npy", np.ones((3, *images.real().shape), np.float32))
+    np.save(tmp_path / "stack_1.npy", np.ones((3, 20, 40), np.float32))
+    error = refused("render", "stack_*.npy", "-o", "out", *QUICK)
+    assert "stack_1.npy" in error and "40 x 20" in error and "40 x 28" in error
+
+
+# --- The output never replaces the input ---
+
+OWN_INPUT = {
+    "frame": ("frame_000000.npy", ["--format", "npy"]),
+    "later frame": ("frame_000007.npy", ["--format", "npy", "--first-frame", 5, "--frames", 3]),
+    "stack": ("frames.npy", ["--format", "npy-stack"]),
+    "ideal image": ("ideal_000000.npy", ["--save-ideal"]),
+    "preview": ("preview_000000.png", ["--preview"]),
+    "preview of the ideal image": ("ideal_preview_000000.png", ["--preview", "--save-ideal"]),
+}
+
+
+@pytest.mark.parametrize("what", OWN_INPUT)
+def test_output_over_the_input_is_refused(cli, refused, tmp_path: Path, what: str) -> None:
+    """By its name, through another path, and through a link; nothing is written, and another folder is fine."""
+    name, arguments = OWN_INPUT[what]
+    folder = tmp_path / "in"
+    folder.mkdir()
+    if name.endswith(".png"):
+        iio.imwrite(folder / name, (images.real() * 60000).clip(0, 65535).astype(np.uint16))
+    else:
+        np.save(folder / name, images.real())
+    before = (folder / name).read_bytes()
+    (tmp_path / f"link{Path(name).suffix}").symlink_to(folder / name)
+    for given in (f"in/{name}", f"in/../in/{name}", f"link{Path(name).suffix}"):
+        message = refused("render", given, "-o", "in", *arguments)
+        assert f"would overwrite the input {given}" in message and "--output" in message
+    assert (folder / name).read_bytes() == before
+    assert [path.name for path in folder.iterdir()] == [name]
+    assert cli("render", f"in/{name}", "-o", "out", *arguments).code == 0
+
+
+def test_output_over_other_inputs_is_refused(refused, ideal: Path, tmp_path: Path) -> None:
+    """A refresh mask, a dark frame and a pupil image are inputs as well."""
+    (tmp_path / "in").mkdir()
+    shape = np.load(ideal).shape
+    iio.imwrite(tmp_path / "in" / "preview_000000.png", np.zeros(shape, np.uint8))
+    np.save(tmp_path / "in" / "frame_000000.npy", np.zeros(shape, np.float32))
+    for option, name, arguments in (
+        ("--refresh-mask", "preview_000000.png", []),
+        ("--dark-frame", "frame_000000.npy", ["--format", "npy"]),
+        ("--pupil-image", "preview_000000.png", []),
+    ):
+        message = refused("render", ideal, "-o", "in", option, f"in/{name}", *arguments)
+        assert "would overwrite the input" in message and name in message
+
+
+# --- A folder as input ---
+
+
+def test_a_folder_with_the_results_of_a_run(ok, refused, tmp_path: Path) -> None:
+    """Previews and frames of a run are no ideal images; ideal_*.npy are, and so is what a renderer called frame_*."""
+    folder = tmp_path / "both"
+    folder.mkdir()
+    for i in range(2):
+        np.save(folder / f"view_{i}.npy", images.real() * (i + 1))
+    ok("render", "both", "-o", "expected", *QUICK)
+    expected = frames(tmp_path / "expected")
+    assert len(expected) == 2
+
+    ok("render", "both", "-o", "both", "--format", "npy", "--save-ideal", "--preview")
+    assert len(list(folder.glob("preview_*.png"))) == len(list(folder.glob("ideal_preview_*.png"))) == 2
+    for i in range(2):
+        (folder / f"view_{i}.npy").unlink()
+    ok("render", "both", "-o", "again", *QUICK)
+    for got, wanted in zip(frames(tmp_path / "again"), expected):
+        np.testing.assert_array_equal(got, wanted)
+    assert len(frames(tmp_path / "again")) == 2
+
+    for path in folder.glob("ideal_*.npy"):
+        path.unlink()
+    message = refused("render", "both", "-o", "out")
+    assert "both: the folder holds only what an earlier run wrote" in message
+    (folder / "config.json").unlink()  # now nobody knows whose frames they are
+    ok("render", "both", "-o", "from_frames", *QUICK)
+    assert len(frames(tmp_path / "from_frames")) == 2
+
+
+def test_frames_of_another_kind_than_the_run_wrote_stay(ok, tmp_path: Path) -> None:
+    """A renderer's frame_*.npy beside a run of 16-bit PNG files."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    np.save(folder / "frame_000000.npy", images.real())
+    ok("render", "mine", "-o", "mine", "--no-preview")
+    assert (folder / "frame_000000.png").is_file()
+    ok("render", "mine", "-o", "out", *QUICK)
+    assert len(frames(tmp_path / "out")) == 1
+    (folder / "config.json").write_text('{"another": "program"}')
+    (folder / "frame_000000.npy").unlink()
+    ok("render", "mine", "-o", "other", *QUICK)
+    assert len(frames(tmp_path / "other")) == 1
+
+
+def test_statistics_of_the_folder_of_a_run(ok, ideal: Path) -> None:
+    """The frames, not their previews."""
+    ok("render", ideal, "-o", "run", "--frames", 2)
+    found = ok("statistics", "run", "--json").json()["frames"]
+    assert [Path(frame["file"]).name for frame in found] == ["frame_000000.png", "frame_000001.png"]
+
+
+# --- Exit codes ---
+
+
+def test_too_large_a_grid_is_wrong_usage(refused, tmp_path: Path) -> None:
+    """Told before a device is looked for: exit code 1 even where there is none."""
+    np.save(tmp_path / "wide.npy", np.ones((2, 16384), np.float32))
+    (tmp_path / "vendors").mkdir()
+    no_device = {
+        **os.environ,
+        "OCL_ICD_VENDORS": str(tmp_path / "vendors"),
+        "OPENCL_VENDOR_PATH": str(tmp_path / "vendors"),
+    }
+    for arguments in (["--oversampling", 8], ["--guard-px", 16384]):
+        for settings in ({}, {"env": no_device}):
+            message = refused("render", "wide.npy", "-o", "out", *arguments, **settings)
+            assert "grid" in message, message
+    refused("render", "wide.npy", "-o", "out", code=2, env=no_device)

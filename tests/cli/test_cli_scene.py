@@ -226,6 +226,26 @@ def test_bad_sequences(refused, scene: Path, changes: dict, words: list[str]) ->
         assert word in message
 
 
+def test_a_key_given_twice_in_a_sequence(refused, scene: Path) -> None:
+    text = json.dumps(sequence()).replace('"version": 1', '"version": 1, "version": 1')
+    assert text.count('"version"') == 2
+    (scene / "sequence.json").write_text(text)
+    assert 'sequence.json: the key "version" is given twice' in refused("render", "sequence.json", "-o", "out")
+
+
+def test_sizes_of_a_series_are_checked_before_its_first_frame(refused, scene: Path) -> None:
+    """A scene of another size at the end of the series, and a plane with a wrong number of frames."""
+    small = {name: np.ascontiguousarray(plane[:20]) for name, plane in channels().items()}
+    images.exr(scene / "scene_later.exr", small)
+    message = refused("render", "scene.exr", "scene_later.exr", "-o", "out", *CAMERA, *PATTERN, *LASER)
+    assert "scene_later.exr" in message and "48 x 20" in message and "48 x 36" in message
+    np.save(scene / "three.npy", np.stack([albedo()] * 3))
+    message = refused(
+        "render", "scene.exr", "scene.exr", "--albedo", "three.npy", "-o", "out", *CAMERA, *PATTERN, *LASER
+    )
+    assert "three.npy" in message and "3 frames" in message and "1 or 2" in message
+
+
 def test_packed_frames_are_pointed_out(refused, scene: Path) -> None:
     (scene / "sequence.json").write_text(json.dumps(sequence(frames=["other.exr"])))
     with tarfile.open(scene / "frames.tar.xz", "w:xz") as archive:

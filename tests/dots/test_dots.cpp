@@ -36,7 +36,8 @@ class Dots : public DeviceTest {
     }
 };
 
-// Sums over pixels stand for integrals below: for sigma = 2 the aliasing error of a Gaussian is 2 exp(-2 pi^2 sigma^2) < 1e-33.
+// Sums over pixels stand for integrals below: for sigma = 2 the aliasing error of a Gaussian is 2 exp(-2 pi^2 sigma^2)
+// < 1e-33.
 constexpr double two_pi = 2 * M_PI, sigma = 2.0;
 
 TEST_F(Dots, InitFunctionWritesDefaults) {
@@ -99,8 +100,8 @@ template <typename Visit> std::array<double, 4> moments_of(Visit visit) {
 }
 
 TEST_F(Dots, SkewKeepsLightAndHasItsSkewness) {
-    // One dot against the moments of the profile along the axis, in sigmas, summed finely. Where the profile is clipped it has a kink, and a
-    // sum over pixels differs from an integral by some 1e-4.
+    // One dot against the moments of the profile along the axis, in sigmas, summed finely. Where the profile is clipped
+    // it has a kink, and a sum over pixels differs from an integral by some 1e-4.
     auto desc = valid();
     const double centre[] = {35.3, 34.8};
     desc.positions_px = centre;
@@ -215,7 +216,8 @@ TEST_F(Dots, GhostsLieBetweenTheDots) {
     const auto given = render(desc);
     for (std::size_t i = 0; i < given.size(); ++i)
         EXPECT_NEAR(given[i], automatic[i], 1e-6) << i;
-    // All cells are alike, so the ghosts hold a quarter of the dots' light wherever no edge is near; a mean over many cells.
+    // All cells are alike, so the ghosts hold a quarter of the dots' light wherever no edge is near; a mean over many
+    // cells.
     EXPECT_NEAR(1.25, sum(given) / sum(without), 0.02);
 
     // Ghosts where they are told, as single dots.
@@ -371,7 +373,8 @@ TEST_F(Dots, CreateRefusesBadArguments) {
         clspDotsRelease(made);
         return status;
     });
-    const auto fails_as = [&](ClspStatus expected, const char *word, const std::function<void(ClspDotsDesc &)> &change) {
+    const auto fails_as = [&](ClspStatus expected, const char *word,
+                              const std::function<void(ClspDotsDesc &)> &change) {
         ClspDotsDesc changed = desc;
         change(changed);
         EXPECT_CLSP_FAILS(expected, word, clspDotsCreate(context, &changed, &dots));

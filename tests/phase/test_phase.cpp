@@ -1,7 +1,9 @@
 // The phase state: field grid, refresh by mask, field, saving and restoring, and what bad arguments get.
 #include "test_support.hpp"
 
+#include <cmath>
 #include <complex>
+#include <cstddef>
 
 namespace {
 
@@ -76,6 +78,158 @@ TEST_F(Phase, DescInit) {
     EXPECT_EQ(CLSP_FIELD_CIRCULAR_GAUSSIAN, desc.field);
     EXPECT_EQ(2u, desc.polarization_count);
     EXPECT_EQ(0u, desc.seed);
+    EXPECT_EQ(CLSP_DYNAMICS_REPLACE, desc.dynamics);
+    EXPECT_EQ(0u, desc.translate);
+    test::check_init<ClspPhaseAdvance>("clspPhaseAdvanceInit", clspPhaseAdvanceInit);
+    const auto advance = clspeckle::make<ClspPhaseAdvance>();
+    EXPECT_EQ(0u, advance.substep);
+    EXPECT_EQ(0.0, advance.uniform_path);
+    EXPECT_EQ(1.0, advance.uniform_correlation);
+}
+
+TEST_F(Phase, CallerOfTheFirstReleaseGetsItsDefaults) {
+    // Its description ended with the seed.
+    static_assert(offsetof(ClspPhaseDesc, dynamics) == 40, "members are appended");
+    auto desc = valid();
+    desc.struct_size = 40;
+    desc.dynamics = desc.translate = 0xffffffffu; // not the caller's memory
+    const clspeckle::Phase old(context, desc), now(context, valid());
+    EXPECT_EQ(now.state_size(), old.state_size());
+    old.enqueue_refresh(queue, 3);
+    now.enqueue_refresh(queue, 3);
+    EXPECT_EQ(field(now, 1), field(old, 1));
+}
+
+TEST_F(Phase, StateSizes) {
+    // Bytes per sample as phase.h documents them.
+    const auto bytes = [&](std::uint32_t kind, std::uint32_t dynamics, std::uint32_t polarizations,
+                           std::uint32_t translate) {
+        auto desc = valid();
+        desc.field = kind;
+        desc.dynamics = dynamics;
+        desc.polarization_count = polarizations;
+        desc.translate = translate;
+        return static_cast<double>(clspeckle::Phase(context, desc).state_size()) / (width * height);
+    };
+    EXPECT_EQ(8.0, bytes(CLSP_FIELD_UNIT_PHASOR, CLSP_DYNAMICS_REPLACE, 2, 0));
+    EXPECT_EQ(8.0, bytes(CLSP_FIELD_CIRCULAR_GAUSSIAN, CLSP_DYNAMICS_REPLACE, 1, 0));
+    EXPECT_EQ(16.0, bytes(CLSP_FIELD_CIRCULAR_GAUSSIAN, CLSP_DYNAMICS_REPLACE, 2, 0));
+    EXPECT_EQ(20.0, bytes(CLSP_FIELD_CIRCULAR_GAUSSIAN, CLSP_DYNAMICS_CONTINUOUS, 1, 0));
+    EXPECT_EQ(36.0, bytes(CLSP_FIELD_CIRCULAR_GAUSSIAN, CLSP_DYNAMICS_CONTINUOUS, 2, 0));
+    EXPECT_EQ(44.0, bytes(CLSP_FIELD_CIRCULAR_GAUSSIAN, CLSP_DYNAMICS_CONTINUOUS, 2, 1));
+}
+
+TEST_F(Phase, AdvanceRefusesBadArguments) {
+    auto desc = valid();
+    desc.dynamics = CLSP_DYNAMICS_CONTINUOUS;
+    desc.translate = 1;
+    const clspeckle::Phase phase(context, desc);
+    const auto path = floats(std::vector<float>(width * height, 0.1f), width, height);
+    const auto correlation = floats(std::vector<float>(width * height, 0.9f), width, height);
+    const auto shift = upload(std::vector<float>(2 * width * height, 0.0f), width, height, CLSP_FORMAT_FLOAT32X2);
+    const auto mask = upload(std::vector<std::uint8_t>(width * height, 0), width, height, CLSP_FORMAT_UINT8);
+    auto advance = clspeckle::make<ClspPhaseAdvance>();
+    advance.path = path.view;
+    advance.correlation = correlation.view;
+    advance.shift = shift.view;
+    advance.mask = mask.view;
+    const auto call = [&](ClspPhase p, const ClspPhaseAdvance *a, std::uint64_t frame_index = 1) {
+        return clspPhaseEnqueueAdvance(p, queue, frame_index, a, 0, nullptr, nullptr);
+    };
+    const auto fails = [&](ClspStatus status, const std::string &word, ClspStatus got) {
+        EXPECT_TRUE(test::failed_as("clspPhaseEnqueueAdvance", got, status, word)) << word;
+    };
+    test::poison_last_error("clspPhaseEnqueueAdvance");
+    fails(CLSP_ERROR_INVALID_STATE, "refresh", call(phase, &advance));
+    phase.enqueue_refresh(queue, 0);
+    fails(CLSP_ERROR_INVALID_HANDLE, "phase", call(nullptr, &advance));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "advance", call(phase, nullptr));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frame_index", call(phase, &advance, std::uint64_t{1} << 48));
+    test::check_struct_size<ClspPhaseAdvance>("clspPhaseEnqueueAdvance", advance,
+                                              [&](ClspPhaseAdvance *a) { return call(phase, a); });
+    test::check_enqueue_rules("clspPhaseEnqueueAdvance", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueAdvance(phase, q, 2, &advance, count, events, event);
+                              });
+    // With nothing to do there is still an event.
+    const auto nothing = clspeckle::make<ClspPhaseAdvance>();
+    test::check_enqueue_rules("clspPhaseEnqueueAdvance", context,
+                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
+                                  return clspPhaseEnqueueAdvance(phase, q, 2, &nothing, count, events, event);
+                              });
+    using Member = ClspImage ClspPhaseAdvance::*;
+    const auto image_rules = [&](Member member, const char *name, std::uint32_t format) {
+        const auto changed = [&](const ClspImage *image) {
+            ClspPhaseAdvance a = advance;
+            a.*member = *image;
+            return call(phase, &a);
+        };
+        test::check_image_rules("clspPhaseEnqueueAdvance", context, advance.*member, name, format, changed, true);
+        test::check_image_size_must_match("clspPhaseEnqueueAdvance", context, advance.*member, name, changed);
+    };
+    image_rules(&ClspPhaseAdvance::path, "path", CLSP_FORMAT_FLOAT32X2);
+    image_rules(&ClspPhaseAdvance::correlation, "correlation", CLSP_FORMAT_UINT8);
+    image_rules(&ClspPhaseAdvance::shift, "shift", CLSP_FORMAT_FLOAT32);
+    image_rules(&ClspPhaseAdvance::mask, "mask", CLSP_FORMAT_FLOAT32);
+    const auto refuses = [&](const clspeckle::Phase &p, const std::string &word,
+                             const std::function<void(ClspPhaseAdvance &)> &change) {
+        auto changed = clspeckle::make<ClspPhaseAdvance>();
+        change(changed);
+        test::poison_last_error("clspPhaseEnqueueAdvance");
+        fails(CLSP_ERROR_INVALID_ARGUMENT, word, call(p, &changed));
+    };
+    for (const double wrong : {-1.0, std::nan("")})
+        refuses(phase, "uniform_path", [&](ClspPhaseAdvance &a) { a.uniform_path = wrong; });
+    for (const double wrong : {-0.1, 1.1, std::nan(""), HUGE_VAL})
+        refuses(phase, "uniform_correlation", [&](ClspPhaseAdvance &a) { a.uniform_correlation = wrong; });
+    refuses(phase, "substep", [](ClspPhaseAdvance &a) { a.substep = 128; });
+    refuses(phase, "both path", [&](ClspPhaseAdvance &a) {
+        a.path = path.view;
+        a.uniform_path = 1.0;
+    });
+    refuses(phase, "both correlation", [&](ClspPhaseAdvance &a) {
+        a.correlation = correlation.view;
+        a.uniform_correlation = 0.5;
+    });
+    const clspeckle::Phase kept_or_replaced(context, valid());
+    kept_or_replaced.enqueue_refresh(queue, 0);
+    refuses(kept_or_replaced, "CONTINUOUS", [&](ClspPhaseAdvance &a) { a.path = path.view; });
+    refuses(kept_or_replaced, "CONTINUOUS", [](ClspPhaseAdvance &a) { a.uniform_path = HUGE_VAL; });
+    refuses(kept_or_replaced, "translate", [&](ClspPhaseAdvance &a) { a.shift = shift.view; });
+    desc = valid();
+    desc.field = CLSP_FIELD_UNIT_PHASOR;
+    const clspeckle::Phase phasors(context, desc);
+    phasors.enqueue_refresh(queue, 0);
+    refuses(phasors, "UNIT_PHASOR", [](ClspPhaseAdvance &a) { a.uniform_correlation = 0.5; });
+    refuses(phasors, "UNIT_PHASOR", [&](ClspPhaseAdvance &a) { a.correlation = correlation.view; });
+    queue.finish();
+    EXPECT_CLSP_OK(clspPhaseCheck(phase, queue));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseCheck(nullptr, queue));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspPhaseCheck(phase, nullptr));
+}
+
+TEST_F(Phase, AdvanceReportsBadPixels) {
+    auto desc = valid();
+    desc.dynamics = CLSP_DYNAMICS_CONTINUOUS;
+    desc.oversampling = 2; // and a padded grid: a pixel counts once
+    desc.guard_px = 1;
+    const clspeckle::Phase phase(context, desc);
+    phase.enqueue_refresh(queue, 0);
+    std::vector<float> values(width * height, 0.0f);
+    values[3 * width + 7] = std::nanf("");
+    values[3 * width + 8] = -1.0f;
+    values[width * height - 1] = -HUGE_VALF; // the corner, which the padding repeats
+    values[5] = HUGE_VALF;                   // replaced, not bad
+    const auto path = floats(values, width, height);
+    auto advance = clspeckle::make<ClspPhaseAdvance>();
+    advance.path = path.view;
+    phase.enqueue_advance(queue, 1, advance);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "2 pixels", clspPhaseCheck(phase, queue));
+    EXPECT_CLSP_OK(clspPhaseCheck(phase, queue));
+    phase.enqueue_advance(queue, 2, advance);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "1 with one out of range", clspPhaseCheck(phase, queue));
+    phase.enqueue_advance(queue, 3, advance);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "x = 7, y = 3", clspPhaseCheck(phase, queue));
 }
 
 TEST_F(Phase, UnitPhasorsHaveMagnitudeOneAndPolarizationsDiffer) {
@@ -225,6 +379,12 @@ TEST_F(Phase, CreateRefusesBadArguments) {
     fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 0; });
     fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 3; });
     fails("reserved", [](ClspPhaseDesc &d) { d.reserved = 1; });
+    fails("dynamics", [](ClspPhaseDesc &d) { d.dynamics = 2; });
+    fails("translate", [](ClspPhaseDesc &d) { d.translate = 2; });
+    fails("CIRCULAR_GAUSSIAN", [](ClspPhaseDesc &d) {
+        d.dynamics = CLSP_DYNAMICS_CONTINUOUS;
+        d.field = CLSP_FIELD_UNIT_PHASOR;
+    });
 }
 
 TEST_F(Phase, EnqueueRefusesBadArguments) {

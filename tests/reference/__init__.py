@@ -4,6 +4,6 @@ apart from the kernels: the oracle that the tests compare the library with.
 One module per stage, named as in the library, and `theory` for the closed-form speckle statistics (Goodman).
 """
 
-from . import aperture, pattern, phase, philox, pipeline, sensor, statistics, theory
+from . import aperture, dots, pattern, phase, philox, pipeline, sensor, statistics, theory
 
-__all__ = ["aperture", "pattern", "phase", "philox", "pipeline", "sensor", "statistics", "theory"]
+__all__ = ["aperture", "dots", "pattern", "phase", "philox", "pipeline", "sensor", "statistics", "theory"]

@@ -1,10 +1,11 @@
-"""From intensity to codes (sensor.h; thesis sections 3.2.1 to 3.2.3)."""
+"""From intensity to codes (sensor.h, its steps by number; thesis sections 3.2.1 to 3.2.3)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.stats
 from numpy.typing import NDArray
 
 from . import philox
@@ -13,6 +14,17 @@ STREAM_READ_NOISE = 0x10
 STREAM_HOT = 0x11
 STREAM_HOT_OFFSET = 0x12
 STREAM_COLD = 0x13
+STREAM_PRNU = 0x14
+STREAM_DSNU = 0x15
+STREAM_COLUMN_OFFSET = 0x16
+STREAM_ROW_NOISE = 0x17
+STREAM_SHOT_NORMAL = 0x18
+STREAM_SHOT_UNIFORM = 0x19
+STREAM_READ_NOISE_SPREAD = 0x1A
+STREAM_COLUMN_NOISE = 0x1B
+
+POISSON_BY_UNIFORM_BELOW = 12.0
+"""Mean from which the Poisson deviate takes a normal instead of a uniform."""
 
 
 @dataclass
@@ -33,6 +45,33 @@ class Sensor:
     float_full_scale: float = 1.0
     dark_frame_dn: NDArray | None = None
     quantize: bool = True
+    conversion_gain_dn_per_e: float = 0.0
+    photons_per_unit: float = 0.0
+    quantum_efficiency: float = 1.0
+    full_well_e: float = 0.0
+    crosstalk_fraction: float = 0.0
+    prnu: float = 0.0
+    mosaic_gain: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    dark_current_e_per_s: float = 0.0
+    dark_current_reference_temperature_c: float = 25.0
+    dark_current_doubling_k: float = 8.0
+    temperature_c: float = 25.0
+    exposure_time_s: float = 0.01
+    lag_fraction: float = 0.0
+    gamma: float = 1.0
+    dsnu_dn: float = 0.0
+    column_offset_dn: float = 0.0
+    row_noise_dn: float = 0.0
+    column_noise_dn: float = 0.0
+    read_noise_spread: float = 0.0
+    shot_noise: bool = False
+    effective_bits: int = 0
+
+    def __post_init__(self) -> None:
+        if self.photons_per_unit:
+            self.exposure_gain_dn = self.conversion_gain_dn_per_e * self.quantum_efficiency * self.photons_per_unit
+        if self.full_well_e:
+            self.saturation_dn = self.conversion_gain_dn_per_e * self.full_well_e
 
     @property
     def top_code(self) -> int:
@@ -52,17 +91,96 @@ class Sensor:
         """The cold pixels."""
         return philox.image_uniform(self.height, self.width, self.seed, 0, STREAM_COLD) < self.cold_pixel_fraction
 
-    def value_dn(self, intensity: NDArray, frame_index: int) -> NDArray[np.float64]:
-        """Before clipping and rounding: signal + black level + dark frame + hot + read noise."""
-        signal = np.minimum(self.exposure_gain_dn * np.asarray(intensity, dtype=np.float64), self.saturation_dn)
-        signal = np.where(self.cold(), 0.0, signal)
-        noise = philox.image_normal(self.height, self.width, self.seed, frame_index, STREAM_READ_NOISE)
+    def _normal(self, stream: int, frame_index: int = 0) -> NDArray[np.float64]:
+        return philox.image_normal(self.height, self.width, self.seed, frame_index, stream)
+
+    def _row(self, stream: int, frame_index: int = 0) -> NDArray[np.float64]:
+        """One normal for each column: an image one pixel high."""
+        return philox.image_normal(1, self.width, self.seed, frame_index, stream)
+
+    def pixel_gain(self) -> NDArray[np.float64]:
+        """Step 3: mosaic, PRNU, cold pixels."""
+        y, x = np.indices((self.height, self.width))
+        gain = np.asarray(self.mosaic_gain, dtype=np.float64)[(x & 1) + 2 * (y & 1)]
+        gain = gain * np.maximum(1.0 + self.prnu * self._normal(STREAM_PRNU), 0.0)
+        return np.where(self.cold(), 0.0, gain)
+
+    @property
+    def dark_electrons(self) -> float:
+        """Step 4: the mean of the dark current in an exposure."""
+        doublings = (self.temperature_c - self.dark_current_reference_temperature_c) / self.dark_current_doubling_k
+        return self.dark_current_e_per_s * self.exposure_time_s * 2.0**doublings
+
+    def poisson(self, mean: NDArray[np.float64], frame_index: int) -> NDArray[np.float64]:
+        """Step 5, exactly: the quantile of a uniform or of a normal."""
+        u = philox.image_uniform(self.height, self.width, self.seed, frame_index, STREAM_SHOT_UNIFORM)
+        w = self._normal(STREAM_SHOT_NORMAL, frame_index)
+        few = np.minimum(mean, POISSON_BY_UNIFORM_BELOW)
+        by_uniform = np.zeros(mean.shape)
+        for k in range(60):
+            by_uniform += u < scipy.stats.poisson.sf(k, few)
+        return np.where(mean < POISSON_BY_UNIFORM_BELOW, by_uniform, poisson_of_normal(mean, w))
+
+    def fixed_offset_dn(self) -> NDArray[np.float64]:
+        """What step 9 adds in every frame."""
         dark = 0.0 if self.dark_frame_dn is None else np.asarray(self.dark_frame_dn, dtype=np.float64)
-        return signal + self.black_level_dn + dark + self.hot_offset_dn() + self.read_noise_dn * noise
+        return (
+            self.black_level_dn
+            + dark
+            + self.hot_offset_dn()
+            + self.dsnu_dn * self._normal(STREAM_DSNU)
+            + self.column_offset_dn * self._row(STREAM_COLUMN_OFFSET)
+        )
+
+    def read_noise_map_dn(self) -> NDArray[np.float64]:
+        """Each pixel's standard deviation of the read noise."""
+        spread = self.read_noise_spread
+        return self.read_noise_dn * np.exp(spread * self._normal(STREAM_READ_NOISE_SPREAD) - spread**2)
+
+    def noise_dn(self, frame_index: int) -> NDArray[np.float64]:
+        """What step 9 adds anew in each frame."""
+        rows = philox.image_normal(self.height, 1, self.seed, frame_index, STREAM_ROW_NOISE)
+        return (
+            self.read_noise_map_dn() * self._normal(STREAM_READ_NOISE, frame_index)
+            + self.row_noise_dn * rows
+            + self.column_noise_dn * self._row(STREAM_COLUMN_NOISE, frame_index)
+        )
+
+    def signal_dn(
+        self, intensity: NDArray, frame_index: int, previous: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Steps 1 to 7; `previous` is the signal of the frame before, if there was one."""
+        signal = np.maximum(self.exposure_gain_dn * np.asarray(intensity, dtype=np.float64), 0.0)
+        around = np.pad(signal, 1, mode="edge")
+        neighbours = around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]
+        signal = (1.0 - self.crosstalk_fraction) * signal + self.crosstalk_fraction / 4.0 * neighbours
+        signal = signal * self.pixel_gain() + self.conversion_gain_dn_per_e * self.dark_electrons
+        if self.shot_noise:
+            gain = self.conversion_gain_dn_per_e
+            signal = gain * self.poisson(signal / gain, frame_index)
+        signal = np.minimum(signal, self.saturation_dn)
+        if previous is None:
+            return signal
+        return (1.0 - self.lag_fraction) * signal + self.lag_fraction * previous
+
+    def value_dn(
+        self, intensity: NDArray, frame_index: int, previous: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Before clipping and rounding: steps 1 to 9."""
+        signal = self.signal_dn(intensity, frame_index, previous)
+        if self.gamma != 1.0:
+            signal = self.top_code * (signal / self.top_code) ** self.gamma
+        return signal + self.fixed_offset_dn() + self.noise_dn(frame_index)
+
+    @property
+    def code_step(self) -> int:
+        """Distance of neighbouring codes."""
+        return 2 ** (self.bits - self.effective_bits) if self.effective_bits else 1
 
     def codes_of(self, value_dn: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Rounded half to even and clipped to 0 .. 2^bits - 1."""
-        return np.clip(np.rint(value_dn), 0, self.top_code).astype(np.int64)
+        """Step 10: rounded half to even to a multiple of the code step, and clipped to what there is of them."""
+        step = self.code_step
+        return np.clip(np.rint(value_dn / step) * step, 0, 2**self.bits - step).astype(np.int64)
 
     def expose(self, intensity: NDArray, frame_index: int) -> NDArray[np.int64]:
         """Codes."""
@@ -74,6 +192,13 @@ class Sensor:
         value = self.value_dn(intensity, frame_index)
         level = self.codes_of(value) if self.quantize else np.clip(value, 0, self.top_code)
         return level / self.top_code * self.float_full_scale
+
+
+def poisson_of_normal(mean: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least n with P(Poisson <= n) >= Phi(normal), by the tail that is the smaller one."""
+    low = scipy.stats.poisson.ppf(scipy.stats.norm.cdf(np.minimum(normal, 0.0)), mean)
+    high = scipy.stats.poisson.isf(scipy.stats.norm.sf(np.maximum(normal, 0.0)), mean)
+    return np.where(normal <= 0, low, high)
 
 
 def disagreement(

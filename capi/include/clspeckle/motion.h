@@ -20,7 +20,8 @@
  *      angle is that of R. previous_depth or previous_position (and previous_material) may come along as the previous frame's own images:
  *      where the one at the point's previous pixel shows another surface, the point was hidden.
  *  (c) motion and the previous frame's own previous_depth or previous_position (previous_normal, previous_material): looked up at pixel +
- *      motion. The same check tells what was hidden; depth is then interpolated between the pixels of the same surface.
+ *      motion. The same check tells what was hidden. X and X' lie in the directions of pixel and pixel + motion; the depth of X' is
+ *      interpolated between the pixels of the same surface.
  * In (a) and (c) the angle is that between the normals, 0 without them, and does not see a surface that turns about its own normal; with
  * roll_from_motion (c) takes that from the curl of the motion vectors, in quadrature.
  */
@@ -47,7 +48,7 @@ typedef struct ClspMotionDesc {
     uint32_t translate;           /**< 1: a pipeline moves the phase, which must have `translate` too, with the surface; default 0. */
     uint32_t depth_kind;          /**< CLSP_DEPTH_* of depth and previous_depth; default ALONG_AXIS. */
     ClspMaterialTable materials;  /**< NULL (default): one material, that of clspMaterialInit(). Retained. */
-    double fx_px;                 /**< Focal length in pixels; 0 (default): not known. Needed for depth images and for shifts. */
+    double fx_px;                 /**< Focal length in pixels; 0 (default): not known, enough for (a) and (b) with positions alone. */
     double fy_px;                 /**< Likewise, vertically. */
     double cx_px;                 /**< Principal point; default 0. */
     double cy_px;                 /**< Likewise, vertically. */

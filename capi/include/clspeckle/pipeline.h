@@ -20,8 +20,10 @@
  *     lens         glare, ambient light, vignetting (lens.h)
  *     sensor       sensor.h
  *
- * Airflow, vibration and boiling disturb a scene at rest: frames with CLSP_REFRESH_ALL have none. Sub-exposures are for those: between them
- * the surface moves on by exposure_path / sub_exposures, and their light is averaged.
+ * Airflow, vibration and boiling disturb a scene at rest: frames with CLSP_REFRESH_ALL have none. An exposure_path L is for those: while the
+ * shutter is open the field's correlation falls, as R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else as exp(-path). The frame is the mean of
+ * sub-exposures, whose steps are such that the contrast is that of the continuous exposure (Goodman, Statistical Optics, 6.2):
+ *     C^2 = 2 / L^2 int_0^L (L - l) rho(l)^2 dl
  */
 #ifndef CLSPECKLE_PIPELINE_H
 #define CLSPECKLE_PIPELINE_H
@@ -55,14 +57,14 @@ typedef struct ClspPipelineDesc {
     ClspLens lens;          /**< NULL: an ideal one. */
     uint64_t seed;          /**< Of flicker, vibration, surface heights and airflow; default 0. */
     uint32_t line_count;    /**< Lines of the laser, 1 (default) to 63. */
-    uint32_t sub_exposures; /**< Parts of an exposure, 1 (default) to 127. */
+    uint32_t sub_exposures; /**< Parts of an exposure, at most 127; 0 (default): as many as exposure_path takes, one without. */
     double dephasing_rad;   /**< s, the standard deviation over the surface of the phase by which a line at k = 1 differs from that at 0; default 0. */
     double power_flicker;   /**< Relative standard deviation of the laser's power from frame to frame; default 0. */
     double coherent_fraction;    /**< c, 0 (default) to 1; with materials theirs counts instead. */
     double subsurface_length_px; /**< L, in pixels; needed above 0 with a fraction. Default 0. */
     double subsurface_fraction;  /**< f, 0 (default) to 1; with materials theirs counts instead. */
-    double exposure_path;   /**< Path of the surface in correlation lengths while the shutter is open, in frames with CLSP_REFRESH_ALL; default 0. Needs
-                                 sub_exposures (about four a correlation length) and a phase with CLSP_DYNAMICS_CONTINUOUS. */
+    double exposure_path;   /**< L, path of the surface in correlation lengths while the shutter is open, in frames with CLSP_REFRESH_ALL; default 0. Needs a
+                                 circular Gaussian field. */
     double boiling_correlation_frames; /**< Frames after which a resting surface's field correlation is 1/e, > 0; default infinity: it never changes. */
     double airflow_rms_rad;      /**< Standard deviation of the phase screen; default 0. */
     double airflow_scale_px;     /**< Distance at which its correlation is 1/e; default 6. */

@@ -27,12 +27,13 @@
  *
  * n1 to n7 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b, n7 0x1a.
  * n1, n2, n3, n7 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3 and n6 are images one pixel high, n5 is an image
- * one pixel wide. Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction, its offset is
- * -hot_pixel_mean_dn ln(u), u from stream 0x12; cold where the uniform of stream 0x13 is below cold_pixel_fraction.
+ * one pixel wide. Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction,
+ * its offset is -hot_pixel_mean_dn ln(u), u from stream 0x12; cold where the uniform of stream 0x13 is below cold_pixel_fraction.
  *
- * The Poisson deviate takes one normal of stream 0x18 and one uniform of stream 0x19 for each pixel and frame, whatever the mean. Below
- * a mean of 12 electrons it is exact but for rounding to single precision (total variation below 2e-6). From 12 on it is the inverse of the
- * distribution by a series in the normal: total variation below 3e-5, mean and variance right to 4e-6, skewness to 0.1 %. Codes are
+ * The Poisson deviate N of mean m takes one normal w of stream 0x18 and one uniform u of stream 0x19 for each pixel and frame, whatever
+ * the mean. Below m = 12 electrons N is the number of k = 0, 1, ... with u < P(N > k), but for rounding to single precision (total
+ * variation below 2e-6; what is less probable than 2^-32 does not occur). From 12 on N is the least n with P(N <= n) >= Phi(w), worked out by a
+ * series in w (Giles, ACM TOMS 42 (2016)): total variation below 3e-5, mean and variance right to 4e-6, skewness to 0.1 %. Codes are
  * the same on every device: only operations that round correctly are used, also for gamma.
  *
  * Names are those of EMVA 1288 where it has one: K is the overall system gain, prnu is PRNU1288, dsnu_dn is DSNU1288 in DN.
@@ -148,6 +149,12 @@ CLSP_API ClspStatus clspSensorRelease(ClspSensor sensor);
 /** Changes the exposure; later Enqueue calls use it, also where photons_per_unit gave the first one.
  *  @param exposure_gain_dn finite, >= 0. */
 CLSP_API ClspStatus clspSensorSetExposureGain(ClspSensor sensor, double exposure_gain_dn);
+/**
+ * Replaces all settings by those of another description of the same width and height: draws the fixed pattern again, forgets the frame
+ * before, drops the dark frame if there is none in *desc. Frames that were enqueued before keep their settings. Waits for the device. If it
+ * fails, the sensor is as it was.
+ */
+CLSP_API ClspStatus clspSensorConfigure(ClspSensor sensor, const ClspSensorDesc *desc);
 /** Forgets the frame before: the next one has no lag. Allowed, and without effect, where lag_fraction is 0. */
 CLSP_API ClspStatus clspSensorResetLag(ClspSensor sensor);
 

@@ -455,11 +455,14 @@ def test_simulate_keeps_one_camera(context: clspeckle.Context, ideal: Image) -> 
 
 def test_parameters_are_those_of_the_stages() -> None:
     taken: dict[str, set[str]] = {}
-    for stage in (clspeckle.Phase, clspeckle.Aperture, clspeckle.Sensor):
+    parts = {"phase", "aperture", "sensor", "pattern", "dots", "materials", "motion", "lens"}
+    for stage in (clspeckle.Phase, clspeckle.Aperture, clspeckle.Lens, clspeckle.Sensor, clspeckle.Pipeline):
         names = set(inspect.signature(stage.__init__).parameters)
-        taken[stage.__name__] = names - {"self", "shape", "context", "workspace_from_host"}
-    assert set(clspeckle.PipelineParameters.__annotations__) == set.union(*taken.values())
-    for described in (clspeckle.Phase, clspeckle.Aperture, clspeckle.Sensor, clspeckle.Pattern):
+        taken[stage.__name__] = names - {"self", "shape", "context", "workspace_from_host", *parts}
+    assert set(clspeckle.PipelineParameters.__annotations__) == set.union(*taken.values(), {"effects"})
+    described_stages: list[Any] = [clspeckle.Phase, clspeckle.Aperture, clspeckle.Sensor, clspeckle.Pattern]
+    described_stages += [clspeckle.Dots, clspeckle.Lens, clspeckle.Motion, clspeckle.Pipeline]
+    for described in described_stages:
         names = set(inspect.signature(described.__init__).parameters)
         assert set(described.defaults()) <= names, described
         assert all(

@@ -22,6 +22,7 @@
 
 #include <clspeckle/clspeckle.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <stdexcept>
@@ -107,6 +108,9 @@ inline void init(ClspMotionOutput &output) {
 }
 inline void init(ClspApertureDesc &desc) {
     check(clspApertureDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspLensDesc &desc) {
+    check(clspLensDescInit(&desc, sizeof(desc)));
 }
 inline void init(ClspSensorDesc &desc) {
     check(clspSensorDescInit(&desc, sizeof(desc)));
@@ -694,6 +698,46 @@ class Aperture : public detail::Shared<ClspAperture, clspApertureRetain, clspApe
     explicit Aperture(ClspAperture handle) noexcept : Shared(handle) {}
 };
 
+/** What a lens does beside diffraction, see lens.h. */
+class Lens : public detail::Shared<ClspLens, clspLensRetain, clspLensRelease> {
+  public:
+    Lens() noexcept = default;
+    Lens(const Context &context, const ClspLensDesc &desc) { check(clspLensCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Lens adopt(ClspLens handle) noexcept { return Lens(handle); }
+
+    void configure(const ClspLensDesc &desc) const { check(clspLensConfigure(handle_, &desc)); }
+    /** @param interpolation CLSP_INTERPOLATION_*. */
+    void enqueue_distort(cl_command_queue queue, std::uint32_t interpolation, const ClspImage &ideal,
+                         const ClspImage &distorted, const std::vector<cl_event> &wait_list = {},
+                         Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspLensEnqueueDistort(handle_, queue, interpolation, &ideal, &distorted, detail::count(wait_list),
+                                          detail::data(wait_list), out.get()));
+    }
+    void enqueue_finish(cl_command_queue queue, const ClspImage &light, bool is_dark, const ClspImage &output,
+                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspLensEnqueueFinish(handle_, queue, &light, is_dark ? 1u : 0u, &output, detail::count(wait_list),
+                                         detail::data(wait_list), out.get()));
+    }
+    /** @param ideal_px x, y, x, y... @return likewise, (NaN, NaN) for points that the lens does not image. */
+    std::vector<double> distort_points(const std::vector<double> &ideal_px) const {
+        std::vector<double> result(ideal_px.size() / 2 * 2);
+        check(clspLensDistortPoints(handle_, ideal_px.data(), result.size() / 2, result.data()));
+        return result;
+    }
+    /** @param distorted_px x, y, x, y... @return likewise, (NaN, NaN) where nothing is imaged. */
+    std::vector<double> undistort_points(const std::vector<double> &distorted_px) const {
+        std::vector<double> result(distorted_px.size() / 2 * 2);
+        check(clspLensUndistortPoints(handle_, distorted_px.data(), result.size() / 2, result.data()));
+        return result;
+    }
+
+  private:
+    explicit Lens(ClspLens handle) noexcept : Shared(handle) {}
+};
+
 /** From intensity to codes, see sensor.h. */
 class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRelease> {
   public:
@@ -737,6 +781,8 @@ class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRel
     void set_exposure_gain(double exposure_gain_dn) const {
         check(clspSensorSetExposureGain(handle_, exposure_gain_dn));
     }
+    /** Replaces all settings by those of another description of the same size. */
+    void configure(const ClspSensorDesc &desc) const { check(clspSensorConfigure(handle_, &desc)); }
     void reset_lag() const { check(clspSensorResetLag(handle_)); }
     void enqueue_expose(cl_command_queue queue, const ClspImage &intensity, std::uint64_t frame_index,
                         const ClspImage &output, const std::vector<cl_event> &wait_list = {},
@@ -755,6 +801,16 @@ class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRel
   private:
     explicit Sensor(ClspSensor handle) noexcept : Shared(handle) {}
 };
+
+/** The catalogue of effects, in the order in which light meets them; see effects.h. May be called from any thread. */
+inline std::vector<ClspEffectInfo> effects() {
+    std::uint32_t count = 0;
+    check(clspEffectGetCount(&count));
+    std::vector<ClspEffectInfo> result(count);
+    for (std::uint32_t i = 0; i < count; ++i)
+        check(clspEffectGetInfo(i, &result[i]));
+    return result;
+}
 
 /** A whole frame as one command, see pipeline.h. */
 class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
@@ -790,6 +846,16 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
     void warm_up(cl_command_queue queue, const ClspFrame &frame) const {
         clspeckle::check(clspPipelineWarmUp(handle_, queue, &frame));
     }
+    /** Switches an effect on, or changes its parameters; later frames have it. Not for the per-frame path.
+     *  @param values its parameters in order; those left out take the middle between weak and strong. */
+    void set_effect(const std::string &id, const std::vector<double> &values = {}) const {
+        clspeckle::check(clspPipelineSetEffect(handle_, id.c_str(), values.empty() ? nullptr : values.data(),
+                                               static_cast<std::uint32_t>(values.size())));
+    }
+    /** Switches an effect off; one that is off stays off. */
+    void clear_effect(const std::string &id) const { clspeckle::check(clspPipelineClearEffect(handle_, id.c_str())); }
+    /** Switches all effects off. */
+    void clear_effects() const { clspeckle::check(clspPipelineClearEffect(handle_, nullptr)); }
     /** Waits, and throws CLSP_ERROR_INVALID_DATA if frames since the last check held bad pixels. */
     void check(cl_command_queue queue) const { clspeckle::check(clspPipelineCheck(handle_, queue)); }
     /** Device time per stage of the last frame; the queue needs CLSP_QUEUE_PROFILING. */

@@ -9,9 +9,10 @@ or with a camera that keeps the state of the speckle from frame to frame::
     camera = clspeckle.Pipeline.from_parameters(ideal.shape, f_number=5.6, seed=7)
     frame = camera.render(ideal, refresh=moved)
 
-Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Dots`, :class:`Phase`, :class:`Aperture`,
-:class:`Sensor`, :class:`Pipeline`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes
-are (height, width), as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
+Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Dots`, :class:`MaterialTable`,
+:class:`Motion`, :class:`Phase`, :class:`Aperture`, :class:`Lens`, :class:`Sensor`, :class:`Pipeline` with its
+:func:`effects`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes are (height, width),
+as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
 
 All calls release the GIL. Objects may be shared between threads: calls on one object run one after the other. A process
 that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".
@@ -20,7 +21,9 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .dots import Dots
+from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
+from .lens import Lens
 from .material import Material, MaterialTable
 from .motion import Motion, MotionInput
 from .pattern import Geometry, Pattern
@@ -55,10 +58,13 @@ __all__ = [
     "Device",
     "DeviceImage",
     "Dots",
+    "Effect",
+    "EffectParameter",
     "Event",
     "FieldGrid",
     "Frame",
     "Geometry",
+    "Lens",
     "Material",
     "MaterialTable",
     "Motion",
@@ -72,6 +78,7 @@ __all__ = [
     "Version",
     "default_context",
     "devices",
+    "effects",
     "errors",
     "explain_devices",
     "field_grid",

@@ -74,11 +74,24 @@ CLSP_MOTION_REPLACE = 1
 
 CLSP_PUPIL_CIRCLE = 0
 CLSP_PUPIL_IMAGE = 1
+CLSP_PUPIL_POLYGON = 2
+CLSP_PUPIL_RING = 3
 CLSP_NORMALIZATION_TRANSMISSION = 0
 CLSP_NORMALIZATION_UNIT_MEAN = 1
 
+CLSP_LENS_RADIUS_CORNER = 0
+CLSP_LENS_RADIUS_FOCAL_LENGTH = 1
+CLSP_INTERPOLATION_NEAREST = 0
+CLSP_INTERPOLATION_LINEAR = 1
+CLSP_INTERPOLATION_CUBIC = 2
+
 CLSP_REFRESH_MASK = 0
 CLSP_REFRESH_ALL = 1
+CLSP_ILLUMINATION_LASER = 0
+CLSP_ILLUMINATION_INCOHERENT = 1
+CLSP_ILLUMINATION_DARK = 2
+
+CLSP_MAX_EFFECT_PARAMETERS = 4
 
 # --- Structs, member by member as in the headers ---
 
@@ -352,6 +365,14 @@ class ClspApertureDesc(ctypes.Structure):
         ("pupil_width", c_uint32),
         ("pupil_height", c_uint32),
         ("pupil_pitch_bytes", c_uint64),
+        ("blade_count", c_uint32),
+        ("reserved_blades", c_uint32),
+        ("blade_rotation_rad", c_double),
+        ("blade_curvature", c_double),
+        ("obstruction_ratio", c_double),
+        ("defocus_waves", c_double),
+        ("zernike_waves", c_double * 12),
+        ("fill_factor", c_double),
     ]
 
 
@@ -365,6 +386,30 @@ class ClspApertureInfo(ctypes.Structure):
         ("mean_transmission", c_double),
         ("workspace_bytes", c_uint64),
         ("fft_backend", c_char * 32),
+    ]
+
+
+class ClspLensDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("radius_unit", c_uint32),
+        ("cos4_falloff", c_uint32),
+        ("principal_point_given", c_uint32),
+        ("principal_point_x_px", c_double),
+        ("principal_point_y_px", c_double),
+        ("focal_length_x_px", c_double),
+        ("focal_length_y_px", c_double),
+        ("k1", c_double),
+        ("k2", c_double),
+        ("k3", c_double),
+        ("p1", c_double),
+        ("p2", c_double),
+        ("vignetting_corner_loss", c_double),
+        ("glare_fraction", c_double),
+        ("glare_scale_px", c_double),
+        ("ambient", c_double),
     ]
 
 
@@ -419,6 +464,24 @@ class ClspPipelineDesc(ctypes.Structure):
         ("phase", c_void_p),
         ("aperture", c_void_p),
         ("sensor", c_void_p),
+        ("dots", c_void_p),
+        ("materials", c_void_p),
+        ("motion", c_void_p),
+        ("lens", c_void_p),
+        ("seed", c_uint64),
+        ("line_count", c_uint32),
+        ("sub_exposures", c_uint32),
+        ("dephasing_rad", c_double),
+        ("power_flicker", c_double),
+        ("coherent_fraction", c_double),
+        ("subsurface_length_px", c_double),
+        ("subsurface_fraction", c_double),
+        ("exposure_path", c_double),
+        ("boiling_correlation_frames", c_double),
+        ("airflow_rms_rad", c_double),
+        ("airflow_scale_px", c_double),
+        ("airflow_correlation_frames", c_double),
+        ("vibration_rms_px", c_double),
     ]
 
 
@@ -431,6 +494,10 @@ class ClspFrame(ctypes.Structure):
         ("irradiance", ClspImage),
         ("refresh_mask", ClspImage),
         ("output", ClspImage),
+        ("motion", POINTER(ClspMotionInput)),
+        ("material", ClspImage),
+        ("illumination", c_uint32),
+        ("reserved", c_uint32),
     ]
 
 
@@ -438,6 +505,29 @@ class ClspStageTiming(ctypes.Structure):
     _fields_ = [
         ("stage", c_char * 32),
         ("milliseconds", c_double),
+    ]
+
+
+class ClspEffectParameter(ctypes.Structure):
+    _fields_ = [
+        ("name", c_char * 32),
+        ("unit", c_char * 16),
+        ("minimum", c_double),
+        ("maximum", c_double),
+        ("weak", c_double),
+        ("strong", c_double),
+    ]
+
+
+class ClspEffectInfo(ctypes.Structure):
+    _fields_ = [
+        ("id", c_char * 32),
+        ("stage", c_char * 16),
+        ("summary", c_char * 128),
+        ("kernel", c_char * 64),
+        ("parameter_count", c_uint32),
+        ("reserved", c_uint32),
+        ("parameters", ClspEffectParameter * CLSP_MAX_EFFECT_PARAMETERS),
     ]
 
 
@@ -475,10 +565,13 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspMotionOutput,
     ClspApertureDesc,
     ClspApertureInfo,
+    ClspLensDesc,
     ClspSensorDesc,
     ClspPipelineDesc,
     ClspFrame,
     ClspStageTiming,
+    ClspEffectParameter,
+    ClspEffectInfo,
     ClspMoments,
 )
 """Every struct of the C interface."""
@@ -577,6 +670,15 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspApertureSetWorkspace": (_HANDLE, _HANDLE, c_uint64, c_uint64),
     "clspApertureEnqueuePupil": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
     "clspApertureEnqueueIntensity": (_HANDLE, _HANDLE, _HANDLE, _IMAGE, _IMAGE, *_WAIT),
+    "clspLensDescInit": _init(ClspLensDesc),
+    "clspLensCreate": (_HANDLE, POINTER(ClspLensDesc), _HANDLE_OUT),
+    "clspLensRetain": (_HANDLE,),
+    "clspLensRelease": (_HANDLE,),
+    "clspLensConfigure": (_HANDLE, POINTER(ClspLensDesc)),
+    "clspLensEnqueueDistort": (_HANDLE, _HANDLE, c_uint32, _IMAGE, _IMAGE, *_WAIT),
+    "clspLensEnqueueFinish": (_HANDLE, _HANDLE, _IMAGE, c_uint32, _IMAGE, *_WAIT),
+    "clspLensDistortPoints": (_HANDLE, POINTER(c_double), c_uint64, POINTER(c_double)),
+    "clspLensUndistortPoints": (_HANDLE, POINTER(c_double), c_uint64, POINTER(c_double)),
     "clspSensorDescInit": _init(ClspSensorDesc),
     "clspSensorDescFromProfile": (POINTER(ClspSensorDesc), c_uint32, c_char_p),
     "clspSensorMosaicFromBayer": (c_uint32, c_double, c_double, c_double, POINTER(c_double)),
@@ -595,6 +697,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspSensorRetain": (_HANDLE,),
     "clspSensorRelease": (_HANDLE,),
     "clspSensorSetExposureGain": (_HANDLE, c_double),
+    "clspSensorConfigure": (_HANDLE, POINTER(ClspSensorDesc)),
     "clspSensorResetLag": (_HANDLE,),
     "clspSensorEnqueueExpose": (_HANDLE, _HANDLE, _IMAGE, c_uint64, _IMAGE, *_WAIT),
     "clspSensorEnqueueDemosaic": (_HANDLE, _HANDLE, _IMAGE, c_uint32, _IMAGE, *_WAIT),
@@ -607,6 +710,10 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPipelineWarmUp": (_HANDLE, _HANDLE, POINTER(ClspFrame)),
     "clspPipelineCheck": (_HANDLE, _HANDLE),
     "clspPipelineGetTimings": (_HANDLE, c_uint32, POINTER(ClspStageTiming), POINTER(c_uint32)),
+    "clspEffectGetCount": (POINTER(c_uint32),),
+    "clspEffectGetInfo": (c_uint32, POINTER(ClspEffectInfo)),
+    "clspPipelineSetEffect": (_HANDLE, c_char_p, POINTER(c_double), c_uint32),
+    "clspPipelineClearEffect": (_HANDLE, c_char_p),
     "clspStatisticsMoments": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, POINTER(ClspMoments)),
     "clspStatisticsHistogram": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, c_double, c_double, c_uint32, POINTER(c_uint64)),
     "clspStatisticsAutocovariance": (_HANDLE, _HANDLE, _IMAGE, c_uint32, POINTER(c_float)),
@@ -621,6 +728,8 @@ _HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init")} | {
     "clspGetLastError",
     "clspGetVersion",
     "clspFieldGridCompute",
+    "clspEffectGetCount",
+    "clspEffectGetInfo",
     "clspSensorDescFromProfile",
     "clspSensorMosaicFromBayer",
     "clspSensorDarkFrameFromCaptures",

@@ -1,10 +1,11 @@
 """The lens's aperture: field, FFT, pupil, inverse FFT, intensity, both polarizations.
 
     U_k = sqrt(I0) z_k              on the field grid
-    V_k = IFFT2( FFT2(U_k) P )      P the amplitude transmission of the pupil, radius D/2 cycles per pixel
+    V_k = IFFT2( FFT2(U_k) P )      P the amplitude of the pupil, radius D/2 cycles per pixel
     I   = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2                                         (thesis eq. 32 and 40)
 
-and with oversampling the mean of I over the samples of each pixel. D = pixel_pitch_m / (wavelength_m * f_number) is the
+and with oversampling the mean of I over the samples of each pixel, or with a fill factor its integral over the
+light-sensitive square. D = pixel_pitch_m / (wavelength_m * f_number) is the
 relative diameter in cycles per pixel; D <= oversampling is needed. Equations: ``aperture.h``.
 """
 
@@ -12,13 +13,13 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library
+from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
 from ._interop import EventLike, SupportsIntPtr
 from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device, output, refuse_handle
@@ -41,7 +42,27 @@ _NORMALIZATION = {
     "transmission": _library.CLSP_NORMALIZATION_TRANSMISSION,
     "unit_mean": _library.CLSP_NORMALIZATION_UNIT_MEAN,
 }
-_REALS = ("relative_diameter", "f_number", "pixel_pitch_m", "wavelength_m", "soft_rim", "degree_of_polarization")
+_PUPIL = {
+    "circle": _library.CLSP_PUPIL_CIRCLE,
+    "image": _library.CLSP_PUPIL_IMAGE,
+    "polygon": _library.CLSP_PUPIL_POLYGON,
+    "ring": _library.CLSP_PUPIL_RING,
+}
+_REALS = (
+    "relative_diameter",
+    "f_number",
+    "pixel_pitch_m",
+    "wavelength_m",
+    "soft_rim",
+    "degree_of_polarization",
+    "blade_rotation_rad",
+    "blade_curvature",
+    "obstruction_ratio",
+    "defocus_waves",
+    "fill_factor",
+)
+_INTEGERS = {"oversampling": 32, "guard_px": 32, "blade_count": 32}
+_FIRST_ZERNIKE, _ZERNIKE_COUNT = 4, 12
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,8 +98,18 @@ class Aperture(Handle):
         oversampling: field samples per pixel and axis, 1 to 8; as that of the phase.
         guard_px: pixels of padding at least; as that of the phase.
         soft_rim: part of the radius, 0 to 1, over which the pupil falls from 1 to 0 by a raised cosine.
+        pupil: "circle", "polygon" (a diaphragm of blades, corners on the rim), "ring" (a circle with its centre
+            blocked) or "image"; None: what pupil_image or blade_count ask for, else a circle.
         pupil_image: (height, width) amplitude transmissions in [0, 1] instead of a circle; covers the square of side
             D around the axis.
+        blade_count: of a polygon, 3 to 32.
+        blade_rotation_rad: turns the polygon; 0: a corner points along +x.
+        blade_curvature: 0: straight edges, 1: the circle through the corners.
+        obstruction_ratio: radius of the blocked centre over the pupil's, 0 to below 1; of any shape.
+        defocus_waves: w of the pupil phase 2 pi w rho^2, rho = 1 at the rim.
+        zernike_waves: RMS waves of Noll's Zernike polynomials: {index: waves} with indices 4 to 15, or a sequence of up
+            to 12 for the indices from 4 on.
+        fill_factor: light-sensitive part of a pixel's area, above 0 to 1; 0: the mean over the pixel's own samples.
         workspace_from_host: True: the application gives the work memory by :meth:`set_workspace`.
         context: None for :func:`default_context`.
 
@@ -102,7 +133,15 @@ class Aperture(Handle):
         oversampling: int | None = None,
         guard_px: int | None = None,
         soft_rim: float | None = None,
+        pupil: str | None = None,
         pupil_image: npt.ArrayLike | None = None,
+        blade_count: int | None = None,
+        blade_rotation_rad: float | None = None,
+        blade_curvature: float | None = None,
+        obstruction_ratio: float | None = None,
+        defocus_waves: float | None = None,
+        zernike_waves: Mapping[int, float] | Sequence[float] | npt.NDArray[Any] | None = None,
+        fill_factor: float | None = None,
         workspace_from_host: bool = False,
         context: Context | None = None,
     ) -> None:
@@ -117,17 +156,25 @@ class Aperture(Handle):
             "soft_rim": soft_rim,
             "oversampling": oversampling,
             "guard_px": guard_px,
+            "blade_count": blade_count,
+            "blade_rotation_rad": blade_rotation_rad,
+            "blade_curvature": blade_curvature,
+            "obstruction_ratio": obstruction_ratio,
+            "defocus_waves": defocus_waves,
+            "fill_factor": fill_factor,
         }
-        _check.assign(desc, given, {"oversampling": 32, "guard_px": 32}, _REALS)
+        _check.assign(desc, given, _INTEGERS, _REALS)
         if relative_diameter is not None and desc.relative_diameter == 0:
             # For C a 0 means "not given"; here None does.
             raise _check.range_error("relative_diameter", relative_diameter, "> 0 (None: from f_number)")
         if normalization is not None:
             desc.normalization = _check.choice(normalization, "normalization", _NORMALIZATION)
+        desc.pupil = _shape_of_pupil(pupil, pupil_image, blade_count)
+        if zernike_waves is not None:
+            desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
             image = _check.float_plane(pupil_image, "pupil_image")
             _check.within(image, "pupil_image", 0.0, 1.0)
-            desc.pupil = _library.CLSP_PUPIL_IMAGE
             desc.pupil_image = image.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
             desc.pupil_height, desc.pupil_width = image.shape
         desc.workspace_from_host = _check.flag(workspace_from_host, "workspace_from_host")
@@ -143,8 +190,9 @@ class Aperture(Handle):
     def defaults() -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
         desc = _library.initialized(_library.ClspApertureDesc)
-        names = (*_REALS, "normalization", "oversampling", "guard_px")
-        result = _check.defaults(desc, {"normalization": _NORMALIZATION}, names)
+        names = (*_REALS, "normalization", "pupil", *_INTEGERS)
+        result = _check.defaults(desc, {"normalization": _NORMALIZATION, "pupil": _PUPIL}, names)
+        result["zernike_waves"] = np.array(desc.zernike_waves)
         result["relative_diameter"] = result["relative_diameter"] or None
         return result
 
@@ -189,12 +237,21 @@ class Aperture(Handle):
             size = _check.integer(size_bytes, "size_bytes", 64)
             _library.call("clspApertureSetWorkspace", self._get(), pointer, offset, size)
 
-    def pupil(self, *, queue: QueueLike | None = None) -> npt.NDArray[np.float32]:
-        """P after normalization as float32 of (grid_height, grid_width), FFT order (frequency 0 first). Blocks."""
+    def pupil(self, *, queue: QueueLike | None = None) -> npt.NDArray[Any]:
+        """P after normalization, (grid_height, grid_width), FFT order (frequency 0 first): float32, or with defocus or
+        aberrations complex64. Blocks."""
         info = self.info()
+        shape = (info.grid_height, info.grid_width)
         with exclusive(self):
-            image = self._staging.image("pupil", (info.grid_height, info.grid_width), np.float32)
-            return image.read(queue=queue, wait_for=[self.enqueue_pupil(image, queue=queue)])
+            image = self._staging.image("pupil", shape, np.float32)
+            try:
+                event = self.enqueue_pupil(image, queue=queue)
+            except errors.InvalidFormatError:  # an effect of a pipeline may have made it complex, so nobody but C knows
+                image = self._staging.image("pupil", (*shape, 2), np.float32)
+                event = self.enqueue_pupil(image, queue=queue)
+                parts = image.read(queue=queue, wait_for=[event])
+                return np.ascontiguousarray(parts).view(np.complex64)[..., 0]
+            return image.read(queue=queue, wait_for=[event])
 
     def enqueue_pupil(
         self,
@@ -203,7 +260,8 @@ class Aperture(Handle):
         queue: QueueLike | None = None,
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
-        """:meth:`pupil` into a float32 device image of (grid_height, grid_width), asynchronously."""
+        """:meth:`pupil` into a float32 device image of (grid_height, grid_width), asynchronously; with defocus or
+        aberrations of (grid_height, grid_width, 2), real and imaginary part."""
         info = self.info()
         with exclusive(self):
             operands = Operands()
@@ -271,6 +329,44 @@ class Aperture(Handle):
             ctypes.byref(operands.add(intensity)),
             wait_for=wait_for,
         )
+
+
+def _shape_of_pupil(pupil: Any, pupil_image: Any, blade_count: Any) -> int:
+    """CLSP_PUPIL_* from the arguments that belong to one shape."""
+    implied = "image" if pupil_image is not None else "polygon" if blade_count is not None else None
+    if pupil is None:
+        return _PUPIL[implied or "circle"]
+    shape = _check.choice(pupil, "pupil", _PUPIL)
+    if pupil == "image" and pupil_image is None:
+        raise errors.InvalidArgumentError('pupil is "image", but pupil_image is missing')
+    if pupil_image is not None and pupil != "image":
+        raise errors.InvalidArgumentError(f'pupil is "{pupil}", but pupil_image was given, which is for "image"')
+    if blade_count is not None and pupil != "polygon":
+        raise errors.InvalidArgumentError(f'pupil is "{pupil}", but blade_count was given, which is for "polygon"')
+    return shape
+
+
+def _zernike(value: Any) -> ctypes.Array[ctypes.c_double]:
+    """The twelve coefficients from {Noll index: waves} or a sequence that begins with index 4."""
+    last = _FIRST_ZERNIKE + _ZERNIKE_COUNT - 1
+    waves = [0.0] * _ZERNIKE_COUNT
+    if isinstance(value, Mapping):
+        for index, wave in value.items():
+            number = _check.integer(index, "an index of zernike_waves")
+            if not _FIRST_ZERNIKE <= number <= last:
+                raise _check.range_error("an index of zernike_waves", number, f"{_FIRST_ZERNIKE} to {last} (Noll)")
+            waves[number - _FIRST_ZERNIKE] = _check.real(wave, f"zernike_waves[{number}]")
+    else:
+        given = _check.array(value, "zernike_waves")
+        if given.dtype.kind not in "fiu":
+            raise _check.format_error("zernike_waves", given.dtype, (np.float64,))
+        if given.ndim != 1 or not 1 <= given.size <= _ZERNIKE_COUNT:
+            raise errors.InvalidArgumentError(
+                f"zernike_waves has shape {given.shape}, expected 1 to {_ZERNIKE_COUNT} numbers (Noll indices from "
+                f"{_FIRST_ZERNIKE} on) or a dictionary of them"
+            )
+        waves[: given.size] = given.tolist()
+    return (ctypes.c_double * _ZERNIKE_COUNT)(*waves)
 
 
 def _require_phase(value: Any) -> None:

@@ -219,9 +219,7 @@ class Dots(Handle):
             image = device_image(irradiance, "irradiance", self._shape, FLOAT32, self.context)
             return self._enqueue(image, queue, wait_for)
 
-    def _enqueue(
-        self, irradiance: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None
-    ) -> Event:
+    def _enqueue(self, irradiance: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None) -> Event:
         operands = Operands()
         return operands.enqueue(
             "clspDotsEnqueueRender",

@@ -1,6 +1,7 @@
-"""A whole frame as one enqueued command: pattern (optional), phase refresh, aperture, sensor (optional).
+"""A whole frame as one enqueued command: the laser's light (pattern, dots or an ideal image), motion, phase, aperture,
+lens, sensor.
 
-See ``pipeline.h``, and the modules of the stages for their equations.
+See ``pipeline.h`` for the order and what happens in between, and the modules of the stages for their equations.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import collections
 import contextlib
 import ctypes
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -28,6 +29,11 @@ from ._handle import Handle, create, exclusive
 from ._interop import EventLike
 from ._staging import DeviceImageLike, ImageLike, Operands, Output, Staging, device_image, on_device, output
 from .aperture import Aperture, irradiance_image
+from .dots import Dots
+from .effect import Effect, effect_values, find_effect
+from .lens import Lens
+from .material import Material, MaterialTable
+from .motion import Motion, MotionInput, _materials, motion_struct
 from .pattern import Geometry, Pattern, Scene, geometry_struct
 from .phase import Phase, mask_image
 from .runtime import (
@@ -52,23 +58,32 @@ Refresh = Union[ImageLike, None]
 """None: no new phases; "all": new phases everywhere; a mask: new phases where it is not 0."""
 
 Target = TypeVar("Target")
+Made = TypeVar("Made", bound=Handle)
 
 
 @dataclasses.dataclass(eq=False)
 class Frame:
     """One frame of :meth:`Pipeline.frames`, where it differs from the others."""
 
-    scene: Scene
+    scene: Scene | None
     refresh: Refresh = None
     frame_index: int | None = None
     """None: one more than that of the last frame."""
+    motion: MotionInput | None = None
+    """How the scene moved since the last frame, with a motion stage; None: it rests."""
+    material: ImageLike | None = None
+    """(height, width) material ids, with a material table."""
+    illumination: str | None = None
+    """"laser" (None), "incoherent" or "dark"."""
 
 
 class PipelineParameters(TypedDict, total=False):
     """Keyword arguments of :meth:`Pipeline.from_parameters` and :func:`simulate`: those of the stages, under their
     names.
 
-    ``seed`` goes to phase and sensor, ``oversampling`` and ``guard_px`` to phase and aperture.
+    ``seed`` goes to phase, sensor and the pipeline itself, ``oversampling`` and ``guard_px`` to phase and aperture.
+    There is a lens if one of its parameters is given. ``effects`` maps ids of :func:`effects` to their parameters by
+    name, for example ``{"defocus": {"waves": 0.8}, "glare": {}}``; those that are left out take the middle.
     """
 
     seed: int | None
@@ -76,6 +91,8 @@ class PipelineParameters(TypedDict, total=False):
     guard_px: int | None
     field: str | None
     polarization_count: int | None
+    dynamics: str | None
+    translate: bool | None
     f_number: float | None
     pixel_pitch_m: float | None
     wavelength_m: float | None
@@ -83,7 +100,28 @@ class PipelineParameters(TypedDict, total=False):
     degree_of_polarization: float | None
     normalization: str | None
     soft_rim: float | None
+    pupil: str | None
     pupil_image: npt.ArrayLike | None
+    blade_count: int | None
+    blade_rotation_rad: float | None
+    blade_curvature: float | None
+    obstruction_ratio: float | None
+    defocus_waves: float | None
+    zernike_waves: Mapping[int, float] | Sequence[float] | npt.NDArray[Any] | None
+    fill_factor: float | None
+    k1: float | None
+    k2: float | None
+    k3: float | None
+    p1: float | None
+    p2: float | None
+    radius_unit: str | None
+    principal_point_px: tuple[float, float] | None
+    focal_length_px: tuple[float, float] | None
+    vignetting_corner_loss: float | None
+    cos4_falloff: bool | None
+    glare_fraction: float | None
+    glare_scale_px: float | None
+    ambient: float | None
     bits: int | None
     exposure_gain_dn: float | None
     saturation_dn: float | None
@@ -95,10 +133,45 @@ class PipelineParameters(TypedDict, total=False):
     dark_frame_dn: npt.ArrayLike | None
     float_full_scale: float | None
     quantize: bool | None
+    conversion_gain_dn_per_e: float | None
+    photons_per_unit: float | None
+    quantum_efficiency: float | None
+    full_well_e: float | None
+    crosstalk_fraction: float | None
+    prnu: float | None
+    mosaic_gain: npt.ArrayLike | None
+    dark_current_e_per_s: float | None
+    dark_current_reference_temperature_c: float | None
+    dark_current_doubling_k: float | None
+    temperature_c: float | None
+    exposure_time_s: float | None
+    lag_fraction: float | None
+    gamma: float | None
+    dsnu_dn: float | None
+    column_offset_dn: float | None
+    row_noise_dn: float | None
+    column_noise_dn: float | None
+    read_noise_spread: float | None
+    shot_noise: bool | None
+    effective_bits: int | None
+    line_count: int | None
+    sub_exposures: int | None
+    dephasing_rad: float | None
+    power_flicker: float | None
+    coherent_fraction: float | None
+    subsurface_length_px: float | None
+    subsurface_fraction: float | None
+    exposure_path: float | None
+    boiling_correlation_frames: float | None
+    airflow_rms_rad: float | None
+    airflow_scale_px: float | None
+    airflow_correlation_frames: float | None
+    vibration_rms_px: float | None
+    effects: Mapping[str, Mapping[str, float] | None] | None
 
 
 _GRID = ("oversampling", "guard_px")
-_PHASE = ("seed", "field", "polarization_count", *_GRID)
+_PHASE = ("seed", "field", "polarization_count", "dynamics", "translate", *_GRID)
 _APERTURE = (
     "f_number",
     "pixel_pitch_m",
@@ -107,8 +180,31 @@ _APERTURE = (
     "degree_of_polarization",
     "normalization",
     "soft_rim",
+    "pupil",
     "pupil_image",
+    "blade_count",
+    "blade_rotation_rad",
+    "blade_curvature",
+    "obstruction_ratio",
+    "defocus_waves",
+    "zernike_waves",
+    "fill_factor",
     *_GRID,
+)
+_LENS = (
+    "k1",
+    "k2",
+    "k3",
+    "p1",
+    "p2",
+    "radius_unit",
+    "principal_point_px",
+    "focal_length_px",
+    "vignetting_corner_loss",
+    "cos4_falloff",
+    "glare_fraction",
+    "glare_scale_px",
+    "ambient",
 )
 _SENSOR = (
     "seed",
@@ -123,7 +219,49 @@ _SENSOR = (
     "dark_frame_dn",
     "float_full_scale",
     "quantize",
+    "conversion_gain_dn_per_e",
+    "photons_per_unit",
+    "quantum_efficiency",
+    "full_well_e",
+    "crosstalk_fraction",
+    "prnu",
+    "mosaic_gain",
+    "dark_current_e_per_s",
+    "dark_current_reference_temperature_c",
+    "dark_current_doubling_k",
+    "temperature_c",
+    "exposure_time_s",
+    "lag_fraction",
+    "gamma",
+    "dsnu_dn",
+    "column_offset_dn",
+    "row_noise_dn",
+    "column_noise_dn",
+    "read_noise_spread",
+    "shot_noise",
+    "effective_bits",
 )
+_PIPELINE_INTEGERS = {"seed": 64, "line_count": 32, "sub_exposures": 32}
+_PIPELINE_REALS = (
+    "dephasing_rad",
+    "power_flicker",
+    "coherent_fraction",
+    "subsurface_length_px",
+    "subsurface_fraction",
+    "exposure_path",
+    "boiling_correlation_frames",
+    "airflow_rms_rad",
+    "airflow_scale_px",
+    "airflow_correlation_frames",
+    "vibration_rms_px",
+)
+_PIPELINE = (*_PIPELINE_INTEGERS, *_PIPELINE_REALS)
+
+_ILLUMINATION = {
+    "laser": _library.CLSP_ILLUMINATION_LASER,
+    "incoherent": _library.CLSP_ILLUMINATION_INCOHERENT,
+    "dark": _library.CLSP_ILLUMINATION_DARK,
+}
 
 
 class Pipeline(Handle):
@@ -134,14 +272,33 @@ class Pipeline(Handle):
         aperture: the lens; same shape, oversampling and guard_px as the phase.
         sensor: None: frames are the float32 intensity.
         pattern: the projected pattern, then frames bring a :class:`Geometry`; None: frames bring an ideal image.
+        dots: ideal dots instead of a pattern; frames bring neither.
+        materials: what surfaces are made of; frames bring material ids. Needs a phase with polarization_count 2.
+        motion: None: frames bring no motion.
+        lens: None: one without distortion, glare, ambient light and vignetting.
+        seed: of flicker, vibration, surface heights and airflow, below 2^64.
+        line_count: lines of the laser, 1 to 63.
+        sub_exposures: parts of an exposure, at most 127; 0: as many as exposure_path takes.
+        dephasing_rad: standard deviation over the surface of the phase by which a line at k = 1 differs from that at 0.
+        power_flicker: relative standard deviation of the laser's power from frame to frame.
+        coherent_fraction: part of the field that keeps its phase, 0 to 1; with materials theirs counts.
+        subsurface_length_px: length of exp(-r / L) by which light spreads below the surface.
+        subsurface_fraction: of the light that does, 0 to 1; with materials theirs counts.
+        exposure_path: path of the surface in correlation lengths while the shutter is open, in frames with refresh
+            "all".
+        boiling_correlation_frames: frames after which a resting surface's field correlation is 1/e; infinity: never.
+        airflow_rms_rad: standard deviation of the air's phase screen.
+        airflow_scale_px: distance at which its correlation is 1/e.
+        airflow_correlation_frames: frames after which its correlation is 1/e.
+        vibration_rms_px: standard deviation of the picture's shift along each axis.
         context: None: the phase's.
 
-    All stages must come from the same context and have the same shape. The pipeline keeps them alive. Device memory for
-    NumPy input and output is allocated once and reused.
+    What is None has the C library's default, see :meth:`defaults`. All stages must come from the same context and have
+    the same shape. The pipeline keeps them alive. Device memory for NumPy input and output is allocated once and
+    reused.
 
     Threads: calls on one object from several threads run one after the other, also those on its stages; different
-        pipelines
-    with stages of their own run at the same time.
+        pipelines with stages of their own run at the same time.
     """
 
     _release = "clspPipelineRelease"
@@ -154,35 +311,69 @@ class Pipeline(Handle):
         aperture: Aperture,
         sensor: Sensor | None = None,
         pattern: Pattern | None = None,
+        dots: Dots | None = None,
+        materials: MaterialTable | None = None,
+        motion: Motion | None = None,
+        lens: Lens | None = None,
+        seed: int | None = None,
+        line_count: int | None = None,
+        sub_exposures: int | None = None,
+        dephasing_rad: float | None = None,
+        power_flicker: float | None = None,
+        coherent_fraction: float | None = None,
+        subsurface_length_px: float | None = None,
+        subsurface_fraction: float | None = None,
+        exposure_path: float | None = None,
+        boiling_correlation_frames: float | None = None,
+        airflow_rms_rad: float | None = None,
+        airflow_scale_px: float | None = None,
+        airflow_correlation_frames: float | None = None,
+        vibration_rms_px: float | None = None,
         context: Context | None = None,
     ) -> None:
-        for name, stage, kind in (
-            ("phase", phase, Phase),
-            ("aperture", aperture, Aperture),
-            ("sensor", sensor, Sensor),
-            ("pattern", pattern, Pattern),
-        ):
-            if not isinstance(stage, kind) and not (stage is None and name in ("sensor", "pattern")):
+        given = {name: value for name, value in locals().items() if name in _PIPELINE}
+        parts: dict[str, tuple[Any, type[Handle]]] = {
+            "phase": (phase, Phase),
+            "aperture": (aperture, Aperture),
+            "sensor": (sensor, Sensor),
+            "pattern": (pattern, Pattern),
+            "dots": (dots, Dots),
+            "materials": (materials, MaterialTable),
+            "motion": (motion, Motion),
+            "lens": (lens, Lens),
+        }
+        for name, (stage, kind) in parts.items():
+            if not isinstance(stage, kind) and not (stage is None and name not in ("phase", "aperture")):
                 raise TypeError(f"{name} must be a clspeckle.{kind.__name__}, got {_check.kind(stage)}")
-        stages = [stage for stage in (phase, aperture, sensor, pattern) if stage is not None]
+        stages: list[Handle] = [stage for stage, _ in parts.values() if stage is not None]
         desc = _library.initialized(_library.ClspPipelineDesc)
+        _check.assign(desc, given, _PIPELINE_INTEGERS, _PIPELINE_REALS)
         with exclusive(*stages):
-            desc.phase = phase._get()
-            desc.aperture = aperture._get()
-            desc.sensor = None if sensor is None else sensor._get()
-            desc.pattern = None if pattern is None else pattern._get()
+            for name, (stage, _) in parts.items():
+                setattr(desc, name, None if stage is None else stage._get())
             self.context = phase.context if context is None else resolve_context(context)
             self._adopt(create("clspPipelineCreate", self.context._get(), ctypes.byref(desc)))
         self.phase = phase
         self.aperture = aperture
         self.sensor = sensor
         self.pattern = pattern
+        self.dots = dots
+        self.materials = materials
+        self.motion = motion
+        self.lens = lens
         self.shape: tuple[int, int] = phase.shape
         self._stages: tuple[Handle, ...] = tuple(stages)
         self._staging = Staging(self.context)
         self._spare: list[Staging] = []
         self._last: Event | None = None
         self._next_frame_index = 0
+        self._effects: dict[str, dict[str, float]] = {}
+        self._polarization_count = phase.polarization_count
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of the numbers among the keyword arguments."""
+        return _check.defaults(_library.initialized(_library.ClspPipelineDesc), {}, _PIPELINE)
 
     @classmethod
     def from_parameters(
@@ -190,6 +381,10 @@ class Pipeline(Handle):
         shape: tuple[int, int],
         *,
         pattern: Pattern | None = None,
+        dots: Dots | None = None,
+        materials: MaterialTable | Iterable[Material] | None = None,
+        motion: Motion | Mapping[str, Any] | None = None,
+        lens: Lens | None = None,
         output: str = "codes",
         context: Context | None = None,
         **parameters: Unpack[PipelineParameters],
@@ -198,10 +393,15 @@ class Pipeline(Handle):
 
         Args:
             shape: (height, width) in pixels.
-            pattern: as for the class.
+            pattern: as for the class; `dots` likewise.
+            materials: a table, or the materials of a new one.
+            motion: a stage, or keyword arguments of a new :class:`Motion`, for example ``{"intrinsics": (fx, fy, cx,
+                cy)}``; it gets the materials, and the phase what the motion's rule and `translate` need.
+            lens: a stage; None: from the lens's parameters, if there are any.
             output: "codes": with a sensor; "intensity": without one, frames are the float32 intensity.
-            context: None for the pattern's, or :func:`default_context`.
-            **parameters: :class:`PipelineParameters`, those of :class:`Phase`, :class:`Aperture` and :class:`Sensor`.
+            context: None for the pattern's, that of another stage that is given, or :func:`default_context`.
+            **parameters: :class:`PipelineParameters`, those of :class:`Phase`, :class:`Aperture`, :class:`Lens`,
+                :class:`Sensor`, the pipeline's own, and ``effects``.
         """
         _check.known_names(parameters, PipelineParameters.__annotations__, "a pipeline")
         with_sensor = _check.choice(output, "output", {"codes": 1, "intensity": 0})
@@ -210,19 +410,55 @@ class Pipeline(Handle):
             idle = [name for name in given if name in _SENSOR and name not in _PHASE]
             if idle:
                 raise TypeError(f'{idle[0]} belongs to the sensor, which output="intensity" leaves out')
-        if context is None and pattern is not None:
-            context = pattern.context
+        wanted = _effects(given.get("effects"))
+        of_lens = {name: given[name] for name in _LENS if name in given}
+        if lens is not None and of_lens:
+            raise TypeError(f"{next(iter(of_lens))} belongs to the lens, which was given; give one or the other")
+        for stage in (pattern, dots, lens, materials, motion):
+            if context is None and isinstance(stage, (Pattern, Dots, Lens, MaterialTable, Motion)):
+                context = stage.context
         context = resolve_context(context)
         with contextlib.ExitStack() as undo:
-            phase = Phase(shape, context=context, **{name: given[name] for name in _PHASE if name in given})
-            undo.callback(phase.close)
-            aperture = Aperture(shape, context=context, **{name: given[name] for name in _APERTURE if name in given})
-            undo.callback(aperture.close)
+
+            def own(stage: Made) -> Made:
+                undo.callback(stage.close)
+                return stage
+
+            table = materials
+            if table is not None and not isinstance(table, MaterialTable):
+                table = own(MaterialTable(table, context=context))
+            if isinstance(motion, Mapping):
+                # What the phase does with the path and the shift that this motion gives it.
+                if motion.get("rule") != "replace" and given.get("field") != "unit_phasor":
+                    given.setdefault("dynamics", "continuous")
+                if motion.get("translate"):
+                    given.setdefault("translate", True)
+                motion = own(Motion(shape, **{"materials": table, "context": context, **motion}))
+            if of_lens:
+                lens = own(Lens(shape, context=context, **of_lens))
+            phase = own(Phase(shape, context=context, **{name: given[name] for name in _PHASE if name in given}))
+            aperture = own(
+                Aperture(shape, context=context, **{name: given[name] for name in _APERTURE if name in given})
+            )
             sensor = None
             if with_sensor:
-                sensor = Sensor(shape, context=context, **{name: given[name] for name in _SENSOR if name in given})
-                undo.callback(sensor.close)
-            made = cls(phase=phase, aperture=aperture, sensor=sensor, pattern=pattern, context=context)
+                sensor = own(Sensor(shape, context=context, **{name: given[name] for name in _SENSOR if name in given}))
+            made = own(
+                cls(
+                    phase=phase,
+                    aperture=aperture,
+                    sensor=sensor,
+                    pattern=pattern,
+                    dots=dots,
+                    materials=table,
+                    motion=motion,
+                    lens=lens,
+                    context=context,
+                    **{name: given[name] for name in _PIPELINE if name in given},
+                )
+            )
+            for effect, values in wanted:
+                made.set_effect(effect, **values)
             undo.pop_all()
             return made
 
@@ -247,10 +483,13 @@ class Pipeline(Handle):
     @overload
     def render(
         self,
-        scene: Scene,
+        scene: Scene | None = None,
         *,
         frame_index: int | None = None,
         refresh: Refresh = None,
+        motion: MotionInput | None = None,
+        material: ImageLike | None = None,
+        illumination: str | None = None,
         dtype: npt.DTypeLike | None = None,
         out: None = None,
         queue: QueueLike | None = None,
@@ -259,10 +498,13 @@ class Pipeline(Handle):
     @overload
     def render(
         self,
-        scene: Scene,
+        scene: Scene | None = None,
         *,
         frame_index: int | None = None,
         refresh: Refresh = None,
+        motion: MotionInput | None = None,
+        material: ImageLike | None = None,
+        illumination: str | None = None,
         dtype: npt.DTypeLike | None = None,
         out: Target,
         queue: QueueLike | None = None,
@@ -270,10 +512,13 @@ class Pipeline(Handle):
 
     def render(
         self,
-        scene: Scene,
+        scene: Scene | None = None,
         *,
         frame_index: int | None = None,
         refresh: Refresh = None,
+        motion: MotionInput | None = None,
+        material: ImageLike | None = None,
+        illumination: str | None = None,
         dtype: npt.DTypeLike | None = None,
         out: Any = None,
         queue: QueueLike | None = None,
@@ -283,10 +528,15 @@ class Pipeline(Handle):
         Args:
             scene: the ideal image I0, (height, width), finite, >= 0; or, with a pattern, a :class:`Geometry`. Device
                 images are used without a copy; their NaN, infinite and negative pixels count as 0, see :meth:`check`.
+                None with dots, or in the dark.
             frame_index: counter of the noise and of refreshed phases, below 2^48; None: :attr:`next_frame_index`.
             refresh: None: the speckle stays; "all": new phases everywhere; a (height, width) mask of bool or
                 integers, or a uint8 device image: new phases where it is not 0. The first frame always draws all
                 phases.
+            motion: how the scene moved since the last frame, with a motion stage; None: it rests.
+            material: (height, width) ids of the material table, integers 0 to 255 or a uint8 device image.
+            illumination: "laser" (None): speckle; "incoherent": an LED or a lamp, no speckle, the scene is an ideal
+                image whatever the pattern or the dots; "dark": a covered lens, no scene is looked at.
             dtype: uint16 codes (default), uint8 codes (bits = 8 only) or float32; without a sensor float32.
             out: array or device image to write to; None: a new array.
             queue: None for the context's.
@@ -301,7 +551,8 @@ class Pipeline(Handle):
         with exclusive(self, also=self._stages):
             queue = self.context.queue if queue is None else queue
             target = output(out, "out", self.shape, self.output_dtypes, dtype, self._staging, self.context)
-            event = self._enqueue(scene, frame_index, refresh, target.image, self._staging, queue, None)
+            given = Frame(scene, refresh, frame_index, motion, material, illumination)
+            event = self._enqueue(given, target.image, self._staging, queue, None)
             try:
                 return target.finish(queue, event)
             finally:
@@ -310,11 +561,14 @@ class Pipeline(Handle):
 
     def enqueue_frame(
         self,
-        scene: DeviceImageLike | Geometry,
+        scene: DeviceImageLike | Geometry | None,
         output: DeviceImageLike,
         *,
         frame_index: int | None = None,
         refresh: str | DeviceImageLike | None = None,
+        motion: MotionInput | None = None,
+        material: DeviceImageLike | None = None,
+        illumination: str | None = None,
         queue: QueueLike | None = None,
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
@@ -323,19 +577,20 @@ class Pipeline(Handle):
         A frame waits for the one before it by itself, on any queue. The output must not overlap an input.
         """
         with exclusive(self, also=self._stages):
-            if not isinstance(scene, Geometry):
+            if scene is not None and not isinstance(scene, Geometry):
                 scene = device_image(scene, "scene", self.shape, FLOAT32, self.context)
             if refresh is not None and not isinstance(refresh, str):
                 refresh = device_image(refresh, "refresh", self.shape, UINT8, self.context)
+            if material is not None:
+                material = device_image(material, "material", self.shape, UINT8, self.context)
             default = UINT16 if self.sensor is not None else FLOAT32
             image = device_image(output, "output", self.shape, default, self.context)
-            return self._enqueue(scene, frame_index, refresh, image, self._staging, queue, wait_for, device_only=True)
+            given = Frame(scene, refresh, frame_index, motion, material, illumination)
+            return self._enqueue(given, image, self._staging, queue, wait_for, device_only=True)
 
     def _frame(
         self,
-        scene: Any,
-        frame_index: int | None,
-        refresh: Any,
+        given: Frame,
         image: DeviceImage,
         staging: Staging,
         queue: QueueLike | None,
@@ -343,14 +598,39 @@ class Pipeline(Handle):
         device_only: bool = False,
     ) -> _library.ClspFrame:
         frame = _library.initialized(_library.ClspFrame)
-        index = self._next_frame_index if frame_index is None else _check.integer(frame_index, "frame_index", 64)
-        frame.frame_index = index
+        scene, refresh = given.scene, given.refresh
+        index = given.frame_index
+        frame.frame_index = self._next_frame_index if index is None else _check.integer(index, "frame_index", 64)
+        if given.illumination is not None:
+            frame.illumination = _check.choice(given.illumination, "illumination", _ILLUMINATION)
+        laser = frame.illumination == _library.CLSP_ILLUMINATION_LASER
         if isinstance(refresh, str):
             frame.refresh = _check.choice(refresh, "refresh", {"all": _library.CLSP_REFRESH_ALL})
         elif refresh is not None:
             frame.refresh = _library.CLSP_REFRESH_MASK
             frame.refresh_mask = operands.add(mask_image(refresh, "refresh", self.shape, staging, queue, operands))
-        if isinstance(scene, Geometry):
+        if laser and given.motion is not None:
+            if self.motion is None:
+                raise TypeError("this pipeline has no motion stage; make it with one, or leave motion out")
+            motion, transforms = motion_struct(given.motion, self.shape, staging, queue, operands, device_only)
+            frame.motion = ctypes.pointer(motion)
+            frame._transforms = transforms  # the C struct points into it
+        if laser and self.materials is not None:
+            if given.material is None:
+                raise TypeError("this pipeline has a material table; its frames need each pixel's material id")
+            frame.material = operands.add(_material_image(given.material, self.shape, staging, queue, operands))
+        elif laser and given.material is not None:
+            raise TypeError("this pipeline has no material table; make it with materials, or leave material out")
+        if frame.illumination == _library.CLSP_ILLUMINATION_DARK:
+            pass  # nothing is seen
+        elif not laser:
+            if scene is None or isinstance(scene, Geometry):
+                raise TypeError(f'frames with illumination "incoherent" need an ideal image, got {_check.kind(scene)}')
+            frame.irradiance = operands.add(irradiance_image(scene, "scene", self.shape, staging, queue, operands))
+        elif self.dots is not None:
+            if scene is not None:
+                raise TypeError(f"this pipeline has dots; its frames take no scene (None), got {_check.kind(scene)}")
+        elif isinstance(scene, Geometry):
             if self.pattern is None:
                 raise TypeError("this pipeline has no pattern; its frames need an ideal image, not a Geometry")
             geometry = geometry_struct(scene, self.shape, staging, queue, operands, device_only)
@@ -364,9 +644,7 @@ class Pipeline(Handle):
 
     def _enqueue(
         self,
-        scene: Any,
-        frame_index: int | None,
-        refresh: Any,
+        given: Frame,
         image: DeviceImage,
         staging: Staging,
         queue: QueueLike | None,
@@ -374,7 +652,7 @@ class Pipeline(Handle):
         device_only: bool = False,
     ) -> Event:
         operands = Operands()
-        frame = self._frame(scene, frame_index, refresh, image, staging, queue, operands, device_only)
+        frame = self._frame(given, image, staging, queue, operands, device_only)
         event = operands.enqueue(
             "clspPipelineEnqueueFrame",
             self._get(),
@@ -386,6 +664,51 @@ class Pipeline(Handle):
         self._last = event
         self._next_frame_index = min(frame.frame_index + 1, 2**48 - 1)
         return event
+
+    def set_effect(self, effect: str | Effect, /, **parameters: float | None) -> None:
+        """Switches an effect on, or changes its parameters; later frames have it. Blocks, and builds programs.
+
+        Args:
+            effect: the id of one of :func:`effects`, or the effect itself.
+            **parameters: its parameters by name; those that are left out take the middle between weak and strong.
+
+        Sensors draw their fixed patterns again, and a phase whose state changes its layout draws all phases in the next
+        frame. After an error everything is as it was. The stages are changed, also for other pipelines that share them.
+
+        Raises:
+            InvalidArgumentError: no such effect, a value out of range, or the pipeline has not the stage that the
+                effect belongs to (dots, a sensor).
+            TypeError: the effect has no parameter of that name.
+        """
+        found = find_effect(effect)
+        values = effect_values(found, parameters)
+        numbers = (ctypes.c_double * len(values))(*values.values())
+        with exclusive(self, also=self._stages):
+            self._settle()
+            _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
+            self._effects[found.id] = values
+            self._after_effects()
+
+    def clear_effect(self, effect: str | Effect | None = None) -> None:
+        """Switches an effect off, or all of them (None); one that is off stays off. Blocks."""
+        found = None if effect is None else find_effect(effect).id
+        with exclusive(self, also=self._stages):
+            self._settle()
+            _library.call("clspPipelineClearEffect", self._get(), None if found is None else found.encode())
+            if found is None:
+                self._effects.clear()
+            else:
+                self._effects.pop(found, None)
+            self._after_effects()
+
+    def _after_effects(self) -> None:
+        """What the stages' objects remember of their descriptions."""
+        self.phase.polarization_count = 2 if "depolarization" in self._effects else self._polarization_count
+
+    @property
+    def effects(self) -> dict[str, dict[str, float]]:
+        """The effects that are on, by id, with their parameters."""
+        return {effect: dict(values) for effect, values in self._effects.items()}
 
     def _settle(self) -> None:
         """Waits for the last frame; its own event has told the caller if it failed."""
@@ -492,8 +815,9 @@ class Pipeline(Handle):
                     given, staging = target_of(index), slots[index % depth]
                     target = output(given, "out", self.shape, (given.dtype,), None, staging, self.context)
                     target.host = given if given.flags.c_contiguous else np.empty(given.shape, given.dtype)
-                    wanted = refresh if frame.refresh is None else frame.refresh
-                    event = self._enqueue(frame.scene, frame.frame_index, wanted, target.image, staging, used, None)
+                    if frame.refresh is None:
+                        frame = dataclasses.replace(frame, refresh=refresh)
+                    event = self._enqueue(frame, target.image, staging, used, None)
                     pending.append((target, target.image.enqueue_read(target.host, queue=used, wait_for=[event])))
             while pending:
                 yield finish()
@@ -512,6 +836,9 @@ class Pipeline(Handle):
         scene: Scene | None = None,
         *,
         refresh: Refresh = None,
+        motion: MotionInput | None = None,
+        material: ImageLike | None = None,
+        illumination: str | None = None,
         dtype: npt.DTypeLike | None = None,
         queue: QueueLike | None = None,
     ) -> None:
@@ -520,22 +847,28 @@ class Pipeline(Handle):
 
         Args:
             scene: like the scenes to come: which images it has, and in which formats, is what counts. None: a dark
-                NumPy image; with a pattern a geometry is needed.
-            refresh: like that of the frames to come.
+                NumPy image, or with dots none; with a pattern a geometry is needed.
+            refresh: like that of the frames to come; `motion` and `illumination` likewise.
+            material: likewise; None: the first material everywhere.
             dtype: of the frames to come; None: the default.
             queue: None for the context's.
         """
         wanted = _dtype(dtype, self.output_dtypes)
-        if scene is None:
+        if scene is None and illumination == "incoherent":
+            scene = np.zeros(self.shape, np.float32)
+        elif scene is None and illumination != "dark" and self.dots is None:
             if self.pattern is not None:
                 raise TypeError("this pipeline has a pattern; warm_up() needs a Geometry like those of its frames")
             scene = np.zeros(self.shape, np.float32)
+        if material is None and self.materials is not None:
+            material = np.zeros(self.shape, np.uint8)
         with exclusive(self, also=self._stages):
             queue = self.context.queue if queue is None else queue
             self._settle()
             operands = Operands()
             image = self._staging.image("out", self.shape, wanted)
-            frame = self._frame(scene, 0, refresh, image, self._staging, queue, operands)
+            given = Frame(scene, refresh, 0, motion, material, illumination)
+            frame = self._frame(given, image, self._staging, queue, operands)
             operands.wait()  # the call takes no wait list
             _library.call("clspPipelineWarmUp", self._get(), queue_pointer(queue, self.context), ctypes.byref(frame))
 
@@ -571,6 +904,38 @@ class Pipeline(Handle):
             name = _library.text(timing.stage)
             result[name] = result.get(name, 0.0) + timing.milliseconds
         return result
+
+
+def _material_image(
+    value: Any, shape: tuple[int, int], staging: Staging, queue: QueueLike | None, operands: Operands
+) -> DeviceImage:
+    if on_device(value):
+        return device_image(value, "material", shape, UINT8, staging.context)
+    return staging.upload("material", _materials(value, "material", shape), queue, operands)
+
+
+def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:
+    """The effects of from_parameters(), checked before any stage is made."""
+    if given is None:
+        return []
+    if not isinstance(given, Mapping):
+        raise TypeError(
+            f'effects must map ids to parameters, as {{"defocus": {{"waves": 0.8}}}}, got {_check.kind(given)}'
+        )
+    result = []
+    for name, values in given.items():
+        effect = find_effect(name)
+        if values is not None and not isinstance(values, Mapping):
+            raise TypeError(f"effects[{name!r}] must map parameters to numbers, got {_check.kind(values)}")
+        result.append((effect, effect_values(effect, values or {})))
+    return result
+
+
+def _hashable(value: Any) -> Any:
+    """A dictionary as something that can be part of a key."""
+    if isinstance(value, Mapping):
+        return tuple(sorted((name, _hashable(part)) for name, part in value.items()))
+    return value
 
 
 def _dtype(dtype: npt.DTypeLike | None, dtypes: Sequence[Any]) -> np.dtype[Any]:
@@ -625,7 +990,10 @@ def simulate(
             f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width)"
         )
     size = _check.image_shape(shape[-2:], "ideal.shape")
-    key: Any = (size, output, tuple(sorted(parameters.items(), key=lambda item: item[0])))
+    key: Any = (size, output, _hashable(parameters))
+    # Air that has moved on would make the next result depend on this one.
+    if parameters.get("airflow_rms_rad") or "airflow" in (parameters.get("effects") or {}):
+        key = None
     try:
         hash(key)
     except TypeError:  # an array among the parameters
@@ -633,6 +1001,8 @@ def simulate(
     camera = None if key is None else context._take_camera(key)
     if camera is None:
         camera = Pipeline.from_parameters(size, output=output, context=context, **parameters)
+    elif camera.sensor is not None:
+        camera.sensor.reset_lag()
     try:
         if len(shape) == 2:
             target: Any = out

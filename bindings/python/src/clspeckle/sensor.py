@@ -228,8 +228,6 @@ class Sensor(Handle):
         effective_bits: int | None = None,
         context: Context | None = None,
     ) -> None:
-        desc = _library.initialized(_library.ClspSensorDesc)
-        desc.height, desc.width = _check.image_shape(shape)
         given: dict[str, Any] = {
             "bits": bits,
             "seed": seed,
@@ -260,25 +258,17 @@ class Sensor(Handle):
             "column_noise_dn": column_noise_dn,
             "read_noise_spread": read_noise_spread,
             "effective_bits": effective_bits,
+            "dark_frame_dn": dark_frame_dn,
+            "mosaic_gain": mosaic_gain,
+            "quantize": quantize,
+            "shot_noise": shot_noise,
         }
-        _check.assign(desc, given, _INTEGERS, _REALS)
-        if mosaic_gain is not None:
-            desc.mosaic_gain = _mosaic(mosaic_gain)
-        if dark_frame_dn is not None:
-            dark = _check.float_plane(dark_frame_dn, "dark_frame_dn", (desc.height, desc.width))
-            _check.within(dark, "dark_frame_dn", -np.inf)
-            desc.dark_frame_dn = dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
-        if quantize is not None:
-            desc.quantize = _check.flag(quantize, "quantize")
-        if shot_noise is not None:
-            desc.shot_noise = _check.flag(shot_noise, "shot_noise")
+        desc, self._options = _description(_check.image_shape(shape), given)
         self.context = resolve_context(context)
         self._adopt(create("clspSensorCreate", self.context._get(), ctypes.byref(desc)))
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.bits: int = desc.bits
-        self._exposure_gain_dn: float = desc.exposure_gain_dn
-        if desc.photons_per_unit > 0:
-            self._exposure_gain_dn = desc.conversion_gain_dn_per_e * desc.quantum_efficiency * desc.photons_per_unit
+        self._exposure_gain_dn: float = _exposure_gain(desc)
         self._staging = Staging(self.context)
 
     def _forget(self) -> None:
@@ -315,6 +305,22 @@ class Sensor(Handle):
         with exclusive(self):
             _library.call("clspSensorSetExposureGain", self._get(), gain)
             self._exposure_gain_dn = gain
+            self._options.update(exposure_gain_dn=gain, photons_per_unit=None)
+
+    def configure(self, **changes: Any) -> None:
+        """Changes settings of the sensor, by the names of the constructor's arguments; what is not named stays.
+
+        Draws the fixed pattern again and forgets the frame before. Blocks. If it fails, the sensor is as it was.
+        ``None`` puts a setting back to its default.
+        """
+        _check.known_names(changes, self._options, "configure()")
+        with exclusive(self):
+            given = {**self._options, **changes}
+            desc, options = _description(self.shape, given)
+            _library.call("clspSensorConfigure", self._get(), ctypes.byref(desc))
+            self._options = options
+            self.bits = desc.bits
+            self._exposure_gain_dn = _exposure_gain(desc)
 
     def reset_lag(self) -> None:
         """Forgets the frame before: the next one has no lag."""
@@ -453,6 +459,32 @@ class Sensor(Handle):
             ctypes.byref(operands.add(rgb)),
             wait_for=wait_for,
         )
+
+
+def _description(shape: tuple[int, int], given: dict[str, Any]) -> tuple[_library.ClspSensorDesc, dict[str, Any]]:
+    """A description, and the options that it was made of with a dark frame of our own."""
+    options = dict(given)
+    desc = _library.initialized(_library.ClspSensorDesc)
+    desc.height, desc.width = shape
+    _check.assign(desc, options, _INTEGERS, _REALS)
+    if options["mosaic_gain"] is not None:
+        desc.mosaic_gain = _mosaic(options["mosaic_gain"])
+    if options["dark_frame_dn"] is not None:
+        dark = np.array(_check.float_plane(options["dark_frame_dn"], "dark_frame_dn", shape))
+        _check.within(dark, "dark_frame_dn", -np.inf)
+        desc.dark_frame_dn = dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+        options["dark_frame_dn"] = dark
+    for name in _FLAGS:
+        if options[name] is not None:
+            setattr(desc, name, _check.flag(options[name], name))
+    return desc, options
+
+
+def _exposure_gain(desc: _library.ClspSensorDesc) -> float:
+    """In DN per unit of intensity, also where it was given in photons."""
+    if desc.photons_per_unit > 0:
+        return float(desc.conversion_gain_dn_per_e * desc.quantum_efficiency * desc.photons_per_unit)
+    return float(desc.exposure_gain_dn)
 
 
 def _values(desc: _library.ClspSensorDesc) -> dict[str, Any]:

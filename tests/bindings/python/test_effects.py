@@ -1,0 +1,274 @@
+"""The catalogue of effects: each one changes the frame, is what its stage's parameters make, and goes without a trace."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import clspeckle
+from clspeckle import errors
+
+SHAPE = (64, 96)
+"""Large enough that the grid holds a defocused point."""
+
+IDS = [effect.id for effect in clspeckle.effects()]
+NEEDS_DOTS = [effect.id for effect in clspeckle.effects() if "dots.cl" in effect.kernel]
+NEEDS_A_SENSOR = [effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and "sensor.cl" in effect.kernel]
+
+
+def lattice(context: clspeckle.Context) -> clspeckle.Dots:
+    y, x = np.mgrid[6 : SHAPE[0] : 12, 6 : SHAPE[1] : 12]
+    return clspeckle.Dots(SHAPE, np.stack([x.ravel(), y.ravel()], axis=1), sigma_px=2.0, scale=1.5, context=context)
+
+
+def make(context: clspeckle.Context, **parameters: Any) -> clspeckle.Pipeline:
+    options: dict[str, Any] = {"seed": 11, "exposure_gain_dn": 400.0, "normalization": "unit_mean", **parameters}
+    return clspeckle.Pipeline.from_parameters(SHAPE, dots=lattice(context), context=context, **options)
+
+
+def frames(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
+    """A frame drawn anew, two of a scene at rest, and another one drawn anew: each effect shows in one of them."""
+    refresh = ("all", None, None, "all")
+    return np.stack([camera.render(frame_index=index, refresh=kind) for index, kind in enumerate(refresh)])
+
+
+@pytest.fixture(scope="module")
+def camera(context: clspeckle.Context) -> Iterator[clspeckle.Pipeline]:
+    with make(context) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def plain(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
+    result = frames(camera)
+    np.testing.assert_array_equal(frames(camera), result)
+    assert result.std() > 20, "an image without structure would agree with anything"
+    return result
+
+
+def test_the_catalogue() -> None:
+    catalogue = clspeckle.effects()
+    assert len(catalogue) >= 30
+    assert len(set(IDS)) == len(IDS)
+    for effect in catalogue:
+        assert re.fullmatch(r"[a-z_]+", effect.id)
+        assert effect.stage in ("laser", "doe", "surface", "motion", "optics", "sensor")
+        assert effect.summary
+        assert re.match(r"\w+\.cl", effect.kernel)
+        assert 1 <= len(effect.parameters) <= 4
+        for parameter in effect.parameters:
+            assert re.fullmatch(r"[a-z0-9_]+", parameter.name)
+            assert parameter.unit
+            for value in (parameter.weak, parameter.strong, parameter.middle):
+                assert parameter.minimum <= value <= parameter.maximum, effect
+
+
+@pytest.mark.parametrize("effect", IDS)
+def test_on_changes_the_frames_and_off_restores_them(
+    camera: clspeckle.Pipeline, plain: npt.NDArray[Any], effect: str
+) -> None:
+    camera.set_effect(effect)
+    assert list(camera.effects) == [effect]
+    middle = frames(camera)
+    assert not np.array_equal(middle, plain)
+    (info,) = (entry for entry in clspeckle.effects() if entry.id == effect)
+    camera.set_effect(info, **{parameter.name: parameter.middle for parameter in info.parameters})
+    np.testing.assert_array_equal(frames(camera), middle)
+    camera.clear_effect(effect)
+    assert camera.effects == {}
+    np.testing.assert_array_equal(frames(camera), plain)
+
+
+SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
+    ("defocus", {"waves": 0.8}, {"defocus_waves": 0.8}),
+    ("pupil_obstruction", {"radius_ratio": 0.4}, {"obstruction_ratio": 0.4}),
+    ("aperture_mismatch", {"f_number_ratio": 1.25}, {"f_number": 5.6 * 1.25}),
+    ("pixel_integration", {"fill_factor": 0.9}, {"fill_factor": 0.9}),
+    ("depolarization", {"degree_of_polarization": 0.3}, {"degree_of_polarization": 0.3}),
+    ("low_roughness", {"coherent_fraction": 0.3}, {"coherent_fraction": 0.3}),
+    ("subsurface_scattering", {"length_px": 2.0, "fraction": 0.5}, {"subsurface_length_px": 2.0, "subsurface_fraction": 0.5}),
+    ("power_flicker", {"sigma": 0.1}, {"power_flicker": 0.1}),
+    ("surface_boiling", {"correlation_frames": 3.0}, {"boiling_correlation_frames": 3.0}),
+    ("airflow", {"rms_rad": 0.7, "scale_px": 5.0}, {"airflow_rms_rad": 0.7, "airflow_scale_px": 5.0}),
+    ("vibration", {"rms_px": 0.2}, {"vibration_rms_px": 0.2}),
+    ("glare", {"fraction": 0.2, "scale_px": 4.0}, {"glare_fraction": 0.2, "glare_scale_px": 4.0}),
+    ("vignetting", {"corner_loss": 0.4}, {"vignetting_corner_loss": 0.4}),
+    ("lens_distortion", {"k1": 0.03}, {"k1": 0.03}),
+    ("ambient_light", {"level_dn": 40.0}, {"ambient": 0.1}),
+    ("shot_noise", {"dn_per_electron": 0.2}, {"shot_noise": True, "conversion_gain_dn_per_e": 0.2}),
+    ("crosstalk", {"fraction": 0.2}, {"crosstalk_fraction": 0.2}),
+    ("prnu", {"sigma": 0.03}, {"prnu": 0.03}),
+    ("dsnu", {"sigma_dn": 4.0}, {"dsnu_dn": 4.0}),
+    ("column_fpn", {"sigma_dn": 3.0}, {"column_offset_dn": 3.0}),
+    ("row_noise", {"sigma_dn": 3.0}, {"row_noise_dn": 3.0}),
+    ("hot_pixels", {"fraction": 0.01, "mean_dn": 200.0}, {"hot_pixel_fraction": 0.01, "hot_pixel_mean_dn": 200.0}),
+    ("full_well", {"level_dn": 500.0}, {"saturation_dn": 500.0}),
+    ("adc_bits", {"bits": 6.0}, {"effective_bits": 6}),
+    ("gamma", {"gamma": 0.8}, {"gamma": 0.8}),
+    ("image_lag", {"fraction": 0.2}, {"lag_fraction": 0.2}),
+    ("bayer_mismatch", {"delta": 0.05}, {"mosaic_gain": (1.0, 0.95, 1.05, 1.0)}),
+]
+
+
+@pytest.mark.parametrize(("effect", "values", "parameters"), SAME, ids=[case[0] for case in SAME])
+def test_an_effect_is_what_its_stages_parameters_make(
+    context: clspeckle.Context,
+    camera: clspeckle.Pipeline,
+    effect: str,
+    values: dict[str, float],
+    parameters: dict[str, Any],
+) -> None:
+    camera.set_effect(effect, **values)
+    assert camera.effects == {effect: values}
+    got = frames(camera)
+    camera.clear_effect()
+    with make(context, **parameters) as other:
+        np.testing.assert_array_equal(got, frames(other))
+    with make(context, effects={effect: values}) as another:
+        np.testing.assert_array_equal(got, frames(another))
+
+
+def test_several_effects_in_any_order(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
+    effects: dict[str, dict[str, float]] = {"glare": {"fraction": 0.1}, "defocus": {"waves": 0.4}, "prnu": {"sigma": 0.02}}
+    for effect, values in effects.items():
+        camera.set_effect(effect, **values)
+    all_of_them = frames(camera)
+    assert camera.effects["glare"] == {"fraction": 0.1, "scale_px": 6.0}, "what is left out takes the middle"
+    camera.clear_effect("prnu")
+    without = frames(camera)
+    assert not np.array_equal(without, all_of_them)
+    camera.clear_effect()
+    np.testing.assert_array_equal(frames(camera), plain)
+    for effect in reversed(effects):
+        camera.set_effect(effect, **effects[effect])
+    np.testing.assert_array_equal(frames(camera), all_of_them)
+    camera.clear_effect("prnu")
+    camera.clear_effect("prnu")  # one that is off stays off
+    np.testing.assert_array_equal(frames(camera), without)
+    camera.clear_effect()
+    np.testing.assert_array_equal(frames(camera), plain)
+
+
+def test_the_exposure_may_change_under_an_effect(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
+    assert camera.sensor is not None
+    camera.set_effect("vignetting")
+    camera.sensor.exposure_gain_dn = 200.0
+    camera.clear_effect()
+    assert frames(camera).mean() < plain.mean() - 5
+    camera.sensor.exposure_gain_dn = 400.0
+    np.testing.assert_array_equal(frames(camera), plain)
+
+
+def test_pupil_and_polarizations_follow_the_effects(context: clspeckle.Context) -> None:
+    camera = make(context, polarization_count=1)
+    assert camera.aperture.pupil().dtype == np.float32
+    camera.set_effect("defocus", waves=0.5)
+    pupil = camera.aperture.pupil()
+    assert pupil.dtype == np.complex64
+    assert np.abs(pupil.imag).max() > 0.1
+    camera.set_effect("depolarization", degree_of_polarization=0.0)
+    assert camera.phase.polarization_count == 2
+    camera.render()
+    camera.clear_effect()
+    assert camera.aperture.pupil().dtype == np.float32
+    assert camera.phase.polarization_count == 1
+    camera.render()
+
+
+def test_simulate_takes_effects(context: clspeckle.Context) -> None:
+    ideal = np.random.default_rng(3).random((3, *SHAPE), np.float32)
+    options: dict[str, Any] = {"seed": 2, "context": context}
+    plain = clspeckle.simulate(ideal, **options)
+    for effect in ("defocus", "image_lag", "airflow", "surface_boiling"):
+        first = clspeckle.simulate(ideal, effects={effect: {}}, **options)
+        assert not np.array_equal(first, plain)
+        # The second call may get the camera of the first one, with all that it remembers.
+        np.testing.assert_array_equal(clspeckle.simulate(ideal, effects={effect: {}}, **options), first)
+    np.testing.assert_array_equal(clspeckle.simulate(ideal, **options), plain)
+
+
+# --- Bad input ---
+
+
+def test_unknown_effects_and_parameters(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
+    with pytest.raises(errors.InvalidArgumentError, match=r"no effect 'defocsu'.*did you mean \"defocus\""):
+        camera.set_effect("defocsu")
+    with pytest.raises(errors.InvalidArgumentError, match=r"no effect 'xyzzy'; the effects are linewidth"):
+        camera.set_effect("xyzzy")
+    with pytest.raises(errors.InvalidArgumentError, match="no effect"):
+        camera.clear_effect("glar")
+    with pytest.raises(errors.InvalidArgumentError, match="no effect ''"):
+        camera.clear_effect("")
+    with pytest.raises(TypeError, match=r"defocus has no parameter 'wave'; did you mean \"waves\""):
+        camera.set_effect("defocus", wave=1)
+    with pytest.raises(TypeError, match="waves must be a number"):
+        camera.set_effect("defocus", waves="0.5")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="effect must be the id"):
+        camera.set_effect(7)  # type: ignore[arg-type]
+    assert camera.effects == {}
+    np.testing.assert_array_equal(frames(camera), plain)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+@pytest.mark.parametrize("effect", IDS)
+def test_values_out_of_range(camera: clspeckle.Pipeline, effect: str, value: float) -> None:
+    (info,) = (entry for entry in clspeckle.effects() if entry.id == effect)
+    for parameter in info.parameters:
+        with pytest.raises(errors.InvalidArgumentError, match=f"{parameter.name} of the effect {effect} .* it must be"):
+            camera.set_effect(effect, **{parameter.name: value})
+    assert camera.effects == {}
+
+
+def test_after_refused_effects_everything_is_as_it_was(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
+    camera.set_effect("gamma", gamma=0.8)
+    with_gamma = frames(camera)
+    # In range, but the grid does not hold so wide a point.
+    with pytest.raises(errors.InvalidArgumentError, match="waves"):
+        camera.set_effect("defocus", waves=90.0)
+    assert camera.effects == {"gamma": {"gamma": 0.8}}
+    np.testing.assert_array_equal(frames(camera), with_gamma)
+    camera.clear_effect()
+    np.testing.assert_array_equal(frames(camera), plain)
+
+
+def test_effects_without_their_stage(context: clspeckle.Context) -> None:
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, output="intensity", context=context)
+    ideal = np.ones(SHAPE, np.float32)
+    before = camera.render(ideal, frame_index=0, refresh="all")
+    assert NEEDS_DOTS
+    for effect in NEEDS_DOTS:
+        with pytest.raises(errors.InvalidArgumentError, match=f"the effect {effect} needs a pipeline with dots"):
+            camera.set_effect(effect)
+    assert len(NEEDS_A_SENSOR) > 8
+    for effect in (*NEEDS_A_SENSOR, "ambient_light"):
+        with pytest.raises(errors.InvalidArgumentError, match=f"the effect {effect} needs a pipeline with a sensor"):
+            camera.set_effect(effect)
+    np.testing.assert_array_equal(camera.render(ideal, frame_index=0, refresh="all"), before)
+
+
+def test_effects_of_a_new_pipeline(context: clspeckle.Context) -> None:
+    with pytest.raises(TypeError, match="effects must map ids"):
+        make(context, effects=["defocus"])
+    with pytest.raises(TypeError, match=r"effects\['defocus'\] must map"):
+        make(context, effects={"defocus": 0.5})
+    with pytest.raises(errors.InvalidArgumentError, match="did you mean"):
+        make(context, effects={"defokus": {}})
+    with pytest.raises(errors.InvalidArgumentError, match="it must be"):
+        make(context, effects={"defocus": {"waves": 1e9}})
+    with make(context, effects={"defocus": None, "glare": {"fraction": 0.1}}) as camera:
+        assert camera.effects == {"defocus": {"waves": 1.05}, "glare": {"fraction": 0.1, "scale_px": 6.0}}
+
+
+def test_closed_pipelines_say_so(context: clspeckle.Context) -> None:
+    camera = make(context)
+    camera.close()
+    with pytest.raises(errors.InvalidHandleError, match="this Pipeline is closed"):
+        camera.set_effect("defocus")
+    with pytest.raises(errors.InvalidHandleError, match="this Pipeline is closed"):
+        camera.clear_effect()

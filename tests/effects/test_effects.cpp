@@ -1,0 +1,303 @@
+// The catalogue of effects: what it lists, that each changes what it should and nothing else, and that clearing puts everything back.
+#include "test_support.hpp"
+
+#include <map>
+#include <set>
+
+namespace {
+
+using test::DeviceTest;
+
+constexpr std::uint32_t width = 48, height = 40;
+
+// The catalogue that the sim-to-real gap protocol fixes: ids, stages and parameter names.
+const std::map<std::string, std::pair<std::string, std::vector<std::string>>> expected_catalogue = {
+    {"linewidth", {"laser", {"dephasing_rad"}}},
+    {"power_flicker", {"laser", {"sigma"}}},
+    {"wavelength_shift", {"laser", {"delta_nm"}}},
+    {"beam_skew", {"laser", {"skew"}}},
+    {"beam_flat_top", {"laser", {"flatness"}}},
+    {"zero_order", {"doe", {"relative_intensity"}}},
+    {"ghost_dots", {"doe", {"relative_intensity"}}},
+    {"scatter_background", {"doe", {"fraction"}}},
+    {"depolarization", {"surface", {"degree_of_polarization"}}},
+    {"low_roughness", {"surface", {"coherent_fraction"}}},
+    {"subsurface_scattering", {"surface", {"length_px", "fraction"}}},
+    {"motion_decorrelation", {"motion", {"lags"}}},
+    {"surface_boiling", {"motion", {"correlation_frames"}}},
+    {"airflow", {"motion", {"rms_rad", "scale_px"}}},
+    {"vibration", {"motion", {"rms_px"}}},
+    {"defocus", {"optics", {"waves"}}},
+    {"vignetting", {"optics", {"corner_loss"}}},
+    {"aperture_mismatch", {"optics", {"f_number_ratio"}}},
+    {"pupil_obstruction", {"optics", {"radius_ratio"}}},
+    {"glare", {"optics", {"fraction", "scale_px"}}},
+    {"ambient_light", {"optics", {"level_dn"}}},
+    {"lens_distortion", {"optics", {"k1"}}},
+    {"pixel_integration", {"sensor", {"fill_factor"}}},
+    {"crosstalk", {"sensor", {"fraction"}}},
+    {"shot_noise", {"sensor", {"dn_per_electron"}}},
+    {"prnu", {"sensor", {"sigma"}}},
+    {"dsnu", {"sensor", {"sigma_dn"}}},
+    {"column_fpn", {"sensor", {"sigma_dn"}}},
+    {"hot_pixels", {"sensor", {"fraction", "mean_dn"}}},
+    {"row_noise", {"sensor", {"sigma_dn"}}},
+    {"gamma", {"sensor", {"gamma"}}},
+    {"full_well", {"sensor", {"level_dn"}}},
+    {"adc_bits", {"sensor", {"bits"}}},
+    {"bayer_mismatch", {"sensor", {"delta"}}},
+    {"image_lag", {"sensor", {"fraction"}}},
+};
+
+std::vector<ClspEffectInfo> catalogue() {
+    std::uint32_t count = 0;
+    EXPECT_CLSP_OK(clspEffectGetCount(&count));
+    std::vector<ClspEffectInfo> effects(count);
+    for (std::uint32_t i = 0; i < count; ++i)
+        EXPECT_CLSP_OK(clspEffectGetInfo(i, &effects[i]));
+    return effects;
+}
+
+template <std::size_t Size> void expect_whole(const char (&text)[Size]) {
+    EXPECT_GT(std::strlen(text), 0u);
+    EXPECT_LT(std::strlen(text), Size - 1) << "\"" << text << "\" may have been cut";
+}
+
+class Effects : public DeviceTest {
+  protected:
+    std::vector<double> positions;
+    clspeckle::Phase phase;
+    clspeckle::Aperture aperture;
+    clspeckle::Sensor sensor;
+    clspeckle::Dots dots;
+    Image codes = make_image(width, height, CLSP_FORMAT_UINT16);
+
+    Effects() {
+        // Not a lattice that any symmetry leaves as it is.
+        for (int j = 0; j < 5; ++j)
+            for (int i = 0; i < 6; ++i) {
+                positions.push_back(4.3 + 8.1 * i + 0.7 * (j % 2));
+                positions.push_back(4.1 + 8.2 * j + 0.5 * (i % 3));
+            }
+        auto p = clspeckle::make<ClspPhaseDesc>();
+        p.width = width;
+        p.height = height;
+        p.seed = 21;
+        phase = clspeckle::Phase(context, p);
+        auto a = clspeckle::make<ClspApertureDesc>();
+        a.width = width;
+        a.height = height;
+        a.normalization = CLSP_NORMALIZATION_UNIT_MEAN;
+        a.f_number = 8;
+        aperture = clspeckle::Aperture(context, a);
+        auto s = clspeckle::make<ClspSensorDesc>();
+        s.width = width;
+        s.height = height;
+        s.seed = 22;
+        s.exposure_gain_dn = 400;
+        s.read_noise_dn = 2;
+        sensor = clspeckle::Sensor(context, s);
+        auto d = clspeckle::make<ClspDotsDesc>();
+        d.width = width;
+        d.height = height;
+        d.positions_px = positions.data();
+        d.count = positions.size() / 2;
+        d.sigma_px = 1.8;
+        dots = clspeckle::Dots(context, d);
+    }
+    ClspPipelineDesc desc() const {
+        auto desc = clspeckle::make<ClspPipelineDesc>();
+        desc.phase = phase;
+        desc.aperture = aperture;
+        desc.sensor = sensor;
+        desc.dots = dots;
+        desc.seed = 23;
+        return desc;
+    }
+    struct Handle {
+        ClspPipeline pipeline = nullptr;
+        ~Handle() { clspPipelineRelease(pipeline); }
+    };
+    // A frame drawn anew, three of the same scene at rest, another one drawn anew.
+    std::vector<std::vector<std::uint16_t>> frames(ClspPipeline pipeline) {
+        std::vector<std::vector<std::uint16_t>> result;
+        EXPECT_CLSP_OK(clspSensorResetLag(sensor));
+        for (std::uint64_t index = 0; index < 5; ++index) {
+            auto frame = clspeckle::make<ClspFrame>();
+            frame.frame_index = index;
+            frame.refresh = index % 4 == 0 ? CLSP_REFRESH_ALL : CLSP_REFRESH_MASK;
+            frame.output = codes.view;
+            EXPECT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, &frame, 0, nullptr, nullptr));
+            result.push_back(download<std::uint16_t>(codes));
+        }
+        return result;
+    }
+};
+
+TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
+    std::set<std::string> seen;
+    for (const ClspEffectInfo &effect : catalogue()) {
+        const auto found = expected_catalogue.find(effect.id);
+        ASSERT_NE(expected_catalogue.end(), found) << effect.id;
+        EXPECT_TRUE(seen.insert(effect.id).second) << effect.id << " twice";
+        EXPECT_EQ(found->second.first, effect.stage) << effect.id;
+        ASSERT_EQ(found->second.second.size(), effect.parameter_count) << effect.id;
+        expect_whole(effect.id);
+        expect_whole(effect.stage);
+        expect_whole(effect.summary);
+        expect_whole(effect.kernel);
+        for (std::uint32_t i = 0; i < effect.parameter_count; ++i) {
+            const ClspEffectParameter &p = effect.parameters[i];
+            EXPECT_EQ(found->second.second[i], p.name) << effect.id;
+            expect_whole(p.name);
+            expect_whole(p.unit);
+            EXPECT_LT(p.minimum, p.maximum) << effect.id;
+            for (double value : {p.weak, p.strong}) {
+                EXPECT_LE(p.minimum, value) << effect.id;
+                EXPECT_GE(p.maximum, value) << effect.id;
+            }
+        }
+    }
+    EXPECT_EQ(expected_catalogue.size(), seen.size());
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count", clspEffectGetCount(nullptr));
+    ClspEffectInfo info;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "info", clspEffectGetInfo(0, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index", clspEffectGetInfo(10000, &info));
+}
+
+TEST_F(Effects, EachChangesTheFramesAndClearingRestoresThem) {
+    Handle plain;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &plain.pipeline));
+    const auto before = frames(plain.pipeline);
+    for (const ClspEffectInfo &effect : catalogue()) {
+        SCOPED_TRACE(effect.id);
+        std::vector<double> strong;
+        for (std::uint32_t i = 0; i < effect.parameter_count; ++i)
+            strong.push_back(effect.parameters[i].strong);
+        ASSERT_CLSP_OK(clspPipelineSetEffect(plain.pipeline, effect.id, strong.data(), effect.parameter_count));
+        const auto with = frames(plain.pipeline);
+        EXPECT_EQ(with, frames(plain.pipeline)) << "the same frames twice";
+        // What disturbs a scene at rest leaves frames drawn anew alone, and the other way round.
+        const std::set<std::string> resting = {"surface_boiling", "airflow", "vibration"};
+        if (resting.count(effect.id)) {
+            EXPECT_EQ(before[0], with[0]);
+            EXPECT_NE(before[2], with[2]);
+            EXPECT_EQ(before[4], with[4]);
+        } else if (effect.id == std::string("image_lag")) {
+            // Nothing came before the first frame, and what came before the next three was the same.
+            for (int index : {0, 1, 2, 3})
+                EXPECT_EQ(before[index], with[index]);
+            EXPECT_NE(before[4], with[4]);
+        } else {
+            EXPECT_NE(before[0], with[0]);
+        }
+        ASSERT_CLSP_OK(clspPipelineClearEffect(plain.pipeline, effect.id));
+        EXPECT_EQ(before, frames(plain.pipeline)) << "after clearing";
+    }
+}
+
+TEST_F(Effects, TheOrderOfTheCallsDoesNotMatter) {
+    Handle one, two;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    for (const char *id : {"defocus", "crosstalk", "zero_order", "linewidth"})
+        ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, id, nullptr, 0));
+    const auto expected = frames(one.pipeline);
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
+    for (const char *id : {"linewidth", "zero_order", "crosstalk", "defocus"})
+        ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, id, nullptr, 0));
+    EXPECT_EQ(expected, frames(one.pipeline));
+    // Taking one out of four leaves the other three.
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, "crosstalk"));
+    const auto three = frames(one.pipeline);
+    EXPECT_NE(expected, three);
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
+    for (const char *id : {"defocus", "zero_order", "linewidth"})
+        ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, id, nullptr, 0));
+    EXPECT_EQ(three, frames(one.pipeline));
+}
+
+TEST_F(Effects, ValuesLeftOutAreTheMiddle) {
+    Handle one;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "glare", nullptr, 0));
+    const auto expected = frames(one.pipeline);
+    const double values[] = {0.125, 6.0};
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "glare", values, 1));
+    EXPECT_EQ(expected, frames(one.pipeline));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "glare", values, 2));
+    EXPECT_EQ(expected, frames(one.pipeline));
+}
+
+TEST_F(Effects, WhatTheHostSetMeanwhileStays) {
+    Handle one;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 100));
+    const auto expected = frames(one.pipeline);
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 400));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "row_noise", nullptr, 0));
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 100));
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
+    EXPECT_EQ(expected, frames(one.pipeline));
+}
+
+TEST_F(Effects, WhatIsOffTakesNoMemory) {
+    Handle one;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    const auto use = [&] {
+        ClspContextInfo info{};
+        info.struct_size = sizeof info;
+        EXPECT_CLSP_OK(clspContextGetInfo(context, &info));
+        return info.allocated_bytes;
+    };
+    const std::uint64_t before = use();
+    for (const ClspEffectInfo &effect : catalogue()) {
+        SCOPED_TRACE(effect.id);
+        ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, effect.id, nullptr, 0));
+        ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, effect.id));
+    }
+    // Work memory of filters may stay for the next use.
+    EXPECT_LE(use(), before + 2 * 1024 * 1024);
+}
+
+TEST_F(Effects, RefusesBadArgumentsAndChangesNothing) {
+    Handle one;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "crosstalk", nullptr, 0));
+    const auto before = frames(one.pipeline);
+    const double good = 0.1, bad = -1, nan = test::nan_value, three[] = {1, 1, 1};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineSetEffect(nullptr, "glare", nullptr, 0));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "id", clspPipelineSetEffect(one.pipeline, nullptr, nullptr, 0));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "defocus",
+                      clspPipelineSetEffect(one.pipeline, "defocusing", nullptr, 0));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fraction", clspPipelineSetEffect(one.pipeline, "glare", &bad, 1));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fraction", clspPipelineSetEffect(one.pipeline, "glare", &nan, 1));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "2 parameters",
+                      clspPipelineSetEffect(one.pipeline, "glare", three, 3));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "values", clspPipelineSetEffect(one.pipeline, "glare", nullptr, 1));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "defocusing", clspPipelineClearEffect(one.pipeline, "defocusing"));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineClearEffect(nullptr, nullptr));
+    // In range, but not for this camera: the well is full below the noise, or the diameter beyond the grid.
+    const double wide = 0.1;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "oversampling",
+                      clspPipelineSetEffect(one.pipeline, "aperture_mismatch", &wide, 1));
+    EXPECT_EQ(before, frames(one.pipeline));
+
+    // Effects of stages that the pipeline has not.
+    auto bare = desc();
+    bare.dots = nullptr;
+    bare.sensor = nullptr;
+    Handle without;
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &bare, &without.pipeline));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "dots",
+                      clspPipelineSetEffect(without.pipeline, "zero_order", nullptr, 0));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "sensor",
+                      clspPipelineSetEffect(without.pipeline, "prnu", &good, 1));
+}
+
+} // namespace
