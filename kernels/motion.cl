@@ -128,7 +128,7 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
         return;
     const uint index = y * width + x;
     const point_t now = POINT_AT(x, y);
-    const bool surface = is_finite_point(now);
+    const bool surface = is_finite_point(now) && now.z > 0.0f;
     float path = 0.0f, correlation = 1.0f, shift_x = 0.0f, shift_y = 0.0f;
     float lateral = 0.0f, axial = 0.0f, rotation = 0.0f;
     if (surface) {
@@ -171,7 +171,7 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
         // Projection before minus projection now: f (X'/Z' - X/Z) with X' = X - delta, written so that no digits cancel.
         const float z_before = now.z - delta.z;
         const float scale = 1.0f / (now.z * z_before);
-        if (now.z > 0.0f && z_before > 0.0f) {
+        if (z_before > 0.0f) {
             shift_x = intrinsics.x * (now.x * delta.z - now.z * delta.x) * scale;
             shift_y = intrinsics.y * (now.y * delta.z - now.z * delta.y) * scale;
         } else if (!wrong) {
@@ -271,8 +271,7 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
 #endif
         // Along the direction of view and across it.
         const float distance = sqrt(dot_of(now, now));
-        const float along = distance > 0.0f ? dot_of(delta, now) / distance : 0.0f;
-        const float ratio = distance > 0.0f ? along / distance : 0.0f;
+        const float along = dot_of(delta, now) / distance, ratio = along / distance;
         const point_t across = {delta.x - ratio * now.x, delta.y - ratio * now.y, delta.z - ratio * now.z};
         axial = along;
         lateral = sqrt(dot_of(across, across));

@@ -82,11 +82,9 @@ typedef struct {
     int known;            // 0: nowhere in the image
 } origin_t;
 
-static inline int inside(int x, int y, int width, int height) { return x >= 0 && y >= 0 && x < width && y < height; }
-
 // The point that lies at sample (x, y) lay at (x, y) + shift. What was left there of earlier shifts comes on top; the sum is carried out in
 // whole samples. inside_width, inside_height: the samples of the image without the padding; what comes from outside of them brings the rest
-// of the nearest one, so that a surface that moves as one has one rest.
+// of the nearest one, so that a surface that moves as one has one rest. Padding that moves is new.
 static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __global const float *rest, uint grid_width,
                                  int inside_width, int inside_height) {
     origin_t origin = {x, y, 0.0f, 0.0f, 0};
@@ -98,12 +96,57 @@ static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __g
     const ulong near = (ulong)near_y * grid_width + near_x;
     const float sum_x = shift_x + rest[2 * near], sum_y = shift_y + rest[2 * near + 1];
     const float whole_x = rint(sum_x), whole_y = rint(sum_y);
-    origin.x = x + (int)whole_x;
-    origin.y = y + (int)whole_y;
     origin.rest_x = sum_x - whole_x;
     origin.rest_y = sum_y - whole_y;
-    origin.known = (origin.x == x && origin.y == y) || inside(origin.x, origin.y, inside_width, inside_height);
+    origin.known = 1;
+    if (whole_x != 0.0f || whole_y != 0.0f) {
+        origin.x = x + (int)whole_x;
+        origin.y = y + (int)whole_y;
+        origin.known = x < inside_width && y < inside_height && origin.x >= 0 && origin.y >= 0 && origin.x < inside_width &&
+                       origin.y < inside_height;
+    }
     return origin;
+}
+#endif
+
+#if ADVANCE && HAS_SHIFT
+// Which sample gets the state of a place: the first one, in the order of rows, of those that come from there and are not new anyway.
+__kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_height, uint width, uint height, uint oversampling,
+                          float knots_per_path, __global const state_word *source, ulong rest_offset,
+#if HAS_PATH
+                          __global const float *path, ulong path_offset, uint path_pitch,
+#endif
+#if HAS_CORRELATION
+                          __global const float *correlation, ulong correlation_offset, uint correlation_pitch,
+#endif
+#if HAS_MASK
+                          __global const uchar *mask, ulong mask_offset, uint mask_pitch,
+#endif
+                          __global const float *shift, ulong shift_offset, uint shift_pitch) {
+    const uint x = get_global_id(0), y = get_global_id(1);
+    if (x >= grid_width || y >= grid_height)
+        return;
+    const uint pixel_x = pixel_of_sample(x, oversampling, width, grid_width);
+    const uint pixel_y = pixel_of_sample(y, oversampling, height, grid_height);
+    bool claims = true;
+#if HAS_PATH
+    const float knots = knots_per_path * path[path_offset + (ulong)pixel_y * path_pitch + pixel_x];
+    claims = knots >= 0.0f && knots < 2.0f;
+#endif
+#if HAS_CORRELATION
+    const float r = correlation[correlation_offset + (ulong)pixel_y * correlation_pitch + pixel_x];
+    claims = claims && r >= 0.0f && r <= 1.0f;
+#endif
+#if HAS_MASK
+    claims = claims && mask[mask_offset + (ulong)pixel_y * mask_pitch + pixel_x] == 0;
+#endif
+    const ulong at = shift_offset + (ulong)pixel_y * shift_pitch + 2u * pixel_x;
+    const float scale = convert_float(oversampling);
+    __global const float *rest = (__global const float *)(source + rest_offset);
+    const origin_t origin = origin_of((int)x, (int)y, scale * shift[at], scale * shift[at + 1], rest, grid_width,
+                                      (int)(oversampling * width), (int)(oversampling * height));
+    if (claims && origin.known)
+        atomic_min(&owner[(ulong)origin.y * grid_width + origin.x], y * grid_width + x);
 }
 #endif
 
@@ -125,7 +168,8 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
                             __global const float *correlation, ulong correlation_offset, uint correlation_pitch,
 #endif
 #if HAS_SHIFT
-                            __global const state_word *source, __global const float *shift, ulong shift_offset, uint shift_pitch,
+                            __global const state_word *source, __global const uint *owner, __global const float *shift,
+                            ulong shift_offset, uint shift_pitch,
 #endif
 #if HAS_MASK
                             __global const uchar *mask, ulong mask_offset, uint mask_pitch,
@@ -161,8 +205,8 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
         // Several samples and the padding share a pixel: what is wrong with it is counted once.
         const bool counts = x == oversampling * pixel_x && y == oversampling * pixel_y;
         const uint pixel = pixel_y * width + pixel_x;
-        bool replaced = false;
         from[j] = i;
+        bool replaced = false;
 #if HAS_MASK
         replaced = mask[mask_offset + (ulong)pixel_y * mask_pitch + pixel_x] != 0;
 #endif
@@ -176,34 +220,6 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
         }
 #else
         const float r = uniform_correlation;
-#endif
-#if HAS_SHIFT
-        const ulong at = shift_offset + (ulong)pixel_y * shift_pitch + 2u * pixel_x;
-        const float shift_x = scale * shift[at], shift_y = scale * shift[at + 1];
-        const origin_t origin = origin_of((int)x, (int)y, shift_x, shift_y, rest, grid_width, inside_width, inside_height);
-        if (counts && !(isfinite(shift_x) && isfinite(shift_y)))
-            report_bad(bad, isfinite(shift_x) ? shift_y : shift_x, pixel);
-        replaced |= !origin.known;
-        rest_x[j] = origin.rest_x;
-        rest_y[j] = origin.rest_y;
-        if (!replaced) {
-            // A surface that grows or turns has samples with the same origin. They would repeat a grain: only the first one in the
-            // order of rows keeps it.
-            for (uint n = 0; n < 4; ++n) {
-                const int nx = (int)x + (n == 3 ? 0 : (int)n - 1), ny = (int)y - (n == 3 ? 0 : 1);
-                const int left = n == 3 ? nx - 1 : nx;
-                if (left < 0 || ny < 0 || left >= (int)grid_width)
-                    continue;
-                const ulong other = shift_offset + (ulong)pixel_of_sample((uint)ny, oversampling, height, grid_height) * shift_pitch +
-                                    2u * pixel_of_sample((uint)left, oversampling, width, grid_width);
-                const origin_t neighbor =
-                    origin_of(left, ny, scale * shift[other], scale * shift[other + 1], rest, grid_width, inside_width, inside_height);
-                replaced |= neighbor.known && neighbor.x == origin.x && neighbor.y == origin.y;
-            }
-        }
-        if (!replaced)
-            from[j] = (ulong)origin.y * grid_width + origin.x;
-        moved[j] = from[j] != i || origin.rest_x != rest[2 * i] || origin.rest_y != rest[2 * i + 1];
 #endif
 #if PHASE_CONTINUOUS
 #if HAS_PATH
@@ -220,6 +236,24 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
         const float knots = knots_per_path * p;
         // Two knots on, nothing is left of either: also the way to say that a sample is new (infinity).
         replaced |= knots >= 2.0f;
+#endif
+#if HAS_SHIFT
+        const ulong at = shift_offset + (ulong)pixel_y * shift_pitch + 2u * pixel_x;
+        const float shift_x = scale * shift[at], shift_y = scale * shift[at + 1];
+        const origin_t origin = origin_of((int)x, (int)y, shift_x, shift_y, rest, grid_width, inside_width, inside_height);
+        if (counts && !(isfinite(shift_x) && isfinite(shift_y)))
+            report_bad(bad, isfinite(shift_x) ? shift_y : shift_x, pixel);
+        replaced |= !origin.known;
+        rest_x[j] = origin.rest_x;
+        rest_y[j] = origin.rest_y;
+        // A surface that grows or turns has samples with the same origin. They would repeat a grain: only the first one keeps it.
+        if (!replaced)
+            replaced = owner[(ulong)origin.y * grid_width + origin.x] != (uint)i;
+        if (!replaced)
+            from[j] = (ulong)origin.y * grid_width + origin.x;
+        moved[j] = from[j] != i || origin.rest_x != rest[2 * i] || origin.rest_y != rest[2 * i + 1];
+#endif
+#if PHASE_CONTINUOUS
         if (replaced) {
             step[j] = REPLACE;
 #if HAS_SHIFT

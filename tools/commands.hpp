@@ -23,6 +23,9 @@ clspeckle::Context make_context(const std::string &device);
 /** @return the exit code: exit_device if there is no device that can be used. */
 int run_devices(const std::string &device, Console &console);
 
+/** Lists the catalogue of effects. */
+void run_effects(Console &console);
+
 /** @param folder where the files go. */
 void run_render(Config &config, Input &input, const std::string &folder, Console &console);
 

@@ -122,6 +122,19 @@ std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name) {
     return mask;
 }
 
+/** Material ids are numbers, whatever type a file stores them in. */
+std::vector<std::uint8_t> to_ids(const Plane &plane, const std::string &name) {
+    std::vector<std::uint8_t> ids(plane.values.size());
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        const float value = plane.values[i];
+        if (!(value >= 0.0f && value <= 255.0f && value == std::floor(value)))
+            throw InputError(fmt::format("{}: pixel ({}, {}) is {}; a material must be an integer from 0 to 255", name,
+                                         i % plane.width, i / plane.width, value));
+        ids[i] = static_cast<std::uint8_t>(value);
+    }
+    return ids;
+}
+
 /** The planes that are named one by one; each is a still or has as many frames as the input. */
 class Planes {
   public:
@@ -132,6 +145,7 @@ class Planes {
         add("albedo", paths.albedo);
         add("visibility", paths.visibility);
         add("refresh-mask", paths.refresh_mask);
+        add("material", paths.material);
     }
 
     bool empty() const { return planes_.empty(); }
@@ -173,6 +187,10 @@ class Planes {
                     throw InputError(
                         fmt::format("{}: depth must be floating-point metres, not {}", file, plane.sample));
                 data.depth = std::move(plane);
+                continue;
+            }
+            if (name == "material") {
+                data.material = to_ids(plane, file);
                 continue;
             }
             plane.normalize();
@@ -239,10 +257,42 @@ bool is_scene(const std::string &path) {
     return file.has("Z") || file.has("P.X") || file.has("P.Y") || file.has("P.Z");
 }
 
+/** An object that moves as a whole. */
+struct MovingObject {
+    std::vector<std::size_t> materials;
+    std::vector<std::vector<double>> geometry_from_object; ///< [R|t] in each frame.
+};
+
+/** What a sequence.json says beside the configuration. */
+struct Sequence {
+    std::vector<std::string> files;
+    std::vector<ClspMaterial> materials;
+    std::vector<MovingObject> objects;
+    bool is_sequence = false;
+};
+
+/** X_previous = P C^-1 X, of two rigid poses [R|t]. */
+std::vector<double> previous_from_current(const std::vector<double> &previous, const std::vector<double> &current) {
+    std::vector<double> result(12);
+    for (std::size_t i = 0; i < 3; ++i) {
+        result[4 * i + 3] = previous[4 * i + 3];
+        for (std::size_t j = 0; j < 3; ++j) {
+            double &r = result[4 * i + j];
+            for (std::size_t k = 0; k < 3; ++k)
+                r += previous[4 * i + k] * current[4 * j + k];
+            result[4 * i + 3] -= r * current[4 * j + 3];
+        }
+    }
+    return result;
+}
+
 /** G-buffers, one EXR file per frame. */
 class ExrSceneInput final : public Input {
   public:
-    ExrSceneInput(std::vector<std::string> names, const InputPaths &paths) : files_(std::move(names)), planes_(paths) {
+    ExrSceneInput(Sequence sequence, const InputPaths &paths)
+        : files_(std::move(sequence.files)), planes_(paths), objects_(std::move(sequence.objects)) {
+        materials = std::move(sequence.materials);
+        rigid_ = sequence.is_sequence;
         scene = true;
         kind = files_.size() > 1 ? fmt::format("scene, {} G-buffer files", files_.size()) : "scene, one G-buffer file";
         const image_io::ExrFile first(files_.front());
@@ -254,6 +304,12 @@ class ExrSceneInput final : public Input {
         for (const std::string &path : files_)
             check_header(image_io::ExrFile(path));
         planes_.check(width, height, frame_count, first_name);
+        has_motion_ = first.has("motion.X") && first.has("motion.Y");
+        moves = rigid_ || has_motion_;
+        for (const MovingObject &object : objects_)
+            if (object.geometry_from_object.size() != frame_count)
+                throw InputError(fmt::format("{}: \"geometry_from_object\" has {} poses, the sequence {} frames",
+                                             first_name, object.geometry_from_object.size(), frame_count));
     }
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
@@ -261,6 +317,8 @@ class ExrSceneInput final : public Input {
         check_header(file);
         FrameData data;
         data.name = file.path();
+        if (rigid_ && !has_motion_ && frame > 0)
+            data.previous_from_current = transforms(frame);
         // Positions need no camera model, so they are preferred where a file has both.
         const bool position = whole(file, "P");
         const bool normal = whole(file, "N");
@@ -268,11 +326,14 @@ class ExrSceneInput final : public Input {
             const char *channel;
             Plane *plane;
         };
-        Plane refresh;
+        Plane refresh, material, motion_x, motion_y;
         const Target scalars[] = {{"Z", position ? nullptr : &data.depth},
                                   {"albedo", &data.albedo},
                                   {"visibility", &data.visibility},
-                                  {"refresh", &refresh}};
+                                  {"refresh", &refresh},
+                                  {"material", &material},
+                                  {"motion.X", has_motion_ ? &motion_x : nullptr},
+                                  {"motion.Y", has_motion_ ? &motion_y : nullptr}};
         std::vector<std::string> names;
         const auto add_vector = [&](const std::string &prefix, VectorPlane &plane) {
             for (const char *axis : {".X", ".Y", ".Z"})
@@ -318,6 +379,12 @@ class ExrSceneInput final : public Input {
             check_values(data.visibility, file.path(), "visibility", 1.0);
         if (!refresh.empty())
             data.refresh = to_mask(refresh, file.path());
+        if (!material.empty())
+            data.material = to_ids(material, file.path());
+        for (std::size_t i = 0; i < motion_x.values.size() && i < motion_y.values.size(); ++i) {
+            data.motion.push_back(motion_x.values[i]);
+            data.motion.push_back(motion_y.values[i]);
+        }
         planes_.read(frame, data, warnings);
         if (normal && !planes_.has("normal"))
             check_normals(data, file.path(), warnings);
@@ -330,6 +397,9 @@ class ExrSceneInput final : public Input {
             throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
                                          file.path(), file.width(), file.height(), files_.front(), width, height));
         whole(file, "N");
+        if (has_motion_ && !(file.has("motion.X") && file.has("motion.Y")))
+            throw InputError(fmt::format("{}: has not the channels motion.X and motion.Y of the first file, {}",
+                                         file.path(), files_.front()));
         if (!whole(file, "P") && !file.has("Z"))
             throw InputError(fmt::format(
                 "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
@@ -343,8 +413,26 @@ class ExrSceneInput final : public Input {
         return count == 3;
     }
 
+    /** Since the frame before, for each material; what belongs to no object rests. */
+    std::vector<double> transforms(std::uint64_t frame) const {
+        const std::size_t count = std::max<std::size_t>(materials.size(), 1);
+        std::vector<double> result;
+        for (std::size_t i = 0; i < count; ++i)
+            result.insert(result.end(), {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0});
+        for (const MovingObject &object : objects_) {
+            const std::vector<double> one =
+                previous_from_current(object.geometry_from_object[frame - 1], object.geometry_from_object[frame]);
+            for (const std::size_t id : object.materials)
+                std::copy(one.begin(), one.end(), result.begin() + static_cast<std::ptrdiff_t>(12 * id));
+        }
+        return result;
+    }
+
     std::vector<std::string> files_;
     Planes planes_;
+    std::vector<MovingObject> objects_;
+    bool rigid_ = false;
+    bool has_motion_ = false;
 };
 
 /** A scene of planes that are named one by one. */
@@ -381,8 +469,95 @@ template <typename T> T get(const Json &object, const char *key, const std::stri
     }
 }
 
-/** Takes over what a sequence.json says and returns its frame files. */
-std::vector<std::string> load_sequence(const std::string &path, Config &config) {
+/** A table from a list of objects; ids that it does not name are of the defaults. */
+std::vector<ClspMaterial> load_materials(const Json &list, const std::string &path) {
+    struct Member {
+        const char *key;
+        double ClspMaterial::*value;
+    };
+    constexpr Member members[] = {
+        {"roughness_rms_m", &ClspMaterial::roughness_rms_m},
+        {"degree_of_polarization", &ClspMaterial::degree_of_polarization},
+        {"correlation_time_s", &ClspMaterial::correlation_time_s},
+        {"lateral_correlation_length_m", &ClspMaterial::lateral_correlation_length_m},
+        {"axial_correlation_length_m", &ClspMaterial::axial_correlation_length_m},
+        {"rotation_correlation_angle_rad", &ClspMaterial::rotation_correlation_angle_rad},
+        {"subsurface_fraction", &ClspMaterial::subsurface_fraction},
+    };
+    if (!list.is_array())
+        throw InputError(path + ": \"materials\" must be a list of objects");
+    std::vector<ClspMaterial> table;
+    std::vector<bool> named;
+    for (const Json &entry : list) {
+        if (!entry.is_object())
+            throw InputError(path + ": \"materials\" must be a list of objects");
+        const auto id = entry.find("id");
+        if (id == entry.end() || !id->is_number_integer() || id->get<std::int64_t>() < 0 ||
+            id->get<std::int64_t>() >= static_cast<std::int64_t>(CLSP_MAX_MATERIALS))
+            throw InputError(fmt::format("{}: \"id\" of a material must be an integer from 0 to {}, got {}", path,
+                                         CLSP_MAX_MATERIALS - 1, id == entry.end() ? "none" : id->dump()));
+        const auto index = id->get<std::size_t>();
+        while (table.size() <= index)
+            table.push_back(clspeckle::make<ClspMaterial>());
+        named.resize(table.size());
+        if (named[index])
+            throw InputError(fmt::format("{}: the material with the id {} is given twice", path, index));
+        named[index] = true;
+        bool has_time = false;
+        for (const auto &[key, value] : entry.items()) {
+            if (key == "id" || key == "name" || key == "albedo" || key == "living")
+                continue;
+            const auto known = std::find_if(std::begin(members), std::end(members),
+                                            [&k = key](const Member &member) { return k == member.key; });
+            if (known == std::end(members)) {
+                std::vector<std::string> keys = {"id", "name", "albedo", "living"};
+                for (const Member &member : members)
+                    keys.emplace_back(member.key);
+                throw InputError(fmt::format("{}: unknown key \"{}\" in \"materials\"; the nearest known key is \"{}\"",
+                                             path, key, nearest(key, keys)));
+            }
+            if (!value.is_number() && value != "inf")
+                throw InputError(fmt::format("{}: \"{}\" of the material {} must be a number or \"inf\", got {}", path,
+                                             key, index, value.dump()));
+            table[index].*(known->value) = value.is_number() ? value.get<double>() : no_limit;
+            has_time |= key == "correlation_time_s";
+        }
+        const Json living = entry.value("living", Json(false));
+        if (!living.is_boolean())
+            throw InputError(fmt::format("{}: \"living\" must be true or false, got {}", path, living.dump()));
+        // Skin, hair, worn cloth and liquids keep nothing of their speckle from one frame to the next.
+        if (living.get<bool>() && !has_time)
+            table[index].correlation_time_s = 0.0;
+    }
+    return table;
+}
+
+std::vector<MovingObject> load_objects(const Json &list, std::size_t material_count, const std::string &path) {
+    if (!list.is_array())
+        throw InputError(path + ": \"moving_objects\" must be a list of objects");
+    std::vector<MovingObject> objects;
+    for (const Json &entry : list) {
+        if (!entry.is_object())
+            throw InputError(path + ": \"moving_objects\" must be a list of objects");
+        MovingObject object;
+        object.materials = get<std::vector<std::size_t>>(entry, "material_ids", path, "a list of ids");
+        object.geometry_from_object =
+            get<std::vector<std::vector<double>>>(entry, "geometry_from_object", path, "a list of poses, [R|t] row by row");
+        for (const std::size_t id : object.materials)
+            if (id >= material_count)
+                throw InputError(
+                    fmt::format("{}: \"material_ids\" names {}, which is not in \"materials\"", path, id));
+        for (const std::vector<double> &pose : object.geometry_from_object)
+            if (pose.size() != 12)
+                throw InputError(fmt::format("{}: a pose in \"geometry_from_object\" has {} numbers, 12 are needed",
+                                             path, pose.size()));
+        objects.push_back(std::move(object));
+    }
+    return objects;
+}
+
+/** Takes over what a sequence.json says. */
+Sequence load_sequence(const std::string &path, Config &config) {
     const Json root = read_json(path);
     if (!root.is_object() || root.value("format", Json()) != "clspeckle-gbuffer-sequence")
         throw InputError(
@@ -396,9 +571,21 @@ std::vector<std::string> load_sequence(const std::string &path, Config &config) 
     const auto names = get<std::vector<std::string>>(root, "frames", path, "a list of file names");
     if (names.empty())
         throw InputError(path + ": \"frames\" is empty");
-    std::vector<std::string> files;
+    Sequence sequence;
+    sequence.is_sequence = true;
+    std::vector<std::string> &files = sequence.files;
     for (const std::string &name : names)
         files.push_back((folder / name).string());
+    if (root.contains("materials"))
+        sequence.materials = load_materials(root["materials"], path);
+    if (root.contains("moving_objects"))
+        sequence.objects = load_objects(root["moving_objects"], sequence.materials.size(), path);
+    if (root.contains("frame_rate_hz")) {
+        const double rate = get<double>(root, "frame_rate_hz", path, "a number");
+        if (!(rate > 0 && std::isfinite(rate)))
+            throw InputError(fmt::format("{}: \"frame_rate_hz\" must be above 0, got {}", path, rate));
+        config.set(option("motion.frame_time_s"), 1.0 / rate, Layer::sequence, path + ": \"frame_rate_hz\"");
+    }
 
     // Keys of the file and the options they set; any other key is refused, since a default in its place would pass
     // unnoticed.
@@ -434,6 +621,7 @@ std::vector<std::string> load_sequence(const std::string &path, Config &config) 
           {"depth_kind", "camera.depth_kind"},
           {"f_number", "aperture.f_number"},
           {"pixel_pitch_m", "aperture.pixel_pitch_m"}});
+    take(root, "motion", {{"rule", "motion.rule"}, {"translate", "motion.translate"}});
     const Json laser = take(root, "laser",
                             {{"wavelength_m", "aperture.wavelength_m"},
                              {"laser_from_geometry", "pattern.laser_from_geometry"},
@@ -453,7 +641,7 @@ std::vector<std::string> load_sequence(const std::string &path, Config &config) 
                 throw InputError(fmt::format("{}: does not exist; unpack the frames first: tar -xf {} -C {}",
                                              files.front(), entry.path().string(),
                                              folder.empty() ? "." : folder.string()));
-    return files;
+    return sequence;
 }
 
 } // namespace
@@ -493,12 +681,17 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
         if (files.size() > 1)
             throw InputError(
                 fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
-        files = load_sequence(files.front(), config);
+        Sequence sequence = load_sequence(files.front(), config);
+        files = sequence.files;
         if (!is_scene(files.front()))
             throw InputError(fmt::format("{}: is not an EXR file with the channel Z or P.X, P.Y, P.Z", files.front()));
+        return std::make_unique<ExrSceneInput>(std::move(sequence), paths);
     }
-    if (is_scene(files.front()))
-        return std::make_unique<ExrSceneInput>(files, paths);
+    if (is_scene(files.front())) {
+        Sequence sequence;
+        sequence.files = files;
+        return std::make_unique<ExrSceneInput>(std::move(sequence), paths);
+    }
     if (paths.any_plane())
         throw InputError(
             fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
@@ -510,8 +703,19 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
     std::vector<std::string> files;
     std::unique_ptr<Input> input = open_kind(paths, files, config);
+    if (!paths.materials.empty()) {
+        const Json root = read_json(paths.materials);
+        if (!root.is_object() || !root.contains("materials"))
+            throw InputError(paths.materials + ": has no list \"materials\"");
+        std::vector<ClspMaterial> table = load_materials(root["materials"], paths.materials);
+        // The moving objects of a sequence go by its own ids.
+        while (table.size() < input->materials.size())
+            table.push_back(clspeckle::make<ClspMaterial>());
+        input->materials = std::move(table);
+    }
     for (const std::string &plane :
-         {paths.depth, paths.position, paths.normal, paths.albedo, paths.visibility, paths.refresh_mask})
+         {paths.depth, paths.position, paths.normal, paths.albedo, paths.visibility, paths.refresh_mask,
+          paths.material, paths.materials})
         if (!plane.empty())
             files.push_back(plane);
     files.insert(files.end(), paths.inputs.begin(), paths.inputs.end());

@@ -9,6 +9,8 @@
 #include "image_io/image_io.hpp"
 #include "options.hpp"
 
+#include <clspeckle/clspeckle.hpp>
+
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -25,6 +27,8 @@ struct InputPaths {
     std::string albedo;
     std::string visibility;
     std::string refresh_mask;
+    std::string material;
+    std::string materials; ///< JSON.
 
     bool any_plane() const { return !(depth + position + normal + albedo + visibility).empty(); }
 };
@@ -38,7 +42,10 @@ struct FrameData {
     image_io::VectorPlane normal;
     image_io::Plane albedo;
     image_io::Plane visibility;
-    std::vector<std::uint8_t> refresh; ///< 1: new speckle.
+    std::vector<std::uint8_t> refresh;  ///< 1: new speckle.
+    std::vector<std::uint8_t> material; ///< Ids.
+    std::vector<float> motion;          ///< (x, y) for each pixel: where its point was in the frame before, minus where it is.
+    std::vector<double> previous_from_current; ///< [R|t] since the frame before, one for each entry of the materials.
 };
 
 /** A source of frames. Frames may be read from another thread, one at a time. */
@@ -53,6 +60,8 @@ class Input {
     std::uint64_t frame_count = 1;
     std::string first_name;
     std::vector<std::string> files; ///< All that are read, which no output may replace.
+    std::vector<ClspMaterial> materials; ///< Entry i is id i; empty: one of the defaults.
+    bool moves = false;                  ///< Frames tell how the scene moved.
 
     /**
      * Reads and checks a frame: NaN, infinite and negative values are refused with file and pixel.

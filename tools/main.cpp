@@ -46,6 +46,7 @@ constexpr const char *main_examples = R"(Examples:
   clspeckle render ideal.png -o out
   clspeckle render examples/office/gbuffers -o out --f-number 8 --exposure-gain auto
   clspeckle statistics out/frame_000000.png --bits 10
+  clspeckle effects
 
 Help on a command: clspeckle render --help
 )";
@@ -53,8 +54,9 @@ Help on a command: clspeckle render --help
 constexpr const char *render_examples =
     R"(INPUT is an ideal infrared image (PNG 8/16, TIFF 8/16/float, EXR, Radiance HDR, NPY, PGM), a stack of them (3-D NPY,
 TIFF with pages), a folder or a quoted glob pattern; or a scene: EXR files with the channels Z (depth in m) or P.X P.Y
-P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility and refresh; or a sequence.json or its
-folder. Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility. Values are
+P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility, refresh, material (ids) and motion.X
+motion.Y (where a point was in the frame before, minus where it is, in pixels); or a sequence.json or its folder.
+Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility, --material. Values are
 linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE. Of a folder,
 what render itself wrote is left out: previews, and the frames of the run whose config.json lies there; not ideal_*.npy.
 
@@ -64,11 +66,20 @@ A key is the option's name with underscores, without the name of its group: --pa
 --pattern is pattern.image, --sensor is sensor.enabled). --dump-config prints all of them. The command line beats the
 configuration file, which beats sequence.json, which beats the defaults.
 
+With --motion the speckle moves and changes with the surfaces: by the poses of the moving_objects in sequence.json, or
+by the motion channels. What surfaces are made of says the list "materials" of sequence.json or of --materials FILE:
+  {"materials": [{"id": 1, "name": "paper", "roughness_rms_m": 5e-6, "degree_of_polarization": 0}]}
+with the members of ClspMaterial (material.h); "living": true means a correlation_time_s of 0.
+
+Effects (clspeckle effects lists them) are switched on by --effect, or in the configuration:
+  {"effects": {"defocus": {"waves": 0.8}, "glare": {}}}
+
 Written to the output folder: frame_000000.png ... (or frames.npy for a stack), preview_000000.png ..., ideal_000000.npy
 ... with --save-ideal, and config.json, with which --config repeats the run. 16-bit files hold the codes as they are.
 
 Examples:
   clspeckle render ideal.png -o out --f-number 4 --seed 7
+  clspeckle render ideal.npy -o out --sensor-profile OS04A10 --effect defocus:waves=0.8 --effect dsnu
   clspeckle render ideal.npy -o out --frames 100 --format npy-stack --no-preview --profile
   clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png --pattern-half-extent-x 0.7 \
       --pattern-half-extent-y 0.48 --fx 560 --fy 560 --cx 319.5 --cy 239.5
@@ -87,6 +98,16 @@ Examples:
   clspeckle statistics out/frame_*.png --bits 10
   clspeckle statistics out/frames.npy --temporal --region 100,100,64,64
   clspeckle statistics frame.png --histogram 32 --json
+)";
+
+constexpr const char *effects_examples =
+    R"(Lists what makes a camera's picture differ from the ideal one, in the order in which light meets it, with the parameters
+of each effect: a weak and a strong value as cameras show them, and the range that is accepted.
+
+Examples:
+  clspeckle effects
+  clspeckle effects --json
+  clspeckle render ideal.png -o out --effect defocus:waves=0.8 --effect shot_noise
 )";
 
 constexpr const char *devices_examples =
@@ -279,6 +300,7 @@ struct Arguments {
     std::string config;
     bool dump_config = false;
     std::map<std::string, std::string> options;
+    std::vector<std::string> effects;
     // statistics
     tools::StatisticsArguments statistics;
 };
@@ -290,6 +312,12 @@ int render(Arguments &arguments, tools::Console &console) {
     for (const auto &[id, text] : arguments.options) {
         const tools::Option &option = tools::option(id);
         config.set_text(option, text, tools::Layer::command_line, "--" + option.name);
+    }
+    for (const std::string &effect : arguments.effects) {
+        if (effect == "none")
+            config.clear_effects();
+        else
+            config.set_effect(tools::parse_effect(effect));
     }
     const bool has_input =
         !arguments.input.inputs.empty() || !arguments.input.depth.empty() || !arguments.input.position.empty();
@@ -331,6 +359,10 @@ int run(int argc, char **argv) {
         ->type_name("TEXT");
     add_json(devices, "Print JSON");
 
+    CLI::App &effects = *app.add_subcommand("effects", "List the effects of a real camera");
+    effects.footer(effects_examples);
+    add_json(effects, "Print JSON");
+
     CLI::App &render_command = *app.add_subcommand("render", "Render speckled infrared frames");
     render_command.footer(render_examples);
     render_command
@@ -347,10 +379,20 @@ int run(int argc, char **argv) {
     render_command.add_option("--albedo", arguments.input.albedo, "Albedo, 0 to 1")->type_name("IMAGE");
     render_command.add_option("--visibility", arguments.input.visibility, "Whether the laser sees the point, 0 to 1")
         ->type_name("IMAGE");
+    render_command.add_option("--material", arguments.input.material, "Material ids, 0 to 255")->type_name("IMAGE");
+    render_command.add_option("--materials", arguments.input.materials, "JSON with the list of materials")
+        ->type_name("FILE");
     render_command
         .add_option("--refresh-mask", arguments.input.refresh_mask, "New speckle in each frame where this is not 0")
         ->type_name("IMAGE");
     render_command.add_option("--config", arguments.config, "JSON configuration")->type_name("FILE");
+    render_command
+        .add_option("--effect", arguments.effects,
+                    "Switch an effect of the catalogue on, with parameters or with those between weak and strong; may be "
+                    "given several times; none: those before it, and the configuration's, are off (see clspeckle effects)")
+        ->allow_extra_args(false)
+        ->group("Configuration: effects")
+        ->type_name("ID[:NAME=VALUE,...]");
     render_command.add_flag("--dump-config", arguments.dump_config,
                             "Print the effective configuration as JSON and end");
     add_json(render_command, "Print a summary as JSON on standard output, everything else on standard error");
@@ -399,6 +441,8 @@ int run(int argc, char **argv) {
     tools::Console console(arguments.json && !arguments.dump_config, arguments.quiet);
     if (devices.parsed())
         code = tools::run_devices(arguments.device, console);
+    else if (effects.parsed())
+        tools::run_effects(console);
     else if (render_command.parsed())
         code = render(arguments, console);
     else

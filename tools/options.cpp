@@ -103,6 +103,8 @@ std::vector<Option> make_table() {
     const auto sensor = clspeckle::make<ClspSensorDesc>();
     const auto pattern = clspeckle::make<ClspPatternDesc>();
     const auto geometry = clspeckle::make<ClspGeometry>();
+    const auto motion = clspeckle::make<ClspMotionDesc>();
+    const auto pipeline = clspeckle::make<ClspPipelineDesc>();
     const auto frame = clspeckle::make<ClspFrame>();
     const double infinity = std::numeric_limits<double>::infinity();
     const auto &pose = pattern.laser_from_geometry;
@@ -133,6 +135,8 @@ std::vector<Option> make_table() {
                "scatterers per sample: very many (circular_gaussian) or one (unit_phasor)"),
         integer("phase", "seed", "auto", 0, max_seed, "", "seed of the speckle; auto: --seed", {"auto"}),
 
+        text("sensor", "profile", Kind::text,
+             "a known sensor, for example OS04A10, whose settings replace the defaults; empty: none"),
         boolean("sensor", "enabled", true, "expose a sensor; without it the output is the intensity in front of it"),
         integer("sensor", "bits", sensor.bits, 8, 16, "", "bits of a code"),
         number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, 0, false, infinity, "dn",
@@ -178,6 +182,19 @@ std::vector<Option> make_table() {
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
 
+        choice("motion", "rule", {"off", "correlate", "replace"}, 0,
+               "what a scene's motion does to the speckle: nothing, it changes gradually with the way (correlate), or it "
+               "is drawn anew where the way is too long (replace); with it the refresh mask is off unless --refresh says "
+               "so"),
+        boolean("motion", "translate", false, "the speckle moves with the surfaces, whole samples at a time"),
+        number("motion", "frame_time_s", 0.0, 0, false, infinity, "s",
+               "time between two frames, for materials that live; a sequence.json gives its own"),
+        number("motion", "replace_threshold", motion.replace_threshold, 0, false, infinity, "",
+               "way in correlation lengths above which --motion replace draws new speckle"),
+
+        number("surface", "subsurface_length_px", pipeline.subsurface_length_px, 0, false, infinity, "px",
+               "length over which light spreads in materials with a subsurface_fraction"),
+
         text("render", "device", Kind::text,
              "OpenCL device: platform:device, gpu, cpu, or a part of its name; empty: the best one (see clspeckle "
              "devices)"),
@@ -189,6 +206,8 @@ std::vector<Option> make_table() {
                 "frame counter of the first frame (noise, refreshed speckle, file names)"),
         choice("render", "refresh", {"mask", "all", "none"}, frame.refresh,
                "new speckle where the input's refresh mask is not 0, everywhere, or nowhere"),
+        choice("render", "illumination", {"laser", "incoherent", "dark"}, frame.illumination,
+               "speckled laser light, a lamp's light from an ideal image without speckle, or none: a covered lens"),
         number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
                "factor on an ideal image; integer images are divided by their top code first"),
         text("render", "channel", Kind::text, "channel of an EXR ideal image; empty: its only one, Y, or R, G, B"),
@@ -208,13 +227,17 @@ std::vector<Option> make_table() {
         // The pattern's words mean nothing alone; a key of two sections needs its section, except the program's own.
         if (o.section == "pattern")
             name = o.key == "image" ? "pattern" : "pattern_" + o.key;
+        else if (o.section == "motion")
+            name = o.key == "rule" ? "motion" : "motion_" + o.key;
+        else if (o.key == "profile" && o.section == "sensor")
+            name = "sensor_profile";
         else if (o.key == "enabled")
             name = o.section;
         else if (shared && o.section != "render")
             name = o.section + "_" + o.key;
         std::replace(name.begin(), name.end(), '_', '-');
         o.name = name;
-        for (const char *suffix : {"-dn", "-m", "-px"}) {
+        for (const char *suffix : {"-dn", "-m", "-px", "-s"}) {
             const std::string tail = suffix;
             if (name.size() > tail.size() && name.compare(name.size() - tail.size(), tail.size(), tail) == 0)
                 o.alias = name.substr(0, name.size() - tail.size());
@@ -472,7 +495,8 @@ void Config::load(const std::string &path) {
     if (!root.is_object())
         throw InputError(
             path + ": a configuration is a JSON object of sections, for example {\"aperture\": {\"f_number\": 8}}");
-    const std::vector<std::string> sections = section_names();
+    std::vector<std::string> sections = section_names();
+    sections.emplace_back("effects");
     const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
     for (const auto &[section, keys] : root.items()) {
         if (std::find(sections.begin(), sections.end(), section) == sections.end()) {
@@ -486,6 +510,11 @@ void Config::load(const std::string &path) {
         }
         if (!keys.is_object())
             throw InputError(fmt::format("{}: section \"{}\" must be an object, got {}", path, section, shown(keys)));
+        if (section == "effects") {
+            for (const auto &[id, parameters] : keys.items())
+                set_effect(effect_from_json(id, parameters, fmt::format("{}: effects.{}", path, id)));
+            continue;
+        }
         for (const auto &[key, value] : keys.items()) {
             const std::string id = section + "." + key;
             if (entries_.find(id) == entries_.end())
@@ -500,7 +529,47 @@ void Config::load(const std::string &path) {
     }
 }
 
+void Config::set_effect(const EffectSetting &setting) {
+    effects_[setting.id] = setting;
+}
+
+std::vector<EffectSetting> Config::effects() const {
+    std::vector<EffectSetting> result;
+    for (const ClspEffectInfo &effect : effect_catalogue())
+        if (const auto found = effects_.find(effect.id); found != effects_.end())
+            result.push_back(found->second);
+    return result;
+}
+
+void Config::settle_sensor() {
+    const std::string name = text("sensor.profile");
+    if (name.empty())
+        return;
+    ClspSensorDesc desc{};
+    try {
+        desc = clspeckle::Sensor::profile(name);
+    } catch (const clspeckle::Error &error) {
+        throw InputError("--sensor-profile: " + error.message());
+    }
+    const std::vector<std::pair<std::string, Json>> known = {
+        {"bits", desc.bits},
+        {"exposure_gain_dn", desc.exposure_gain_dn},
+        {"saturation_dn", std::isinf(desc.saturation_dn) ? Json("inf") : Json(desc.saturation_dn)},
+        {"black_level_dn", desc.black_level_dn},
+        {"read_noise_dn", desc.read_noise_dn},
+        {"hot_pixel_fraction", desc.hot_pixel_fraction},
+        {"hot_pixel_mean_dn", desc.hot_pixel_mean_dn},
+        {"cold_pixel_fraction", desc.cold_pixel_fraction},
+    };
+    for (const auto &[key, value] : known)
+        if (const std::string id = "sensor." + key; layer(id) < layer("sensor.profile"))
+            resolve(id, value);
+}
+
 void Config::settle() {
+    settle_sensor();
+    if (text("motion.rule") != "off" && layer("render.refresh") == Layer::fallback)
+        resolve("render.refresh", "none");
     const Layer diameter = layer("aperture.relative_diameter");
     const Layer others =
         std::max({layer("aperture.f_number"), layer("aperture.pixel_pitch_m"), layer("aperture.wavelength_m")});
@@ -517,6 +586,9 @@ Json Config::dump() const {
     Json root = Json::object();
     for (const Option &o : option_table())
         root[o.section][o.key] = value(o.id());
+    root["effects"] = Json::object();
+    for (const EffectSetting &effect : effects())
+        root["effects"][effect.id] = effect_parameters(effect);
     return root;
 }
 

@@ -8,6 +8,8 @@
 #ifndef CLSPECKLE_TOOLS_OPTIONS_HPP
 #define CLSPECKLE_TOOLS_OPTIONS_HPP
 
+#include "effects.hpp"
+
 #include <nlohmann/json.hpp>
 
 #include <cstdint>
@@ -17,9 +19,6 @@
 #include <vector>
 
 namespace tools {
-
-/** Keys keep the order of the table. */
-using Json = nlohmann::ordered_json;
 
 enum class Kind {
     boolean,
@@ -73,8 +72,13 @@ class Config {
     void set_text(const Option &option, const std::string &text, Layer layer, const std::string &where);
     /** Reads a JSON configuration. Throws InputError naming the nearest known key for an unknown one. */
     void load(const std::string &path);
+    /** Switches an effect on, or changes it. */
+    void set_effect(const EffectSetting &setting);
+    void clear_effects() { effects_.clear(); }
+    /** Those that are on, in the order of the catalogue. */
+    std::vector<EffectSetting> effects() const;
     /** Settles what depends on several options: a later f-number, pixel pitch or wavelength replaces an earlier
-     * diameter. */
+     * diameter; what a sensor's profile says replaces what was said before it; a motion replaces the refresh mask. */
     void settle();
 
     Json dump() const;
@@ -93,12 +97,14 @@ class Config {
     void resolve(const std::string &id, const Json &value) { entries_.at(id).value = value; }
 
   private:
+    void settle_sensor();
     struct Entry {
         Json value;
         Layer layer = Layer::fallback;
     };
     const Json &value(const std::string &id) const { return entries_.at(id).value; }
     std::map<std::string, Entry> entries_;
+    std::map<std::string, EffectSetting> effects_;
 };
 
 } // namespace tools

@@ -32,6 +32,15 @@ class DeviceFrame {
         : context_(context), queue_(queue), width_(width), height_(height) {}
 
     void upload(const FrameData &data) {
+        // What was the frame becomes the one before it; its memory is kept and the other one's overwritten.
+        for (const auto &[now, before] : {std::pair<ClspImage *, ClspImage *>{&depth, &previous_depth},
+                                          {&position, &previous_position},
+                                          {&material, &previous_material}})
+            *before = *now;
+        for (const char *name : {"depth", "position", "material"})
+            std::swap(buffers_[name], buffers_[std::string("previous ") + name]);
+        material = put("material", data.material, CLSP_FORMAT_UINT8);
+        motion = put("motion", data.motion, CLSP_FORMAT_FLOAT32X2);
         irradiance = put("irradiance", data.irradiance.values, CLSP_FORMAT_FLOAT32);
         depth = put("depth", data.depth.values, CLSP_FORMAT_FLOAT32);
         position = put("position", data.position.values, CLSP_FORMAT_FLOAT32X3);
@@ -41,7 +50,8 @@ class DeviceFrame {
         refresh = put("refresh", data.refresh, CLSP_FORMAT_UINT8);
     }
 
-    ClspImage irradiance{}, depth{}, position{}, normal{}, albedo{}, visibility{}, refresh{};
+    ClspImage irradiance{}, depth{}, position{}, normal{}, albedo{}, visibility{}, refresh{}, material{}, motion{};
+    ClspImage previous_depth{}, previous_position{}, previous_material{};
 
   private:
     template <typename T> ClspImage put(const char *name, const std::vector<T> &values, std::uint32_t format) {
@@ -122,12 +132,23 @@ class Renderer {
                 fmt::format("{} is an ideal image, which takes no --pattern; a scene has the EXR channels Z or P.X, "
                             "P.Y, P.Z, or comes from --depth or --position",
                             input.first_name));
+        illumination_ = config.choice("render.illumination");
+        if (illumination_ == CLSP_ILLUMINATION_INCOHERENT && input.scene)
+            throw InputError(fmt::format("{} is a scene: --illumination incoherent needs an ideal image, which says what "
+                                         "light the lamp brings",
+                                         input.first_name));
+        moves_ = config.text("motion.rule") != "off";
+        if (moves_ && !input.moves)
+            throw InputError(fmt::format("--motion {}: {} does not tell how it moves; a scene with the channels motion.X "
+                                         "and motion.Y, or a sequence.json, does",
+                                         config.text("motion.rule"), input.first_name));
         decide_frames();
         first_ = read(0);
         if (input.scene && first_.position.empty() &&
             (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))
             throw InputError(
                 fmt::format("{}: depth needs the camera: give --fx, --fy, --cx and --cy in pixels", first_.name));
+        check_materials();
         if (config.choice("render.refresh") == CLSP_REFRESH_MASK &&
             config.layer("render.refresh") == Layer::command_line && first_.refresh.empty())
             console.warn("--refresh mask: the input has no refresh mask, so the speckle stays");
@@ -146,8 +167,12 @@ class Renderer {
         phase.oversampling = static_cast<std::uint32_t>(config_.integer("aperture.oversampling"));
         phase.guard_px = static_cast<std::uint32_t>(config_.integer("aperture.guard_px"));
         phase.field = config_.choice("phase.field");
-        phase.polarization_count = polarization < 1 ? 2 : 1;
+        phase.polarization_count = polarization < 1 || uses_materials_ ? 2 : 1;
         phase.seed = seed_of("phase.seed");
+        const bool correlates = config_.text("motion.rule") == "correlate";
+        phase.dynamics =
+            correlates && phase.field == CLSP_FIELD_CIRCULAR_GAUSSIAN ? CLSP_DYNAMICS_CONTINUOUS : CLSP_DYNAMICS_REPLACE;
+        phase.translate = moves_ && config_.flag("motion.translate") ? 1 : 0;
         phase_ = clspeckle::Phase(*context_, phase);
 
         auto aperture = clspeckle::make<ClspApertureDesc>();
@@ -171,7 +196,8 @@ class Renderer {
         aperture_ = clspeckle::Aperture(*context_, aperture);
 
         if (has_sensor_) {
-            auto sensor = clspeckle::make<ClspSensorDesc>();
+            const std::string profile = config_.text("sensor.profile");
+            auto sensor = profile.empty() ? clspeckle::make<ClspSensorDesc>() : clspeckle::Sensor::profile(profile);
             sensor.width = width_;
             sensor.height = height_;
             sensor.bits = static_cast<std::uint32_t>(config_.integer("sensor.bits"));
@@ -218,7 +244,21 @@ class Renderer {
             std::copy(pose.begin(), pose.end(), pattern.laser_from_geometry);
             pattern_ = clspeckle::Pattern(*context_, pattern);
         }
-        pipeline_ = clspeckle::Pipeline(*context_, pattern_, phase_, aperture_, sensor_);
+        if (!input_.materials.empty())
+            materials_ = clspeckle::MaterialTable(*context_, input_.materials);
+        if (moves_)
+            motion_ = make_motion(phase.translate);
+        auto pipeline = clspeckle::make<ClspPipelineDesc>();
+        pipeline.pattern = pattern_;
+        pipeline.phase = phase_;
+        pipeline.aperture = aperture_;
+        pipeline.sensor = sensor_;
+        pipeline.motion = motion_;
+        if (uses_materials_)
+            pipeline.materials = materials_;
+        pipeline.subsurface_length_px = config_.number("surface.subsurface_length_px");
+        pipeline.seed = seed;
+        pipeline_ = clspeckle::Pipeline(*context_, pipeline);
 
         device_.emplace(*context_, queue_, width_, height_);
         const std::size_t sample_bytes = float_output_ ? sizeof(float) : sizeof(std::uint16_t);
@@ -227,6 +267,22 @@ class Renderer {
         device_->upload(first_);
         if (has_sensor_ && config_.is_word("sensor.exposure_gain_dn"))
             choose_gain();
+        // After the gain, which some of them need.
+        for (const EffectSetting &effect : config_.effects()) {
+            const auto &all = effect_catalogue();
+            const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return effect.id == e.id; });
+            if (std::string(info->kernel).find("dots.cl") != std::string::npos)
+                throw InputError(fmt::format("--effect {}: changes the dots that the library draws (dots.h); render has "
+                                             "an ideal image or a scene's pattern instead",
+                                             effect_text(effect)));
+            try {
+                pipeline_.set_effect(effect.id, effect.values);
+            } catch (const clspeckle::Error &error) {
+                if (error.status() != CLSP_ERROR_INVALID_ARGUMENT)
+                    throw;
+                throw InputError(fmt::format("--effect {}: {}", effect_text(effect), error.message()));
+            }
+        }
         flush_warnings();
     }
 
@@ -235,7 +291,7 @@ class Renderer {
     void warm_up() {
         const double start = now();
         const ClspGeometry geometry = make_geometry();
-        pipeline_.warm_up(queue_, make_frame(geometry, config_.integer("render.first_frame")));
+        pipeline_.warm_up(queue_, make_frame(geometry, nullptr, config_.integer("render.first_frame")));
         warm_up_seconds_ = now() - start;
     }
 
@@ -261,7 +317,9 @@ class Renderer {
             const std::uint64_t number = first_number + i;
 
             const ClspGeometry geometry = make_geometry();
-            const ClspFrame frame = make_frame(geometry, number);
+            const bool moved = moves_ && i > 0 && !still;
+            const ClspMotionInput motion = make_motion_input(data);
+            const ClspFrame frame = make_frame(geometry, moved ? &motion : nullptr, number);
             const double start = now();
             pipeline_.enqueue_frame(queue_, frame);
             queue_.finish();
@@ -359,6 +417,8 @@ class Renderer {
             console_.print(fmt::format("exposure    gain {:.9g} dn per unit of intensity{}",
                                        config_.number("sensor.exposure_gain_dn"),
                                        gain_chosen_ ? ", chosen from the first ideal image" : ""));
+        for (const EffectSetting &effect : config_.effects())
+            console_.print("effect      " + effect_text(effect));
         const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";
         console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {:.4f}",
                                    moments_.mean, moments_.standard_deviation, of, contrast));
@@ -400,6 +460,62 @@ class Renderer {
         return std::move(plane.values);
     }
 
+    /** Whether the pipeline needs the materials, and whether the frames have what it takes. */
+    void check_materials() {
+        const auto plain = clspeckle::make<ClspMaterial>();
+        for (const ClspMaterial &m : input_.materials)
+            uses_materials_ |= m.roughness_rms_m != plain.roughness_rms_m || m.subsurface_fraction > 0 ||
+                               m.degree_of_polarization != plain.degree_of_polarization;
+        if (uses_materials_ && first_.material.empty())
+            throw InputError(fmt::format("{}: the materials need each pixel's id: the channel material, or --material IMAGE",
+                                         first_.name));
+        if (!first_.material.empty() && input_.materials.empty() && !moves_)
+            return;
+        const std::size_t count = std::max<std::size_t>(input_.materials.size(), 1);
+        for (std::size_t i = 0; i < first_.material.size(); ++i)
+            if (!input_.materials.empty() && first_.material[i] >= count)
+                throw InputError(fmt::format("{}: pixel ({}, {}) has the material {}, which is not in the list of "
+                                             "materials",
+                                             first_.name, i % width_, i / width_, first_.material[i]));
+    }
+
+    clspeckle::Motion make_motion(std::uint32_t translate) {
+        auto motion = clspeckle::make<ClspMotionDesc>();
+        motion.width = width_;
+        motion.height = height_;
+        motion.rule = config_.text("motion.rule") == "replace" ? CLSP_MOTION_REPLACE : CLSP_MOTION_CORRELATE;
+        motion.translate = translate;
+        motion.depth_kind = config_.choice("camera.depth_kind");
+        motion.materials = materials_;
+        motion.fx_px = config_.number("camera.fx_px");
+        motion.fy_px = config_.number("camera.fy_px");
+        motion.cx_px = config_.number("camera.cx_px");
+        motion.cy_px = config_.number("camera.cy_px");
+        motion.replace_threshold = config_.number("motion.replace_threshold");
+        return {*context_, motion};
+    }
+
+    /** How the frame that is on the device came about from the one before it. @param data must stay. */
+    ClspMotionInput make_motion_input(const FrameData &data) const {
+        auto input = clspeckle::make<ClspMotionInput>();
+        input.frame_time_s = config_.number("motion.frame_time_s");
+        const bool position = device_->position.mem != nullptr;
+        (position ? input.position : input.depth) = position ? device_->position : device_->depth;
+        (position ? input.previous_position : input.previous_depth) =
+            position ? device_->previous_position : device_->previous_depth;
+        if (materials_) {
+            input.material = device_->material;
+            if (input.material.mem)
+                input.previous_material = device_->previous_material;
+        }
+        input.motion = device_->motion;
+        if (!data.previous_from_current.empty()) {
+            input.previous_from_current = data.previous_from_current.data();
+            input.transform_count = static_cast<std::uint32_t>(data.previous_from_current.size() / 12);
+        }
+        return input;
+    }
+
     ClspGeometry make_geometry() const {
         auto geometry = clspeckle::make<ClspGeometry>();
         geometry.depth_kind = config_.choice("camera.depth_kind");
@@ -416,11 +532,15 @@ class Renderer {
     }
 
     /** The frame that is on the device. */
-    ClspFrame make_frame(const ClspGeometry &geometry, std::uint64_t number) const {
+    ClspFrame make_frame(const ClspGeometry &geometry, const ClspMotionInput *motion, std::uint64_t number) const {
         auto frame = clspeckle::make<ClspFrame>();
         const std::uint32_t refresh = config_.choice("render.refresh");
         frame.frame_index = number;
         frame.refresh = refresh == refresh_none ? CLSP_REFRESH_MASK : refresh;
+        frame.illumination = illumination_;
+        frame.motion = motion;
+        if (uses_materials_)
+            frame.material = device_->material;
         if (refresh == CLSP_REFRESH_MASK)
             frame.refresh_mask = device_->refresh;
         if (input_.scene)
@@ -551,6 +671,9 @@ class Renderer {
     std::uint32_t width_ = 0;
     std::uint32_t height_ = 0;
     std::uint64_t frames_ = 1;
+    std::uint32_t illumination_ = CLSP_ILLUMINATION_LASER;
+    bool moves_ = false;
+    bool uses_materials_ = false;
     bool has_sensor_ = true;
     bool float_output_ = false;
     bool gain_chosen_ = false;
@@ -563,6 +686,8 @@ class Renderer {
     clspeckle::Phase phase_;
     clspeckle::Aperture aperture_;
     clspeckle::Sensor sensor_;
+    clspeckle::MaterialTable materials_;
+    clspeckle::Motion motion_;
     clspeckle::Pipeline pipeline_;
     std::optional<DeviceFrame> device_;
     Buffer output_;

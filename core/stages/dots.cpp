@@ -268,6 +268,12 @@ Dots::Dots(std::shared_ptr<Context> context, const DotsParameters &parameters)
 
 void Dots::configure(const DotsParameters &parameters) {
     DotsParameters p = parameters;
+    if (p.width != state_.parameters.width || p.height != state_.parameters.height)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the dots' image has {} x {} pixels (width x height), the new description {} x {}; make "
+                        "new dots for another size",
+                        state_.parameters.width, state_.parameters.height, p.width, p.height));
     if (p.count == 0 && !p.positions_px && !p.sigmas_px && !p.peaks) {
         p.count = state_.parameters.count;
         p.positions_px = state_.parameters.positions_px;

@@ -43,7 +43,7 @@ class Dots {
     const std::shared_ptr<Context> &context() const { return context_; }
     // The pointers are to this object's own copies, and good until the next configure().
     const DotsParameters &parameters() const { return state_.parameters; }
-    // All or nothing. count 0 with the three pointers nullptr: the dots of before.
+    // All or nothing. The size stays as it is; count 0 with the three pointers nullptr: the dots of before.
     void configure(const DotsParameters &parameters);
     void enqueue_render(CommandChain &chain, const ImageView &irradiance);
 

@@ -66,9 +66,11 @@ void Phase::configure(const PhaseParameters &p) {
     const PhaseParameters old = std::exchange(parameters_, p);
     try {
         DeviceBuffer state(context_, bytes);
-        DeviceBuffer next_state;
-        if (p.translate)
+        DeviceBuffer next_state, owner;
+        if (p.translate) {
             next_state = DeviceBuffer(context_, bytes);
+            owner = DeviceBuffer(context_, grid_.samples() * sizeof(cl_uint));
+        }
         const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
         cl::Kernel refresh_all = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
         cl::Kernel refresh_masked = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
@@ -78,6 +80,7 @@ void Phase::configure(const PhaseParameters &p) {
         export_ = std::move(field);
         state_ = std::move(state);
         next_state_ = std::move(next_state);
+        owner_ = std::move(owner);
     } catch (...) {
         parameters_ = old;
         throw;
@@ -139,14 +142,18 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
         epoch_ = frame_index;
 }
 
-cl::Kernel &Phase::advance_kernel(AdvanceVariant variant) {
+Phase::AdvanceKernels &Phase::advance_kernels(AdvanceVariant variant) {
     const auto found = advance_.find(variant);
     if (found != advance_.end())
         return found->second;
     const std::string options =
         fmt::format("{} -DADVANCE=1 -DHAS_PATH={} -DHAS_CORRELATION={} -DHAS_SHIFT={} -DHAS_MASK={}", kernel_options(),
                     variant[0] ? 1 : 0, variant[1] ? 1 : 0, variant[2] ? 1 : 0, variant[3] ? 1 : 0);
-    return advance_.emplace(variant, context_->kernel("phase.cl", "phase_advance", options)).first->second;
+    AdvanceKernels kernels;
+    kernels.advance = context_->kernel("phase.cl", "phase_advance", options);
+    if (variant[2])
+        kernels.claim = context_->kernel("phase.cl", "phase_claim", options);
+    return advance_.emplace(variant, std::move(kernels)).first->second;
 }
 
 void Phase::check_advance(const PhaseAdvance &advance) {
@@ -174,8 +181,8 @@ void Phase::check_advance(const PhaseAdvance &advance) {
         throw Error(Status::kInvalidArgument, "both path and uniform_path were given; give one of them");
     if (advance.correlation && advance.uniform_correlation < 1.0)
         throw Error(Status::kInvalidArgument, "both correlation and uniform_correlation were given; give one of them");
-    advance_kernel({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
-                    static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    advance_kernels({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
+                     static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
 }
 
 void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, const PhaseAdvance &advance) {
@@ -185,10 +192,33 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
     if (!advance.path && !advance.correlation && !advance.shift && !advance.mask && advance.uniform_path == 0.0 &&
         advance.uniform_correlation == 1.0)
         return; // nothing happened
-    cl::Kernel &kernel = advance_kernel({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
-                                         static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    AdvanceKernels &kernels = advance_kernels({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
+                                               static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    if (advance.shift) {
+        chain.run_foreign("phase", [&](cl_uint num_waits, const cl_event *waits, cl_event *event) {
+            const cl_uint nobody = 0xffffffffu;
+            check_opencl(clEnqueueFillBuffer(chain.queue(), owner_.get()(), &nobody, sizeof nobody, 0, owner_.bytes(),
+                                             num_waits, waits, event),
+                         "clEnqueueFillBuffer");
+        });
+        KernelArguments claim(kernels.claim);
+        claim.add(owner_.get())
+            .add(cl_uint{grid_.grid_width})
+            .add(cl_uint{grid_.grid_height})
+            .add(cl_uint{grid_.width})
+            .add(cl_uint{grid_.height})
+            .add(cl_uint{grid_.oversampling})
+            .add(static_cast<cl_float>(kKnotsPerPath))
+            .add(state_.get())
+            .add(cl_ulong{rest_offset_});
+        for (const ImageView *image : {&advance.path, &advance.correlation, &advance.mask})
+            if (*image)
+                claim.add(*image);
+        claim.add(advance.shift);
+        chain.run("phase", kernels.claim, grid_.grid_width, grid_.grid_height);
+    }
     const std::uint32_t quarter = quarter_rows(grid_.grid_height);
-    KernelArguments arguments(kernel);
+    KernelArguments arguments(kernels.advance);
     arguments.add(advance.shift ? next_state_.get() : state_.get())
         .add(cl_uint{grid_.grid_width})
         .add(cl_uint{grid_.grid_height})
@@ -210,11 +240,11 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
     if (advance.correlation)
         arguments.add(advance.correlation);
     if (advance.shift)
-        arguments.add(state_.get()).add(advance.shift);
+        arguments.add(state_.get()).add(owner_.get()).add(advance.shift);
     if (advance.mask)
         arguments.add(advance.mask);
     arguments.add(bad_pixels_.buffer());
-    chain.run("phase", kernel, grid_.grid_width, quarter);
+    chain.run("phase", kernels.advance, grid_.grid_width, quarter);
     if (advance.shift)
         std::swap(state_, next_state_);
 }

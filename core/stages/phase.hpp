@@ -80,9 +80,12 @@ class Phase {
 
   private:
     using AdvanceVariant = std::array<bool, 4>; // which images there are: path, correlation, shift, mask
+    struct AdvanceKernels {
+        cl::Kernel advance, claim; // claim: with a shift
+    };
     void check_refreshed() const;
     void check_polarization(std::uint32_t polarization) const;
-    cl::Kernel &advance_kernel(AdvanceVariant variant);
+    AdvanceKernels &advance_kernels(AdvanceVariant variant);
     std::string kernel_options() const;
 
     std::shared_ptr<Context> context_;
@@ -93,9 +96,10 @@ class Phase {
     std::uint64_t rest_offset_ = 0; // in words of the state; where the rest of the shift begins
     DeviceBuffer state_;
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
+    DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place
     BadPixelCounter bad_pixels_;
     cl::Kernel refresh_all_, refresh_masked_, export_;
-    std::map<AdvanceVariant, cl::Kernel> advance_;
+    std::map<AdvanceVariant, AdvanceKernels> advance_;
 };
 
 } // namespace clsp

@@ -31,6 +31,7 @@ CHANGED: Config = {
     },
     "phase": {"field": "unit_phasor", "seed": 18446744073709551615},
     "sensor": {
+        "profile": "OS04A10",
         "enabled": False,
         "bits": 12,
         "exposure_gain_dn": "auto",
@@ -55,12 +56,15 @@ CHANGED: Config = {
         "laser_from_geometry": [1.0, 0.0, 0.0, -0.075, 0.0, 1.0, 0.0, 1e-3, 0.0, 0.0, 1.0, 0.0],
     },
     "camera": {"fx_px": 560.5, "fy_px": 561.5, "cx_px": 319.5, "cy_px": -0.5, "depth_kind": "along_ray"},
+    "motion": {"rule": "correlate", "translate": True, "frame_time_s": 0.04, "replace_threshold": 0.5},
+    "surface": {"subsurface_length_px": 2.5},
     "render": {
         "device": "cpu",
         "seed": 7,
         "frames": 3,
         "first_frame": 12,
         "refresh": "all",
+        "illumination": "incoherent",
         "irradiance_scale": 0.5,
         "channel": "Y",
         "format": "tiff16",

@@ -159,7 +159,7 @@ def shift_image(grid, x, y):
 @pytest.mark.parametrize("grid", [(24, 32, 1, 0), (17, 29, 1, 0), (15, 18, 2, 3)])
 @pytest.mark.parametrize("shift", [(1, 0), (0, -1), (3, -2), (-5, 4)])
 def test_whole_shifts_move_the_field_exactly(context, grid, dynamics, shift):
-    """Bit for bit, and what comes from outside of the image is new."""
+    """Bit for bit; what comes from outside of the image is new, and so is the padding."""
     state, _ = make(context, grid, dynamics=dynamics, translate=True)
     state.refresh(0)
     before = [state.field(k) for k in (0, 1)]
@@ -167,7 +167,7 @@ def test_whole_shifts_move_the_field_exactly(context, grid, dynamics, shift):
     height, width, s = grid[0] * grid[2], grid[1] * grid[2], grid[2]
     dx, dy = s * shift[0], s * shift[1]
     y, x = np.mgrid[: state.grid_shape[0], : state.grid_shape[1]]
-    inside = (x + dx >= 0) & (y + dy >= 0) & (x + dx < width) & (y + dy < height)
+    inside = (x + dx >= 0) & (y + dy >= 0) & (x + dx < width) & (y + dy < height) & (x < width) & (y < height)
     for k in (0, 1):
         after = state.field(k)
         assert np.array_equal(after[inside], before[k][(y + dy)[inside], (x + dx)[inside]])

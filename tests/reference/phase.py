@@ -195,8 +195,11 @@ class MovingPhaseState:
         self.a, self.b, self.t = self._fresh(frame_index)
         self.rest = np.zeros((*self.grid.shape, 2))
 
-    def _origins(self, shift: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Row and column that each sample's state comes from, the rest of its shift, and whether there is such a place."""
+    def _origins(self, shift: NDArray, new: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Row and column that each sample's state comes from, the rest of its shift, and whether there is such a place.
+
+        `new`: samples that are replaced anyway and take nothing.
+        """
         height, width = self.grid.shape
         inside_height = self.grid.oversampling * self.grid.height
         inside_width = self.grid.oversampling * self.grid.width
@@ -204,20 +207,19 @@ class MovingPhaseState:
         on_grid = self.grid.oversampling * shift[np.ix_(self.grid.pixel_rows(), self.grid.pixel_columns())]
         finite = np.isfinite(on_grid).all(-1)
         on_grid = np.where(finite[..., None], on_grid, 0.0)
-
-        def in_image(row: NDArray, column: NDArray) -> NDArray:
-            image = (row >= 0) & (column >= 0) & (row < inside_height) & (column < inside_width)
-            return image | ((row == y) & (column == x))
-
-        near_x, near_y = x + np.rint(on_grid[..., 0]).astype(int), y + np.rint(on_grid[..., 1]).astype(int)
         # What comes from outside of the image brings the rest of the nearest sample inside.
-        carried = self.rest[np.clip(near_y, 0, inside_height - 1), np.clip(near_x, 0, inside_width - 1)]
-        total = np.where(finite[..., None], on_grid + carried, 0.0)
+        near_x = np.clip(x + np.rint(on_grid[..., 0]).astype(int), 0, inside_width - 1)
+        near_y = np.clip(y + np.rint(on_grid[..., 1]).astype(int), 0, inside_height - 1)
+        total = np.where(finite[..., None], on_grid + self.rest[near_y, near_x], 0.0)
         whole = np.rint(total)
+        still = (whole == 0).all(-1)
         column, row = x + whole[..., 0].astype(int), y + whole[..., 1].astype(int)
-        known = finite & in_image(row, column)
+        in_image = (row >= 0) & (column >= 0) & (row < inside_height) & (column < inside_width)
+        in_image &= (y < inside_height) & (x < inside_width)  # padding that moves is new
+        known = finite & (still | in_image)
+        column, row = np.where(still, x, column), np.where(still, y, row)
         # Of several samples from one place the first one in the order of rows keeps it.
-        place = np.where(known, row * width + column, -1 - (y * width + x)).ravel()
+        place = np.where(known & ~new, row * width + column, -1 - (y * width + x)).ravel()
         first = np.zeros(place.size, bool)
         first[np.unique(place, return_index=True)[1]] = True
         known &= first.reshape(known.shape)
@@ -245,7 +247,7 @@ class MovingPhaseState:
         knots, r = np.where(replaced, 0.0, knots), np.where(replaced, 1.0, r)
         a, b, t = self.a, self.b, self.t
         if shift is not None:
-            row, column, rest, known = self._origins(np.asarray(shift, dtype=np.float64))
+            row, column, rest, known = self._origins(np.asarray(shift, dtype=np.float64), replaced)
             replaced |= ~known
             a, b, t = [z[row, column] for z in a], [z[row, column] for z in b], t[row, column]
             self.rest = rest

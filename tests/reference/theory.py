@@ -95,3 +95,38 @@ def unit_phasor_contrast(pupil: NDArray[np.float64]) -> float:
     """
     power = np.abs(np.fft.ifft2(pupil)) ** 2
     return float(np.sqrt(1 - np.sum(power**2) / np.sum(power) ** 2))
+
+
+def exposure_contrast(path: float, correlation) -> float:
+    """Contrast of speckle whose field correlation over a path l is correlation(l), integrated over a path L:
+    C^2 = 2 / L^2 int_0^L (L - l) correlation(l)^2 dl (Goodman, Statistical Optics, 6.2)."""
+    lags = np.linspace(0.0, path, 20001)
+    return float(np.sqrt(2 / path**2 * np.trapezoid((path - lags) * correlation(lags) ** 2, lags)))
+
+
+def lines_contrast(offsets: NDArray, weights: NDArray, dephasing_rad: float, heights: float = np.inf) -> float:
+    """Contrast of several laser lines: |E exp(i (k - l) s h)| = exp(-((k - l) s)^2 / 2) is the coherence of two lines'
+    fields, and intensities of partially correlated speckles add (Goodman, Speckle Phenomena in Optics, 3.3). An image
+    point that sums but `heights` heights sees the mean of so many phasors: |mu|^2 grows by (1 - |mu|^2) / heights."""
+    weights = np.asarray(weights) / np.sum(weights)
+    squared = np.exp(-((np.subtract.outer(offsets, offsets) * dephasing_rad) ** 2))
+    squared += (1 - squared) / heights
+    return float(np.sqrt(np.sum(np.outer(weights, weights) * squared)))
+
+
+def rician_contrast(specular_over_speckle: float) -> float:
+    """Contrast of speckle on a constant field of r times its mean intensity: sqrt(1 + 2 r) / (1 + r) (Goodman, Speckle
+    Phenomena in Optics, 3.2)."""
+    r = specular_over_speckle
+    return float(np.sqrt(1 + 2 * r) / (1 + r))
+
+
+def integrated_contrast(diameter: float, fill_factor: float) -> float:
+    """Contrast of speckle behind a circular pupil, integrated over a centred square of that part of a pixel's area:
+    C^2 = int int mu^2(x, y) tri(x / a) tri(y / a) dx dy / a^2 (Goodman, Speckle Phenomena in Optics, 4.7)."""
+    side = np.sqrt(fill_factor)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    x, w = side * (nodes + 1) / 2, side * weights / 2
+    distance = np.hypot(x[:, None], x[None, :])
+    triangle = np.outer(1 - x / side, 1 - x / side)
+    return float(np.sqrt(4 / side**2 * np.sum(np.outer(w, w) * triangle * airy_autocovariance(distance, diameter))))

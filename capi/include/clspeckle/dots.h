@@ -84,7 +84,8 @@ CLSP_API ClspStatus clspDotsRelease(ClspDots dots);
 /**
  * Changes the pattern; later Enqueue calls use it, and what is enqueued already is not touched. If the call fails, everything stays as
  * it was.
- * @param desc a whole description. With count 0 and the three pointers NULL, the positions, and the sigmas and peaks of single dots, stay.
+ * @param desc a whole description; width and height must be those of before. With count 0 and the three pointers NULL, the dots stay,
+ *        with a sigma and a peak of their own if they had.
  */
 CLSP_API ClspStatus clspDotsConfigure(ClspDots dots, const ClspDotsDesc *desc);
 

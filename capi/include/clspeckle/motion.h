@@ -73,7 +73,7 @@ typedef struct ClspMotionInput {
     double frame_time_s;                  /**< Time since the previous frame, >= 0; default 0. */
     uint32_t roll_from_motion;            /**< 1: rotation about the direction of view from the curl of the motion vectors; default 0. */
     uint32_t reserved;                    /**< 0. */
-    ClspImage position;           /**< FLOAT32X3 or X4, metres, camera frame. NaN or infinite: no surface. This or depth. */
+    ClspImage position;           /**< FLOAT32X3 or X4, metres, camera frame. NaN, infinite or z <= 0: no surface. This or depth. */
     ClspImage depth;              /**< FLOAT32, metres. <= 0, NaN or infinite: no surface. */
     ClspImage normal;             /**< FLOAT32X3 or X4, camera frame, any length but 0; used with previous_normal. */
     ClspImage material;           /**< UINT8, entries of the table; without it all is of the first one. */

@@ -24,7 +24,7 @@
  * w from 0x26 and 0x2a + polarization (A), 0x28 and 0x2c + polarization (B). An advance adds 256 times its substep to the stream.
  *
  * Bytes of state per sample: unit phasor 4 per polarization; circular Gaussian 8 per polarization, CONTINUOUS 16 per polarization and 4;
- * with `translate` 8 more, and a second state of the same size to move it into.
+ * with `translate` 8 more, and besides the state a second one of the same size to move it into and 4 bytes.
  */
 #ifndef CLSPECKLE_PHASE_H
 #define CLSPECKLE_PHASE_H
@@ -101,8 +101,8 @@ typedef struct ClspPhaseAdvance {
     ClspImage correlation;
     /** FLOAT32X2 (x, y) in pixels: where the surface point that lies at the pixel was, minus where it is (a renderer's motion vector to
      *  the previous frame). The state moves with the surface by whole samples of the field grid; the rest is kept with the sample and
-     *  added to its next shift. A sample that comes from outside of the image is replaced, and so are all but one of those that come from
-     *  the same place. Needs `translate`. */
+     *  added to its next shift. A sample that comes from outside of the image is replaced, and so are the padding and all but one of those
+     *  that come from the same place. Needs `translate`. */
     ClspImage shift;
     ClspImage mask; /**< UINT8: where it is not 0 the sample is replaced. */
 } ClspPhaseAdvance;

@@ -211,4 +211,52 @@ TEST_F(CppBinding, AWholeFrame) {
     queue.finish();
 }
 
+TEST_F(CppBinding, EffectsAreListedSwitchedAndCleared) {
+    const std::vector<ClspEffectInfo> effects = clspeckle::effects();
+    ASSERT_GT(effects.size(), 30u);
+    for (const ClspEffectInfo &effect : effects) {
+        EXPECT_NE('\0', effect.id[0]);
+        EXPECT_GE(effect.parameter_count, 1u);
+        EXPECT_LE(effect.parameter_count, CLSP_MAX_EFFECT_PARAMETERS);
+    }
+    constexpr std::uint32_t width = 48, height = 32;
+    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+    phase_desc.width = width;
+    phase_desc.height = height;
+    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+    aperture_desc.width = width;
+    aperture_desc.height = height;
+    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase_desc),
+                                       clspeckle::Aperture(context, aperture_desc));
+    auto ideal = floats(std::vector<float>(width * height, 1.0f), width, height);
+    auto light = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    auto frame = clspeckle::make<ClspFrame>();
+    frame.irradiance = ideal.view;
+    frame.output = light.view;
+    frame.refresh = CLSP_REFRESH_ALL;
+    const auto render = [&] {
+        pipeline.enqueue_frame(queue, frame);
+        return light.buffer.read<float>(queue, width * height);
+    };
+    const std::vector<float> plain = render();
+    pipeline.set_effect("glare", {0.125}); // the scale takes the middle of 6 and 6
+    const std::vector<float> glare = render();
+    EXPECT_NE(plain, glare);
+    pipeline.set_effect("glare", {0.125, 6.0});
+    EXPECT_EQ(glare, render());
+    pipeline.set_effect("glare"); // the middle of 0.05 and 0.2
+    EXPECT_EQ(glare, render());
+    pipeline.set_effect("defocus", {0.5});
+    pipeline.clear_effect("glare");
+    EXPECT_NE(plain, render());
+    pipeline.clear_effects();
+    EXPECT_EQ(plain, render());
+    EXPECT_THROW(pipeline.set_effect("no_such_effect"), clspeckle::Error);
+    EXPECT_THROW(pipeline.set_effect("defocus", {1e9}), clspeckle::Error);
+    EXPECT_THROW(pipeline.set_effect("defocus", {0.1, 0.2}), clspeckle::Error) << "it has one parameter";
+    EXPECT_THROW(pipeline.set_effect("prnu"), clspeckle::Error) << "there is no sensor";
+    EXPECT_THROW(pipeline.clear_effect("no_such_effect"), clspeckle::Error);
+    EXPECT_EQ(plain, render());
+}
+
 } // namespace

@@ -1,4 +1,4 @@
-"""The catalogue of effects: each one changes the frame, is what its stage's parameters make, and goes without a trace."""
+"""The catalogue of effects: each changes the frame, is what its stage's parameters make, and goes without a trace."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ SHAPE = (64, 96)
 
 IDS = [effect.id for effect in clspeckle.effects()]
 NEEDS_DOTS = [effect.id for effect in clspeckle.effects() if "dots.cl" in effect.kernel]
-NEEDS_A_SENSOR = [effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and "sensor.cl" in effect.kernel]
+NEEDS_A_SENSOR = [
+    effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and "sensor.cl" in effect.kernel
+]
 
 
 def lattice(context: clspeckle.Context) -> clspeckle.Dots:
@@ -92,7 +94,11 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
     ("pixel_integration", {"fill_factor": 0.9}, {"fill_factor": 0.9}),
     ("depolarization", {"degree_of_polarization": 0.3}, {"degree_of_polarization": 0.3}),
     ("low_roughness", {"coherent_fraction": 0.3}, {"coherent_fraction": 0.3}),
-    ("subsurface_scattering", {"length_px": 2.0, "fraction": 0.5}, {"subsurface_length_px": 2.0, "subsurface_fraction": 0.5}),
+    (
+        "subsurface_scattering",
+        {"length_px": 2.0, "fraction": 0.5},
+        {"subsurface_length_px": 2.0, "subsurface_fraction": 0.5},
+    ),
     ("power_flicker", {"sigma": 0.1}, {"power_flicker": 0.1}),
     ("surface_boiling", {"correlation_frames": 3.0}, {"boiling_correlation_frames": 3.0}),
     ("airflow", {"rms_rad": 0.7, "scale_px": 5.0}, {"airflow_rms_rad": 0.7, "airflow_scale_px": 5.0}),
@@ -135,7 +141,7 @@ def test_an_effect_is_what_its_stages_parameters_make(
 
 
 def test_several_effects_in_any_order(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
-    effects: dict[str, dict[str, float]] = {"glare": {"fraction": 0.1}, "defocus": {"waves": 0.4}, "prnu": {"sigma": 0.02}}
+    effects = {"glare": {"fraction": 0.1}, "defocus": {"waves": 0.4}, "prnu": {"sigma": 0.02}}
     for effect, values in effects.items():
         camera.set_effect(effect, **values)
     all_of_them = frames(camera)

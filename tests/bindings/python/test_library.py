@@ -52,7 +52,7 @@ def test_every_struct_is_mirrored(header_text: str) -> None:
 
 def test_layout_of_structs_is_the_c_compilers(header_text: str, headers: Path, tmp_path: Path) -> None:
     members_in_c = {
-        name: re.findall(r"(\w+)(?:\[\d+\])?;", body)
+        name: re.findall(r"(\w+)(?:\[\w+\])?;", body)
         for name, body in re.findall(r"typedef struct (Clsp\w+) \{(.*?)\}", header_text, flags=re.S)
     }
     lines = []
@@ -99,8 +99,12 @@ def test_version_numbers_agree(header_text: str) -> None:
 HANDLES = [
     "ClspContext",
     "ClspPattern",
+    "ClspDots",
+    "ClspMaterialTable",
+    "ClspMotion",
     "ClspPhase",
     "ClspAperture",
+    "ClspLens",
     "ClspSensor",
     "ClspPipeline",
     "cl_mem",
@@ -109,6 +113,7 @@ HANDLES = [
 ]
 STRUCTS = {struct.__name__: struct for struct in _library.STRUCTS}
 SCALARS = {
+    "uint16_t": ctypes.c_uint16,
     "uint32_t": ctypes.c_uint32,
     "uint64_t": ctypes.c_uint64,
     "double": ctypes.c_double,

@@ -466,7 +466,8 @@ def test_parameters_are_those_of_the_stages() -> None:
         names = set(inspect.signature(described.__init__).parameters)
         assert set(described.defaults()) <= names, described
         assert all(
-            value is None or isinstance(value, (int, float, str, np.ndarray)) for value in described.defaults().values()
+            value is None or isinstance(value, (int, float, str, list, np.ndarray))
+            for value in described.defaults().values()
         )
 
 

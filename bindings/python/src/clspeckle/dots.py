@@ -159,7 +159,7 @@ class Dots(Handle):
         desc, _kept = _describe(shape, positions_px, options)
         self.context = resolve_context(context)
         self._adopt(create("clspDotsCreate", self.context._get(), ctypes.byref(desc)))
-        self._shape: tuple[int, int] = (desc.height, desc.width)
+        self.shape: tuple[int, int] = (desc.height, desc.width)
         self._staging = Staging(self.context)
 
     def _forget(self) -> None:
@@ -171,27 +171,18 @@ class Dots(Handle):
         desc = _library.initialized(_library.ClspDotsDesc)
         return _check.defaults(desc, {}, ("sigma_px", *_REALS))
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(height, width) of the image."""
-        return self._shape
-
-    def configure(
-        self, positions_px: npt.ArrayLike | None = None, *, shape: tuple[int, int] | None = None, **options: Any
-    ) -> None:
+    def configure(self, positions_px: npt.ArrayLike | None = None, **options: Any) -> None:
         """Changes the pattern; later calls use it. If it fails everything stays as it was.
 
         Args:
             positions_px: as for the constructor; None: the dots stay, with a sigma and a peak of their own if they had.
-            shape: None: stays.
             options: the keyword arguments of the constructor but `context`. Those that are not given have their
                 defaults again.
         """
         _check.known_names(options, _OPTIONS, "configure()")
         with exclusive(self):
-            desc, _kept = _describe(self._shape if shape is None else shape, positions_px, options)
+            desc, _kept = _describe(self.shape, positions_px, options)
             _library.call("clspDotsConfigure", self._get(), ctypes.byref(desc))
-            self._shape = (desc.height, desc.width)
 
     def render(self, *, out: Any = None, queue: QueueLike | None = None) -> Any:
         """The ideal image. Blocks.
@@ -204,7 +195,7 @@ class Dots(Handle):
         """
         with exclusive(self):
             queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self._shape, (np.float32,), None, self._staging, self.context)
+            target = output(out, "out", self.shape, (np.float32,), None, self._staging, self.context)
             return target.finish(queue, self._enqueue(target.image, queue, None))
 
     def enqueue_render(
@@ -216,7 +207,7 @@ class Dots(Handle):
     ) -> Event:
         """:meth:`render` into a float32 device image, asynchronously."""
         with exclusive(self):
-            image = device_image(irradiance, "irradiance", self._shape, FLOAT32, self.context)
+            image = device_image(irradiance, "irradiance", self.shape, FLOAT32, self.context)
             return self._enqueue(image, queue, wait_for)
 
     def _enqueue(self, irradiance: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None) -> Event:

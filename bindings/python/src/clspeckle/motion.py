@@ -60,7 +60,7 @@ class MotionInput:
     """
 
     position: ImageLike | None = None
-    """(height, width, 3 or 4) metres, camera frame. NaN or infinite: no surface."""
+    """(height, width, 3 or 4) metres, camera frame. NaN, infinite or z <= 0: no surface."""
     depth: ImageLike | None = None
     """(height, width) metres. <= 0, NaN or infinite: no surface."""
     normal: ImageLike | None = None

@@ -99,13 +99,6 @@ def enqueue_blocks(
     )
 
 
-def _desc(distribution: str, given: dict[str, Any]) -> _library.ClspPhiloxDesc:
-    desc = _library.initialized(_library.ClspPhiloxDesc)
-    desc.distribution = _check.choice(distribution, "distribution", _DISTRIBUTION)
-    _check.assign(desc, given, {"seed": 64, "frame_index": 64, "stream": 32, "local_size": 32}, ())
-    return desc
-
-
 def enqueue_fill(
     image: DeviceImageLike,
     distribution: str = "uniform",
@@ -130,8 +123,10 @@ def enqueue_fill(
 
     What is None has the C library's default.
     """
+    desc = _library.initialized(_library.ClspPhiloxDesc)
+    desc.distribution = _check.choice(distribution, "distribution", _DISTRIBUTION)
     given = {"seed": seed, "frame_index": frame_index, "stream": stream, "local_size": local_size}
-    desc = _desc(distribution, given)
+    _check.assign(desc, given, {"seed": 64, "frame_index": 64, "stream": 32, "local_size": 32}, ())
     context = _resolve(context, image)
     if _interop.is_pyopencl(image, "MemoryObjectHolder") or isinstance(image, Buffer):
         raise TypeError("image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)")
@@ -150,18 +145,31 @@ def enqueue_fill(
 def _fill(
     distribution: str,
     shape: tuple[int, int],
-    dtype: npt.DTypeLike,
+    seed: int | None,
+    frame_index: int | None,
+    stream: int | None,
+    local_size: int | None,
     out: Any,
     context: Context | None,
     queue: QueueLike | None,
-    **given: Any,
 ) -> Any:
+    """:func:`enqueue_fill` for the blocking functions below."""
     context = _resolve(context, out)
     queue = context.queue if queue is None else queue
+    dtype = UINT32.dtype if distribution == "bits" else FLOAT32.dtype
     staging = Staging(context)
     try:
         target = output(out, "out", _check.image_shape(shape), (dtype,), None, staging, context)
-        event = enqueue_fill(target.image, distribution, context=context, queue=queue, **given)
+        event = enqueue_fill(
+            target.image,
+            distribution,
+            seed=seed,
+            frame_index=frame_index,
+            stream=stream,
+            local_size=local_size,
+            context=context,
+            queue=queue,
+        )
         return target.finish(queue, event)
     finally:
         staging.clear()
@@ -182,18 +190,7 @@ def bits(
 
     Arguments as for :func:`enqueue_fill`.
     """
-    return _fill(
-        "bits",
-        shape,
-        UINT32.dtype,
-        out,
-        context,
-        queue,
-        seed=seed,
-        frame_index=frame_index,
-        stream=stream,
-        local_size=local_size,
-    )
+    return _fill("bits", shape, seed, frame_index, stream, local_size, out, context, queue)
 
 
 def uniform(
@@ -211,18 +208,7 @@ def uniform(
 
     Arguments as for :func:`bits`.
     """
-    return _fill(
-        "uniform",
-        shape,
-        FLOAT32.dtype,
-        out,
-        context,
-        queue,
-        seed=seed,
-        frame_index=frame_index,
-        stream=stream,
-        local_size=local_size,
-    )
+    return _fill("uniform", shape, seed, frame_index, stream, local_size, out, context, queue)
 
 
 def normal(
@@ -240,15 +226,4 @@ def normal(
 
     Arguments as for :func:`bits`.
     """
-    return _fill(
-        "normal",
-        shape,
-        FLOAT32.dtype,
-        out,
-        context,
-        queue,
-        seed=seed,
-        frame_index=frame_index,
-        stream=stream,
-        local_size=local_size,
-    )
+    return _fill("normal", shape, seed, frame_index, stream, local_size, out, context, queue)

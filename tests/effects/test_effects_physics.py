@@ -1,0 +1,456 @@
+"""The effects that a pipeline carries out itself, against closed forms and the float64 reference.
+
+Frames of 256 x 256 pixels at D = 0.386: some 7,600 independent speckles each. The contrast of n of them has a relative
+standard error of about 1.5 / sqrt(7,600 n) for exponential statistics (sqrt(2) for exponential, more for the noise of the
+mean; measured over seeds 1.3): 0.54 % for 10 frames. Bounds are 4 standard errors (size 6e-5 for each test), and what is
+off by 4 % is found with a power of 0.99. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import clspeckle
+import numpy as np
+import pytest
+import scipy.ndimage
+
+from reference import theory
+
+SIZE = 256
+SHAPE = (SIZE, SIZE)
+DIAMETER = 2.9e-6 / (940e-9 * 8)
+FRAMES = 10
+BOUND = 4 * 1.5 / np.sqrt(7600 * FRAMES)
+
+
+def camera(context, **parameters):
+    options = {"f_number": 8.0, "normalization": "unit_mean", "output": "intensity", "seed": 5} | parameters
+    return clspeckle.Pipeline.from_parameters(SHAPE, context=context, **options)
+
+
+def moving(pipeline, count=FRAMES, scene=None):
+    flat = np.ones(SHAPE, np.float32) if scene is None else scene
+    return np.stack([pipeline.render(flat, refresh="all", frame_index=i) for i in range(count)]).astype(np.float64)
+
+
+def resting(pipeline, count, scene=None):
+    flat = np.ones(SHAPE, np.float32) if scene is None else scene
+    return np.stack(
+        [pipeline.render(flat, refresh="all" if i == 0 else None, frame_index=i) for i in range(count)]
+    ).astype(np.float64)
+
+
+def contrast(frames):
+    return np.std(frames) / np.mean(frames)
+
+
+def knot_correlation(path):
+    d = np.minimum(0.9386677132131623 * path, 2.0)
+    return (1 - d / 2) * np.cos(np.pi * d / 2) + np.sin(np.pi * d / 2) / np.pi
+
+
+# --- Laser ---
+
+
+def heights_in_a_grain(pipeline):
+    """How many samples, each with a height of its own, an image point sums: (sum |psf|^2)^2 / sum |psf|^4."""
+    spread = np.abs(np.fft.ifft2(pipeline.aperture.pupil().astype(np.float64))) ** 2
+    return np.sum(spread) ** 2 / np.sum(spread**2)
+
+
+@pytest.mark.parametrize("dephasing", [0.5, 1.2])
+def test_lines_of_the_laser(context, measured, dephasing):
+    offsets = np.linspace(-2, 2, 9)
+    pipeline = camera(context, effects={"linewidth": {"dephasing_rad": dephasing}})
+    expected = theory.lines_contrast(offsets, np.exp(-(offsets**2) / 2), dephasing, heights_in_a_grain(pipeline))
+    frames = moving(pipeline)
+    measured("relative error", abs(contrast(frames) / expected - 1))
+    assert contrast(frames) == pytest.approx(expected, rel=BOUND)
+    assert frames.mean() == pytest.approx(1, abs=BOUND)
+
+
+@pytest.mark.parametrize("lines", [2, 3, 6])
+def test_number_of_lines(context, lines):
+    """Far apart, M lines are M independent patterns, 1/sqrt(M) for equal weights, as far as the heights in a grain go."""
+    offsets = np.linspace(-2, 2, lines)
+    weights = np.exp(-(offsets**2) / 2)
+    coarse = camera(context, line_count=lines, dephasing_rad=9.0)
+    expected = theory.lines_contrast(offsets, weights, 9.0, heights_in_a_grain(coarse))
+    assert contrast(moving(coarse)) == pytest.approx(expected, rel=BOUND)
+    # Four times as many heights come nearer to the limit of very many.
+    fine = camera(context, line_count=lines, dephasing_rad=9.0, oversampling=2, fill_factor=1e-4)
+    limit = theory.lines_contrast(offsets, weights, 9.0)
+    assert limit < theory.lines_contrast(offsets, weights, 9.0, heights_in_a_grain(fine)) < expected
+    assert contrast(moving(fine)) < contrast(moving(coarse))
+    if lines == 2:
+        assert limit == pytest.approx(1 / np.sqrt(2), rel=1e-6)
+
+
+def test_lines_see_one_surface(context):
+    """A scene at rest keeps its heights: all frames are the same. One drawn anew has others."""
+    frames = resting(camera(context, effects={"linewidth": {"dephasing_rad": 1.0}}), 3)
+    np.testing.assert_array_equal(frames[0], frames[2])
+
+
+def test_power_flicker(context):
+    """One factor a frame; 64 normal numbers: the standard deviation is known to 8.8 %, three of which are allowed."""
+    still = resting(camera(context), 1)[0]
+    frames = resting(camera(context, effects={"power_flicker": {"sigma": 0.1}}), 64)
+    factors = frames.mean(axis=(1, 2)) / still.mean()
+    np.testing.assert_allclose(frames, factors[:, None, None] * still, rtol=2e-5, atol=1e-6)
+    assert np.std(factors, ddof=1) == pytest.approx(0.1, rel=0.27)
+    assert np.mean(factors) == pytest.approx(1, abs=4 * 0.1 / 8)
+
+
+# --- Surface ---
+
+
+@pytest.mark.parametrize("coherent", [0.1, 0.5, 1.0])
+def test_low_roughness(context, measured, coherent):
+    """With unit mean the pupil multiplies a constant field by the inverse of its root mean square, 1/sqrt(T), so the
+    specular part is c/T times the ideal image against 1 - c of speckle."""
+    pipeline = camera(context, effects={"low_roughness": {"coherent_fraction": coherent}})
+    transmission = pipeline.aperture.info().mean_transmission
+    frames = moving(pipeline)
+    specular, speckle = coherent / transmission, 1 - coherent
+    assert frames.mean() == pytest.approx(specular + speckle, rel=2 * BOUND)
+    expected = theory.rician_contrast(specular / speckle) if speckle > 0 else 0.0
+    measured("contrast error", abs(contrast(frames) - expected))
+    assert contrast(frames) == pytest.approx(expected, rel=3 * BOUND, abs=1e-5)
+
+
+def test_roughness_of_a_material(context):
+    """4 pi h / wavelength of phase: c = exp(-(that)^2), for each pixel's own material."""
+    wavelength = 940e-9
+    height = 60e-9
+    c = np.exp(-((4 * np.pi * height / wavelength) ** 2))
+    assert 0.4 < c < 0.6
+    pipeline = camera(
+        context,
+        materials=[clspeckle.Material(), clspeckle.Material(roughness_rms_m=height)],
+        wavelength_m=wavelength,
+    )
+    material = np.zeros(SHAPE, np.uint8)
+    material[:, SIZE // 2 :] = 1
+    flat = np.ones(SHAPE, np.float32)
+    frames = np.stack(
+        [pipeline.render(flat, refresh="all", material=material, frame_index=i) for i in range(FRAMES)]
+    ).astype(np.float64)
+    margin = 16  # the coherent part is filtered by the lens, too
+    rough, smooth = frames[:, :, margin : SIZE // 2 - margin], frames[:, :, SIZE // 2 + margin : -margin]
+    transmission = pipeline.aperture.info().mean_transmission
+    assert contrast(rough) == pytest.approx(1, rel=3 * BOUND)
+    # The edge of the coherent half rings: its mean over the half is that of a low-passed step, known to 2 %.
+    expected = theory.rician_contrast(c / transmission / (1 - c))
+    assert contrast(smooth) == pytest.approx(expected, rel=0.1)
+    assert smooth.mean() == pytest.approx(c / transmission + 1 - c, rel=0.03)
+
+
+def test_polarization_of_materials(context, measured):
+    degrees = [0.0, 0.5, 1.0]
+    pipeline = camera(context, materials=[clspeckle.Material(degree_of_polarization=p) for p in degrees])
+    material = np.repeat(np.arange(3, dtype=np.uint8), 86)[:SIZE][None, :].repeat(SIZE, 0)
+    flat = np.ones(SHAPE, np.float32)
+    frames = np.stack(
+        [pipeline.render(flat, refresh="all", material=material, frame_index=i) for i in range(3 * FRAMES)]
+    ).astype(np.float64)
+    for i, p in enumerate(degrees):
+        part = frames[:, :, 86 * i + 8 : 86 * (i + 1) - 12]
+        measured("relative error", abs(contrast(part) / theory.contrast(p) - 1))
+        assert contrast(part) == pytest.approx(theory.contrast(p), rel=BOUND * 1.3)
+        assert part.mean() == pytest.approx(1, abs=BOUND * 1.3)
+
+
+def test_one_material_with_the_apertures_polarization_is_no_material(context):
+    """The weights before the lens or behind it: the same numbers up to rounding."""
+    flat = np.ones(SHAPE, np.float32)
+    plain = camera(context, degree_of_polarization=0.3).render(flat)
+    table = camera(context, degree_of_polarization=0.3, materials=[clspeckle.Material()])
+    np.testing.assert_allclose(table.render(flat, material=np.zeros(SHAPE, np.uint8)), plain, rtol=1e-4, atol=1e-5)
+
+
+def expected_mean(pipeline, irradiance):
+    """E I = |psf|^2 * I0, by float64 transforms: what independent phases leave of an image."""
+    pupil = pipeline.aperture.pupil().astype(np.complex128)
+    spread = np.abs(np.fft.ifft2(pupil)) ** 2
+    return np.fft.ifft2(np.fft.fft2(irradiance) * np.fft.fft2(spread)).real
+
+
+def spots():
+    scene = np.zeros(SHAPE, np.float32)
+    scene[24::48, 24::48] = 1.0
+    return scipy.ndimage.gaussian_filter(scene, 2.0) * 25 + 0.02
+
+
+def test_subsurface_scattering(context, measured):
+    """Averaged over 150 frames, speckle of contrast 1 leaves 8 % of noise a pixel; over nine spots 2.7 %."""
+    scene = spots().astype(np.float32)
+    length, fraction = 3.0, 0.6
+    pipeline = camera(context, effects={"subsurface_scattering": {"length_px": length, "fraction": fraction}})
+    y, x = np.indices(SHAPE)
+    r = np.hypot(np.minimum(x, SIZE - x), np.minimum(y, SIZE - y))
+    kernel = np.exp(-r / length)
+    kernel /= kernel.sum()
+    spread = (1 - fraction) * scene + fraction * np.fft.ifft2(np.fft.fft2(scene) * np.fft.fft2(kernel)).real
+    average = moving(pipeline, 150, scene).mean(axis=0)
+    expected = expected_mean(pipeline, spread)
+
+    def spot(image):
+        return np.mean([image[24 + 48 * j - 12 : 24 + 48 * j + 13, 24 + 48 * i - 12 : 24 + 48 * i + 13]
+                        for j in range(1, 4) for i in range(1, 4)], axis=0)
+
+    error = np.abs(spot(average) - spot(expected)).max() / spot(expected).max()
+    measured("largest error over the peak", error)
+    assert error < 0.1
+    without = np.abs(spot(average) - spot(expected_mean(pipeline, scene))).max() / spot(expected).max()
+    assert without > 0.2, "the effect would be seen if it were missing"
+    assert average.mean() == pytest.approx(scene.mean(), rel=0.02)
+
+
+def test_subsurface_fraction_of_a_material_keeps_the_light(context):
+    scene = spots().astype(np.float32)
+    pipeline = camera(
+        context,
+        materials=[clspeckle.Material(), clspeckle.Material(subsurface_fraction=0.8)],
+        subsurface_length_px=3.0,
+    )
+    material = np.zeros(SHAPE, np.uint8)
+    material[:, SIZE // 2 :] = 1
+    frames = np.mean(
+        [pipeline.render(scene, refresh="all", material=material, frame_index=i) for i in range(100)],
+        axis=0, dtype=np.float64,
+    )
+    assert frames.mean() == pytest.approx(scene.mean(), rel=0.02)
+    # Away from the border between them, spots of the first material are as they were, those of the second flat.
+    expected = expected_mean(pipeline, scene)
+    sharp, soft = frames[24::48, 24:100:48], frames[24::48, 168::48]
+    assert sharp.mean() == pytest.approx(expected[24::48, 24:100:48].mean(), rel=0.1)
+    assert soft.mean() < 0.5 * expected[24::48, 168::48].mean()
+
+
+# --- Motion ---
+
+
+@pytest.mark.parametrize("path", [0.4, 1.66, 2.5])
+@pytest.mark.parametrize("dynamics", ["replace", "continuous"])
+def test_exposure_path(context, measured, path, dynamics):
+    correlation = knot_correlation if dynamics == "continuous" else lambda lags: np.exp(-lags)
+    expected = theory.exposure_contrast(path, correlation)
+    frames = moving(camera(context, exposure_path=path, dynamics=dynamics))
+    measured("relative error", abs(contrast(frames) / expected - 1))
+    assert contrast(frames) == pytest.approx(expected, rel=BOUND)
+    assert frames.mean() == pytest.approx(1, abs=BOUND)
+
+
+def test_frames_of_a_moving_exposure_are_independent(context):
+    """Correlation of 65,536 pixels, 7,600 independent: standard error 0.011; four of them."""
+    frames = moving(camera(context, effects={"motion_decorrelation": {"lags": 2.5}}), 4)
+    for i in range(3):
+        assert abs(np.corrcoef(frames[i].ravel(), frames[i + 1].ravel())[0, 1]) < 0.046
+
+
+def test_surface_boiling(context, measured):
+    """Intensity correlation exp(-2 k / tau) after k frames; its standard error over 20 starts is about 0.004."""
+    tau = 6.0
+    pipeline = camera(context, effects={"surface_boiling": {"correlation_frames": tau}})
+    flat = np.ones(SHAPE, np.float32)
+    lags = (1, 3, 6, 12)
+    sums = dict.fromkeys(lags, 0.0)
+    for start in range(FRAMES):
+        frames = [
+            pipeline.render(flat, refresh="all" if k == 0 else None, frame_index=100 * start + k).astype(np.float64)
+            for k in range(13)
+        ]
+        for k in lags:
+            sums[k] += np.mean((frames[0] - 1) * (frames[k] - 1)) / FRAMES
+    for k, value in sums.items():
+        measured("error of the correlation", abs(value - np.exp(-2 * k / tau)))
+        assert value == pytest.approx(np.exp(-2 * k / tau), abs=0.02)
+
+
+def test_vibration_shifts_the_picture(context, measured):
+    """Below D = 1/2 the sampled intensity is not aliased, so the shifted picture is known by a Fourier shift. 60 shifts
+    along two axes: their root mean square is known to 6.5 %; three of that are allowed."""
+    rms = 0.3
+    still = resting(camera(context), 1)[0]
+    frames = resting(camera(context, effects={"vibration": {"rms_px": rms}}), 61)
+    np.testing.assert_array_equal(frames[0], still)
+    spectrum = np.fft.fft2(still)
+    f = np.fft.fftfreq(SIZE)
+    power = np.abs(spectrum) ** 2
+    shifts = []
+    for frame in frames[1:]:
+        # Least squares of the phase over the low frequencies, where it does not wrap.
+        cross = np.angle(np.fft.fft2(frame) * np.conj(spectrum))
+        low = (np.abs(f)[:, None] < 0.1) & (np.abs(f)[None, :] < 0.1)
+        weight = power[low]
+        fx, fy = np.broadcast_to(f[None, :], SHAPE)[low], np.broadcast_to(f[:, None], SHAPE)[low]
+        a = np.stack([fx, fy], axis=1) * (-2 * np.pi)
+        shift = np.linalg.solve(a.T @ (a * weight[:, None]), a.T @ (weight * cross[low]))
+        shifts.append(shift)
+        moved = np.fft.ifft2(
+            spectrum * np.exp(-2j * np.pi * (f[None, :] * shift[0] + f[:, None] * shift[1]))
+        ).real
+        error = np.abs(moved - frame).max() / still.max()
+        measured("error against a Fourier shift, over the peak", error)
+        assert error < 1e-4
+    assert np.sqrt(np.mean(np.square(shifts))) == pytest.approx(rms, rel=0.2)
+
+
+def test_airflow_bends_a_resting_picture_only(context):
+    """More air, less correlation with the first frame; the mean and the contrast stay: a phase does not change them."""
+    flat = np.ones(SHAPE, np.float32)
+    still = resting(camera(context), 1)[0]
+    correlations = []
+    for rms in (0.25, 0.8):
+        pipeline = camera(context, effects={"airflow": {"rms_rad": rms, "scale_px": 6.0}})
+        frames = resting(pipeline, 6)
+        np.testing.assert_array_equal(frames[0], still)
+        np.testing.assert_array_equal(pipeline.render(flat, refresh="all", frame_index=0), still)
+        correlations.append(np.mean([np.corrcoef(still.ravel(), f.ravel())[0, 1] for f in frames[1:]]))
+        assert contrast(frames[1:]) == pytest.approx(1, rel=0.08)
+        assert frames.mean() == pytest.approx(1, abs=0.05)
+    assert 1 > correlations[0] > correlations[1] > 0
+
+
+# --- Optics and pixels ---
+
+
+@pytest.mark.parametrize("oversampling", [1, 2, 3])
+@pytest.mark.parametrize("fill_factor", [0.5, 1.0])
+def test_pixel_integration(context, measured, oversampling, fill_factor):
+    expected = theory.integrated_contrast(DIAMETER, fill_factor)
+    frames = moving(camera(context, oversampling=oversampling, fill_factor=fill_factor))
+    measured("relative error", abs(contrast(frames) / expected - 1))
+    assert contrast(frames) == pytest.approx(expected, rel=BOUND)
+    assert frames.mean() == pytest.approx(1, abs=BOUND)
+
+
+def test_pixel_integration_does_not_depend_on_the_oversampling(context):
+    """The transfer function of the weights, seen on spots of known shape: mean frames of incoherent sums agree."""
+    means = [
+        moving(camera(context, oversampling=s, fill_factor=1.0), 100, spots().astype(np.float32)).mean(axis=0)
+        for s in (1, 3)
+    ]
+
+    def spot(image):
+        return np.mean([image[24 + 48 * j - 8 : 24 + 48 * j + 9, 24 + 48 * i - 8 : 24 + 48 * i + 9]
+                        for j in range(5) for i in range(5)], axis=0)
+
+    assert np.abs(spot(means[0]) - spot(means[1])).max() < 0.12 * spot(means[0]).max()
+
+
+def test_obstruction_and_mismatch_change_the_grain(context):
+    """Half width of the intensity's correlation: a larger f-number widens the grain in proportion."""
+
+    def correlation_at(frames, lag):
+        return np.mean((frames[:, :, lag:] - 1) * (frames[:, :, : SIZE - lag] - 1))
+
+    ratio = 1.3
+    plain = moving(camera(context, effects={"aperture_mismatch": {"f_number_ratio": ratio}}))
+    for lag in (1, 2, 3):
+        expected = theory.airy_autocovariance(np.array(lag), DIAMETER / ratio)
+        assert correlation_at(plain, lag) == pytest.approx(expected, abs=0.02)
+    ring = moving(camera(context, effects={"pupil_obstruction": {"radius_ratio": 0.5}}))
+    pupil = camera(context, effects={"pupil_obstruction": {"radius_ratio": 0.5}}).aperture.pupil()
+    mu = theory.field_correlation(pupil.astype(np.float64))
+    for lag in (1, 2, 3):
+        assert correlation_at(ring, lag) == pytest.approx(abs(mu[0, lag]) ** 2, abs=0.02)
+        assert abs(abs(mu[0, lag]) ** 2 - theory.airy_autocovariance(np.array(lag), DIAMETER)) > 0.02 or lag == 1
+
+
+def test_defocus_leaves_the_grain_and_widens_the_spots(context):
+    effects = {"defocus": {"waves": 1.0}}
+    frames = moving(camera(context, effects=effects))
+    assert contrast(frames) == pytest.approx(1, rel=BOUND)
+    lagged = np.mean((frames[:, :, 2:] - 1) * (frames[:, :, :-2] - 1))
+    assert lagged == pytest.approx(theory.airy_autocovariance(np.array(2), DIAMETER), abs=0.02)
+    scene = spots().astype(np.float32)
+    pipeline = camera(context, effects=effects)
+    average = moving(pipeline, 100, scene).mean(axis=0)
+    expected = expected_mean(pipeline, scene)
+    sharp = expected_mean(camera(context), scene)
+    assert average[24::48, 24::48].mean() == pytest.approx(expected[24::48, 24::48].mean(), rel=0.06)
+    assert expected[24::48, 24::48].mean() < 0.8 * sharp[24::48, 24::48].mean()
+
+
+def test_distortion_moves_light_materials_and_masks_alike(context):
+    """A bright square of its own material off the axis: where its light is, its polarization is."""
+    pipeline = camera(
+        context,
+        materials=[clspeckle.Material(degree_of_polarization=1.0), clspeckle.Material(degree_of_polarization=0.0)],
+        effects={"lens_distortion": {"k1": 0.2}},
+    )
+    scene = np.full(SHAPE, 0.2, np.float32)
+    material = np.zeros(SHAPE, np.uint8)
+    scene[180:230, 180:230], material[180:230, 180:230] = 1.0, 1
+    frames = np.stack(
+        [pipeline.render(scene, refresh="all", material=material, frame_index=i) for i in range(100)]
+    ).astype(np.float64)
+    mean = scipy.ndimage.gaussian_filter(frames.mean(axis=0), 1.0)
+    cutoff = mean > 0.6
+    y, x = np.nonzero(cutoff)
+    centre = np.array([x.mean(), y.mean()])
+    # Where the square should be: ideal radius from distorted radius by fixed-point iteration, r = 1 at the corner.
+    middle = (SIZE - 1) / 2
+    v, u = (np.indices(SHAPE) - middle) / (np.sqrt(2) * middle)
+    scale = np.ones(SHAPE)
+    for _ in range(50):
+        scale = 1 / (1 + 0.2 * (u**2 + v**2) * scale**2)
+    ideal_x, ideal_y = middle + (u * scale) * np.sqrt(2) * middle, middle + (v * scale) * np.sqrt(2) * middle
+    there = (ideal_x > 179.5) & (ideal_x < 229.5) & (ideal_y > 179.5) & (ideal_y < 229.5)
+    expected_y, expected_x = np.nonzero(there)
+    assert centre == pytest.approx([expected_x.mean(), expected_y.mean()], abs=0.5)
+    assert abs(expected_x.mean() - 204.5) > 5
+    inside = scipy.ndimage.binary_erosion(cutoff, iterations=6)
+    outside = ~scipy.ndimage.binary_dilation(cutoff, iterations=8)
+    inner = np.sqrt(np.mean(np.var(frames[:, inside], axis=0))) / frames[:, inside].mean()
+    outer = np.sqrt(np.mean(np.var(frames[:, outside], axis=0))) / frames[:, outside].mean()
+    assert inner == pytest.approx(theory.contrast(0.0), rel=0.03)
+    assert outer == pytest.approx(1.0, rel=0.03)
+
+
+# --- Light that is not the laser's ---
+
+
+def test_incoherent_light_has_no_speckle(context):
+    scene = np.random.default_rng(3).random(SHAPE, np.float32)
+    pipeline = camera(context, effects={"power_flicker": {"sigma": 0.1}, "linewidth": {}})
+    np.testing.assert_array_equal(pipeline.render(scene, illumination="incoherent"), scene)
+    through = camera(context, normalization="transmission")
+    np.testing.assert_allclose(
+        through.render(scene, illumination="incoherent"),
+        scene * through.aperture.info().mean_transmission, rtol=1e-6,
+    )
+
+
+def test_dark_frames_have_no_light(context):
+    pipeline = clspeckle.Pipeline.from_parameters(
+        SHAPE, context=context, black_level_dn=64.0, read_noise_dn=0.0,
+        effects={"ambient_light": {"level_dn": 40.0}, "vignetting": {}, "glare": {}},
+    )
+    flat = np.ones(SHAPE, np.float32)
+    assert (pipeline.render(illumination="dark") == 64).all()
+    lit = pipeline.render(0 * flat, illumination="incoherent")
+    assert lit.max() == 104 and lit.min() < 95, "ambient light, vignetted"
+
+
+# --- A resting scene's noise is the sensor's alone ---
+
+
+def test_averaging_frames_of_a_scene_at_rest(context, measured):
+    """Thesis 3.2.3: sigma = 0.015 of full scale, 0.005 after 9 frames. 65,536 pixels: standard errors of 0.3 %."""
+    full = 1023
+    pipeline = clspeckle.Pipeline.from_parameters(
+        SHAPE, context=context, f_number=8.0, normalization="unit_mean", exposure_gain_dn=150.0,
+        read_noise_dn=0.015 * full, seed=8,
+    )
+    flat = np.ones(SHAPE, np.float32)
+    frames = np.stack([pipeline.render(flat, frame_index=i) for i in range(180)]).astype(np.float64) / full
+    unclipped = frames.max(axis=0) < 1
+    single = np.sqrt(np.mean(np.var(frames[:, unclipped], axis=0, ddof=1)))
+    averaged = frames.reshape(20, 9, *SHAPE).mean(axis=1)
+    nine = np.sqrt(np.mean(np.var(averaged[:, unclipped], axis=0, ddof=1)))
+    measured("one frame, relative", abs(single / 0.015 - 1))
+    measured("nine frames, relative", abs(nine / 0.005 - 1))
+    assert single == pytest.approx(0.015, rel=0.01)
+    assert nine == pytest.approx(0.005, rel=0.01)

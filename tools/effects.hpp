@@ -1,0 +1,38 @@
+/**
+ * @file effects.hpp
+ * @brief The library's catalogue of effects on the command line and in the configuration.
+ */
+#ifndef CLSPECKLE_TOOLS_EFFECTS_HPP
+#define CLSPECKLE_TOOLS_EFFECTS_HPP
+
+#include <clspeckle/clspeckle.hpp>
+#include <nlohmann/json.hpp>
+
+#include <string>
+#include <vector>
+
+namespace tools {
+
+using Json = nlohmann::ordered_json;
+
+/** An effect that is on, with all its parameters in order. */
+struct EffectSetting {
+    std::string id;
+    std::vector<double> values;
+};
+
+/** Read from the library once. */
+const std::vector<ClspEffectInfo> &effect_catalogue();
+
+/** From "ID" or "ID:NAME=VALUE,NAME=VALUE"; what is left out takes the middle between weak and strong. */
+EffectSetting parse_effect(const std::string &text);
+/** From an id and an object of numbers, as in a configuration. @param where for messages. */
+EffectSetting effect_from_json(const std::string &id, const Json &parameters, const std::string &where);
+/** The object of numbers. */
+Json effect_parameters(const EffectSetting &setting);
+/** As --effect takes it. */
+std::string effect_text(const EffectSetting &setting);
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_EFFECTS_HPP
