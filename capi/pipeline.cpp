@@ -30,6 +30,7 @@ ClspPipelineDesc pipeline_defaults() {
     desc.airflow_scale_px = p.airflow.scale_px;
     desc.airflow_correlation_frames = p.airflow.correlation_frames;
     desc.vibration_rms_px = p.vibration_rms_px;
+    desc.shutter_fraction = p.shutter_fraction;
     return desc;
 }
 
@@ -109,6 +110,7 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         p.airflow.scale_px = d.airflow_scale_px;
         p.airflow.correlation_frames = d.airflow_correlation_frames;
         p.vibration_rms_px = d.vibration_rms_px;
+        p.shutter_fraction = d.shutter_fraction;
         give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), p));
     });
 }

@@ -68,18 +68,20 @@ __kernel void lens_distort(__global const component_t *ideal, ulong ideal_offset
     }
 #else
     const weights4 wx = cubic_weights(fx), wy = cubic_weights(fy);
-    const float rows[4] = {wy.w0, wy.w1, wy.w2, wy.w3};
+    const int c0 = COMPONENTS * clamped(x0 - 1, width), c1 = COMPONENTS * clamped(x0, width);
+    const int c2 = COMPONENTS * clamped(x0 + 1, width), c3 = COMPONENTS * clamped(x0 + 2, width);
+    __global const component_t *r0 = in + (ulong)clamped(y0 - 1, height) * ideal_pitch;
+    __global const component_t *r1 = in + (ulong)clamped(y0, height) * ideal_pitch;
+    __global const component_t *r2 = in + (ulong)clamped(y0 + 1, height) * ideal_pitch;
+    __global const component_t *r3 = in + (ulong)clamped(y0 + 2, height) * ideal_pitch;
+#define ALONG(row) fma(wx.w0, row[c0 + c], fma(wx.w1, row[c1 + c], fma(wx.w2, row[c2 + c], wx.w3 * row[c3 + c])))
+#define LEAST(row) fmin(fmin(row[c0 + c], row[c1 + c]), fmin(row[c2 + c], row[c3 + c]))
     for (int c = 0; c < COMPONENTS; ++c) {
-        float sum = 0.0f, least = 0.0f;
-        for (int j = 0; j < 4; ++j) {
-            __global const component_t *row = in + (ulong)clamped(y0 - 1 + j, height) * ideal_pitch + c;
-            const float a = row[COMPONENTS * clamped(x0 - 1, width)], b = row[COMPONENTS * clamped(x0, width)];
-            const float d = row[COMPONENTS * clamped(x0 + 1, width)], e = row[COMPONENTS * clamped(x0 + 2, width)];
-            sum = fma(rows[j], fma(wx.w0, a, fma(wx.w1, b, fma(wx.w2, d, wx.w3 * e))), sum);
-            least = fmin(least, fmin(fmin(a, b), fmin(d, e)));
-        }
+        float sum = fma(wy.w0, ALONG(r0), fma(wy.w1, ALONG(r1), fma(wy.w2, ALONG(r2), wy.w3 * ALONG(r3))));
         // The cubic's undershoot must not make light negative. A NaN stays one.
-        out[c] = sum < least ? least : sum;
+        if (sum < 0.0f)
+            sum = fmax(sum, fmin(0.0f, fmin(fmin(LEAST(r0), LEAST(r1)), fmin(LEAST(r2), LEAST(r3)))));
+        out[c] = sum;
     }
 #endif
 #endif

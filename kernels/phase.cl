@@ -180,6 +180,29 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
         return;
     const ulong samples = (ulong)grid_width * grid_height;
     const uint pixel_x = pixel_of_sample(x, oversampling, width, grid_width);
+#if !HAS_SHIFT && (HAS_PATH || HAS_CORRELATION || HAS_MASK)
+    // Most of a scene rests: four samples with nothing to do are left before anything else is looked at.
+    uint busy = 0;
+    for (uint j = 0; j < 4; ++j) {
+        const uint y = min(row + j * quarter, grid_height - 1u);
+        const uint pixel_y = pixel_of_sample(y, oversampling, height, grid_height);
+#if HAS_PATH
+        busy |= path[path_offset + (ulong)pixel_y * path_pitch + pixel_x] != 0.0f;
+#else
+        busy |= uniform_path != 0.0f;
+#endif
+#if HAS_CORRELATION
+        busy |= correlation[correlation_offset + (ulong)pixel_y * correlation_pitch + pixel_x] != 1.0f;
+#else
+        busy |= uniform_correlation != 1.0f;
+#endif
+#if HAS_MASK
+        busy |= mask[mask_offset + (ulong)pixel_y * mask_pitch + pixel_x] != 0;
+#endif
+    }
+    if (!busy)
+        return;
+#endif
     // What happens to each of the four samples.
     uint step[4], moved[4], t[4];
     float keep[4];
@@ -286,11 +309,16 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
     const uint stream = substep << 8;
     words4 phase = {0, 0, 0, 0};
 #if !FIELD_UNIT_PHASOR
-    words4 magnitude = {0, 0, 0, 0}, boil_phase = {0, 0, 0, 0}, boil_magnitude = {0, 0, 0, 0};
+    words4 magnitude = {0, 0, 0, 0};
+#endif
+#if BOILS
+    words4 boil_phase = {0, 0, 0, 0}, boil_magnitude = {0, 0, 0, 0};
 #endif
 #if PHASE_CONTINUOUS
     words4 start = {0, 0, 0, 0}, next_phase = {0, 0, 0, 0}, next_magnitude = {0, 0, 0, 0};
+#if BOILS
     words4 next_boil_phase = {0, 0, 0, 0}, next_boil_magnitude = {0, 0, 0, 0};
+#endif
     if (any_replaced)
         start = image_block(x, row, frame_low, frame_high, stream | STREAM_PATH_START, key);
 #endif
@@ -302,7 +330,7 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
             magnitude = image_block(x, row, frame_low, frame_high, stream | (STREAM_MAGNITUDE + polarization), key);
 #endif
         }
-#if !FIELD_UNIT_PHASOR
+#if BOILS
         if (any_boiled) {
             boil_phase = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + polarization), key);
             boil_magnitude = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + polarization), key);
@@ -345,6 +373,7 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
             else
                 b = load_complex(before + knot_offset(samples, first, 1), from[j]);
 #endif
+#if BOILS
             if (keep[j] < 1.0f) {
                 // z' = r z + sqrt(1 - r^2) w keeps E|z|^2 = 1.
                 const float r = keep[j], q = sqrt((1.0f - r) * (1.0f + r));
@@ -357,6 +386,7 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
                 b.im = fma(q, v.im, r * b.im);
 #endif
             }
+#endif
             store_complex(state + knot_offset(samples, first, 0), i, a);
 #if PHASE_CONTINUOUS
             store_complex(state + knot_offset(samples, first, 1), i, b);

@@ -306,10 +306,6 @@ class ExrSceneInput final : public Input {
         planes_.check(width, height, frame_count, first_name);
         has_motion_ = first.has("motion.X") && first.has("motion.Y");
         moves = rigid_ || has_motion_;
-        for (const MovingObject &object : objects_)
-            if (object.geometry_from_object.size() != frame_count)
-                throw InputError(fmt::format("{}: \"geometry_from_object\" has {} poses, the sequence {} frames",
-                                             first_name, object.geometry_from_object.size(), frame_count));
     }
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
@@ -532,7 +528,8 @@ std::vector<ClspMaterial> load_materials(const Json &list, const std::string &pa
     return table;
 }
 
-std::vector<MovingObject> load_objects(const Json &list, std::size_t material_count, const std::string &path) {
+std::vector<MovingObject> load_objects(const Json &list, std::size_t material_count, std::size_t frame_count,
+                                       const std::string &path) {
     if (!list.is_array())
         throw InputError(path + ": \"moving_objects\" must be a list of objects");
     std::vector<MovingObject> objects;
@@ -543,6 +540,9 @@ std::vector<MovingObject> load_objects(const Json &list, std::size_t material_co
         object.materials = get<std::vector<std::size_t>>(entry, "material_ids", path, "a list of ids");
         object.geometry_from_object =
             get<std::vector<std::vector<double>>>(entry, "geometry_from_object", path, "a list of poses, [R|t] row by row");
+        if (object.geometry_from_object.size() != frame_count)
+            throw InputError(fmt::format("{}: \"geometry_from_object\" has {} poses, the sequence {} frames", path,
+                                         object.geometry_from_object.size(), frame_count));
         for (const std::size_t id : object.materials)
             if (id >= material_count)
                 throw InputError(
@@ -579,7 +579,7 @@ Sequence load_sequence(const std::string &path, Config &config) {
     if (root.contains("materials"))
         sequence.materials = load_materials(root["materials"], path);
     if (root.contains("moving_objects"))
-        sequence.objects = load_objects(root["moving_objects"], sequence.materials.size(), path);
+        sequence.objects = load_objects(root["moving_objects"], sequence.materials.size(), files.size(), path);
     if (root.contains("frame_rate_hz")) {
         const double rate = get<double>(root, "frame_rate_hz", path, "a number");
         if (!(rate > 0 && std::isfinite(rate)))

@@ -56,9 +56,10 @@ constexpr const char *render_examples =
 TIFF with pages), a folder or a quoted glob pattern; or a scene: EXR files with the channels Z (depth in m) or P.X P.Y
 P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility, refresh, material (ids) and motion.X
 motion.Y (where a point was in the frame before, minus where it is, in pixels); or a sequence.json or its folder.
-Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility, --material. Values are
-linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE. Of a folder,
-what render itself wrote is left out: previews, and the frames of the run whose config.json lies there; not ideal_*.npy.
+Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility, --material. Values
+are linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE. Of a
+folder, what render itself wrote is left out: previews, and the frames of the run whose config.json lies there; not
+ideal_*.npy.
 
 Configuration: the options in the groups "Configuration" are also the keys of a JSON file, grouped as here:
   {"aperture": {"f_number": 8}, "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}

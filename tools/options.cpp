@@ -229,8 +229,6 @@ std::vector<Option> make_table() {
             name = o.key == "image" ? "pattern" : "pattern_" + o.key;
         else if (o.section == "motion")
             name = o.key == "rule" ? "motion" : "motion_" + o.key;
-        else if (o.key == "profile" && o.section == "sensor")
-            name = "sensor_profile";
         else if (o.key == "enabled")
             name = o.section;
         else if (shared && o.section != "render")
@@ -551,6 +549,9 @@ void Config::settle_sensor() {
     } catch (const clspeckle::Error &error) {
         throw InputError("--sensor-profile: " + error.message());
     }
+    // A full well in electrons is a saturation in dn.
+    if (desc.full_well_e > 0)
+        desc.saturation_dn = desc.full_well_e * desc.conversion_gain_dn_per_e;
     const std::vector<std::pair<std::string, Json>> known = {
         {"bits", desc.bits},
         {"exposure_gain_dn", desc.exposure_gain_dn},

@@ -198,6 +198,9 @@ class Renderer {
         if (has_sensor_) {
             const std::string profile = config_.text("sensor.profile");
             auto sensor = profile.empty() ? clspeckle::make<ClspSensorDesc>() : clspeckle::Sensor::profile(profile);
+            // The options say both in dn, and have taken over what the profile says.
+            sensor.photons_per_unit = 0;
+            sensor.full_well_e = 0;
             sensor.width = width_;
             sensor.height = height_;
             sensor.bits = static_cast<std::uint32_t>(config_.integer("sensor.bits"));
@@ -292,6 +295,9 @@ class Renderer {
         const double start = now();
         const ClspGeometry geometry = make_geometry();
         pipeline_.warm_up(queue_, make_frame(geometry, nullptr, config_.integer("render.first_frame")));
+        // Lag and moving air remember the frame of the warm-up, which is none of the run's; setting effects starts anew.
+        if (const std::vector<EffectSetting> effects = config_.effects(); !effects.empty())
+            pipeline_.set_effect(effects.front().id, effects.front().values);
         warm_up_seconds_ = now() - start;
     }
 

@@ -26,6 +26,7 @@ void check_parameters(const PipelineParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("sub_exposures is {}, it must be 0 (automatic) to {}", p.sub_exposures, kMaxSubstep));
     check_not_negative(p.exposure_path, "exposure_path");
+    check_fraction(p.shutter_fraction, "shutter_fraction");
     if (!(p.boiling_correlation_frames > 0.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("boiling_correlation_frames is {}, it must be above 0 (infinity: off)",
@@ -33,6 +34,9 @@ void check_parameters(const PipelineParameters &p) {
     check_airflow(p.airflow);
     check_not_negative(p.vibration_rms_px, "vibration_rms_px");
 }
+
+// Parts of an exposure in which what moves is seen at work, unless the host says how many.
+constexpr std::uint32_t kBlurSteps = 8;
 
 bool boils(const PipelineParameters &p) {
     return std::isfinite(p.boiling_correlation_frames);
@@ -68,6 +72,17 @@ void Pipeline::check_stages() const {
     stages_.aperture->check_phase(*stages_.phase);
     if (stages_.materials && stages_.phase->polarization_count() < 2)
         throw Error(Status::kInvalidArgument, "a material table needs a phase with polarization_count 2");
+    if (stages_.motion) {
+        const MotionParameters &motion = stages_.motion->parameters();
+        const PhaseParameters &phase = stages_.phase->parameters();
+        if (motion.rule == MotionRule::kCorrelate && phase.dynamics != Dynamics::kContinuous)
+            throw Error(Status::kInvalidArgument,
+                        "motion has the rule CLSP_MOTION_CORRELATE, which needs a phase with dynamics "
+                        "CLSP_DYNAMICS_CONTINUOUS; or make the motion with CLSP_MOTION_REPLACE");
+        if (motion.translate && !phase.translate)
+            throw Error(Status::kInvalidArgument,
+                        "motion was made with translate = 1, which needs a phase with translate = 1");
+    }
     const FieldGrid &grid = stages_.aperture->grid();
     const auto check_size = [&](const auto &stage, const char *name) {
         if (stage && (stage->parameters().width != grid.width || stage->parameters().height != grid.height))
@@ -173,7 +188,7 @@ void Pipeline::allocate() {
                     "above 0");
     const bool subsurface = p.subsurface_fraction > 0.0 || material_subsurface;
     // Where several fields are added, the ideal image cannot lie where the light is summed.
-    const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || stages_.materials;
+    const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 || stages_.materials;
     image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
     image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
     image(distorted_, distorts, sizeof(float));
@@ -182,6 +197,7 @@ void Pipeline::allocate() {
     image(distorted_correlation_, distorts && stages_.motion, sizeof(float));
     image(distorted_shift_, distorts && stages_.motion, sizeof(cl_float2));
     image(distorted_mask_, distorts, 1);
+    image(distorted_motion_mask_, distorts && stages_.motion, 1);
     image(subsurface_weight_, material_subsurface, sizeof(float));
     subsurface_.reset();
     if (subsurface) {
@@ -356,7 +372,21 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
             throw Error(Status::kInvalidArgument,
                         "motion was given to a pipeline without a motion stage; make the pipeline with one");
         stages_.motion->check(*frame.motion);
+        PhaseAdvance advance = stages_.motion->advance();
+        stages_.phase->check_advance(advance);
+        if (images.mask && !advance.mask) {
+            advance.mask = images.mask;
+            stages_.phase->check_advance(advance);
+        }
     }
+    if (boils(parameters_)) {
+        PhaseAdvance advance;
+        advance.uniform_correlation = std::exp(-1.0 / parameters_.boiling_correlation_frames);
+        advance.mask = images.mask;
+        stages_.phase->check_advance(advance);
+    }
+    if (exposure_steps_.count > 1 && frame.refresh == Refresh::kAll)
+        stages_.phase->check_advance({});
     if (stages_.lens && stages_.lens->distorts()) {
         stages_.lens->check_distort(images.irradiance, own_image(distorted_), Interpolation::kCubic);
         if (images.material)
@@ -401,6 +431,7 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
         distort(irradiance, distorted_);
         distort(material, distorted_material_);
         distort(mask, distorted_mask_);
+        distort(advance.mask, distorted_motion_mask_);
         distort(advance.path, distorted_path_);
         distort(advance.correlation, distorted_correlation_);
         distort(advance.shift, distorted_shift_);
@@ -427,6 +458,10 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
 
     const bool fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
     const bool lives = boils(p) && !fresh;
+    const bool blurs = p.shutter_fraction > 0.0 && advance.path && !fresh;
+    const std::uint32_t count = blurs                             ? (p.sub_exposures == 0 ? kBlurSteps : p.sub_exposures)
+                                : frame.refresh == Refresh::kAll ? exposure_steps_.count
+                                                                 : 1;
     if (fresh) {
         phase.enqueue_refresh(chain, frame.frame_index, {});
     } else if (frame.motion || lives) {
@@ -436,6 +471,9 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
             phase.enqueue_refresh(chain, frame.frame_index, mask);
         if (lives && !advance.correlation)
             advance.uniform_correlation *= std::exp(-1.0 / p.boiling_correlation_frames);
+        // The rest of the way is gone while the shutter is open.
+        if (blurs)
+            advance.path_scale = 1.0 - p.shutter_fraction + p.shutter_fraction / count;
         phase.enqueue_advance(chain, frame.frame_index, advance);
         if (lives && advance.correlation) {
             PhaseAdvance boiling;
@@ -466,13 +504,17 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
             exposure.moves_image = true;
         }
     }
-    const std::uint32_t count = frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
     exposure.gain /= count;
     for (std::uint32_t i = 0; i < count; ++i) {
         if (i > 0) {
             PhaseAdvance step;
-            step.uniform_path = exposure_steps_.path;
-            step.uniform_correlation = exposure_steps_.correlation;
+            if (blurs) {
+                step.path = advance.path;
+                step.path_scale = p.shutter_fraction / count;
+            } else {
+                step.uniform_path = exposure_steps_.path;
+                step.uniform_correlation = exposure_steps_.correlation;
+            }
             step.substep = i;
             phase.enqueue_advance(chain, frame.frame_index, step);
             exposure.adds = true;
@@ -520,6 +562,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         enqueue_frame(queue, frame, 0, nullptr, nullptr);
         check_opencl(clFinish(queue), "clFinish");
         phase.forget();
+        forget_frames();
         return;
     }
     const DeviceBuffer saved(context_, phase.state_bytes());
@@ -539,6 +582,14 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         throw;
     }
     restore();
+    forget_frames();
+}
+
+void Pipeline::forget_frames() {
+    if (stages_.sensor)
+        stages_.sensor->reset_lag();
+    if (airflow_)
+        airflow_->reset();
 }
 
 void Pipeline::check(cl_command_queue queue) {

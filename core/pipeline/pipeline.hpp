@@ -47,6 +47,7 @@ struct PipelineParameters {
     double subsurface_length_px = 0.0, subsurface_fraction = 0.0;
     std::uint32_t sub_exposures = 0; // exposure; 0: as many as exposure_path takes
     double exposure_path = 0.0;
+    double shutter_fraction = 0.0; // of the motion between two frames
     double boiling_correlation_frames = std::numeric_limits<double>::infinity();
     AirflowParameters airflow;
     double vibration_rms_px = 0.0;
@@ -109,6 +110,8 @@ class Pipeline {
     void use_effects(Effects effects);
     // The sensor's dark frame, which changes of the sensor must not lose.
     void keep_dark_frame();
+    // The sensor's lag and the airflow begin anew.
+    void forget_frames();
     // Buffers and filters that the parameters ask for.
     void allocate();
     Checked check_frame(const Frame &frame);
@@ -125,7 +128,7 @@ class Pipeline {
     // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's distortion; subsurface
     // fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,
-        distorted_shift_, distorted_mask_, subsurface_weight_, subsurface_table_;
+        distorted_shift_, distorted_mask_, distorted_motion_mask_, subsurface_weight_, subsurface_table_;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     std::unique_ptr<FftFilter> subsurface_;
     std::unique_ptr<Airflow> airflow_;

@@ -321,8 +321,12 @@ void Motion::check(const MotionInput &input) {
 
 PhaseAdvance Motion::enqueue_compute(CommandChain &chain, const MotionInput &input) {
     check(input);
+    run(chain, input, resolve(input, parameters_.translate), own_images());
+    return advance();
+}
+
+PhaseAdvance Motion::advance() const {
     const OutputViews out = own_images();
-    run(chain, input, resolve(input, parameters_.translate), out);
     PhaseAdvance advance;
     advance.path = out.path;
     advance.correlation = out.correlation;

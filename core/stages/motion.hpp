@@ -57,6 +57,8 @@ class Motion {
 
     // Checks an input for the call below, and builds and allocates what it needs.
     void check(const MotionInput &input);
+    // The images of this object's own that enqueue_compute() writes, once an input has been checked.
+    PhaseAdvance advance() const;
     // What an advance of a phase needs, in images of this object's own.
     PhaseAdvance enqueue_compute(CommandChain &chain, const MotionInput &input);
     void enqueue_compute(CommandChain &chain, const MotionInput &input, const MotionOutput &output);

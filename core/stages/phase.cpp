@@ -142,13 +142,17 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
         epoch_ = frame_index;
 }
 
-Phase::AdvanceKernels &Phase::advance_kernels(AdvanceVariant variant) {
+Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
+    const AdvanceVariant variant{static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
+                                 static_cast<bool>(advance.shift), static_cast<bool>(advance.mask),
+                                 advance.uniform_correlation < 1.0};
     const auto found = advance_.find(variant);
     if (found != advance_.end())
         return found->second;
     const std::string options =
-        fmt::format("{} -DADVANCE=1 -DHAS_PATH={} -DHAS_CORRELATION={} -DHAS_SHIFT={} -DHAS_MASK={}", kernel_options(),
-                    variant[0] ? 1 : 0, variant[1] ? 1 : 0, variant[2] ? 1 : 0, variant[3] ? 1 : 0);
+        fmt::format("{} -DADVANCE=1 -DHAS_PATH={} -DHAS_CORRELATION={} -DHAS_SHIFT={} -DHAS_MASK={} -DBOILS={}",
+                    kernel_options(), variant[0] ? 1 : 0, variant[1] ? 1 : 0, variant[2] ? 1 : 0, variant[3] ? 1 : 0,
+                    variant[1] || variant[4] ? 1 : 0);
     AdvanceKernels kernels;
     kernels.advance = context_->kernel("phase.cl", "phase_advance", options);
     if (variant[2])
@@ -177,12 +181,12 @@ void Phase::check_advance(const PhaseAdvance &advance) {
     if (advance.shift && !parameters_.translate)
         throw Error(Status::kInvalidArgument,
                     "a shift was given to a phase that does not move; make it with translate = 1, or give no shift");
+    check_not_negative(advance.path_scale, "path_scale");
     if (advance.path && advance.uniform_path > 0.0)
         throw Error(Status::kInvalidArgument, "both path and uniform_path were given; give one of them");
     if (advance.correlation && advance.uniform_correlation < 1.0)
         throw Error(Status::kInvalidArgument, "both correlation and uniform_correlation were given; give one of them");
-    advance_kernels({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
-                     static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    advance_kernels(advance);
 }
 
 void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, const PhaseAdvance &advance) {
@@ -192,8 +196,8 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
     if (!advance.path && !advance.correlation && !advance.shift && !advance.mask && advance.uniform_path == 0.0 &&
         advance.uniform_correlation == 1.0)
         return; // nothing happened
-    AdvanceKernels &kernels = advance_kernels({static_cast<bool>(advance.path), static_cast<bool>(advance.correlation),
-                                               static_cast<bool>(advance.shift), static_cast<bool>(advance.mask)});
+    AdvanceKernels &kernels = advance_kernels(advance);
+    const auto knots_per_path = static_cast<cl_float>(kKnotsPerPath * (advance.path ? advance.path_scale : 1.0));
     if (advance.shift) {
         chain.run_foreign("phase", [&](cl_uint num_waits, const cl_event *waits, cl_event *event) {
             const cl_uint nobody = 0xffffffffu;
@@ -208,7 +212,7 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
             .add(cl_uint{grid_.width})
             .add(cl_uint{grid_.height})
             .add(cl_uint{grid_.oversampling})
-            .add(static_cast<cl_float>(kKnotsPerPath))
+            .add(knots_per_path)
             .add(state_.get())
             .add(cl_ulong{rest_offset_});
         for (const ImageView *image : {&advance.path, &advance.correlation, &advance.mask})
@@ -231,7 +235,7 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
         .add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
         .add(cl_uint{grid_.oversampling})
-        .add(static_cast<cl_float>(kKnotsPerPath))
+        .add(knots_per_path)
         .add(static_cast<cl_float>(advance.uniform_path))
         .add(static_cast<cl_float>(advance.uniform_correlation))
         .add(cl_ulong{rest_offset_});

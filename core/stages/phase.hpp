@@ -41,6 +41,7 @@ struct PhaseAdvance {
     ImageView shift;                                      // in pixels: where the surface point was minus where it is
     ImageView mask;                                       // not 0: a new surface
     double uniform_path = 0.0, uniform_correlation = 1.0; // without an image
+    double path_scale = 1.0;                              // on the path image: a part of the way
     std::uint32_t substep = 0;                            // tells several advances of one frame apart
 };
 
@@ -79,13 +80,13 @@ class Phase {
     void enqueue_restore(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes);
 
   private:
-    using AdvanceVariant = std::array<bool, 4>; // which images there are: path, correlation, shift, mask
+    using AdvanceVariant = std::array<bool, 5>; // images of path, correlation, shift, mask; a correlation for all
     struct AdvanceKernels {
         cl::Kernel advance, claim; // claim: with a shift
     };
     void check_refreshed() const;
     void check_polarization(std::uint32_t polarization) const;
-    AdvanceKernels &advance_kernels(AdvanceVariant variant);
+    AdvanceKernels &advance_kernels(const PhaseAdvance &advance);
     std::string kernel_options() const;
 
     std::shared_ptr<Context> context_;

@@ -1,6 +1,6 @@
 """Draws the figures of docs/optics.md into docs/images: pupils, point spreads and speckle, a distortion grid.
 
-    PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/optics.py
+PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/optics.py
 """
 
 from __future__ import annotations
@@ -116,10 +116,22 @@ def draw_lens(path: Path) -> None:
         axis.set_xlim(-0.5, width - 0.5)
         axis.set_ylim(height - 0.5, -0.5)
     flat = np.ones((height, width), np.float32)
-    show(axes[2], clspeckle.Lens((height, width), vignetting_corner_loss=0.45).finish(flat), "corner loss 0.45", vmin=0, vmax=1)
+    show(
+        axes[2],
+        clspeckle.Lens((height, width), vignetting_corner_loss=0.45).finish(flat),
+        "corner loss 0.45",
+        vmin=0,
+        vmax=1,
+    )
     dot = (np.hypot(x - 80, y - 60) < 6).astype(np.float32) * 10
     lens = clspeckle.Lens((height, width), glare_fraction=0.2, glare_scale_px=6, ambient=0.02)
-    show(axes[3], np.log10(np.maximum(lens.finish(dot), 1e-3)), "glare 0.2 over 6 px, ambient light (log)", vmin=-2, vmax=1)
+    show(
+        axes[3],
+        np.log10(np.maximum(lens.finish(dot), 1e-3)),
+        "glare 0.2 over 6 px, ambient light (log)",
+        vmin=-2,
+        vmax=1,
+    )
     figure.tight_layout(pad=0.4)
     figure.savefig(path, dpi=110)
     plt.close(figure)
@@ -127,7 +139,9 @@ def draw_lens(path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, default=Path(__file__).parents[1] / "images", help="folder of the images")
+    parser.add_argument(
+        "--output", type=Path, default=Path(__file__).parents[1] / "images", help="folder of the images"
+    )
     folder = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)
     draw_pupils(folder / "optics_pupils.png")

@@ -72,6 +72,7 @@ CHANGED: Config = {
         "save_ideal": True,
         "profile": True,
     },
+    "effects": {},  # see test_cli_effects.py
 }
 
 # Keys whose option is not just their name with dashes.
@@ -81,6 +82,9 @@ NAMES = {
     "sensor.seed": "sensor-seed",
     "pattern.image": "pattern",
     **{f"pattern.{key}": f"pattern-{key.replace('_', '-')}" for key in CHANGED["pattern"] if key != "image"},
+    "sensor.profile": "sensor-profile",
+    "motion.rule": "motion",
+    **{f"motion.{key}": f"motion-{key.replace('_', '-')}" for key in CHANGED["motion"] if key != "rule"},
 }
 
 

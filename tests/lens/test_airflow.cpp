@@ -17,10 +17,11 @@ constexpr double kPi = 3.14159265358979323846;
 
 class AirflowTest : public ::testing::Test {
   protected:
-    static std::shared_ptr<Context> context() {
-        static const std::shared_ptr<Context> shared = Context::create({});
-        return shared;
-    }
+    // One for all tests, gone before main() ends: drivers do not like to be used later.
+    static inline std::shared_ptr<Context> shared_context;
+    static void SetUpTestSuite() { shared_context = Context::create({}); }
+    static void TearDownTestSuite() { shared_context.reset(); }
+    static const std::shared_ptr<Context> &context() { return shared_context; }
     cl::CommandQueue queue{context()->cl_context(), context()->device()};
 
     static AirflowParameters parameters() {

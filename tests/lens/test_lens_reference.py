@@ -27,15 +27,21 @@ def make(context, distortion, **options):
 
 
 DISTORTIONS = {
-    "protocol_weak": dict(k1=0.01),
-    "protocol_strong": dict(k1=0.05),
-    "barrel": dict(k1=-0.12),
-    "moustache": dict(k1=-0.1, k2=0.08, k3=-0.01),
-    "tangential": dict(k1=0.03, p1=0.01, p2=-0.02),
-    "off_axis": dict(k1=0.04, k2=-0.01, principal_point_px=(40.25, 33.5)),
-    "opencv": dict(
-        k1=-0.21, k2=0.07, k3=-0.01, p1=1.1e-3, p2=-0.7e-3, focal_length_px=(90.0, 88.0), principal_point_px=(46.1, 30.7)
-    ),
+    "protocol_weak": {"k1": 0.01},
+    "protocol_strong": {"k1": 0.05},
+    "barrel": {"k1": -0.12},
+    "moustache": {"k1": -0.1, "k2": 0.08, "k3": -0.01},
+    "tangential": {"k1": 0.03, "p1": 0.01, "p2": -0.02},
+    "off_axis": {"k1": 0.04, "k2": -0.01, "principal_point_px": (40.25, 33.5)},
+    "opencv": {
+        "k1": -0.21,
+        "k2": 0.07,
+        "k3": -0.01,
+        "p1": 1.1e-3,
+        "p2": -0.7e-3,
+        "focal_length_px": (90.0, 88.0),
+        "principal_point_px": (46.1, 30.7),
+    },
 }
 
 
@@ -74,8 +80,9 @@ def test_random_distortions_invert(context, measured):
         p1, p2 = rng.uniform(-0.03, 0.03, 2)
         try:
             lens = clspeckle.Lens((9, 14), k1=k1, k2=k2, k3=k3, p1=p1, p2=p2, context=context)
-        except clspeckle.errors.InvalidArgumentError as error:
-            assert "folds over" in str(error)
+        except clspeckle.errors.InvalidArgumentError as refused:
+            if "folds over" not in str(refused):
+                raise
             continue
         y, x = np.mgrid[:9, :14].astype(np.float64)
         grid = np.stack([x, y], axis=-1)
@@ -96,7 +103,7 @@ def test_corner_convention(context):
 
 
 def test_straight_lines(context):
-    """Lines through the principal point stay straight; others bow by the formula: with barrel distortion away from it."""
+    """Lines through the principal point stay straight; others bow by the formula: away from it in a barrel lens."""
     for k1 in (-0.1, 0.05):
         expected = reference.Distortion(WIDTH, HEIGHT, k1=k1)
         lens = make(context, expected)
@@ -104,8 +111,8 @@ def test_straight_lines(context):
         centre = expected.principal
         through = lens.distort_points(centre + t * np.array([40.0, 17.0])) - centre
         assert np.abs(through @ np.array([-17.0, 40.0]) / np.hypot(17, 40)).max() < 1e-12
-        # A horizontal line 20 px below the axis: its ends, 40 px off, lie at y (1 + k1 (40^2 + 20^2)/R^2), its middle at
-        # y (1 + k1 20^2/R^2).
+        # A horizontal line 20 px below the axis: its ends, 40 px off, lie at y (1 + k1 (40^2 + 20^2)/R^2), its middle
+        # at y (1 + k1 20^2/R^2).
         line = lens.distort_points(centre + np.array([0.0, 20.0]) + t * np.array([40.0, 0.0])) - centre
         sagitta = line[50, 1] - (line[0, 1] + line[100, 1]) / 2
         assert sagitta == pytest.approx(-20 * k1 * 1600 / expected.corner**2, abs=1e-10)
@@ -127,13 +134,17 @@ def test_fold_over(context):
     radius = np.hypot(*centre)
     fold = np.sqrt(1 / 0.3)
     along = centre / radius
-    imaged = lens.distort_points(np.array([centre + 0.999 * fold * radius * along, centre + 1.001 * fold * radius * along]))
-    assert np.isfinite(imaged[0]).all() and np.isnan(imaged[1]).all()
+    imaged = lens.distort_points(
+        np.array([centre + 0.999 * fold * radius * along, centre + 1.001 * fold * radius * along])
+    )
+    assert np.isfinite(imaged[0]).all()
+    assert np.isnan(imaged[1]).all()
     farthest = 2 / 3 * fold
     back = lens.undistort_points(
         np.array([centre + 0.999 * farthest * radius * along, centre + 1.001 * farthest * radius * along])
     )
-    assert np.isfinite(back[0]).all() and np.isnan(back[1]).all()
+    assert np.isfinite(back[0]).all()
+    assert np.isnan(back[1]).all()
 
 
 def scene(seed=7):
@@ -160,7 +171,7 @@ def test_images(context, measured, name, interpolation):
     assert compared.mean() > 0.95
     error = np.abs(got - want)[compared].max()
     measured(f"{interpolation}, of a peak of {image.max():.1f}", error)
-    assert error < (1e-12 if interpolation == "nearest" else 1e-5)
+    assert error < (1e-12 if interpolation == "nearest" else 3e-6)
     # Vectors go the way that light goes.
     vectors = RNG(8).normal(size=(HEIGHT, WIDTH, 3)).astype(np.float32)
     for channels, outside in ((2, 0.0), (3, np.nan)):
@@ -173,6 +184,8 @@ def test_images(context, measured, name, interpolation):
             integers = RNG(9).integers(0, np.iinfo(dtype).max, (HEIGHT, WIDTH), dtype=dtype, endpoint=True)
             want = reference.warp(integers, sources, "nearest")
             assert np.array_equal(lens.distort(integers)[compared], want[compared])
+        mask = image > 0.5
+        assert np.array_equal(lens.distort(mask)[compared], reference.warp(mask, sources, "nearest")[compared])
 
 
 def test_cubic_keeps_light_positive(context):
@@ -208,7 +221,8 @@ def test_no_distortion_is_a_copy(context):
         else:
             # A NaN stays one, wherever the cubic's taps reach it.
             bad = np.isnan(got)
-            assert bad[3, 4] and bad.sum() <= 16
+            assert bad[3, 4]
+            assert bad.sum() <= 16
             assert np.array_equal(got[~bad], image[~bad])
     assert np.array_equal(lens.finish(scene()), scene())
 
@@ -232,7 +246,7 @@ def test_vignetting(context, measured):
     assert abs(got[-1, -1] - 0.7) < 2.5e-7
     # cos^4, with and without.
     for loss in (0.0, 0.2):
-        options = dict(cos4_falloff=True, focal_length_px=(70.0, 65.0), vignetting_corner_loss=loss)
+        options = {"cos4_falloff": True, "focal_length_px": (70.0, 65.0), "vignetting_corner_loss": loss}
         got = clspeckle.Lens((HEIGHT, WIDTH), context=context, **options).finish(flat[:HEIGHT, :WIDTH])
         want = reference.vignetting(reference.Distortion(WIDTH, HEIGHT), loss, (70.0, 65.0))
         measured("error", np.abs(got - want).max())
@@ -280,10 +294,10 @@ def test_glare_keeps_energy_and_spreads_a_dot(context, measured):
 
 
 def test_ambient_order_and_dark(context):
-    """Ambient light is vignetted like all light, gets no glare of its own (it is flat), and is missing in dark frames."""
+    """Ambient light is vignetted like all light, gets no glare of its own (it is flat), is missing in dark frames."""
     light = RNG(12).exponential(1.0, (HEIGHT, WIDTH)).astype(np.float32)
     distortion = reference.Distortion(WIDTH, HEIGHT)
-    options = dict(glare_fraction=0.1, glare_scale_px=3.0, vignetting_corner_loss=0.3)
+    options = {"glare_fraction": 0.1, "glare_scale_px": 3.0, "vignetting_corner_loss": 0.3}
     lens = clspeckle.Lens((HEIGHT, WIDTH), ambient=0.7, context=context, **options)
     want = reference.finish(light, distortion, ambient=0.7, **options)
     assert np.abs(lens.finish(light) - want).max() < 2e-6 * light.max()
@@ -322,7 +336,9 @@ def test_bad_pixels_do_not_spread(context):
     lens.enqueue_finish(image, image).wait()
     got = image.read()
     good = light == 1
-    assert np.isfinite(got[good]).all() and (got[good] <= 1 + 1e-6).all() and (got[good] > 0.9).all()
+    assert np.isfinite(got[good]).all()
+    assert (got[good] <= 1 + 1e-6).all()
+    assert (got[good] > 0.9).all()
     assert got[50, 60] == -1
 
 
@@ -331,7 +347,7 @@ def test_configure(context):
     flat = np.ones((HEIGHT, WIDTH), np.float32)
     lens = clspeckle.Lens((HEIGHT, WIDTH), vignetting_corner_loss=0.5, context=context)
     before = lens.finish(flat)
-    for bad in (dict(k1=-0.5), dict(glare_fraction=1.5), dict(k1=np.nan)):
+    for bad in ({"k1": -0.5}, {"glare_fraction": 1.5}, {"k1": np.nan}):
         with pytest.raises(clspeckle.errors.InvalidArgumentError):
             lens.configure(**bad)
         assert np.array_equal(lens.finish(flat), before)
@@ -348,26 +364,27 @@ def test_configure(context):
 
 def test_defaults_change_nothing():
     defaults = clspeckle.Lens.defaults()
-    assert defaults["glare_scale_px"] == 6.0 and defaults["radius_unit"] == "corner"
+    assert defaults["glare_scale_px"] == 6.0
+    assert defaults["radius_unit"] == "corner"
     assert all(defaults[name] == 0 for name in ("k1", "k2", "k3", "p1", "p2", "ambient", "glare_fraction"))
 
 
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        (dict(k1="strong"), TypeError, "k1 must be a number"),
-        (dict(radius_unit="diagonal"), clspeckle.errors.InvalidArgumentError, "radius_unit"),
-        (dict(radius_unit="focal_length", k1=0.1), clspeckle.errors.InvalidArgumentError, "focal_length_x_px"),
-        (dict(cos4_falloff=True), clspeckle.errors.InvalidArgumentError, "focal_length_x_px"),
-        (dict(focal_length_px=(100.0, -1.0)), clspeckle.errors.InvalidArgumentError, "focal_length_y_px"),
-        (dict(focal_length_px=100.0), TypeError, "two numbers"),
-        (dict(principal_point_px=(np.nan, 0.0)), clspeckle.errors.InvalidArgumentError, "principal_point_x_px"),
-        (dict(vignetting_corner_loss=-0.1), clspeckle.errors.InvalidArgumentError, "vignetting_corner_loss"),
-        (dict(vignetting_corner_loss=1.1), clspeckle.errors.InvalidArgumentError, "vignetting_corner_loss"),
-        (dict(glare_scale_px=0), clspeckle.errors.InvalidArgumentError, "glare_scale_px"),
-        (dict(ambient=-1), clspeckle.errors.InvalidArgumentError, "ambient"),
-        (dict(ambient=np.inf), clspeckle.errors.InvalidArgumentError, "ambient"),
-        (dict(cos4_falloff=1), TypeError, "cos4_falloff must be True or False"),
+        ({"k1": "strong"}, TypeError, "k1 must be a number"),
+        ({"radius_unit": "diagonal"}, clspeckle.errors.InvalidArgumentError, "radius_unit"),
+        ({"radius_unit": "focal_length", "k1": 0.1}, clspeckle.errors.InvalidArgumentError, "focal_length_x_px"),
+        ({"cos4_falloff": True}, clspeckle.errors.InvalidArgumentError, "focal_length_x_px"),
+        ({"focal_length_px": (100.0, -1.0)}, clspeckle.errors.InvalidArgumentError, "focal_length_y_px"),
+        ({"focal_length_px": 100.0}, TypeError, "two numbers"),
+        ({"principal_point_px": (np.nan, 0.0)}, clspeckle.errors.InvalidArgumentError, "principal_point_x_px"),
+        ({"vignetting_corner_loss": -0.1}, clspeckle.errors.InvalidArgumentError, "vignetting_corner_loss"),
+        ({"vignetting_corner_loss": 1.1}, clspeckle.errors.InvalidArgumentError, "vignetting_corner_loss"),
+        ({"glare_scale_px": 0}, clspeckle.errors.InvalidArgumentError, "glare_scale_px"),
+        ({"ambient": -1}, clspeckle.errors.InvalidArgumentError, "ambient"),
+        ({"ambient": np.inf}, clspeckle.errors.InvalidArgumentError, "ambient"),
+        ({"cos4_falloff": 1}, TypeError, "cos4_falloff must be True or False"),
     ],
 )
 def test_bad_parameters(context, options, error, words):

@@ -199,21 +199,23 @@ def simulated_correlations(context, length_steps, noise_fraction, seed=3):
 
 
 def fitted(table):
-    """The length in steps and the fraction of white noise that R^2 fits best, by least squares over STEPS."""
+    """The length in steps and the fraction of white noise that R^2 fits best, by least squares over STEPS; of the 720 px, 8 a step have
+    left the image."""
+    steps = np.array(STEPS)
     means = np.array([table[step][0] for step in STEPS])
+
+    def misfit(length, noise):
+        return np.sum((means - (1 - noise) * (1 - 8 * steps / 720) * phase.path_correlation(steps / length) ** 2) ** 2)
+
     best = min(
-        (
-            (np.sum((means - (1 - noise) * phase.path_correlation(np.array(STEPS) / length) ** 2) ** 2), length, noise)
-            for length in np.arange(6, 14, 0.02)
-            for noise in np.arange(0, 0.08, 0.0025)
-        ),
+        (misfit(length, noise), length, noise) for length in np.arange(6, 14, 0.05) for noise in np.arange(0, 0.08, 0.005)
     )
     return best[1], best[2]
 
 
 def test_translation_series_of_real_speckle(context, measured):
-    """Peak correlation against step: where there is a peak to speak of (0.95 down to 0.25) the simulation lies within three spreads of the
-    measurement (a spread is 0.012; the simulated mean has about the same). Beyond, both fall to the height of chance peaks; there the real tail is
+    """Peak correlation against step: where there is a peak to speak of (0.95 down to 0.25) the simulation lies within two spreads of the
+    measurement (a spread is 0.012; 0.8 of one were measured). Beyond, both fall to the height of chance peaks; there the real tail is
     heavier than the bell's, by up to 0.06 (step 10: 0.146, and 0.10 simulated), and that is all that is claimed."""
     if not SPARK.is_dir():
         pytest.skip("shared/data beside the checkout is not there")
@@ -223,7 +225,7 @@ def test_translation_series_of_real_speckle(context, measured):
     for step in STEPS:
         mean, spread = table[step]
         measured(f"step {step}: spreads", abs(simulated[step] - mean) / spread)
-        assert abs(simulated[step] - mean) < 3 * spread, step
+        assert abs(simulated[step] - mean) < 2 * spread, step
     for step in TAIL:
         measured(f"step {step}: difference", abs(simulated[step] - table[step][0]))
         assert abs(simulated[step] - table[step][0]) < 0.06, step

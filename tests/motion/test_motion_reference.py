@@ -49,7 +49,7 @@ def test_rigid_motion_of_a_depth_image(context, measured, given, along_ray):
         lateral, axial = motion.displacement(now, before)
         path = motion.path(lateral, axial, abs(given[1]))
         shift = motion.pixels(before, INTRINSICS) - motion.pixels(now, INTRINSICS)
-    scale = np.abs(now - before)[surface].max()
+        scale = np.abs(now - before)[surface].max()
     for name, got, want, size in (
         ("lateral", found["displacement"][..., 0], lateral, scale),
         ("axial", found["displacement"][..., 1], axial, scale),

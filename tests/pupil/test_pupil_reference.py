@@ -35,9 +35,7 @@ def test_polygon(context, grid, blades):
     """The same frequencies as half planes, or discs, decided in float64: nothing on a boundary passes."""
     count, rotation, curvature = blades
     for diameter in (0.5, 0.93):
-        stage = make(
-            context, grid, diameter, blade_count=count, blade_rotation_rad=rotation, blade_curvature=curvature
-        )
+        stage = make(context, grid, diameter, blade_count=count, blade_rotation_rad=rotation, blade_curvature=curvature)
         u, v = reference.coordinates(grid, diameter)
         inside = reference.polygon_inside(u, v, count, rotation, curvature)
         assert np.array_equal(stage.pupil(), inside * np.float32(grid.oversampling))
@@ -46,8 +44,9 @@ def test_polygon(context, grid, blades):
 
 @pytest.mark.parametrize("blades", POLYGONS, ids=["{}_rotation{}_curvature{}".format(*p) for p in POLYGONS])
 def test_polygon_area(context, measured, blades):
-    """Transmission of a fine pupil against the polygon's area: the boundary of length about 2 pi R passes through as many
-    grid cells, so the area errs by a few cells' standard deviations, sqrt(2 pi R / 12) of pi R^2: 0.04 % at R = 128."""
+    """Transmission of a fine pupil against the polygon's area: the boundary of length about 2 pi R passes through as
+    many grid cells, so the area errs by a few cells' standard deviations, sqrt(2 pi R / 12) of pi R^2: 0.02 % at R =
+    128."""
     count, rotation, curvature = blades
     grid = phase.FieldGrid(256, 256)
     stage = make(context, grid, blade_count=count, blade_rotation_rad=rotation, blade_curvature=curvature)
@@ -61,12 +60,15 @@ def test_polygon_symmetry_and_limits(context):
     grid = phase.FieldGrid(65, 65)
     # Six blades from 0: symmetric about both axes and in itself; five: about the horizontal axis only.
     six = np.fft.fftshift(make(context, grid, blade_count=6).pupil())
-    assert np.array_equal(six, six[::-1]) and np.array_equal(six, six[:, ::-1])
+    assert np.array_equal(six, six[::-1])
+    assert np.array_equal(six, six[:, ::-1])
     five = np.fft.fftshift(make(context, grid, blade_count=5).pupil())
-    assert np.array_equal(five, five[::-1]) and not np.array_equal(five, five[:, ::-1])
+    assert np.array_equal(five, five[::-1])
+    assert not np.array_equal(five, five[:, ::-1])
     # A corner points along +x: there the pupil reaches almost to the rim, opposite only to cos(36 degrees).
     row = five[32] > 0
-    assert row[32:].sum() == 33 and row[:32].sum() == int(np.floor(np.cos(np.pi / 5) * 32.5))
+    assert row[32:].sum() == 33
+    assert row[:32].sum() == int(np.floor(np.cos(np.pi / 5) * 32.5))
     # Turning by a blade changes nothing.
     turned = np.fft.fftshift(make(context, grid, blade_count=5, blade_rotation_rad=2 * np.pi / 5).pupil())
     assert np.array_equal(turned, five)
@@ -138,8 +140,8 @@ def test_soft_polygon(context, polygon):
 
 
 def test_reference_zernikes_are_nolls():
-    """Orthonormal over the disc (Gauss-Legendre in rho^2, equidistant in theta: exact for these polynomials), and Noll's
-    table by hand for a few."""
+    """Orthonormal over the disc (Gauss-Legendre in rho^2, equidistant in theta: exact for these polynomials), and
+    Noll's table by hand for a few."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
     rho, theta = np.meshgrid(np.sqrt((nodes + 1) / 2), np.arange(24) * 2 * np.pi / 24, indexing="ij")
     values = np.array([reference.zernike(j, rho, theta) for j in range(1, 16)])
@@ -154,7 +156,7 @@ def test_reference_zernikes_are_nolls():
 
 @pytest.mark.parametrize("grid", GRIDS, ids=["square", "odd", "oversampled"])
 def test_aberrations(context, measured, grid):
-    """P = t exp(2 pi i W) to 1e-6: defocus, every Zernike polynomial alone, and all at once with an obstructed polygon."""
+    """P = t exp(2 pi i W) to 1e-6: defocus, every Zernike polynomial alone, all at once with an obstructed polygon."""
     diameter = 0.9
     u, v = reference.coordinates(grid, diameter)
     rng = np.random.default_rng(41)
@@ -214,15 +216,16 @@ def point_image(context, stage, grid, place):
 @pytest.mark.parametrize("waves", [0.0, 0.6, 1.5])
 def test_defocused_point_spread(context, measured, waves):
     """The image of a point against the Fraunhofer integral over a disc with a quadratic phase,
-    U(r) = (pi D^2 / 4) 2 Int_0^1 exp(2 pi i w rho^2) J0(pi D r rho) rho d rho: within 1 % of the peak without defocus."""
+    U(r) = (pi D^2 / 4) 2 Int_0^1 exp(2 pi i w rho^2) J0(pi D r rho) rho d rho: within 1 % of the peak in focus."""
     grid, diameter = phase.FieldGrid(192, 192), 0.5
     image = point_image(context, make(context, grid, diameter, defocus_waves=waves), grid, (90, 100))
 
     def integral(distance):
         def part(function):
             return scipy.integrate.quad(
-                lambda rho: 2 * rho * function(2 * np.pi * waves * rho**2)
-                * scipy.special.j0(np.pi * diameter * distance * rho),
+                lambda rho: (
+                    2 * rho * function(2 * np.pi * waves * rho**2) * scipy.special.j0(np.pi * diameter * distance * rho)
+                ),
                 0,
                 1,
             )[0]
@@ -238,8 +241,9 @@ def test_defocused_point_spread(context, measured, waves):
 
 def test_defocus_leaves_the_speckle_alone_and_widens_the_dots(context, measured):
     """The grain's law depends on |P| only: contrast within five standard errors (theory.contrast_standard_error, 0.6 %)
-    of 1, the autocovariance within 0.03 of the Airy law, with and without defocus. Mean images of a dot over 200 surfaces are
-    I0 * |IFFT2 P|^2: its light within circles agrees to 0.03 of all, and half of it takes a much larger circle."""
+    of 1, the autocovariance within 0.03 of the Airy law, with and without defocus. Mean images of a dot over 200
+    surfaces are I0 * |IFFT2 P|^2: its light within circles agrees to 0.03 of all, and half of it takes a much larger
+    circle."""
     grid, diameter = phase.FieldGrid(256, 256), 0.5
     state = clspeckle.Phase((256, 256), seed=5, context=context)
     state.refresh(0)
@@ -283,24 +287,24 @@ def test_defocus_leaves_the_speckle_alone_and_widens_the_dots(context, measured)
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (dict(blade_count=2), "blade_count is 2, it must be 3 to 32"),
-        (dict(blade_count=33), "blade_count"),
-        (dict(blade_count=6, blade_curvature=-0.1), "blade_curvature"),
-        (dict(blade_count=6, blade_curvature=1.1), "blade_curvature"),
-        (dict(blade_count=6, blade_rotation_rad=np.nan), "blade_rotation_rad"),
-        (dict(blade_rotation_rad=np.inf), "blade_rotation_rad"),
-        (dict(obstruction_ratio=1.0), "obstruction_ratio"),
-        (dict(obstruction_ratio=-0.1), "obstruction_ratio"),
-        (dict(obstruction_ratio=np.nan), "obstruction_ratio"),
-        (dict(pupil="ring"), "obstruction_ratio"),
-        (dict(obstruction_ratio=0.9999, relative_diameter=0.1), "passes nothing"),
-        (dict(defocus_waves=np.nan), "defocus_waves"),
-        (dict(defocus_waves=1001), "defocus_waves"),
-        (dict(zernike_waves={9: np.inf}), r"zernike_waves.*9"),
-        (dict(zernike_waves={15: -2000}), r"zernike_waves.*15"),
+        ({"blade_count": 2}, "blade_count is 2, it must be 3 to 32"),
+        ({"blade_count": 33}, "blade_count"),
+        ({"blade_count": 6, "blade_curvature": -0.1}, "blade_curvature"),
+        ({"blade_count": 6, "blade_curvature": 1.1}, "blade_curvature"),
+        ({"blade_count": 6, "blade_rotation_rad": np.nan}, "blade_rotation_rad"),
+        ({"blade_rotation_rad": np.inf}, "blade_rotation_rad"),
+        ({"obstruction_ratio": 1.0}, "obstruction_ratio"),
+        ({"obstruction_ratio": -0.1}, "obstruction_ratio"),
+        ({"obstruction_ratio": np.nan}, "obstruction_ratio"),
+        ({"pupil": "ring"}, "obstruction_ratio"),
+        ({"obstruction_ratio": 0.9999, "relative_diameter": 0.1}, "passes nothing"),
+        ({"defocus_waves": np.nan}, "defocus_waves"),
+        ({"defocus_waves": 1001}, "defocus_waves"),
+        ({"zernike_waves": {9: np.inf}}, r"zernike_waves.*9"),
+        ({"zernike_waves": {15: -2000}}, r"zernike_waves.*15"),
         # 4 w / D pixels on either side, of a grid of 64.
-        (dict(defocus_waves=9), "fewer waves"),
-        (dict(zernike_waves={7: 4}), "fewer waves"),
+        ({"defocus_waves": 9}, "fewer waves"),
+        ({"zernike_waves": {7: 4}}, "fewer waves"),
     ],
 )
 def test_bad_parameters(context, options, words):

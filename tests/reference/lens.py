@@ -1,8 +1,8 @@
 """What a lens does beside diffraction (lens.h): Brown and Conrady's distortion, glare, ambient light, vignetting.
 
-Sources: D. C. Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32 (1966) 444, in the form of OpenCV's
-camera model (calib3d, "Camera Calibration and 3D Reconstruction"); R. G. Keys, "Cubic convolution interpolation for
-digital image processing", IEEE Trans. ASSP 29 (1981) 1153.
+Sources: D. C. Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32 (1966) 444, in the form of
+OpenCV's camera model (calib3d, "Camera Calibration and 3D Reconstruction"); R. G. Keys, "Cubic convolution
+interpolation for digital image processing", IEEE Trans. ASSP 29 (1981) 1153.
 """
 
 from __future__ import annotations
@@ -100,9 +100,9 @@ def warp(image: NDArray, sources: NDArray[np.float64], interpolation: str, outsi
         least = np.zeros_like(result)
         for j in taps:
             for i in taps:
-                pixel = image[
-                    (y0 + j).astype(int).clip(0, height - 1), (x0 + i).astype(int).clip(0, width - 1)
-                ].astype(np.float64)
+                pixel = image[(y0 + j).astype(int).clip(0, height - 1), (x0 + i).astype(int).clip(0, width - 1)].astype(
+                    np.float64
+                )
                 result += (weight(y - y0, j) * weight(x - x0, i)).reshape(shape) * pixel
                 least = np.minimum(least, pixel)
         if interpolation == "cubic":

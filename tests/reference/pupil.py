@@ -1,8 +1,8 @@
 """Pupil shapes and aberrations (aperture.h), on the frequency grid in float64.
 
-Sources: M. Born, E. Wolf, "Principles of Optics", chapter 9 (Strehl ratio, Zernike's circle polynomials); R. J. Noll, "Zernike
-polynomials and atmospheric turbulence", J. Opt. Soc. Am. 66 (1976) 207 (indices and normalization); J. W. Goodman,
-"Introduction to Fourier Optics", chapters 4 and 6.
+Sources: M. Born, E. Wolf, "Principles of Optics", chapter 9 (Strehl ratio, Zernike's circle polynomials); R. J. Noll,
+"Zernike polynomials and atmospheric turbulence", J. Opt. Soc. Am. 66 (1976) 207 (indices and normalization); J. W.
+Goodman, "Introduction to Fourier Optics", chapters 4 and 6.
 """
 
 from __future__ import annotations

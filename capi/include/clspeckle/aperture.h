@@ -48,7 +48,7 @@ typedef struct ClspApertureDesc {
     double f_number;                 /**< > 0; default 5.6. */
     double pixel_pitch_m;            /**< > 0; default 2.9e-6. */
     double wavelength_m;             /**< > 0; default 940e-9. */
-    double soft_rim;                 /**< Part of the radius, 0 to 1, over which a circular pupil falls from 1 to 0 by a raised cosine; default 0. */
+    double soft_rim;                 /**< Part of the way from the axis to the boundary, 0 to 1, over which the transmission falls to 0 by a raised cosine; default 0. */
     double degree_of_polarization;   /**< p, 0 to 1; default 1. */
     const float *pupil_image;        /**< With CLSP_PUPIL_IMAGE: host memory, pupil_height x pupil_width amplitude transmissions in [0, 1]; copied. The image covers
                                           the square of side D around the axis, edges on its boundary: looked up bilinearly inside (the edge
@@ -59,7 +59,7 @@ typedef struct ClspApertureDesc {
     uint32_t blade_count;            /**< With CLSP_PUPIL_POLYGON: 3 to 32 blades; default 6. */
     uint32_t reserved_blades;        /**< 0. */
     double blade_rotation_rad;       /**< Turns the polygon; 0 (default): a corner points along +x. */
-    double blade_curvature;          /**< 0 (default): straight edges; 1: the circle through the corners; between: their mix. */
+    double blade_curvature;          /**< Blades are arcs through two corners with this curvature times the rim's: 0 (default) straight, 1 the rim itself. */
     double obstruction_ratio;        /**< Radius of the blocked centre over the pupil's, 0 (default) to below 1; any shape, above 0 with CLSP_PUPIL_RING. */
     double defocus_waves;            /**< w: pupil phase 2 pi w rho^2, rho = 1 at the rim; default 0. */
     /** Aberrations: Noll's Zernike polynomials 4 to 15, RMS waves over the full circular pupil; default 0. */

@@ -4,7 +4,8 @@
  *
  * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/effects.md lists them with their equations). An effect that is
  * off costs nothing: kernels are built without it. What an effect sets can also be set in the descriptions of the stages; a pipeline
- * with effects changes its stages' parameters, and clearing the effect puts them back.
+ * with effects changes its stages' parameters, and clearing the effect puts them back. Meanwhile, of the stages' own settings only a sensor's
+ * exposure and a pattern's pose may be changed: others would be put back as they were when the first effect was set.
  */
 #ifndef CLSPECKLE_EFFECTS_H
 #define CLSPECKLE_EFFECTS_H

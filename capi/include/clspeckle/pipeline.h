@@ -25,6 +25,7 @@
  * shutter is open the field's correlation falls, as R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else as exp(-path). The frame is the mean of
  * sub-exposures, whose steps are such that the contrast is that of the continuous exposure (Goodman, Statistical Optics, 6.2):
  *     C^2 = 2 / L^2 int_0^L (L - l) rho(l)^2 dl
+ * Where a motion stage says how far each pixel's surface went, shutter_fraction of that path is gone during the exposure.
  */
 #ifndef CLSPECKLE_PIPELINE_H
 #define CLSPECKLE_PIPELINE_H
@@ -71,6 +72,8 @@ typedef struct ClspPipelineDesc {
     double airflow_scale_px;     /**< Distance at which its correlation is 1/e; default 6. */
     double airflow_correlation_frames; /**< Frames after which its correlation is 1/e; default 3. */
     double vibration_rms_px;     /**< Standard deviation of the picture's shift along each axis; default 0. */
+    double shutter_fraction;     /**< Part of the time between two frames that the shutter is open, 0 (default) to 1: so much of a frame's motion (its path, with
+                                      CLSP_MOTION_CORRELATE) happens in the exposure, over sub_exposures (automatic: 8). The light itself does not blur. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */
@@ -115,7 +118,8 @@ CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_q
                                              cl_event *event);
 
 /** Renders a frame like the ones to come and waits: programs are built, kernels specialised, FFT plans warm, so that the next such
- *  frame is enqueued without a delay. Writes the frame's output; leaves the phase state as it was. */
+ *  frame is enqueued without a delay. Writes the frame's output; leaves the phase state as it was; the sensor's lag and the airflow
+ *  begin anew. */
 CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame);
 
 /** Waits for the queue and reports bad pixels (NaN, infinite or negative irradiance or albedo, which were taken as 0) of all

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pyopencl as cl
 import pytest
 
 import clspeckle
@@ -224,6 +225,35 @@ def test_illumination(context: clspeckle.Context, ideal: Image) -> None:
     assert (sensor.render(illumination="dark") == 64).all()
     with pytest.raises(TypeError, match="scene"):
         sensor.render()
+
+
+# --- Stages that cannot be used ---
+
+
+def stages(context: clspeckle.Context) -> dict[str, Any]:
+    return {
+        "dots": clspeckle.Dots(SHAPE, [(1.0, 1.0)], context=context),
+        "materials": clspeckle.MaterialTable([clspeckle.Material()], context=context),
+        "motion": clspeckle.Motion(SHAPE, rule="replace", context=context),
+        "lens": clspeckle.Lens(SHAPE, k1=0.01, context=context),
+    }
+
+
+@pytest.mark.parametrize("name", ["dots", "materials", "motion", "lens"])
+def test_closed_foreign_and_wrong_stages(context: clspeckle.Context, name: str) -> None:
+    phase, aperture = clspeckle.Phase(SHAPE, context=context), clspeckle.Aperture(SHAPE, context=context)
+    stage = stages(context)[name]
+    with clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: stage}) as camera:
+        assert getattr(camera, name) is stage
+        stage.close()  # the pipeline keeps what it needs
+        camera.warm_up()
+    with pytest.raises(errors.InvalidHandleError, match=f"this {type(stage).__name__} is closed"):
+        clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: stage})
+    other = clspeckle.Context.from_opencl(cl.create_some_context(interactive=False))
+    with other as foreign, pytest.raises(errors.WrongContextError, match=name):
+        clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: stages(foreign)[name]})
+    with pytest.raises(TypeError, match=rf"{name} must be a clspeckle\.{type(stage).__name__}, got Phase"):
+        clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: phase})
 
 
 # --- The pipeline's own numbers ---

@@ -487,6 +487,7 @@ class ClspPipelineDesc(ctypes.Structure):
         ("airflow_scale_px", c_double),
         ("airflow_correlation_frames", c_double),
         ("vibration_rms_px", c_double),
+        ("shutter_fraction", c_double),
     ]
 
 

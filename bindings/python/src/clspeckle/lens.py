@@ -24,7 +24,17 @@ import numpy.typing as npt
 from . import _check, _library
 from ._handle import Handle, create, exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Output, Staging, device_image, on_device, output, refuse_handle
+from ._staging import (
+    DeviceImageLike,
+    ImageLike,
+    Operands,
+    Output,
+    Staging,
+    device_image,
+    on_device,
+    output,
+    refuse_handle,
+)
 from .aperture import irradiance_image
 from .runtime import FLOAT32, Context, DeviceImage, Event, QueueLike, find_format, queue_pointer, resolve_context
 
@@ -129,8 +139,8 @@ class Lens(Handle):
         """Warps an image as the lens does. Blocks.
 
         Args:
-            ideal: (height, width) float32, uint8, uint16 or uint32, (height, width, n) float32 with n = 2, 3 or 4, or a
-                device image.
+            ideal: (height, width) float32, uint8 (or bool), uint16 or uint32, (height, width, n) float32 with n = 2, 3
+                or 4, or a device image.
             interpolation: "nearest", "linear" or "cubic"; integers take "nearest" only. None: "cubic" for one float a
                 pixel (light), else "nearest".
             out: array or device image of the same shape and dtype, which must not overlap the ideal image; None: a new
@@ -169,9 +179,7 @@ class Lens(Handle):
             target = device_image(distorted, "distorted", self.shape, _format(source), self.context)
             return self._enqueue_distort(source, target, interpolation, Operands(), queue, wait_for)
 
-    def finish(
-        self, light: ImageLike, *, dark: bool = False, out: Any = None, queue: QueueLike | None = None
-    ) -> Any:
+    def finish(self, light: ImageLike, *, dark: bool = False, out: Any = None, queue: QueueLike | None = None) -> Any:
         """Glare, ambient light and vignetting. Blocks.
 
         Args:
@@ -239,6 +247,8 @@ class Lens(Handle):
             return device_image(value, "ideal", self.shape, FLOAT32, self.context)
         refuse_handle(value, "ideal")
         given = _check.array(value, "ideal")
+        if given.dtype == np.bool_:
+            given = np.ascontiguousarray(given).view(np.uint8)
         if given.dtype.kind == "f":
             channels = given.shape[2:] if given.ndim == 3 and given.shape[2] in (2, 3, 4) else ()
             image = _check.float_plane(given, "ideal", (*self.shape, *channels))

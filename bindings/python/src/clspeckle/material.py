@@ -25,7 +25,7 @@ class Material:
     degree_of_polarization: float | None = None
     """Of the returned light, 0 to 1; negative: that of the aperture."""
     correlation_time_s: float | None = None
-    """Time in seconds after which a resting surface's field correlation has fallen to 1/e; infinity: never, 0: at once."""
+    """Time in seconds in which a resting surface's field correlation falls to 1/e; infinity: never, 0: at once."""
     lateral_correlation_length_m: float | None = None
     """Displacement across the viewing direction at which the field correlation has fallen to 1/e, > 0."""
     axial_correlation_length_m: float | None = None

@@ -268,7 +268,7 @@ class Phase(Handle):
         for name in ("path", "correlation"):
             if isinstance(images.get(name), (int, float, np.integer, np.floating)):
                 setattr(struct, "uniform_" + name, _check.real(images.pop(name), name))
-        checks = {
+        checks: dict[str, Any] = {
             "path": _check.float_plane,
             "correlation": _check.float_plane,
             "shift": _check.vector2_plane,

@@ -167,6 +167,7 @@ class PipelineParameters(TypedDict, total=False):
     airflow_scale_px: float | None
     airflow_correlation_frames: float | None
     vibration_rms_px: float | None
+    shutter_fraction: float | None
     effects: Mapping[str, Mapping[str, float] | None] | None
 
 
@@ -254,6 +255,7 @@ _PIPELINE_REALS = (
     "airflow_scale_px",
     "airflow_correlation_frames",
     "vibration_rms_px",
+    "shutter_fraction",
 )
 _PIPELINE = (*_PIPELINE_INTEGERS, *_PIPELINE_REALS)
 
@@ -291,6 +293,8 @@ class Pipeline(Handle):
         airflow_scale_px: distance at which its correlation is 1/e.
         airflow_correlation_frames: frames after which its correlation is 1/e.
         vibration_rms_px: standard deviation of the picture's shift along each axis.
+        shutter_fraction: part of the time between two frames that the shutter is open, 0 to 1; of the motion between
+            them so much happens in the exposure.
         context: None: the phase's.
 
     What is None has the C library's default, see :meth:`defaults`. All stages must come from the same context and have
@@ -329,6 +333,7 @@ class Pipeline(Handle):
         airflow_scale_px: float | None = None,
         airflow_correlation_frames: float | None = None,
         vibration_rms_px: float | None = None,
+        shutter_fraction: float | None = None,
         context: Context | None = None,
     ) -> None:
         given = {name: value for name, value in locals().items() if name in _PIPELINE}
