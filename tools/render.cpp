@@ -295,9 +295,6 @@ class Renderer {
         const double start = now();
         const ClspGeometry geometry = make_geometry();
         pipeline_.warm_up(queue_, make_frame(geometry, nullptr, config_.integer("render.first_frame")));
-        // Lag and moving air remember the frame of the warm-up, which is none of the run's; setting effects starts anew.
-        if (const std::vector<EffectSetting> effects = config_.effects(); !effects.empty())
-            pipeline_.set_effect(effects.front().id, effects.front().values);
         warm_up_seconds_ = now() - start;
     }
 

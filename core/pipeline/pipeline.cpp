@@ -565,6 +565,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         forget_frames();
         return;
     }
+    const std::uint64_t epoch = phase.epoch();
     const DeviceBuffer saved(context_, phase.state_bytes());
     CommandChain save(queue, 0, nullptr);
     phase.enqueue_save(save, saved.get()(), 0);
@@ -572,6 +573,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
     const auto restore = [&] {
         CommandChain chain(queue, 0, nullptr);
         phase.enqueue_restore(chain, saved.get()(), 0);
+        phase.set_epoch(epoch);
         check_opencl(clFinish(queue), "clFinish");
     };
     try {

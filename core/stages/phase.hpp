@@ -61,6 +61,7 @@ class Phase {
     std::uint64_t state_bytes() const { return state_.bytes(); }
     // Frame index of the last refresh of everything.
     std::uint64_t epoch() const { return epoch_; }
+    void set_epoch(std::uint64_t epoch) { epoch_ = epoch; }
     // Paths and correlations that were NaN or out of range, shifts that were not finite.
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
 

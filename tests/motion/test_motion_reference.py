@@ -72,9 +72,9 @@ def test_previous_positions_and_normals(context, measured):
     now = motion.points(relief(), INTRINSICS)
     angle = 10.0 ** rng.uniform(-5, 0.4, SHAPE)
     normal = rng.normal(size=(*SHAPE, 3))
-    helper = np.cross(normal, rng.normal(size=(*SHAPE, 3)))
-    helper /= np.linalg.norm(helper, axis=-1, keepdims=True)
-    turned = np.cos(angle)[..., None] * normal + np.sin(angle)[..., None] * np.cross(helper, normal)
+    pivot = np.cross(normal, rng.normal(size=(*SHAPE, 3)))
+    pivot /= np.linalg.norm(pivot, axis=-1, keepdims=True)
+    turned = np.cos(angle)[..., None] * normal + np.sin(angle)[..., None] * np.cross(pivot, normal)
     before = now + rng.normal(scale=1e-3, size=now.shape)
     images = [image.astype(np.float32) for image in (now, before, normal, 0.7 * turned)]
     position, previous, normals, previous_normals = (image.astype(np.float64) for image in images)

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 namespace {
@@ -153,11 +154,97 @@ void run() {
         throw std::runtime_error("the uniforms are not uniform");
 }
 
+// Dots through the whole camera with every effect, on a small grid: the transforms take long under a watching device.
+void run_effects() {
+    constexpr std::uint32_t small = 32;
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const std::vector<double> positions{8.3, 8.1, 24.2, 7.7, 8.0, 23.9, 23.6, 24.4};
+    auto dots_desc = clspeckle::make<ClspDotsDesc>();
+    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
+    auto motion_desc = clspeckle::make<ClspMotionDesc>();
+    for (auto *size : {&dots_desc.width, &dots_desc.height, &phase_desc.width, &phase_desc.height, &aperture_desc.width,
+                       &aperture_desc.height, &sensor_desc.width, &sensor_desc.height, &motion_desc.width,
+                       &motion_desc.height})
+        *size = small;
+    dots_desc.positions_px = positions.data();
+    dots_desc.count = 4;
+    phase_desc.dynamics = CLSP_DYNAMICS_CONTINUOUS;
+    phase_desc.translate = 1;
+    const clspeckle::Dots dots(context, dots_desc);
+    const clspeckle::Phase phase(context, phase_desc);
+    const clspeckle::Aperture aperture(context, aperture_desc);
+    const clspeckle::Sensor sensor(context, sensor_desc);
+    const clspeckle::Buffer codes(context, small * small * 2);
+    auto frame = clspeckle::make<ClspFrame>();
+    frame.output = codes.image(small, small, CLSP_FORMAT_UINT16);
+
+    auto desc = clspeckle::make<ClspPipelineDesc>();
+    desc.dots = dots;
+    desc.phase = phase;
+    desc.aperture = aperture;
+    desc.sensor = sensor;
+    const clspeckle::Pipeline camera(context, desc);
+    for (const ClspEffectInfo &effect : clspeckle::effects())
+        if (std::string(effect.id) != "linewidth" && std::string(effect.id) != "motion_decorrelation")
+            camera.set_effect(effect.id);
+    for (const std::uint32_t refresh : {CLSP_REFRESH_ALL, CLSP_REFRESH_MASK}) {
+        frame.refresh = refresh;
+        camera.enqueue_frame(queue, frame);
+        ++frame.frame_index;
+    }
+    frame.illumination = CLSP_ILLUMINATION_DARK;
+    camera.enqueue_frame(queue, frame);
+    camera.clear_effects();
+
+    // Several lines, an exposure that blurs, materials, and motion by vectors that carries the speckle along.
+    std::vector<ClspMaterial> materials(2, clspeckle::make<ClspMaterial>());
+    materials[1].correlation_time_s = 0.1;
+    materials[1].subsurface_fraction = 0.5;
+    const clspeckle::MaterialTable table(context, materials);
+    motion_desc.materials = table;
+    motion_desc.translate = 1;
+    motion_desc.fx_px = motion_desc.fy_px = 40;
+    motion_desc.cx_px = motion_desc.cy_px = 15.5;
+    const clspeckle::Motion motion(context, motion_desc);
+    desc.materials = table;
+    desc.motion = motion;
+    desc.line_count = 2;
+    desc.dephasing_rad = 0.7;
+    desc.exposure_path = 0.5;
+    desc.sub_exposures = 2;
+    desc.shutter_fraction = 0.5;
+    desc.subsurface_length_px = 1;
+    const clspeckle::Pipeline living(context, desc);
+    const clspeckle::Buffer depth(context, queue, std::vector<float>(small * small, 1.0f));
+    const clspeckle::Buffer vectors(context, queue, std::vector<float>(2 * small * small, 0.6f));
+    const clspeckle::Buffer ids(context, queue, std::vector<std::uint8_t>(small * small, 1));
+    auto input = clspeckle::make<ClspMotionInput>();
+    input.depth = input.previous_depth = depth.image(small, small, CLSP_FORMAT_FLOAT32);
+    input.motion = vectors.image(small, small, CLSP_FORMAT_FLOAT32X2);
+    input.material = ids.image(small, small, CLSP_FORMAT_UINT8);
+    input.frame_time_s = 1.0 / 30;
+    frame = clspeckle::make<ClspFrame>();
+    frame.output = codes.image(small, small, CLSP_FORMAT_UINT16);
+    frame.material = input.material;
+    frame.refresh = CLSP_REFRESH_ALL;
+    living.enqueue_frame(queue, frame);
+    frame.refresh = CLSP_REFRESH_MASK;
+    frame.motion = &input;
+    frame.frame_index = 1;
+    living.enqueue_frame(queue, frame);
+    living.check(queue);
+    queue.finish();
+}
+
 } // namespace
 
 int main() {
     try {
         run();
+        run_effects();
     } catch (const std::exception &error) {
         std::fprintf(stderr, "failed: %s\n", error.what());
         return 1;

@@ -13,7 +13,7 @@
  *     field        U_k = sqrt(I0) (sqrt(1 - c) z + sqrt(c)) exp(i k s h) exp(i a): coherent fraction c (low roughness), a line of the laser
  *                  at k with the surface's height h (standard normal, Philox stream 0x30, at the frame index of the last full refresh) and s =
  *                  dephasing_rad, the airflow's phase a. Lines lie evenly in [-2, 2] and carry light in proportion to exp(-k^2 / 2). Each
- *                  sample of the field grid has one height; oversampling brings more of them into a grain
+ *                  sample of the field grid has one height; oversampling brings more of them into a grain. A saved phase does not hold the heights
  *     aperture     both polarizations, summed over the lines and the sub-exposures; with materials the weights (1 + p)/2 and (1 - p)/2 are
  *                  those of each pixel, on |U|^2
  *     light        times max(0, 1 + power_flicker n), n standard normal, one for a frame (stream 0x33); shifted by vibration_rms_px

@@ -211,6 +211,26 @@ TEST_F(CppBinding, AWholeFrame) {
     queue.finish();
 }
 
+TEST(CppBindingDefaults, MakeGivesWhatTheInitFunctionsWrite) {
+    ClspMaterial material;
+    ASSERT_EQ(CLSP_SUCCESS, clspMaterialInit(&material, sizeof material));
+    EXPECT_EQ(material.lateral_correlation_length_m, clspeckle::make<ClspMaterial>().lateral_correlation_length_m);
+    ClspMotionDesc motion;
+    ASSERT_EQ(CLSP_SUCCESS, clspMotionDescInit(&motion, sizeof motion));
+    EXPECT_EQ(motion.replace_threshold, clspeckle::make<ClspMotionDesc>().replace_threshold);
+    ClspMotionInput input;
+    ASSERT_EQ(CLSP_SUCCESS, clspMotionInputInit(&input, sizeof input));
+    EXPECT_EQ(input.struct_size, clspeckle::make<ClspMotionInput>().struct_size);
+    ClspMotionOutput output;
+    ASSERT_EQ(CLSP_SUCCESS, clspMotionOutputInit(&output, sizeof output));
+    EXPECT_EQ(output.struct_size, clspeckle::make<ClspMotionOutput>().struct_size);
+    ClspPhaseAdvance advance;
+    ASSERT_EQ(CLSP_SUCCESS, clspPhaseAdvanceInit(&advance, sizeof advance));
+    EXPECT_EQ(advance.uniform_correlation, clspeckle::make<ClspPhaseAdvance>().uniform_correlation);
+    EXPECT_EQ(CLSP_ERROR_INVALID_ARGUMENT, clspMaterialInit(nullptr, sizeof material));
+    EXPECT_EQ(CLSP_ERROR_INVALID_STRUCT_SIZE, clspMotionInputInit(&input, 3));
+}
+
 TEST_F(CppBinding, EffectsAreListedSwitchedAndCleared) {
     const std::vector<ClspEffectInfo> effects = clspeckle::effects();
     ASSERT_GT(effects.size(), 30u);

@@ -252,8 +252,9 @@ def test_closed_foreign_and_wrong_stages(context: clspeckle.Context, name: str) 
     other = clspeckle.Context.from_opencl(cl.create_some_context(interactive=False))
     with other as foreign, pytest.raises(errors.WrongContextError, match=name):
         clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: stages(foreign)[name]})
+    wrong: dict[str, Any] = {name: phase}
     with pytest.raises(TypeError, match=rf"{name} must be a clspeckle\.{type(stage).__name__}, got Phase"):
-        clspeckle.Pipeline(phase=phase, aperture=aperture, **{name: phase})
+        clspeckle.Pipeline(phase=phase, aperture=aperture, **wrong)
 
 
 # --- The pipeline's own numbers ---

@@ -187,6 +187,16 @@ def test_pupil_and_polarizations_follow_the_effects(context: clspeckle.Context) 
     camera.render()
 
 
+@pytest.mark.parametrize("effect", ["image_lag", "airflow", "surface_boiling"])
+def test_a_warm_up_leaves_nothing(context: clspeckle.Context, effect: str) -> None:
+    with make(context, effects={effect: None}) as cold, make(context, effects={effect: None}) as warm:
+        warm.warm_up()
+        refresh = (None, None, "all")
+        for index, kind in enumerate(refresh):
+            expected = cold.render(frame_index=index, refresh=kind)
+            np.testing.assert_array_equal(warm.render(frame_index=index, refresh=kind), expected)
+
+
 def test_simulate_takes_effects(context: clspeckle.Context) -> None:
     ideal = np.random.default_rng(3).random((3, *SHAPE), np.float32)
     options: dict[str, Any] = {"seed": 2, "context": context}
