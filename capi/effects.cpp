@@ -62,7 +62,13 @@ CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id,
 }
 
 CLSP_API ClspStatus clspPipelineClearEffect(ClspPipeline pipeline, const char *id) {
-    return guarded("clspPipelineClearEffect", [&] { object(pipeline)->clear_effect(id ? id : ""); });
+    return guarded("clspPipelineClearEffect", [&] {
+        const auto p = object(pipeline);
+        if (id)
+            p->clear_effect(id);
+        else
+            p->clear_effects();
+    });
 }
 
 } // extern "C"

@@ -12,17 +12,14 @@
 
 namespace clsp::capi {
 
-// Size of each struct in the first release that had it: the least that a caller may have. All structs are still as they
-// were first made; a struct that gets a member keeps its old size here, as a number.
+// Size of each struct in the first release that had it: the least that a caller may have. A struct that gets a
+// member keeps its old size here, as a number.
 template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
-template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
-
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
-template <> inline constexpr std::uint32_t kFirstSize<ClspSensorDesc> = 112;
-
-template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;
-
+template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
+template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;
+template <> inline constexpr std::uint32_t kFirstSize<ClspSensorDesc> = 112;
 inline void check_struct_size(std::uint32_t size, std::uint32_t first, const char *name) {
     if (size < first)
         throw Error(

@@ -538,15 +538,14 @@ std::vector<MovingObject> load_objects(const Json &list, std::size_t material_co
             throw InputError(path + ": \"moving_objects\" must be a list of objects");
         MovingObject object;
         object.materials = get<std::vector<std::size_t>>(entry, "material_ids", path, "a list of ids");
-        object.geometry_from_object =
-            get<std::vector<std::vector<double>>>(entry, "geometry_from_object", path, "a list of poses, [R|t] row by row");
+        object.geometry_from_object = get<std::vector<std::vector<double>>>(entry, "geometry_from_object", path,
+                                                                            "a list of poses, [R|t] row by row");
         if (object.geometry_from_object.size() != frame_count)
             throw InputError(fmt::format("{}: \"geometry_from_object\" has {} poses, the sequence {} frames", path,
                                          object.geometry_from_object.size(), frame_count));
         for (const std::size_t id : object.materials)
             if (id >= material_count)
-                throw InputError(
-                    fmt::format("{}: \"material_ids\" names {}, which is not in \"materials\"", path, id));
+                throw InputError(fmt::format("{}: \"material_ids\" names {}, which is not in \"materials\"", path, id));
         for (const std::vector<double> &pose : object.geometry_from_object)
             if (pose.size() != 12)
                 throw InputError(fmt::format("{}: a pose in \"geometry_from_object\" has {} numbers, 12 are needed",
@@ -713,9 +712,8 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
             table.push_back(clspeckle::make<ClspMaterial>());
         input->materials = std::move(table);
     }
-    for (const std::string &plane :
-         {paths.depth, paths.position, paths.normal, paths.albedo, paths.visibility, paths.refresh_mask,
-          paths.material, paths.materials})
+    for (const std::string &plane : {paths.depth, paths.position, paths.normal, paths.albedo, paths.visibility,
+                                     paths.refresh_mask, paths.material, paths.materials})
         if (!plane.empty())
             files.push_back(plane);
     files.insert(files.end(), paths.inputs.begin(), paths.inputs.end());

@@ -44,7 +44,7 @@ struct FrameData {
     image_io::Plane visibility;
     std::vector<std::uint8_t> refresh;  ///< 1: new speckle.
     std::vector<std::uint8_t> material; ///< Ids.
-    std::vector<float> motion;          ///< (x, y) for each pixel: where its point was in the frame before, minus where it is.
+    std::vector<float> motion; ///< (x, y) for each pixel: where its point was in the frame before, minus where it is.
     std::vector<double> previous_from_current; ///< [R|t] since the frame before, one for each entry of the materials.
 };
 
@@ -59,7 +59,7 @@ class Input {
     std::uint32_t height = 0;
     std::uint64_t frame_count = 1;
     std::string first_name;
-    std::vector<std::string> files; ///< All that are read, which no output may replace.
+    std::vector<std::string> files;      ///< All that are read, which no output may replace.
     std::vector<ClspMaterial> materials; ///< Entry i is id i; empty: one of the defaults.
     bool moves = false;                  ///< Frames tell how the scene moved.
 

@@ -388,9 +388,10 @@ int run(int argc, char **argv) {
         ->type_name("IMAGE");
     render_command.add_option("--config", arguments.config, "JSON configuration")->type_name("FILE");
     render_command
-        .add_option("--effect", arguments.effects,
-                    "Switch an effect of the catalogue on, with parameters or with those between weak and strong; may be "
-                    "given several times; none: those before it, and the configuration's, are off (see clspeckle effects)")
+        .add_option(
+            "--effect", arguments.effects,
+            "Switch an effect of the catalogue on, with parameters or with those between weak and strong; may be "
+            "given several times; none: those before it, and the configuration's, are off (see clspeckle effects)")
         ->allow_extra_args(false)
         ->group("Configuration: effects")
         ->type_name("ID[:NAME=VALUE,...]");

@@ -182,10 +182,11 @@ std::vector<Option> make_table() {
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
 
-        choice("motion", "rule", {"off", "correlate", "replace"}, 0,
-               "what a scene's motion does to the speckle: nothing, it changes gradually with the way (correlate), or it "
-               "is drawn anew where the way is too long (replace); with it the refresh mask is off unless --refresh says "
-               "so"),
+        choice(
+            "motion", "rule", {"off", "correlate", "replace"}, 0,
+            "what a scene's motion does to the speckle: nothing, it changes gradually with the way (correlate), or it "
+            "is drawn anew where the way is too long (replace); with it the refresh mask is off unless --refresh says "
+            "so"),
         boolean("motion", "translate", false, "the speckle moves with the surfaces, whole samples at a time"),
         number("motion", "frame_time_s", 0.0, 0, false, infinity, "s",
                "time between two frames, for materials that live; a sequence.json gives its own"),

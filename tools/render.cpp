@@ -134,14 +134,16 @@ class Renderer {
                             input.first_name));
         illumination_ = config.choice("render.illumination");
         if (illumination_ == CLSP_ILLUMINATION_INCOHERENT && input.scene)
-            throw InputError(fmt::format("{} is a scene: --illumination incoherent needs an ideal image, which says what "
-                                         "light the lamp brings",
-                                         input.first_name));
+            throw InputError(
+                fmt::format("{} is a scene: --illumination incoherent needs an ideal image, which says what "
+                            "light the lamp brings",
+                            input.first_name));
         moves_ = config.text("motion.rule") != "off";
         if (moves_ && !input.moves)
-            throw InputError(fmt::format("--motion {}: {} does not tell how it moves; a scene with the channels motion.X "
-                                         "and motion.Y, or a sequence.json, does",
-                                         config.text("motion.rule"), input.first_name));
+            throw InputError(
+                fmt::format("--motion {}: {} does not tell how it moves; a scene with the channels motion.X "
+                            "and motion.Y, or a sequence.json, does",
+                            config.text("motion.rule"), input.first_name));
         decide_frames();
         first_ = read(0);
         if (input.scene && first_.position.empty() &&
@@ -170,8 +172,8 @@ class Renderer {
         phase.polarization_count = polarization < 1 || uses_materials_ ? 2 : 1;
         phase.seed = seed_of("phase.seed");
         const bool correlates = config_.text("motion.rule") == "correlate";
-        phase.dynamics =
-            correlates && phase.field == CLSP_FIELD_CIRCULAR_GAUSSIAN ? CLSP_DYNAMICS_CONTINUOUS : CLSP_DYNAMICS_REPLACE;
+        phase.dynamics = correlates && phase.field == CLSP_FIELD_CIRCULAR_GAUSSIAN ? CLSP_DYNAMICS_CONTINUOUS
+                                                                                   : CLSP_DYNAMICS_REPLACE;
         phase.translate = moves_ && config_.flag("motion.translate") ? 1 : 0;
         phase_ = clspeckle::Phase(*context_, phase);
 
@@ -275,9 +277,10 @@ class Renderer {
             const auto &all = effect_catalogue();
             const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return effect.id == e.id; });
             if (std::string(info->kernel).find("dots.cl") != std::string::npos)
-                throw InputError(fmt::format("--effect {}: changes the dots that the library draws (dots.h); render has "
-                                             "an ideal image or a scene's pattern instead",
-                                             effect_text(effect)));
+                throw InputError(
+                    fmt::format("--effect {}: changes the dots that the library draws (dots.h); render has "
+                                "an ideal image or a scene's pattern instead",
+                                effect_text(effect)));
             try {
                 pipeline_.set_effect(effect.id, effect.values);
             } catch (const clspeckle::Error &error) {
@@ -469,14 +472,13 @@ class Renderer {
         for (const ClspMaterial &m : input_.materials)
             uses_materials_ |= m.roughness_rms_m != plain.roughness_rms_m || m.subsurface_fraction > 0 ||
                                m.degree_of_polarization != plain.degree_of_polarization;
+        if (!input_.scene && !first_.material.empty() && input_.materials.empty())
+            throw InputError("--material gives each pixel's id, but no list says what they are made of; add --materials FILE");
         if (uses_materials_ && first_.material.empty())
-            throw InputError(fmt::format("{}: the materials need each pixel's id: the channel material, or --material IMAGE",
-                                         first_.name));
-        if (!first_.material.empty() && input_.materials.empty() && !moves_)
-            return;
-        const std::size_t count = std::max<std::size_t>(input_.materials.size(), 1);
-        for (std::size_t i = 0; i < first_.material.size(); ++i)
-            if (!input_.materials.empty() && first_.material[i] >= count)
+            throw InputError(fmt::format(
+                "{}: the materials need each pixel's id: the channel material, or --material IMAGE", first_.name));
+        for (std::size_t i = 0; i < first_.material.size() && !input_.materials.empty(); ++i)
+            if (first_.material[i] >= input_.materials.size())
                 throw InputError(fmt::format("{}: pixel ({}, {}) has the material {}, which is not in the list of "
                                              "materials",
                                              first_.name, i % width_, i / width_, first_.material[i]));

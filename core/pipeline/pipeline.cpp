@@ -269,13 +269,9 @@ void Pipeline::set_effect(const std::string &id, const double *values, std::uint
 }
 
 void Pipeline::clear_effect(const std::string &id) {
+    find_effect(id);
     Effects effects = effects_;
-    if (id.empty()) {
-        effects.clear();
-    } else {
-        find_effect(id);
-        effects.erase(id);
-    }
+    effects.erase(id);
     use_effects(std::move(effects));
 }
 

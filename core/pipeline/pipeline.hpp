@@ -86,8 +86,9 @@ class Pipeline {
     // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their defaults. After an
     // error all is as it was.
     void set_effect(const std::string &id, const double *values, std::uint32_t count);
-    // Off again; "" for all.
+    // Off again.
     void clear_effect(const std::string &id);
+    void clear_effects() { use_effects({}); }
 
     void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
                        cl_event *event);

@@ -121,7 +121,7 @@ def test_effects_without_a_sensor(refused, ideal: Path) -> None:
     ],
     ids=str,
 )
-def test_bad_effects_of_a_configuration(refused, ideal: Path, tmp_path: Path, section: object, words: list[str]) -> None:
+def test_bad_effects_in_a_file(refused, ideal: Path, tmp_path: Path, section: object, words: list[str]) -> None:
     (tmp_path / "config.json").write_text(json.dumps({"effects": section}))
     message = refused("render", ideal, "-o", "out", "--config", "config.json")
     for word in ("config.json", *words):

@@ -169,6 +169,7 @@ def test_materials_of_an_ideal_image(ok, refused, ideal: Path, tmp_path: Path) -
     assert frame[:, 40:56].std() < 0.1 * frame[:, 40:56].mean(), "a mirror makes no speckle"
     assert frame[:, 8:24].std() > 0.4 * frame[:, 8:24].mean()
     assert "--material IMAGE" in refused("render", ideal, "-o", "bad", *LIGHT, "--materials", "materials.json")
+    assert "--materials FILE" in refused("render", ideal, "-o", "bad", *LIGHT, "--material", "ids.npy")
     ids[5, 7] = 9
     np.save(tmp_path / "ids.npy", ids)
     assert "pixel (7, 5) has the material 9" in refused("render", ideal, "-o", "bad", *LIGHT, *given)
@@ -191,7 +192,7 @@ def test_materials_of_an_ideal_image(ok, refused, ideal: Path, tmp_path: Path) -
         ({"materials": [{"id": 2, "degree_of_polarization": 2}]}, ["degree_of_polarization"]),
         ({"moving_objects": {}}, ['"moving_objects" must be a list']),
         ({"moving_objects": [{}]}, ['"material_ids" must be a list of ids']),
-        ({"moving_objects": [{"material_ids": [7], "geometry_from_object": [pose(0)] * 3}]}, ["names 7, which is not in"]),
+        ({"moving_objects": [{"material_ids": [7], "geometry_from_object": [pose(0)] * 3}]}, ["names 7, which is not"]),
         ({"moving_objects": [{"material_ids": [2], "geometry_from_object": [pose(0)]}]}, ["has 1 poses", "3 frames"]),
         ({"moving_objects": [{"material_ids": [2], "geometry_from_object": [[1], [1], [1]]}]}, ["has 1 numbers"]),
         ({"frame_rate_hz": 0}, ['"frame_rate_hz" must be above 0']),

@@ -281,6 +281,7 @@ TEST_F(Effects, RefusesBadArgumentsAndChangesNothing) {
                       clspPipelineSetEffect(one.pipeline, "glare", three, 3));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "values", clspPipelineSetEffect(one.pipeline, "glare", nullptr, 1));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "defocusing", clspPipelineClearEffect(one.pipeline, "defocusing"));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "effect", clspPipelineClearEffect(one.pipeline, ""));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineClearEffect(nullptr, nullptr));
     // In range, but not for this camera: the well is full below the noise, or the diameter beyond the grid.
     const double wide = 0.1;

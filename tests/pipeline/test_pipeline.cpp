@@ -81,6 +81,44 @@ TEST_F(Pipeline, InitFunctionsWriteDefaults) {
     EXPECT_EQ(nullptr, frame.refresh_mask.mem);
 }
 
+// A struct as a caller of the first release has it: shorter, in memory that ends with it (sanitizers see who reads on).
+template <typename Struct> std::unique_ptr<unsigned char[]> first_release(const Struct &now, std::uint32_t size) {
+    std::unique_ptr<unsigned char[]> bytes(new unsigned char[size]);
+    std::memcpy(bytes.get(), &now, size);
+    std::memcpy(bytes.get(), &size, sizeof size);
+    return bytes;
+}
+template <typename Struct> const Struct *as(const std::unique_ptr<unsigned char[]> &bytes) {
+    return reinterpret_cast<const Struct *>(bytes.get());
+}
+
+TEST_F(Pipeline, StructsOfTheFirstReleaseStillWork) {
+    const auto phase_bytes = first_release(phase_desc(), 40);
+    const auto aperture_bytes = first_release(aperture_desc(), 104);
+    const auto sensor_bytes = first_release(sensor_desc(), 112);
+    auto desc = clspeckle::make<ClspPipelineDesc>();
+    ASSERT_CLSP_OK(clspPhaseCreate(context, as<ClspPhaseDesc>(phase_bytes), &desc.phase));
+    ASSERT_CLSP_OK(clspApertureCreate(context, as<ClspApertureDesc>(aperture_bytes), &desc.aperture));
+    ASSERT_CLSP_OK(clspSensorCreate(context, as<ClspSensorDesc>(sensor_bytes), &desc.sensor));
+    const auto pipeline_bytes = first_release(desc, 40);
+    ClspPipeline pipeline = nullptr;
+    ASSERT_CLSP_OK(clspPipelineCreate(context, as<ClspPipelineDesc>(pipeline_bytes), &pipeline));
+    const auto frame_bytes = first_release(frame(3), 144);
+    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, as<ClspFrame>(frame_bytes), 0, nullptr, nullptr));
+    const auto old = download<std::uint16_t>(codes);
+    EXPECT_EQ(render(make_pipeline(context), 3), old);
+    for (std::uint32_t short_by : {1u, 8u}) {
+        const auto too_short = first_release(desc, 40 - short_by);
+        ClspPipeline none = nullptr;
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size",
+                          clspPipelineCreate(context, as<ClspPipelineDesc>(too_short), &none));
+    }
+    clspPipelineRelease(pipeline);
+    clspPhaseRelease(desc.phase);
+    clspApertureRelease(desc.aperture);
+    clspSensorRelease(desc.sensor);
+}
+
 TEST_F(Pipeline, AFrameIsItsStagesOneAfterTheOther) {
     const clspeckle::Phase phase(context, phase_desc());
     const clspeckle::Aperture aperture(context, aperture_desc());
