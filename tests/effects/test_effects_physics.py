@@ -318,7 +318,7 @@ def test_airflow_bends_a_resting_picture_only(context):
 @pytest.mark.parametrize("oversampling", [1, 2, 3])
 @pytest.mark.parametrize("fill_factor", [0.5, 1.0])
 def test_pixel_integration(context, measured, oversampling, fill_factor):
-    expected = theory.integrated_contrast(DIAMETER, fill_factor)
+    expected = theory.area_contrast(DIAMETER, fill_factor)
     frames = moving(camera(context, oversampling=oversampling, fill_factor=fill_factor))
     measured("relative error", abs(contrast(frames) / expected - 1))
     assert contrast(frames) == pytest.approx(expected, rel=BOUND)

@@ -7,6 +7,8 @@ laws, partial polarization) and 4 (autocorrelation, circular pupil, integrated s
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.special
 from numpy.typing import NDArray
@@ -97,7 +99,7 @@ def unit_phasor_contrast(pupil: NDArray[np.float64]) -> float:
     return float(np.sqrt(1 - np.sum(power**2) / np.sum(power) ** 2))
 
 
-def exposure_contrast(path: float, correlation) -> float:
+def exposure_contrast(path: float, correlation: Callable[[NDArray], NDArray]) -> float:
     """Contrast of speckle whose field correlation over a path l is correlation(l), integrated over a path L:
     C^2 = 2 / L^2 int_0^L (L - l) correlation(l)^2 dl (Goodman, Statistical Optics, 6.2)."""
     lags = np.linspace(0.0, path, 20001)
@@ -121,7 +123,7 @@ def rician_contrast(specular_over_speckle: float) -> float:
     return float(np.sqrt(1 + 2 * r) / (1 + r))
 
 
-def integrated_contrast(diameter: float, fill_factor: float) -> float:
+def area_contrast(diameter: float, fill_factor: float) -> float:
     """Contrast of speckle behind a circular pupil, integrated over a centred square of that part of a pixel's area:
     C^2 = int int mu^2(x, y) tri(x / a) tri(y / a) dx dy / a^2 (Goodman, Speckle Phenomena in Optics, 4.7)."""
     side = np.sqrt(fill_factor)
