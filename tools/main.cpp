@@ -390,11 +390,12 @@ int run(int argc, char **argv) {
     render_command
         .add_option(
             "--effect", arguments.effects,
-            "Switch an effect of the catalogue on, with parameters or with those between weak and strong; may be "
-            "given several times; none: those before it, and the configuration's, are off (see clspeckle effects)")
+            "Switch an effect of the catalogue on (see clspeckle effects): its id, then a colon and parameters as "
+            "name=value with commas, for example defocus:waves=0.8; those left out lie between weak and strong. May be "
+            "given several times; none: those before it, and the configuration's, are off")
         ->allow_extra_args(false)
         ->group("Configuration: effects")
-        ->type_name("ID[:NAME=VALUE,...]");
+        ->type_name("EFFECT");
     render_command.add_flag("--dump-config", arguments.dump_config,
                             "Print the effective configuration as JSON and end");
     add_json(render_command, "Print a summary as JSON on standard output, everything else on standard error");

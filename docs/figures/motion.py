@@ -1,5 +1,5 @@
-"""The figure of docs/motion.md: autocorrelation of speckle along the three motions of the thesis (its Fig. 22 to 24), and the peak correlation of
-real speckle behind a moving pinhole beside a simulation of the same series.
+"""The figure of docs/motion.md: autocorrelation of speckle along the three motions of the thesis (its Fig. 22 to 24), and the
+correlation of real speckle behind a moving pinhole beside simulations of the same series.
 
 usage: motion.py FILE.png [--spark FOLDER]      (FOLDER: shared/data/spark_memory_effect beside the checkout; left out, three panels are drawn)
 """
@@ -7,6 +7,7 @@ usage: motion.py FILE.png [--spark FOLDER]      (FOLDER: shared/data/spark_memor
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import clspeckle
@@ -15,6 +16,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+from reference import motion
 
 SHAPE = (256, 256)
 KNOTS_PER_PATH = 0.9386677
@@ -79,47 +83,49 @@ def spark_image(folder: Path, index: int) -> np.ndarray:
     return raw[1078:].reshape(540, 720)[::-1].astype(np.float64)
 
 
-def peaks(images: list[np.ndarray], steps: range) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and spread over the reference images of the peak of the normalised cross-correlation."""
-    spectra = [np.fft.rfft2(image - image.mean()) / image.std() for image in images]
-    values = [
-        [
-            np.fft.irfft2(spectra[k].conj() * spectra[k + step], s=images[0].shape).max() / images[0].size
-            for k in range(len(images) - step)
-        ]
-        for step in steps
-    ]
-    return np.array([np.mean(v) for v in values]), np.array([np.std(v) for v in values])
-
-
 def draw_spark(axes: plt.Axes, folder: Path) -> None:
-    steps = range(1, 16)
-    mean, spread = peaks([spark_image(folder, k) for k in range(-20, 21)], steps)
-    n = np.array(steps)
+    """At the place of the speckle and the largest anywhere: measured, a field that fades as R^2, and one that slides behind a pinhole."""
+    n = np.arange(1, 16)
+    measured = motion.Series([spark_image(folder, k) for k in range(-20, 21)])
+    registered = [measured.registered(step) for step in n]
+    mean, spread = np.array([v.mean() for v in registered]), np.array([v.std() for v in registered])
+    shape, step_px, border = (540, 720), 8, 32
+    rate = -measured.position[-1, 1] / 40
+    large = tuple(k + 2 * border for k in shape)
+    shift = np.zeros((*large, 2), np.float32)
+    shift[..., 0] = step_px
+    aperture = clspeckle.Aperture(large, relative_diameter=1.03 / 7.1)
 
-    def misfit(length: float, noise: float) -> float:
-        model = (1 - noise) * (1 - 8 * n / 720) * bell(n / length) ** 2
-        return float(np.sum((model - mean)[n <= 8] ** 2))
+    def simulated(length: float, noise: float, pinhole: bool) -> motion.Series:
+        phase = clspeckle.Phase(large, dynamics="continuous", translate=True, polarization_count=1, seed=3)
+        rng = np.random.default_rng(3)
+        phase.refresh(0)
+        images = []
+        for index in range(31):
+            if pinhole:
+                kernel = motion.pinhole_kernel(2 * step_px, step_px, length, index)
+                kernel = np.fft.fft2(kernel, large)
+                field = phase.field(0)[: large[0], : large[1]]
+                image = np.abs(np.fft.ifft2(np.fft.fft2(field) * kernel)) ** 2
+            else:
+                image = aperture.intensity(phase, np.ones(large, np.float32)).astype(np.float64)
+            image = image[border:-border, border:-border]
+            images.append(image + rng.normal(0, np.sqrt(noise / (1 - noise)) * image.std(), shape))
+            phase.advance(index + 1, path=0.0 if pinhole else 1 / length, shift=shift)
+        return motion.Series(images)
 
-    _, length, noise = min(
-        (misfit(length, noise), length, noise) for length in np.arange(6, 14, 0.05) for noise in np.arange(0, 0.08, 0.005)
-    )
-    shape = (540, 720)
-    phase = clspeckle.Phase(shape, dynamics="continuous", translate=True, polarization_count=1, seed=3)
-    aperture = clspeckle.Aperture(shape, relative_diameter=1.03 / 7.1)
-    shift = np.zeros((*shape, 2), np.float32)
-    shift[..., 0] = -8
-    rng = np.random.default_rng(3)
-    phase.refresh(0)
-    images = []
-    for index in range(1, 21):
-        image = aperture.intensity(phase, np.ones(shape, np.float32)).astype(np.float64)
-        images.append(image + rng.normal(0, np.sqrt(noise / (1 - noise)) * image.std(), shape))
-        phase.advance(index, path=1 / length, shift=shift)
-    simulated, _ = peaks(images, steps)
-    axes.errorbar(0.05 * n, mean, spread, fmt="o", markersize=4, color="tab:blue", label="measured, spread of 21 to 40")
-    axes.plot(0.05 * n, simulated, color="tab:red", linewidth=2, label=f"simulated, length {0.05 * length:.2f} mm")
-    axes.set(title="real speckle, moving pinhole", xlabel="displacement, mm", ylim=(0, 1), ylabel="peak cross-correlation")
+    length, noise = motion.fitted(bell, n, mean, spread, rate, shape[1])
+    fading = simulated(length, noise, False)
+    airy_length, airy_noise = motion.fitted(motion.airy, n, mean, spread, rate, shape[1])
+    pinhole = simulated(airy_length, airy_noise, True)
+    x = 0.05 * n
+    axes.errorbar(x, mean, spread, fmt="o", markersize=4, color="tab:blue", label="measured, at its place")
+    axes.plot(x, [fading.registered(k).mean() for k in n], color="tab:red", linewidth=2, label=f"simulated, {0.05 * length:.2f} mm")
+    curve = (1 - airy_noise) * (1 - rate * n / shape[1]) * motion.airy(n / airy_length) ** 2
+    axes.plot(x, curve, "k--", linewidth=1, label=f"pinhole, {0.05 * airy_length:.2f} mm")
+    axes.plot(x, [measured.maximum(k).mean() for k in n], "s", markersize=4, mfc="none", color="0.5", label="measured, largest")
+    axes.plot(x, [pinhole.maximum(k).mean() for k in n], ":", color="0.5", label="pinhole simulated, largest")
+    axes.set(title="real speckle, moving pinhole", xlabel="displacement, mm", ylim=(-0.03, 1), ylabel="cross-correlation")
     axes.legend(loc="upper right", fontsize=8)
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import clspeckle
 import numpy as np
 import pytest
+import scipy.signal
 
-from reference import phase
+from reference import motion, phase
 
 # n = 2^17 independent samples: a field correlation has a standard error of at most 1 / sqrt(2 n) = 2e-3 per polarization. The slope of the bell
 # where it is 1/e is 0.77 per correlation length, so the length is known to 0.3 % and BOUND (3.5 errors of the intensity's) is never
@@ -146,87 +147,128 @@ def spark_image(index):
     return raw[1078:].reshape(540, 720)[::-1].astype(np.float64)
 
 
-def spectrum(image):
-    return np.fft.rfft2(image - image.mean()) / image.std()
+STEPS = np.arange(1, 16)
+SPARK_SHAPE = (540, 720)
+STEP_PX = 8  # 7.9 measured
 
 
-def peak_correlation(a, b):
-    """The largest value of the normalised cross-correlation of two images, of whose spectra these are."""
-    return float(np.fft.irfft2(a.conj() * b, s=(540, 720)).max() / (540 * 720))
-
-
-STEPS = (1, 2, 3, 4, 5, 6, 7, 8)
-TAIL = (10, 12, 15)
-
-
-def measured_correlations():
-    """Mean and spread over the reference images of the peak correlation after each number of steps."""
-    spectra = {k: spectrum(spark_image(k)) for k in range(-20, 21)}
-    table = {}
-    for step in STEPS + TAIL:
-        values = [peak_correlation(spectra[k], spectra[k + step]) for k in range(-20, 21 - step)]
-        table[step] = (np.mean(values), np.std(values))
-    return table
-
-
-def simulated_correlations(context, length_steps, noise_fraction, seed=3):
-    """The same series: 8 px of shift for each step, decorrelation by one length; speckle of the width of the images' (ACF 7.1 px wide at half
-    height: D = 1.03 / 7.1 of a circular pupil), on a background that the correlation takes off, with white noise."""
-    shape = (540, 720)
-    state = clspeckle.Phase(
-        shape, dynamics="continuous", translate=True, polarization_count=1, seed=seed, context=context
-    )
-    aperture = clspeckle.Aperture(shape, relative_diameter=1.03 / 7.1, context=context)
-    ideal = np.ones(shape, np.float32)
-    rng = np.random.default_rng(seed)
-    shift = np.zeros((*shape, 2), np.float32)
-    shift[..., 0] = -8
-
-    def image():
-        intensity = aperture.intensity(state, ideal)
-        noise = np.sqrt(noise_fraction / (1 - noise_fraction)) * intensity.std()
-        return 20 + 10 * intensity + 10 * rng.normal(0, noise, shape)
-
-    state.refresh(0)
-    spectra = [spectrum(image())]
-    for step in range(1, 19):
-        state.advance(step, path=1 / length_steps, shift=shift)
-        spectra.append(spectrum(image()))
-    return {
-        step: np.mean([peak_correlation(spectra[k], spectra[k + step]) for k in range(len(spectra) - step)])
-        for step in STEPS + TAIL
+@pytest.fixture(scope="module")
+def spark():
+    """The measured series, or none; of each statistic the mean over all pairs of images that many steps apart, and as its spread the standard
+    deviation over these pairs (26 to 40)."""
+    if not SPARK.is_dir():
+        pytest.skip("shared/data beside the checkout is not there")
+    series = motion.Series([spark_image(k) for k in range(-20, 21)])
+    return series, {
+        name: (np.array([v.mean() for v in values]), np.array([v.std() for v in values]))
+        for name in ("registered", "maximum")
+        for values in [[getattr(series, name)(step) for step in STEPS]]
     }
 
 
-def fitted(table):
-    """The length in steps and the fraction of white noise that R^2 fits best, by least squares over STEPS; of the 720 px, 8 a step have
-    left the image."""
-    steps = np.array(STEPS)
-    means = np.array([table[step][0] for step in STEPS])
-
-    def misfit(length, noise):
-        return np.sum((means - (1 - noise) * (1 - 8 * steps / 720) * phase.path_correlation(steps / length) ** 2) ** 2)
-
-    best = min(
-        (misfit(length, noise), length, noise) for length in np.arange(6, 14, 0.05) for noise in np.arange(0, 0.08, 0.005)
-    )
-    return best[1], best[2]
+def noisy(intensity, fraction, rng):
+    return intensity + rng.normal(0, np.sqrt(fraction / (1 - fraction)) * intensity.std(), intensity.shape)
 
 
-def test_translation_series_of_real_speckle(context, measured):
-    """Peak correlation against step: where there is a peak to speak of (0.95 down to 0.25) the simulation lies within two spreads of the
-    measurement (a spread is 0.012; 0.8 of one were measured). Beyond, both fall to the height of chance peaks; there the real tail is
-    heavier than the bell's, by up to 0.06 (step 10: 0.146, and 0.10 simulated), and that is all that is claimed."""
-    if not SPARK.is_dir():
-        pytest.skip("shared/data beside the checkout is not there")
-    table = measured_correlations()
-    length, noise = fitted(table)
-    simulated = simulated_correlations(context, length, noise)
-    for step in STEPS:
-        mean, spread = table[step]
-        measured(f"step {step}: spreads", abs(simulated[step] - mean) / spread)
-        assert abs(simulated[step] - mean) < 2 * spread, step
-    for step in TAIL:
-        measured(f"step {step}: difference", abs(simulated[step] - table[step][0]))
-        assert abs(simulated[step] - table[step][0]) < 0.06, step
+class Translation:
+    """A field around the images that moves with its surface by STEP_PX to the left, as theirs does. The border holds what reaches into the images
+    from outside; the padding of the transform would be drawn anew with each step."""
+
+    def __init__(self, context, border, seed):
+        self.border = border
+        self.shape = tuple(n + 2 * border for n in SPARK_SHAPE)
+        self.phase = clspeckle.Phase(
+            self.shape, dynamics="continuous", translate=True, polarization_count=1, seed=seed, context=context
+        )
+        self.phase.refresh(0)
+        self.shift = np.zeros((*self.shape, 2), np.float32)
+        self.shift[..., 0] = STEP_PX  # previous minus current
+        self.index = 0
+
+    def move(self, path):
+        self.index += 1
+        self.phase.advance(self.index, path=path, shift=self.shift)
+
+
+def fading_series(context, length_steps, noise_fraction, seed, count=25):
+    """Speckle of the images' width (ACF 7.1 px wide at half height: D = 1.03 / 7.1 of a circular pupil) that moves, fades and is noisy."""
+    rng = np.random.default_rng(seed)
+    scene = Translation(context, 4 * STEP_PX, seed)
+    aperture = clspeckle.Aperture(scene.shape, relative_diameter=1.03 / 7.1, context=context)
+    ideal = np.ones(scene.shape, np.float32)
+    inside = slice(scene.border, -scene.border)
+    images = []
+    for _ in range(count):
+        intensity = aperture.intensity(scene.phase, ideal)[inside, inside].astype(np.float64)
+        images.append(noisy(intensity, noise_fraction, rng))
+        scene.move(1 / length_steps)
+    return motion.Series(images)
+
+
+def pinhole_series(context, length_steps, noise_fraction, seed, count=25):
+    """The experiment itself: a field that moves and does not fade, seen through the pinhole (100 um, two steps wide: 16 px)."""
+    rng = np.random.default_rng(seed)
+    scene = Translation(context, STEP_PX, seed)
+    images = []
+    for index in range(count):
+        kernel = motion.pinhole_kernel(2 * STEP_PX, STEP_PX, length_steps, index)
+        field = scene.phase.field(0)[: scene.shape[0], : scene.shape[1]]
+        field = scipy.signal.fftconvolve(field, kernel, mode="valid")
+        images.append(noisy(np.abs(field) ** 2, noise_fraction, rng))
+        scene.move(0.0)
+    return motion.Series(images)
+
+
+def means_of(simulate, statistic):
+    """Of a statistic of simulated series, the mean over pairs and series."""
+    return np.mean([[getattr(series, statistic)(step).mean() for step in STEPS] for series in simulate], axis=0)
+
+
+def test_translation_series_of_real_speckle(context, measured, spark):
+    """Correlation against step at the place to which the speckle has moved, with one fitted length: the field that fades as R^2 lies within two
+    spreads of the measurement at all steps (0.014 to 0.024; a spread is 0.007 to 0.012). The two are not the same curve: the measured one is that
+    of a pinhole (below), and R^2 with the best length differs from it by up to 0.017 (1.8 spreads), below it at steps 3 to 6 and above it at 9
+    to 13. Of a single series of about 6000 speckles the simulation has an error of 0.01; two are averaged."""
+    series, table = spark
+    mean, spread = table["registered"]
+    rate = -series.position[-1, 1] / (len(series.spectra) - 1)
+    assert abs(rate - STEP_PX) < 0.2
+    length, noise = motion.fitted(phase.path_correlation, STEPS, mean, spread, rate, SPARK_SHAPE[1])
+    simulated = means_of([fading_series(context, length, noise, seed) for seed in (3, 4)], "registered")
+    for step, found in zip(STEPS, (simulated - mean) / spread):
+        measured(f"step {step}: spreads", abs(found))
+    assert np.all(np.abs(simulated - mean) < 2 * spread)
     assert 8 < length < 12  # 0.4 to 0.6 mm: the thesis has 0.5 mm
+
+
+def test_pinhole_explains_the_tail_of_the_peak(context, measured, spark):
+    """The largest value anywhere, the usual measure, has a heavier tail than the value at the place of the speckle: from step 8 on the peak
+    splits in two, 11 px apart at step 12. That is optics, not the surface: the glass is lit by the Airy pattern of the pinhole, which slides over
+    it. Its curve, 2 J1(x) / x squared, meets the registered correlations within half a spread with one fitted length and white noise, and the
+    field that Phase moves without fading, seen through that pinhole, follows both statistics."""
+    series, table = spark
+    mean, spread = table["registered"]
+    rate = -series.position[-1, 1] / (len(series.spectra) - 1)
+    length, noise = motion.fitted(motion.airy, STEPS, mean, spread, rate, SPARK_SHAPE[1])
+    expected = (1 - noise) * (1 - rate * STEPS / SPARK_SHAPE[1]) * motion.airy(STEPS / length) ** 2
+    measured("pinhole's curve: spreads", np.abs((expected - mean) / spread).max())
+    assert np.all(np.abs(expected - mean) < 0.5 * spread)
+    simulate = [pinhole_series(context, length, noise, seed) for seed in (3, 4, 5)]
+    simulated = means_of(simulate, "registered")
+    measured("registered: spreads", np.abs((simulated - mean) / spread).max())
+    assert np.all(np.abs(simulated - mean) < spread)
+    # Up to 0.022 too high. At steps 1 to 7, 0.01 is owed to the images' 7.9 px a step: their highest pixel misses the peak by up to half a pixel.
+    # Of the 0.02 at steps 8 to 12, 0.01 is the chance of one measured series and the rest is not explained. A field that only fades is 0.05 too
+    # low there.
+    difference = means_of(simulate, "maximum") - table["maximum"][0]
+    for step, found in zip(STEPS, difference):
+        measured(f"maximum at step {step}: difference", abs(found))
+    assert np.abs(difference).max() < 0.025
+    # The measured peak at step 12 is two peaks, on both sides of the place of the speckle, with a valley between them.
+    sides = np.array([-5.5, 0.0, 5.5])
+    profile = np.zeros(3)
+    for k in series.pairs(12):
+        dy, dx = series.position[k + 12] - series.position[k]
+        profile += series.at(series.spectra[k], series.spectra[k + 12], np.array([dy]), dx + sides)[0] / len(series.pairs(12))
+    measured("valley over the lower peak", profile[1] / min(profile[0], profile[2]))
+    assert profile[1] < 0.5 * min(profile[0], profile[2])
