@@ -256,7 +256,8 @@ __kernel void phase_advance(__global state_word *state, uint grid_width, uint gr
 #else
         const float p = uniform_path;
 #endif
-        const float knots = knots_per_path * p;
+        // A later part of an exposure (negative): what is new was drawn by the first part.
+        const float knots = knots_per_path >= 0.0f ? knots_per_path * p : p <= FLT_MAX ? -knots_per_path * p : 0.0f;
         // Two knots on, nothing is left of either: also the way to say that a sample is new (infinity).
         replaced |= knots >= 2.0f;
 #endif

@@ -50,7 +50,7 @@ std::vector<Effect> make_catalogue() {
      {{"skew", "1", -3.0, 3.0, 0.5, 1.2}},
      [](Model &m, Values v) { dots(m, "beam_skew").beam_skew = v[0]; }},
     {"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "dots.cl: dots_render", kSetsDots,
-     {{"flatness", "1", 0.0, 10.0, 0.5, 1.0}},
+     {{"flatness", "1", 0.0, 4.0, 0.5, 1.0}},
      [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; }},
     // Diffractive optical element.
     {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "dots.cl: dots_render", kSetsDots,
@@ -138,7 +138,7 @@ std::vector<Effect> make_catalogue() {
          m.lens.ambient = v[0] / gain;
      }},
     {"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "lens.cl: lens_distort", kSetsLens,
-     {{"k1", "1", -0.3, 1.0, 0.01, 0.05}},
+     {{"k1", "1", -0.148, 1.0, 0.01, 0.05}},
      [](Model &m, Values v) {
          m.lens.radius_unit = RadiusUnit::kCorner;
          m.lens.k1 = v[0];
@@ -178,7 +178,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; }},
     {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "sensor.cl: sensor_expose (GAMMA)",
      kSetsSensor,
-     {{"gamma", "1", 0.05, 20.0, 0.93, 0.75}},
+     {{"gamma", "1", 0.1, 10.0, 0.93, 0.75}},
      [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; }},
     {"full_well", "sensor", "the signal clips below the converter's maximum", "sensor.cl: sensor_expose", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
@@ -188,7 +188,10 @@ std::vector<Effect> make_catalogue() {
      {{"bits", "bits", 1.0, 16.0, 8.0, 6.0}},
      [](Model &m, Values v) {
          SensorParameters &s = sensor(m, "adc_bits");
-         s.effective_bits = std::min(s.bits, static_cast<std::uint32_t>(std::lround(v[0])));
+         if (v[0] > s.bits)
+             throw Error(Status::kInvalidArgument,
+                         fmt::format("bits of the effect adc_bits is {}, but the sensor has {}", v[0], s.bits));
+         s.effective_bits = static_cast<std::uint32_t>(std::lround(v[0]));
      }},
     {"bayer_mismatch", "sensor", "the two green-diagonal sites of the 2x2 mosaic have gains 1 - d and 1 + d",
      "sensor.cl: sensor_expose (PIXEL_GAIN)", kSetsSensor,
@@ -241,8 +244,9 @@ std::vector<double> check_effect_values(const Effect &effect, const double *valu
         const double value = i < count ? values[i] : 0.5 * (parameter.weak + parameter.strong);
         if (!(value >= parameter.minimum && value <= parameter.maximum))
             throw Error(Status::kInvalidArgument,
-                        fmt::format("{} of the effect {} is {}, it must be {} to {} ({})", parameter.name, effect.id, value,
-                                    parameter.minimum, parameter.maximum, parameter.unit));
+                        fmt::format("{} of the effect {} is {}, it must be {} to {}{}", parameter.name, effect.id, value,
+                                    parameter.minimum, parameter.maximum,
+                                    std::string(parameter.unit) == "1" ? "" : " " + std::string(parameter.unit)));
         result.push_back(value);
     }
     return result;

@@ -37,6 +37,9 @@ void check_parameters(const PipelineParameters &p) {
 
 // Parts of an exposure in which what moves is seen at work, unless the host says how many.
 constexpr std::uint32_t kBlurSteps = 8;
+std::uint32_t blur_steps(const PipelineParameters &p) {
+    return p.sub_exposures == 0 ? kBlurSteps : p.sub_exposures;
+}
 
 bool boils(const PipelineParameters &p) {
     return std::isfinite(p.boiling_correlation_frames);
@@ -121,21 +124,23 @@ PipelineModel Pipeline::model() const {
     return model;
 }
 
-void Pipeline::apply_stages(const PipelineModel &model, unsigned sets) {
-    if (sets & kSetsPhase)
-        stages_.phase->configure(model.phase);
-    if (sets & kSetsAperture)
-        stages_.aperture->configure(model.aperture);
-    if (sets & kSetsLens) {
+void Pipeline::apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied) {
+    const auto apply = [&](unsigned part, auto configure) {
+        if (!(sets & part))
+            return;
+        configure();
+        applied |= part;
+    };
+    apply(kSetsPhase, [&] { stages_.phase->configure(model.phase); });
+    apply(kSetsAperture, [&] { stages_.aperture->configure(model.aperture); });
+    apply(kSetsLens, [&] {
         if (stages_.lens)
             stages_.lens->configure(model.lens);
         else
             stages_.lens = std::make_shared<Lens>(context_, model.lens);
-    }
-    if (sets & kSetsDots)
-        stages_.dots->configure(*model.dots);
-    if (sets & kSetsSensor)
-        stages_.sensor->configure(*model.sensor);
+    });
+    apply(kSetsDots, [&] { stages_.dots->configure(*model.dots); });
+    apply(kSetsSensor, [&] { stages_.sensor->configure(*model.sensor); });
 }
 
 void Pipeline::apply_own(const PipelineModel &model) {
@@ -145,6 +150,11 @@ void Pipeline::apply_own(const PipelineModel &model) {
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(Status::kInvalidArgument,
                     "boiling_correlation_frames and exposure_path need a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
+    if (stages_.materials && (p.coherent_fraction > 0.0 || p.subsurface_fraction > 0.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{} was given to a pipeline with a material table; set {} of the materials",
+                                p.coherent_fraction > 0.0 ? "coherent_fraction" : "subsurface_fraction",
+                                p.coherent_fraction > 0.0 ? "roughness_rms_m" : "subsurface_fraction"));
     FieldParameters field;
     field.coherent_fraction = p.coherent_fraction;
     field.line_count = p.line_count;
@@ -153,16 +163,20 @@ void Pipeline::apply_own(const PipelineModel &model) {
     field.degree_of_polarization = model.aperture.degree_of_polarization;
     field.seed = p.seed;
     field.materials = stages_.materials;
+    AirflowParameters air = p.airflow;
+    air.seed = p.seed;
+    // Air that stays as it is goes on as it was.
+    const bool same_air = airflow_ && air == airflow_->parameters();
     std::unique_ptr<Airflow> airflow;
-    if (p.airflow.rms_rad > 0.0) {
-        AirflowParameters air = p.airflow;
-        air.seed = p.seed;
+    if (p.airflow.rms_rad > 0.0 && !same_air)
         airflow = std::make_unique<Airflow>(context_, stages_.aperture->grid(), air);
-    }
-    stages_.aperture->field().configure(field);
+    auto new_field = std::make_unique<Field>(context_, stages_.aperture->grid());
+    new_field->configure(field);
+    field_ = std::move(new_field);
     parameters_ = p;
     exposure_steps_ = steps;
-    airflow_ = std::move(airflow);
+    if (!same_air)
+        airflow_ = std::move(airflow);
     allocate();
 }
 
@@ -177,6 +191,8 @@ void Pipeline::allocate() {
     };
     const PipelineParameters &p = parameters_;
     const bool distorts = stages_.lens && stages_.lens->distorts();
+    lens_distorts_ = distorts;
+    lens_finishes_ = stages_.lens && stages_.lens->finishes();
     const bool makes_light = stages_.pattern || stages_.dots;
     bool material_subsurface = false;
     if (stages_.materials)
@@ -236,21 +252,22 @@ void Pipeline::use_effects(Effects effects) {
         base.sensor->exposure_gain_dn = before.sensor->exposure_gain_dn;
     PipelineModel with = base;
     unsigned sets = 0;
-    // In the catalogue's order, whatever the order of the calls.
+    // In the catalogue's order, whatever the order of the calls. Stages whose effects stay as they were are left alone.
     for (const Effect &effect : effect_catalogue()) {
-        if (effects_.count(effect.id) > 0)
+        const auto old = effects_.find(effect.id), now = effects.find(effect.id);
+        if (now != effects.end())
+            effect.apply(with, now->second.data());
+        if ((old == effects_.end()) != (now == effects.end()) ||
+            (now != effects.end() && old->second != now->second))
             sets |= effect.sets;
-        const auto found = effects.find(effect.id);
-        if (found == effects.end())
-            continue;
-        sets |= effect.sets;
-        effect.apply(with, found->second.data());
     }
+    unsigned applied = 0;
     try {
-        apply_stages(with, sets);
+        apply_stages(with, sets, applied);
         apply_own(with);
     } catch (...) {
-        apply_stages(before, sets);
+        unsigned restored = 0;
+        apply_stages(before, applied, restored);
         apply_own(before);
         throw;
     }
@@ -291,6 +308,8 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     const ::cl_context cl_context = context_->cl_context()();
     check_frame_index(frame.frame_index);
     stages_.aperture->check_workspace();
+    if (stages_.lens && (stages_.lens->distorts() != lens_distorts_ || stages_.lens->finishes() != lens_finishes_))
+        allocate(); // the lens was changed by its owner
     const FieldGrid &grid = stages_.aperture->grid();
     const ImageSize size{grid.width, grid.height};
     if (frame.refresh != Refresh::kMask && frame.refresh != Refresh::kAll)
@@ -320,6 +339,27 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     else
         images.light = images.output;
 
+    // Surfaces move and live whatever the light.
+    if (frame.motion) {
+        if (!stages_.motion)
+            throw Error(Status::kInvalidArgument,
+                        "motion was given to a pipeline without a motion stage; make the pipeline with one");
+        stages_.motion->check(*frame.motion);
+        PhaseAdvance advance = stages_.motion->advance();
+        stages_.phase->check_advance(advance);
+        if (images.mask && !advance.mask) {
+            advance.mask = images.mask;
+            stages_.phase->check_advance(advance);
+        }
+    }
+    if (boils(parameters_)) {
+        PhaseAdvance advance;
+        advance.uniform_correlation = std::exp(-1.0 / parameters_.boiling_correlation_frames);
+        advance.mask = images.mask;
+        stages_.phase->check_advance(advance);
+    }
+    if (images.mask && stages_.lens && stages_.lens->distorts())
+        stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8), Interpolation::kNearest);
     if (frame.illumination == Illumination::kDark)
         return images;
     if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
@@ -355,6 +395,8 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     } else {
         images.irradiance = input(frame.irradiance, "irradiance", {Format::kFloat32});
     }
+    if (stages_.lens && stages_.lens->distorts())
+        stages_.lens->check_distort(images.irradiance, own_image(distorted_), Interpolation::kCubic);
     if (!laser)
         return images;
     if (stages_.materials) {
@@ -363,74 +405,98 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
                         "material is missing; this pipeline has a material table and needs each pixel's material id");
         images.material = input(frame.material, "material", {Format::kUint8});
     }
-    if (frame.motion) {
-        if (!stages_.motion)
-            throw Error(Status::kInvalidArgument,
-                        "motion was given to a pipeline without a motion stage; make the pipeline with one");
-        stages_.motion->check(*frame.motion);
-        PhaseAdvance advance = stages_.motion->advance();
-        stages_.phase->check_advance(advance);
-        if (images.mask && !advance.mask) {
-            advance.mask = images.mask;
-            stages_.phase->check_advance(advance);
-        }
-    }
-    if (boils(parameters_)) {
-        PhaseAdvance advance;
-        advance.uniform_correlation = std::exp(-1.0 / parameters_.boiling_correlation_frames);
-        advance.mask = images.mask;
-        stages_.phase->check_advance(advance);
-    }
     if (exposure_steps_.count > 1 && frame.refresh == Refresh::kAll)
         stages_.phase->check_advance({});
     if (stages_.lens && stages_.lens->distorts()) {
-        stages_.lens->check_distort(images.irradiance, own_image(distorted_), Interpolation::kCubic);
         if (images.material)
             stages_.lens->check_distort(images.material, own_image(distorted_material_, Format::kUint8),
                                         Interpolation::kNearest);
-        if (images.mask)
-            stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8),
-                                        Interpolation::kNearest);
     }
     Exposure exposure;
+    exposure.field = field_.get();
+    stages_.aperture->check_phase(*stages_.phase, field_.get());
+    stages_.aperture->prepare(*stages_.phase, exposure);
     exposure.screen = airflow_ ? &airflow_->screen() : nullptr;
     exposure.moves_image = parameters_.vibration_rms_px > 0.0;
     stages_.aperture->prepare(*stages_.phase, exposure);
-    stages_.aperture->prepare(*stages_.phase, {});
     return images;
+}
+
+struct Pipeline::Surface {
+    PhaseAdvance advance; // of this frame
+    bool fresh = false;   // all of it was drawn anew
+};
+
+Pipeline::Surface Pipeline::enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images) {
+    Phase &phase = *stages_.phase;
+    const PipelineParameters &p = parameters_;
+    ImageView mask = images.mask;
+    Surface surface;
+    PhaseAdvance &advance = surface.advance;
+    if (frame.motion)
+        advance = stages_.motion->enqueue_compute(chain, *frame.motion);
+    if (stages_.lens && stages_.lens->distorts()) {
+        const auto distort = [&](ImageView &image, const DeviceBuffer &buffer) {
+            if (!image)
+                return;
+            const ImageView out = own_image(buffer, image.format);
+            stages_.lens->enqueue_distort(chain, image, out, Interpolation::kNearest);
+            image = out;
+        };
+        distort(mask, distorted_mask_);
+        distort(advance.mask, distorted_motion_mask_);
+        distort(advance.path, distorted_path_);
+        distort(advance.correlation, distorted_correlation_);
+        distort(advance.shift, distorted_shift_);
+    }
+    surface.fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
+    const bool lives = boils(p) && !surface.fresh;
+    if (surface.fresh) {
+        phase.enqueue_refresh(chain, frame.frame_index, {});
+    } else if (frame.motion || lives) {
+        if (mask && !advance.mask)
+            advance.mask = mask;
+        else if (mask)
+            phase.enqueue_refresh(chain, frame.frame_index, mask);
+        if (lives && !advance.correlation)
+            advance.uniform_correlation *= std::exp(-1.0 / p.boiling_correlation_frames);
+        // The rest of the way is gone while the shutter is open.
+        const std::uint32_t parts = blur_steps(p);
+        if (advance.path && frame.illumination == Illumination::kLaser)
+            advance.path_scale = 1.0 - p.shutter_fraction + p.shutter_fraction / parts;
+        phase.enqueue_advance(chain, frame.frame_index, advance);
+        if (lives && advance.correlation) {
+            PhaseAdvance boiling;
+            boiling.uniform_correlation = std::exp(-1.0 / p.boiling_correlation_frames);
+            boiling.substep = kMaxSubstep;
+            phase.enqueue_advance(chain, frame.frame_index, boiling);
+        }
+    } else if (mask) {
+        phase.enqueue_refresh(chain, frame.frame_index, mask);
+    }
+    return surface;
 }
 
 void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images) {
     Phase &phase = *stages_.phase;
     const PipelineParameters &p = parameters_;
     const FieldGrid &grid = stages_.aperture->grid();
-    ImageView irradiance = images.irradiance, material = images.material, mask = images.mask;
+    ImageView irradiance = images.irradiance, material = images.material;
     if (stages_.pattern)
         stages_.pattern->enqueue_lookup(chain, *frame.geometry, irradiance);
     else if (stages_.dots)
         stages_.dots->enqueue_render(chain, irradiance);
-
-    PhaseAdvance advance;
-    if (frame.motion)
-        advance = stages_.motion->enqueue_compute(chain, *frame.motion);
-
+    const Surface surface = enqueue_surface(chain, frame, images);
     // The lens shows geometry and light at the same distorted places; speckle arises behind it.
     if (stages_.lens && stages_.lens->distorts()) {
-        const auto distort = [&](ImageView &image, const DeviceBuffer &buffer) {
-            if (!image)
-                return;
-            const ImageView out = own_image(buffer, image.format);
-            stages_.lens->enqueue_distort(chain, image, out,
-                                          &image == &irradiance ? Interpolation::kCubic : Interpolation::kNearest);
-            image = out;
-        };
-        distort(irradiance, distorted_);
-        distort(material, distorted_material_);
-        distort(mask, distorted_mask_);
-        distort(advance.mask, distorted_motion_mask_);
-        distort(advance.path, distorted_path_);
-        distort(advance.correlation, distorted_correlation_);
-        distort(advance.shift, distorted_shift_);
+        const ImageView out = own_image(distorted_);
+        stages_.lens->enqueue_distort(chain, irradiance, out, Interpolation::kCubic);
+        irradiance = out;
+        if (material) {
+            const ImageView ids = own_image(distorted_material_, Format::kUint8);
+            stages_.lens->enqueue_distort(chain, material, ids, Interpolation::kNearest);
+            material = ids;
+        }
     }
 
     if (subsurface_) {
@@ -452,36 +518,12 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
         irradiance = spread;
     }
 
-    const bool fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
-    const bool lives = boils(p) && !fresh;
-    const bool blurs = p.shutter_fraction > 0.0 && advance.path && !fresh;
-    const std::uint32_t count = blurs                             ? (p.sub_exposures == 0 ? kBlurSteps : p.sub_exposures)
+    const bool blurs = p.shutter_fraction > 0.0 && surface.advance.path && !surface.fresh;
+    const std::uint32_t count = blurs                            ? blur_steps(p)
                                 : frame.refresh == Refresh::kAll ? exposure_steps_.count
                                                                  : 1;
-    if (fresh) {
-        phase.enqueue_refresh(chain, frame.frame_index, {});
-    } else if (frame.motion || lives) {
-        if (mask && !advance.mask)
-            advance.mask = mask;
-        else if (mask)
-            phase.enqueue_refresh(chain, frame.frame_index, mask);
-        if (lives && !advance.correlation)
-            advance.uniform_correlation *= std::exp(-1.0 / p.boiling_correlation_frames);
-        // The rest of the way is gone while the shutter is open.
-        if (blurs)
-            advance.path_scale = 1.0 - p.shutter_fraction + p.shutter_fraction / count;
-        phase.enqueue_advance(chain, frame.frame_index, advance);
-        if (lives && advance.correlation) {
-            PhaseAdvance boiling;
-            boiling.uniform_correlation = std::exp(-1.0 / p.boiling_correlation_frames);
-            boiling.substep = kMaxSubstep;
-            phase.enqueue_advance(chain, frame.frame_index, boiling);
-        }
-    } else if (mask) {
-        phase.enqueue_refresh(chain, frame.frame_index, mask);
-    }
-
     Exposure exposure;
+    exposure.field = field_.get();
     exposure.material = material;
     exposure.gain = std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
     // What shakes or bends a still picture; in frames drawn anew nothing would show it. Those begin a scene of their own.
@@ -505,8 +547,9 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
         if (i > 0) {
             PhaseAdvance step;
             if (blurs) {
-                step.path = advance.path;
+                step.path = surface.advance.path;
                 step.path_scale = p.shutter_fraction / count;
+                step.continues = true;
             } else {
                 step.uniform_path = exposure_steps_.path;
                 step.uniform_correlation = exposure_steps_.correlation;
@@ -532,8 +575,15 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint
     if (frame.illumination == Illumination::kLaser) {
         enqueue_laser(chain, frame, images);
     } else if (frame.illumination == Illumination::kIncoherent) {
-        stages_.aperture->enqueue_incoherent(chain, images.irradiance, images.light);
+        enqueue_surface(chain, frame, images);
+        ImageView irradiance = images.irradiance;
+        if (stages_.lens && stages_.lens->distorts()) {
+            irradiance = own_image(distorted_);
+            stages_.lens->enqueue_distort(chain, images.irradiance, irradiance, Interpolation::kCubic);
+        }
+        stages_.aperture->enqueue_incoherent(chain, irradiance, images.light);
     } else {
+        enqueue_surface(chain, frame, images);
         KernelArguments(dark_).add(images.light).add(cl_uint{grid.width}).add(cl_uint{grid.height});
         chain.run("intensity", dark_, grid.width, grid.height);
     }
@@ -616,7 +666,7 @@ void Pipeline::check(cl_command_queue queue) {
         report(stages_.pattern->bad_pixels().take(queue), "albedo or visibility");
     report(stages_.aperture->bad_pixels().take(queue), "irradiance");
     report_as(stages_.phase->bad_pixels().take(queue), "path, correlation or shift", "NaN or out of range", "replaced");
-    report_as(stages_.aperture->field().bad_materials().take(queue), "material", "with ids outside the table",
+    report_as(field_->bad_materials().take(queue), "material", "with ids outside the table",
               "given the first material");
     if (stages_.motion) {
         report_as(stages_.motion->bad_pixels().take(queue), "motion", "NaN", "taken as moved");

@@ -107,7 +107,8 @@ class Pipeline {
     PipelineModel model() const;
     // What is the pipeline's own, and the parts of the model that stages have (kSets* of effects.hpp).
     void apply_own(const PipelineModel &model);
-    void apply_stages(const PipelineModel &model, unsigned sets);
+    // applied: the parts that have been changed, also if a later one throws.
+    void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
     void use_effects(Effects effects);
     // The sensor's dark frame, which changes of the sensor must not lose.
     void keep_dark_frame();
@@ -117,6 +118,8 @@ class Pipeline {
     void allocate();
     Checked check_frame(const Frame &frame);
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
+    struct Surface; // what became of the surface since the last frame
+    Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);
     void enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images);
 
     std::shared_ptr<Context> context_;
@@ -133,6 +136,8 @@ class Pipeline {
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     std::unique_ptr<FftFilter> subsurface_;
     std::unique_ptr<Airflow> airflow_;
+    std::unique_ptr<Field> field_;
+    bool lens_distorts_ = false, lens_finishes_ = false; // when the buffers were made
     cl::Kernel material_lookup_, dark_;
     ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;

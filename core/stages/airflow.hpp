@@ -24,6 +24,11 @@ struct AirflowParameters {
     double scale_px = 6.0;           // image pixels, whatever the oversampling
     double correlation_frames = 3.0; // > 0; infinity: a screen that stays
     std::uint64_t seed = 0;
+
+    bool operator==(const AirflowParameters &other) const {
+        return rms_rad == other.rms_rad && scale_px == other.scale_px && correlation_frames == other.correlation_frames &&
+               seed == other.seed;
+    }
 };
 
 class Airflow {

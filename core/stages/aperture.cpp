@@ -34,7 +34,7 @@ Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p
     : context_(std::move(context)), parameters_(p),
       grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)), relative_diameter_(diameter_of(p)),
       degree_of_polarization_(check_fraction(p.degree_of_polarization, "degree_of_polarization")),
-      bad_pixels_(context_), field_stage_(context_, grid_) {
+      bad_pixels_(context_), plain_field_(context_, grid_) {
     configure(p);
 }
 
@@ -101,12 +101,6 @@ void Aperture::configure(const ApertureParameters &p) {
     cl::Kernel add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
     cl::Kernel incoherent = context_->kernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
 
-    // The field stage's table says how much light each polarization gets.
-    FieldParameters field = field_stage_.parameters();
-    field.degree_of_polarization = p.degree_of_polarization;
-    field.wavelength_m = p.wavelength_m;
-    field_stage_.configure(field);
-
     // Nothing throws from here on, but slicing new work memory, which comes first.
     if (!p.workspace_from_host || !field_()) {
         scratch_offset_ = scratch_offset;
@@ -159,7 +153,7 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
 }
 
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
-    field_stage_.prepare(phase, exposure.screen != nullptr);
+    (exposure.field ? *exposure.field : plain_field_).prepare(phase, exposure.screen != nullptr);
     pupil_kernel(exposure.moves_image);
 }
 
@@ -233,7 +227,7 @@ void Aperture::enqueue_pupil(CommandChain &chain, const ImageDescription &pupil)
         chain.copy("pupil", pupil_.get()(), y * row, view.mem, offset + y * pitch, row);
 }
 
-void Aperture::check_phase(const Phase &phase) const {
+void Aperture::check_phase(const Phase &phase, const Field *field) const {
     if (phase.context()->cl_context()() != context_->cl_context()())
         throw Error(Status::kWrongContext, "phase and aperture belong to different contexts");
     const FieldGrid &other = phase.grid();
@@ -244,7 +238,7 @@ void Aperture::check_phase(const Phase &phase) const {
                                 "oversampling {}, guard {}",
                                 other.width, other.height, other.oversampling, other.guard_px, grid_.width,
                                 grid_.height, grid_.oversampling, grid_.guard_px));
-    if ((degree_of_polarization_ < 1.0 || field_stage_.weighs_polarizations()) && phase.polarization_count() < 2)
+    if ((degree_of_polarization_ < 1.0 || (field && field->weighs_polarizations())) && phase.polarization_count() < 2)
         throw Error(Status::kInvalidArgument,
                     degree_of_polarization_ < 1.0
                         ? fmt::format("degree_of_polarization is {}, which needs a phase with polarization_count 2",
@@ -260,7 +254,8 @@ void Aperture::check_workspace() const {
 
 void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                                  const ImageView &intensity, const Exposure &exposure) {
-    check_phase(phase);
+    Field &field = exposure.field ? *exposure.field : plain_field_;
+    check_phase(phase, &field);
     if (!phase.refreshed())
         throw Error(Status::kInvalidState,
                     "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
@@ -274,17 +269,17 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             Status::kOverlap,
             "irradiance and intensity overlap without being the same image; use one image for both, or two apart");
 
-    const bool weighs = field_stage_.weighs_polarizations();
+    const bool weighs = field.weighs_polarizations();
     const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || weighs ? 2 : 1;
-    const std::vector<LaserLine> &lines = field_stage_.lines();
+    const std::vector<LaserLine> &lines = field.lines();
     const std::size_t passes = lines.size() * polarizations;
     if (in_place && (exposure.adds || passes > (partial_() ? 2 : 1)))
         throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
     std::size_t pass = 0;
     for (std::size_t line = 0; line < lines.size(); ++line)
         for (std::uint32_t k = 0; k < polarizations; ++k, ++pass) {
-            field_stage_.enqueue_illuminate(chain, phase, {irradiance, exposure.material, exposure.screen}, k, line,
-                                            field_, bad_pixels_.buffer());
+            field.enqueue_illuminate(chain, phase, {irradiance, exposure.material, exposure.screen}, k, line, field_,
+                                     bad_pixels_.buffer());
             fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
             cl::Kernel &apply = pupil_kernel(exposure.moves_image);
             KernelArguments pupil_arguments(apply);

@@ -28,6 +28,7 @@ struct ApertureParameters {
 
 // What one exposure, or a part of it, is made of. The defaults are the plain case.
 struct Exposure {
+    Field *field = nullptr;             // what the surface and the laser do; nullptr: nothing but sqrt(I0) z
     ImageView material;                 // with a material table
     const cl::Buffer *screen = nullptr; // phase screen in turns, on the field grid
     double gain = 1.0;                  // on the intensity
@@ -48,7 +49,6 @@ class Aperture {
     std::uint64_t workspace_bytes() const { return workspace_bytes_; }
     const char *fft_backend() const { return fft_->backend(); }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
-    Field &field() { return field_stage_; }
     const ApertureParameters &parameters() const { return parameters_; }
     // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps what it had.
     void configure(const ApertureParameters &parameters);
@@ -56,7 +56,7 @@ class Aperture {
     void set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes);
     void enqueue_pupil(CommandChain &chain, const ImageDescription &pupil);
     // Throws unless the phase fits: same context, grid, enough polarizations.
-    void check_phase(const Phase &phase) const;
+    void check_phase(const Phase &phase, const Field *field = nullptr) const;
     // Throws unless there is work memory.
     void check_workspace() const;
     // Throws if an image lies in the work memory.
@@ -95,7 +95,7 @@ class Aperture {
     DeviceBuffer own_workspace_;
     cl::Buffer field_, scratch_, partial_; // slices of the work memory
     ImageView workspace_;                  // all of it, for overlap checks
-    Field field_stage_;
+    Field plain_field_;
     cl::Kernel apply_pupil_, write_intensity_, add_intensity_, incoherent_;
     cl::Kernel shift_pupil_; // made when first prepared
 };

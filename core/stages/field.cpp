@@ -60,8 +60,9 @@ void Field::configure(const FieldParameters &p) {
         for (const Material &m : p.materials->materials()) {
             const double c = coherent_fraction(m.roughness_rms_m, p.wavelength_m);
             const double q = m.degree_of_polarization < 0.0 ? p.degree_of_polarization : m.degree_of_polarization;
-            for (const double value : {1.0 - c, c, 0.5 * (1.0 + q), 0.5 * (1.0 - q)})
-                rows.push_back(static_cast<float>(std::sqrt(value)));
+            for (const double value : {std::sqrt(1.0 - c), coherent_amplitude(c), std::sqrt(0.5 * (1.0 + q)),
+                                       std::sqrt(0.5 * (1.0 - q))})
+                rows.push_back(static_cast<float>(value));
         }
         table = DeviceBuffer(context_, rows.size() * sizeof(float), rows.data());
     }
@@ -70,6 +71,10 @@ void Field::configure(const FieldParameters &p) {
     lines_ = std::move(lines);
     table_ = std::move(table);
     kernels_.clear();
+}
+
+double Field::coherent_amplitude(double fraction) const {
+    return std::sqrt(fraction) / grid_.oversampling;
 }
 
 cl::Kernel &Field::kernel_for(const Phase &phase, Variant variant) {
@@ -119,7 +124,7 @@ void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const Fi
             .add(bad_materials_.buffer());
     else if (p.coherent_fraction > 0.0)
         arguments.add(static_cast<cl_float>(std::sqrt(1.0 - p.coherent_fraction)))
-            .add(static_cast<cl_float>(std::sqrt(p.coherent_fraction)));
+            .add(static_cast<cl_float>(coherent_amplitude(p.coherent_fraction)));
     if (dephased)
         arguments.add(static_cast<cl_float>(turns_per_height))
             .add(cl_uint{quarter_rows(grid_.grid_height)})

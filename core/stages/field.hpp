@@ -56,6 +56,8 @@ class Field {
                             std::size_t line, const cl::Buffer &field, const cl::Buffer &bad_pixels);
 
   private:
+    // The pupil's amplitudes grow with the oversampling, because white noise loses power per cycle by it. A constant field does not.
+    double coherent_amplitude(double fraction) const;
     using Variant = std::array<bool, 2>; // dephased line, screen
     cl::Kernel &kernel_for(const Phase &phase, Variant variant);
 

@@ -223,6 +223,8 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
     }
     const std::uint32_t quarter = quarter_rows(grid_.grid_height);
     KernelArguments arguments(kernels.advance);
+    // Negative: paths beyond any number stay.
+    const cl_float knots = advance.continues ? -knots_per_path : knots_per_path;
     arguments.add(advance.shift ? next_state_.get() : state_.get())
         .add(cl_uint{grid_.grid_width})
         .add(cl_uint{grid_.grid_height})
@@ -235,7 +237,7 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
         .add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
         .add(cl_uint{grid_.oversampling})
-        .add(knots_per_path)
+        .add(knots)
         .add(static_cast<cl_float>(advance.uniform_path))
         .add(static_cast<cl_float>(advance.uniform_correlation))
         .add(cl_ulong{rest_offset_});

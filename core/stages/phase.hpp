@@ -42,6 +42,7 @@ struct PhaseAdvance {
     ImageView mask;                                       // not 0: a new surface
     double uniform_path = 0.0, uniform_correlation = 1.0; // without an image
     double path_scale = 1.0;                              // on the path image: a part of the way
+    bool continues = false;                               // a later part: what has an infinite path is new already
     std::uint32_t substep = 0;                            // tells several advances of one frame apart
 };
 

@@ -104,12 +104,15 @@ def test_power_flicker(context):
 # --- Surface ---
 
 
-@pytest.mark.parametrize("coherent", [0.1, 0.5, 1.0])
-def test_low_roughness(context, measured, coherent):
+@pytest.mark.parametrize(("coherent", "oversampling"), [(0.1, 1), (0.5, 1), (1.0, 1), (0.5, 2), (0.3, 3)])
+def test_low_roughness(context, measured, coherent, oversampling):
     """With unit mean the pupil multiplies a constant field by the inverse of its root mean square, 1/sqrt(T), so the
     specular part is c/T times the ideal image against 1 - c of speckle."""
-    pipeline = camera(context, effects={"low_roughness": {"coherent_fraction": coherent}})
+    # A pixel of next to no area, so that the contrast is that of a point.
+    point = {"oversampling": oversampling, "fill_factor": 1e-4} if oversampling > 1 else {}
+    pipeline = camera(context, effects={"low_roughness": {"coherent_fraction": coherent}}, **point)
     transmission = pipeline.aperture.info().mean_transmission
+    assert transmission == pytest.approx(np.pi / 4 * DIAMETER**2, rel=0.02)
     frames = moving(pipeline)
     specular, speckle = coherent / transmission, 1 - coherent
     assert frames.mean() == pytest.approx(specular + speckle, rel=2 * BOUND)
@@ -454,3 +457,107 @@ def test_averaging_frames_of_a_scene_at_rest(context, measured):
     measured("nine frames, relative", abs(nine / 0.005 - 1))
     assert single == pytest.approx(0.015, rel=0.01)
     assert nine == pytest.approx(0.005, rel=0.01)
+
+
+def test_incoherent_frames_are_distorted_like_those_of_the_laser(context):
+    scene = np.zeros(SHAPE, np.float32)
+    scene[200:210, 30:40] = 1.0
+    effects = {"lens_distortion": {"k1": 0.2}}
+    lamp = camera(context, effects=effects).render(scene, illumination="incoherent")
+    speckled = moving(camera(context, effects=effects), 30, scene).mean(axis=0)
+
+    def centre(image):
+        y, x = np.indices(SHAPE)
+        bright = np.where(image > 0.3 * image.max(), image, 0)
+        return np.array([(x * bright).sum(), (y * bright).sum()]) / bright.sum()
+
+    assert np.abs(centre(lamp) - centre(scene)).max() > 2
+    np.testing.assert_allclose(centre(lamp), centre(speckled), atol=0.5)
+
+
+# --- Stages, effects and time ---
+
+
+def test_the_surface_moves_on_in_the_dark(context):
+    """Boiling goes on under a lamp and in the dark: after 12 frames at tau = 6 little is left."""
+    pipeline = camera(context, effects={"surface_boiling": {"correlation_frames": 6.0}})
+    flat = np.ones(SHAPE, np.float32)
+    first = pipeline.render(flat, frame_index=0).astype(np.float64)
+    for i in range(1, 12):
+        if i % 2:
+            pipeline.render(illumination="dark", frame_index=i)
+        else:
+            pipeline.render(flat, illumination="incoherent", frame_index=i)
+    last = pipeline.render(flat, frame_index=12).astype(np.float64)
+    assert np.mean((first - 1) * (last - 1)) == pytest.approx(np.exp(-4), abs=0.06)
+
+
+def test_an_aperture_is_shared_but_not_the_surface(context):
+    flat = np.ones(SHAPE, np.float32)
+    phase = clspeckle.Phase(SHAPE, seed=5, context=context)
+    aperture = clspeckle.Aperture(SHAPE, f_number=8.0, context=context)
+    smooth = clspeckle.Pipeline(phase=phase, aperture=aperture, coherent_fraction=0.9)
+    expected = smooth.render(flat, refresh="all", frame_index=0)
+    table = clspeckle.MaterialTable([clspeckle.Material()], context=context)
+    made_of = clspeckle.Pipeline(phase=phase, aperture=aperture, materials=table)
+    np.testing.assert_array_equal(smooth.render(flat, refresh="all", frame_index=0), expected)
+    made_of.render(flat, material=np.zeros(SHAPE, np.uint8))
+    made_of.close()
+    assert contrast(aperture.intensity(phase, flat)) > 0.9
+    np.testing.assert_array_equal(smooth.render(flat, refresh="all", frame_index=0), expected)
+
+
+def test_a_lens_changed_by_its_owner(context):
+    scene = spots().astype(np.float32)
+    lens = clspeckle.Lens(SHAPE, context=context)
+    stages = {
+        "phase": clspeckle.Phase(SHAPE, seed=5, context=context),
+        "aperture": clspeckle.Aperture(SHAPE, f_number=8.0, context=context),
+    }
+    pipeline = clspeckle.Pipeline(lens=lens, **stages)
+    plain = pipeline.render(scene, refresh="all", frame_index=0)
+    lens.configure(k1=0.05, vignetting_corner_loss=0.4)
+    changed = pipeline.render(scene, refresh="all", frame_index=0)
+    expected = clspeckle.Pipeline(
+        lens=clspeckle.Lens(SHAPE, k1=0.05, vignetting_corner_loss=0.4, context=context), **stages
+    ).render(scene, refresh="all", frame_index=0)
+    np.testing.assert_array_equal(changed, expected)
+    lens.configure(k1=0.0, vignetting_corner_loss=0.0)
+    np.testing.assert_array_equal(pipeline.render(scene, refresh="all", frame_index=0), plain)
+
+
+def test_other_effects_leave_lag_and_air_alone(context):
+    """A refused effect, and one of another stage, change nothing of what the sensor and the air remember."""
+
+    def frames(disturb):
+        pipeline = clspeckle.Pipeline.from_parameters(
+            SHAPE, context=context, f_number=8.0, seed=9, lag_fraction=0.5, airflow_rms_rad=0.5, read_noise_dn=0.0
+        )
+        result = [pipeline.render(np.full(SHAPE, level, np.float32), frame_index=i) for i, level in enumerate((0.1, 1.5))]
+        disturb(pipeline)
+        return [*result, pipeline.render(np.full(SHAPE, 0.1, np.float32), frame_index=2)]
+
+    def refused(pipeline):
+        with pytest.raises(clspeckle.errors.InvalidArgumentError):
+            pipeline.set_effect("full_well", level_dn=float("nan"))
+        with pytest.raises(clspeckle.errors.InvalidArgumentError):
+            pipeline.set_effect("aperture_mismatch", f_number_ratio=0.05)
+        with pytest.raises(clspeckle.errors.InvalidArgumentError):
+            pipeline.set_effect("zero_order")
+
+    def another_stage(pipeline):
+        pipeline.set_effect("vignetting", corner_loss=0.3)
+        pipeline.clear_effect("vignetting")
+        pipeline.set_effect("power_flicker", sigma=0.0)
+
+    expected = frames(lambda pipeline: None)
+    np.testing.assert_array_equal(frames(refused), expected)
+    np.testing.assert_array_equal(frames(another_stage), expected)
+
+
+def test_materials_say_it_themselves(context):
+    for name in ("coherent_fraction", "subsurface_fraction"):
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match="material table"):
+            camera(context, materials=[clspeckle.Material()], subsurface_length_px=2.0, **{name: 0.5})
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="roughness_rms_m"):
+        camera(context, materials=[clspeckle.Material()]).set_effect("low_roughness")

@@ -5,7 +5,8 @@
  * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/effects.md lists them with their equations). An effect that is
  * off costs nothing: kernels are built without it. What an effect sets can also be set in the descriptions of the stages; a pipeline
  * with effects changes its stages' parameters, and clearing the effect puts them back. Meanwhile, of the stages' own settings only a sensor's
- * exposure and a pattern's pose may be changed: others would be put back as they were when the first effect was set.
+ * exposure and a pattern's pose may be changed: others would be put back as they were when the first effect was set. ambient_light is a level in
+ * DN at the exposure of the moment in which effects are set or cleared. Pipelines that share a stage must not both have effects on it.
  */
 #ifndef CLSPECKLE_EFFECTS_H
 #define CLSPECKLE_EFFECTS_H
@@ -46,8 +47,8 @@ CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info);
 
 /**
  * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds programs and
- * waits for the device; sensors draw their fixed patterns again, and a phase whose state changes its layout (depolarization,
- * motion_decorrelation) draws all phases in the next frame. After an error everything is as it was.
+ * waits for the device. Only stages that the effect sets are made anew: a sensor draws its fixed patterns again and forgets the frame before
+ * (image_lag), and depolarization of a phase with one polarization draws all phases in the next frame. After an error everything is as it was.
  * @param id     one of the catalogue's.
  * @param values its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle between weak and strong.
  * Fails if the pipeline has not the stage that the effect belongs to (dots for laser and DOE effects, a sensor); a lens is made if needed.

@@ -5,12 +5,14 @@
  * In the order of the light; each step is there only if something asks for it:
  *
  *     I0           from the pattern and the geometry, from dots, or the frame's irradiance
- *     distortion   I0, material, motion, mask as the lens shows them (lens.h)
+ *     distortion   I0, material, motion, mask as the lens shows them (lens.h). Shifts are taken at the distorted place as they are, not
+ *                  stretched by the distortion's slope
  *     sub-surface  a fraction f of I0 is spread by h(r) ~ exp(-r / L), sum of h over the pixels 1; with materials f is that of each
  *                  pixel: I0 <- (1 - f) I0 + h * (f I0)
  *     phase        refreshed, or carried on along the motion (phase.h, motion.h); without motion z <- r z + sqrt(1 - r^2) w with
  *                  r = exp(-1 / boiling_correlation_frames)
- *     field        U_k = sqrt(I0) (sqrt(1 - c) z + sqrt(c)) exp(i k s h) exp(i a): coherent fraction c (low roughness), a line of the laser
+ *     field        U_k = sqrt(I0) (sqrt(1 - c) z + sqrt(c) / oversampling) exp(i k s h) exp(i a) (the pupil's amplitudes carry the oversampling
+ *                  as a factor, for white noise; a constant field must not get it): coherent fraction c (low roughness), a line of the laser
  *                  at k with the surface's height h (standard normal, Philox stream 0x30, at the frame index of the last full refresh) and s =
  *                  dephasing_rad, the airflow's phase a. Lines lie evenly in [-2, 2] and carry light in proportion to exp(-k^2 / 2). Each
  *                  sample of the field grid has one height; oversampling brings more of them into a grain. A saved phase does not hold the heights
@@ -62,9 +64,9 @@ typedef struct ClspPipelineDesc {
     uint32_t sub_exposures; /**< Parts of an exposure, at most 127; 0 (default): as many as exposure_path takes, one without. */
     double dephasing_rad;   /**< s, the standard deviation over the surface of the phase by which a line at k = 1 differs from that at 0; default 0. */
     double power_flicker;   /**< Relative standard deviation of the laser's power from frame to frame; default 0. */
-    double coherent_fraction;    /**< c, 0 (default) to 1; with materials theirs counts instead. */
+    double coherent_fraction;    /**< c, 0 (default) to 1; with materials, which say it themselves, 0. */
     double subsurface_length_px; /**< L, in pixels; needed above 0 with a fraction. Default 0. */
-    double subsurface_fraction;  /**< f, 0 (default) to 1; with materials theirs counts instead. */
+    double subsurface_fraction;  /**< f, 0 (default) to 1; with materials, which say it themselves, 0. */
     double exposure_path;   /**< L, path of the surface in correlation lengths while the shutter is open, in frames with CLSP_REFRESH_ALL; default 0. Needs a
                                  circular Gaussian field. */
     double boiling_correlation_frames; /**< Frames after which a resting surface's field correlation is 1/e, > 0; default infinity: it never changes. */
@@ -73,7 +75,9 @@ typedef struct ClspPipelineDesc {
     double airflow_correlation_frames; /**< Frames after which its correlation is 1/e; default 3. */
     double vibration_rms_px;     /**< Standard deviation of the picture's shift along each axis; default 0. */
     double shutter_fraction;     /**< Part of the time between two frames that the shutter is open, 0 (default) to 1: so much of a frame's motion (its path, with
-                                      CLSP_MOTION_CORRELATE) happens in the exposure, over sub_exposures (automatic: 8). The light itself does not blur. */
+                                      CLSP_MOTION_CORRELATE) happens in the exposure, over sub_exposures (automatic: 8). That many patterns are averaged at
+                                      most, so a path of more than half as many correlation lengths needs more of them. What is new in a frame is
+                                      drawn once for its exposure. The light itself does not blur. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */
@@ -89,15 +93,17 @@ CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline);
 #define CLSP_REFRESH_ALL 1u   /**< New phases everywhere: independent of all frames with another frame_index. */
 
 #define CLSP_ILLUMINATION_LASER 0u       /**< The laser's light: speckle. */
-#define CLSP_ILLUMINATION_INCOHERENT 1u  /**< Incoherent light (an LED, a lamp) from the frame's irradiance: no speckle, imaged without diffraction; the pupil's mean
-                                              transmission counts. The pipeline's pattern or dots are off. */
+#define CLSP_ILLUMINATION_INCOHERENT 1u  /**< Incoherent light (an LED, a lamp) from the frame's irradiance: no speckle, imaged without diffraction but with the lens's
+                                              distortion; the pupil's mean transmission counts. The pipeline's pattern or dots are off. Surfaces move, live and are
+                                              refreshed as in a frame of the laser, here and in the dark. */
 #define CLSP_ILLUMINATION_DARK 2u        /**< No light at all, ambient light neither: a covered lens. */
 
 /** One frame. */
 typedef struct ClspFrame {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t refresh;              /**< CLSP_REFRESH_*; default MASK. The first frame always draws all phases. */
-    uint64_t frame_index;          /**< Counter of the noise and of refreshed phases, below 2^48; default 0. */
+    uint64_t frame_index;          /**< Counter of the noise and of refreshed phases, below 2^48; default 0. Frames that move or live (motion, boiling,
+                                        airflow) must each have another one: the same index draws the same numbers. */
     const ClspGeometry *geometry;  /**< With a pattern. */
     ClspImage irradiance;          /**< Without a pattern: FLOAT32 ideal image. */
     ClspImage refresh_mask;        /**< UINT8; optional. */
