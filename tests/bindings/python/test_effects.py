@@ -37,6 +37,8 @@ def make(context: clspeckle.Context, **parameters: Any) -> clspeckle.Pipeline:
 def frames(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
     """A frame drawn anew, two of a scene at rest, and another one drawn anew: each effect shows in one of them."""
     refresh = ("all", None, None, "all")
+    assert camera.sensor is not None
+    camera.sensor.reset_lag()
     return np.stack([camera.render(frame_index=index, refresh=kind) for index, kind in enumerate(refresh)])
 
 
