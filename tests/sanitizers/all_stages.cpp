@@ -197,6 +197,14 @@ void run_effects() {
     }
     frame.illumination = CLSP_ILLUMINATION_DARK;
     camera.enqueue_frame(queue, frame);
+    const clspeckle::Buffer lamp(context, queue, std::vector<float>(small * small, 0.5f));
+    frame.illumination = CLSP_ILLUMINATION_INCOHERENT;
+    frame.irradiance = lamp.image(small, small, CLSP_FORMAT_FLOAT32);
+    camera.enqueue_frame(queue, frame);
+    const clspeckle::Buffer colours(context, small * small * 12);
+    const ClspImage rgb = colours.image(small, small, CLSP_FORMAT_FLOAT32X3);
+    clspeckle::check(
+        clspSensorEnqueueDemosaic(sensor, queue, &frame.output, CLSP_BAYER_RGGB, &rgb, 0, nullptr, nullptr));
     camera.clear_effects();
 
     // Several lines, an exposure that blurs, materials, and motion by vectors that carries the speckle along.
