@@ -1,7 +1,46 @@
 // What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the C API.
 #include "common.h"
 
-#if DISTORT
+#if DISTORT_SHIFT
+
+// Vectors between pixels, (x, y) in pixels, as the lens shows them: the nearest one to each pixel's source, times the inverse of J, the
+// slope of the map u from distorted pixels to ideal ones, since u(q) + s = u(q + J^-1 s) to first order. J is taken from differences of
+// the displacement u(q) - q: central, one-sided at the border. Where the source lies outside there is no shift.
+__kernel void lens_distort_shift(__global const float *ideal, ulong ideal_offset, uint ideal_pitch,
+                                 __global const float *displacement, __global float *distorted, ulong distorted_offset,
+                                 uint distorted_pitch, uint width, uint height) {
+    const uint x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    __global const float *at = displacement + 2u * ((ulong)y * width + x);
+    __global float *out = distorted + distorted_offset + (ulong)y * distorted_pitch + 2u * x;
+    const int source_x = (int)x + (int)floor(at[0] + 0.5f), source_y = (int)y + (int)floor(at[1] + 0.5f);
+    if (source_x < 0 || source_y < 0 || source_x >= (int)width || source_y >= (int)height) {
+        out[0] = out[1] = 0.0f;
+        return;
+    }
+    __global const float *in = ideal + ideal_offset + (ulong)source_y * ideal_pitch + 2 * source_x;
+    const float shift_x = in[0], shift_y = in[1];
+    const uint left = x > 0u ? 1u : 0u, right = x + 1u < width ? 1u : 0u;
+    const uint above = y > 0u ? width : 0u, below = y + 1u < height ? width : 0u;
+    // An image one pixel wide has no slope along x; likewise along y.
+    const float per_x = left + right == 2u ? 0.5f : 1.0f, per_y = above != 0u && below != 0u ? 0.5f : 1.0f;
+    const float xx = fma(per_x, at[2 * (int)right] - at[-2 * (int)left], 1.0f);
+    const float yx = per_x * (at[2 * (int)right + 1] - at[-2 * (int)left + 1]);
+    const float xy = per_y * (at[2 * (int)below] - at[-2 * (int)above]);
+    const float yy = fma(per_y, at[2 * (int)below + 1] - at[-2 * (int)above + 1], 1.0f);
+    const float determinant = fma(xx, yy, -xy * yx);
+    // The map is one to one where the lens was accepted; differences over a pixel may say otherwise only next to a fold.
+    if (!(determinant > 0.0f)) {
+        out[0] = shift_x;
+        out[1] = shift_y;
+        return;
+    }
+    out[0] = fma(yy, shift_x, -xy * shift_y) / determinant;
+    out[1] = fma(xx, shift_y, -yx * shift_x) / determinant;
+}
+
+#elif DISTORT
 
 #define INTERPOLATION_NEAREST 0
 #define INTERPOLATION_LINEAR 1

@@ -347,6 +347,17 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
         stages_.motion->check(*frame.motion);
         PhaseAdvance advance = stages_.motion->advance();
         stages_.phase->check_advance(advance);
+        if (stages_.lens && stages_.lens->distorts()) {
+            const auto check_distort = [&](const ImageView &image, const DeviceBuffer &buffer) {
+                if (image)
+                    stages_.lens->check_distort(image, own_image(buffer, image.format), Interpolation::kNearest);
+            };
+            check_distort(advance.mask, distorted_motion_mask_);
+            check_distort(advance.path, distorted_path_);
+            check_distort(advance.correlation, distorted_correlation_);
+            if (advance.shift)
+                stages_.lens->check_distort_shift(advance.shift, own_image(distorted_shift_, Format::kFloat32x2));
+        }
         if (images.mask && !advance.mask) {
             advance.mask = images.mask;
             stages_.phase->check_advance(advance);
@@ -447,7 +458,11 @@ Pipeline::Surface Pipeline::enqueue_surface(CommandChain &chain, const Frame &fr
         distort(advance.mask, distorted_motion_mask_);
         distort(advance.path, distorted_path_);
         distort(advance.correlation, distorted_correlation_);
-        distort(advance.shift, distorted_shift_);
+        if (advance.shift) {
+            const ImageView out = own_image(distorted_shift_, Format::kFloat32x2);
+            stages_.lens->enqueue_distort_shift(chain, advance.shift, out);
+            advance.shift = out;
+        }
     }
     surface.fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
     const bool lives = boils(p) && !surface.fresh;

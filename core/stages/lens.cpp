@@ -243,8 +243,8 @@ void Lens::configure(const LensParameters &p) {
                                             exponential_guard_px(p.glare_scale_px, p.width, p.height),
                                             exponential_spread(p.glare_scale_px));
     const std::string options =
-        fmt::format("-DDISTORT=0 -DGLARE={} -DVIGNETTING={} -DCOS4={}", p.glare_fraction > 0.0 ? 1 : 0,
-                    p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
+        fmt::format("-DDISTORT_SHIFT=0 -DDISTORT=0 -DGLARE={} -DVIGNETTING={} -DCOS4={}",
+                    p.glare_fraction > 0.0 ? 1 : 0, p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
     cl::Kernel finish = context_->kernel("lens.cl", "lens_finish", options);
     // From here on nothing fails.
     if (!distortion_ || distortion_->identity() != distortion.identity())
@@ -277,8 +277,9 @@ cl::Kernel &Lens::distort_kernel(Format format, Interpolation interpolation) {
     // Where the lens sees no ideal pixel there is no light and no surface: 0, and for points and normals NaN.
     const bool vector = format == Format::kFloat32x3 || format == Format::kFloat32x4;
     const std::string options = fmt::format(
-        "-DDISTORT=1 -DHAS_MAP={} -DCOMPONENT={} -DCOMPONENTS={} -DINTERPOLATION={} -DOUTSIDE={}", distorts() ? 1 : 0,
-        component, component_count(format), static_cast<std::uint32_t>(interpolation), vector ? "NAN" : "0");
+        "-DDISTORT_SHIFT=0 -DDISTORT=1 -DHAS_MAP={} -DCOMPONENT={} -DCOMPONENTS={} -DINTERPOLATION={} -DOUTSIDE={}",
+        distorts() ? 1 : 0, component, component_count(format), static_cast<std::uint32_t>(interpolation),
+        vector ? "NAN" : "0");
     return distort_kernels_.emplace(variant, context_->kernel("lens.cl", "lens_distort", options)).first->second;
 }
 
@@ -316,6 +317,31 @@ void Lens::enqueue_distort(CommandChain &chain, const ImageView &ideal, const Im
         .add(cl_uint{parameters_.width})
         .add(cl_uint{parameters_.height});
     chain.run("distortion", kernel, parameters_.width, parameters_.height);
+}
+
+void Lens::check_distort_shift(const ImageView &ideal, const ImageView &distorted) {
+    if (!distorts())
+        throw Error(Status::kInvalidState, "this lens does not distort; take the shifts as they are");
+    for (const ImageView *image : {&ideal, &distorted})
+        if (image->format != Format::kFloat32x2)
+            throw Error(Status::kInvalidFormat,
+                        fmt::format("an image of shifts is {}, expected {}", format_name(image->format),
+                                    format_name(Format::kFloat32x2)));
+    check_writable(distorted, "distorted");
+    refuse_overlap(distorted, "distorted", ideal, "ideal");
+    if (!distort_shift_())
+        distort_shift_ = context_->kernel("lens.cl", "lens_distort_shift", "-DDISTORT_SHIFT=1 -DDISTORT=0");
+}
+
+void Lens::enqueue_distort_shift(CommandChain &chain, const ImageView &ideal, const ImageView &distorted) {
+    check_distort_shift(ideal, distorted);
+    KernelArguments(distort_shift_)
+        .add(ideal)
+        .add(displacement_.get())
+        .add(distorted)
+        .add(cl_uint{parameters_.width})
+        .add(cl_uint{parameters_.height});
+    chain.run("distortion", distort_shift_, parameters_.width, parameters_.height);
 }
 
 void Lens::check_finish(const ImageView &light, const ImageView &out) const {

@@ -94,6 +94,10 @@ class Lens {
     void enqueue_distort(CommandChain &chain, const ImageView &ideal, const ImageView &distorted) {
         enqueue_distort(chain, ideal, distorted, usual_interpolation(ideal.format));
     }
+    // Vectors between pixels (FLOAT32X2, in pixels), nearest, and turned and stretched as the lens does it. Only if
+    // distorts().
+    void check_distort_shift(const ImageView &ideal, const ImageView &distorted);
+    void enqueue_distort_shift(CommandChain &chain, const ImageView &ideal, const ImageView &distorted);
 
     // Throws unless light and out are apart or the same pixels, and out can be written.
     void check_finish(const ImageView &light, const ImageView &out) const;
@@ -109,6 +113,7 @@ class Lens {
     std::optional<Distortion> distortion_;
     DeviceBuffer displacement_; // float2 a pixel, if it distorts
     std::map<Variant, cl::Kernel> distort_kernels_;
+    cl::Kernel distort_shift_; // built on first use
     std::unique_ptr<FftFilter> glare_;
     cl::Kernel finish_;
 };

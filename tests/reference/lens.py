@@ -67,6 +67,23 @@ class Distortion:
             ideal += target - self.distort(ideal)
         return ideal
 
+    def slope(self, points: NDArray) -> NDArray[np.float64]:
+        """d distort / d point at ideal points (..., 2): (..., 2, 2), [i, j] the slope of component i along axis j."""
+        x, y = np.moveaxis((np.asarray(points, dtype=np.float64) - self.principal) / self.unit, -1, 0)
+        r2 = x**2 + y**2
+        radial = 1 + self.k1 * r2 + self.k2 * r2**2 + self.k3 * r2**3
+        by_r2 = self.k1 + 2 * self.k2 * r2 + 3 * self.k3 * r2**2  # d radial / d r2
+        xx = radial + 2 * x**2 * by_r2 + 2 * self.p1 * y + 6 * self.p2 * x
+        xy = 2 * x * y * by_r2 + 2 * self.p1 * x + 2 * self.p2 * y
+        yy = radial + 2 * y**2 * by_r2 + 6 * self.p1 * y + 2 * self.p2 * x
+        in_units = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
+        return in_units * self.unit[:, None] / self.unit
+
+    def distort_shift(self, shift: NDArray) -> NDArray[np.float64]:
+        """Vectors (height, width, 2) between ideal pixels, as the lens shows them: nearest to each source, times its slope there."""
+        sources = self.sources()
+        return np.einsum("...ij,...j->...i", self.slope(sources), warp(shift, sources, "nearest"))
+
     def sources(self) -> NDArray[np.float64]:
         """Source (x, y) in the ideal image of every pixel of the distorted one, (height, width, 2)."""
         y, x = np.mgrid[: self.height, : self.width].astype(np.float64)

@@ -25,20 +25,25 @@ template <typename T> void fill(const Image &image, cl_command_queue queue, T va
     image.buffer.write(queue, std::vector<T>(image.buffer.size_bytes() / sizeof(T), value));
 }
 
-void run() {
-    const clspeckle::Context context;
-    std::printf("device: %s\n", context.info().device_name);
-    const clspeckle::Queue queue(context);
-    const Image words(context, CLSP_FORMAT_UINT32), ideal(context, CLSP_FORMAT_FLOAT32),
-        result(context, CLSP_FORMAT_FLOAT32);
-    const Image bytes(context, CLSP_FORMAT_UINT8), codes(context, CLSP_FORMAT_UINT16), mask(context, CLSP_FORMAT_UINT8);
-    fill(mask, queue, std::uint8_t{1});
-
+void run_philox(const clspeckle::Context &context, const clspeckle::Queue &queue) {
     std::vector<std::uint32_t> counters(4 * 100);
     std::iota(counters.begin(), counters.end(), 0u);
     const clspeckle::Buffer blocks(context, queue, counters);
     const std::uint32_t key[2] = {1, 2};
     clspeckle::philox::enqueue_blocks(context, queue, blocks, 0, key, 100, 0, blocks, 0);
+    queue.finish();
+}
+
+void run() {
+    const clspeckle::Context context;
+    std::printf("device: %s\n", context.info().device_name);
+    const clspeckle::Queue queue(context);
+    run_philox(context, queue);
+    const Image words(context, CLSP_FORMAT_UINT32), ideal(context, CLSP_FORMAT_FLOAT32),
+        result(context, CLSP_FORMAT_FLOAT32);
+    const Image bytes(context, CLSP_FORMAT_UINT8), codes(context, CLSP_FORMAT_UINT16), mask(context, CLSP_FORMAT_UINT8);
+    fill(mask, queue, std::uint8_t{1});
+
     auto philox = clspeckle::make<ClspPhiloxDesc>();
     clspeckle::philox::enqueue_fill(context, queue, philox, ideal.view);
     philox.distribution = CLSP_DISTRIBUTION_NORMAL;
@@ -217,6 +222,10 @@ void run_effects() {
     motion_desc.fx_px = motion_desc.fy_px = 40;
     motion_desc.cx_px = motion_desc.cy_px = 15.5;
     const clspeckle::Motion motion(context, motion_desc);
+    auto lens_desc = clspeckle::make<ClspLensDesc>();
+    lens_desc.width = lens_desc.height = small;
+    const clspeckle::Lens lens(context, lens_desc);
+    desc.lens = lens;
     desc.materials = table;
     desc.motion = motion;
     desc.line_count = 2;
@@ -243,14 +252,24 @@ void run_effects() {
     frame.motion = &input;
     frame.frame_index = 1;
     living.enqueue_frame(queue, frame);
+    lens_desc.k1 = 0.1;
+    lens.configure(lens_desc);
+    frame.frame_index = 2;
+    living.enqueue_frame(queue, frame);
     living.check(queue);
     queue.finish();
 }
 
 } // namespace
 
-int main() {
+// `all_stages philox` runs one kernel alone.
+int main(int argc, char **argv) {
     try {
+        if (argc > 1 && std::string(argv[1]) == "philox") {
+            const clspeckle::Context context;
+            run_philox(context, clspeckle::Queue(context));
+            return 0;
+        }
         run();
         run_effects();
     } catch (const std::exception &error) {

@@ -1,7 +1,8 @@
-"""The GoogleTest programs under sanitizers, and every kernel under oclgrind.
+"""Every GoogleTest program under sanitizers, and every kernel under oclgrind.
 
-The sanitized library is built in a folder of its own below the build folder; later runs build only what changed. A tool that is
-missing is a failure: a check that did not run found nothing.
+The sanitized library is built in a folder of its own below the build folder; later runs build only what changed. It is not optimized: that
+halves the time to compile it, most of the suite's, and the programs spend theirs in the compilers of kernels, which are not sanitized. What
+was selected runs two at a time. A tool that is missing is a failure: a check that did not run found nothing.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -19,9 +22,25 @@ BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
 BIN = Path(os.environ.get("CLSPECKLE_BIN", BUILD / "bin"))
 CC = os.environ.get("CLSPECKLE_C_COMPILER", "cc")
 CXX = os.environ.get("CLSPECKLE_CXX_COMPILER", "c++")
-WITHOUT_TRANSFORM = ["test_philox", "test_phase", "test_pattern", "test_sensor", "test_runtime", "test_no_platform"]
-WITH_TRANSFORM = ["test_aperture", "test_pipeline", "test_statistics", "test_cpp_binding", "test_concurrency"]
-PROGRAMS = WITHOUT_TRANSFORM + WITH_TRANSFORM
+# Written by CMake: a new program is sanitized without being named here.
+GTEST_PROGRAMS = (BUILD / "tests" / "gtest_programs.txt").read_text().split()
+# What cannot run: the reason.
+EXCLUDED = {"test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory"}
+PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
+Done = subprocess.CompletedProcess[str]
+# Those that use clFFT, whose own leaks are known (leaks.supp). In all others every leak counts.
+WITH_TRANSFORM = {
+    "test_aperture",
+    "test_pipeline",
+    "test_statistics",
+    "test_effects",
+    "test_lens",
+    "test_filter",
+    "test_airflow",
+    "test_safety",
+    "test_cpp_binding",
+    "test_concurrency",
+}
 
 
 def run(*command: object, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -38,9 +57,10 @@ def run(*command: object, **variables: str) -> subprocess.CompletedProcess[str]:
 
 def sanitized_build(folder: str, sanitizers: str, targets: list[str]) -> Path:
     build = BUILD / folder
-    done = run("cmake", "-S", ROOT, "-B", build, "-DCMAKE_BUILD_TYPE=RelWithDebInfo", f"-DCLSP_SANITIZE={sanitizers}",
-               f"-DCMAKE_C_COMPILER={CC}", f"-DCMAKE_CXX_COMPILER={CXX}", "-DCLSP_BUILD_TOOLS=OFF", "-DCLSP_BUILD_EXAMPLES=OFF",
-               "-DCLSP_BUILD_BENCH=OFF", "-DCLSP_BUILD_TESTS=ON")  # fmt: skip
+    # Ninja: make would build the targets one after the other.
+    done = run("cmake", "-G", "Ninja", "-S", ROOT, "-B", build, f"-DCLSP_SANITIZE={sanitizers}", "-DCMAKE_BUILD_TYPE=None",
+               "-DCMAKE_C_FLAGS=-O0 -g1", "-DCMAKE_CXX_FLAGS=-O0 -g1", f"-DCMAKE_C_COMPILER={CC}", f"-DCMAKE_CXX_COMPILER={CXX}",
+               "-DCLSP_BUILD_TOOLS=ON", "-DCLSP_BUILD_EXAMPLES=OFF", "-DCLSP_BUILD_BENCH=OFF", "-DCLSP_BUILD_TESTS=ON")  # fmt: skip
     assert done.returncode == 0, done.stdout
     done = run("cmake", "--build", build, "--parallel", "2", "--target", *targets)
     assert done.returncode == 0, done.stdout[-20000:]
@@ -49,28 +69,62 @@ def sanitized_build(folder: str, sanitizers: str, targets: list[str]) -> Path:
 
 @pytest.fixture(scope="session")
 def address_build() -> Path:
-    return sanitized_build("sanitized", "address,undefined", PROGRAMS)
+    return sanitized_build("sanitizers/address", "address,undefined", PROGRAMS)
 
 
 ADDRESS_OPTIONS = {
     # clFFT 2.12.2 deletes its actions through a base class without a virtual destructor; that check cannot be turned off
-    # for one library alone.
-    "ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0:exitcode=99:new_delete_type_mismatch=0",
+    # for one library alone. intercept_tls_get_addr: up to GCC 13 the runtime takes a block of thread-local storage at an
+    # address of 16 modulo 4096 for one of glibc 2.19, reads its place from a header that glibc 2.25 dropped, and LeakSanitizer then
+    # crashes on it ("Tracer caught signal 11", github.com/google/sanitizers/issues/1322). What such blocks point to is found
+    # without it: glibc has them from malloc().
+    "ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0:exitcode=99:new_delete_type_mismatch=0:intercept_tls_get_addr=0",
     "UBSAN_OPTIONS": "print_stacktrace=1:halt_on_error=1:exitcode=99",
 }
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_address_and_undefined(address_build: Path, program: str) -> None:
+def run_sanitized(build: Path, program: str) -> Done:
     variables = dict(ADDRESS_OPTIONS)
-    if program not in WITHOUT_TRANSFORM:
+    if program in WITH_TRANSFORM:
         variables["LSAN_OPTIONS"] = f"suppressions={HERE / 'leaks.supp'}:print_suppressions=0"
     if program == "test_no_platform":
-        variables["OCL_ICD_VENDORS"] = variables["OPENCL_VENDOR_PATH"] = str(address_build / "tests" / "no_platform")
-    done = run(address_build / "bin" / program, **variables)
+        variables["OCL_ICD_VENDORS"] = variables["OPENCL_VENDOR_PATH"] = str(build / "tests" / "no_platform")
+    return run(build / "bin" / program, **variables)
+
+
+@pytest.fixture(scope="session")
+def pool() -> Iterator[ThreadPoolExecutor]:
+    with ThreadPoolExecutor(2) as workers:
+        yield workers
+        workers.shutdown(cancel_futures=True)
+
+
+@pytest.fixture(scope="session")
+def all_stages_run(pool: ThreadPoolExecutor, tmp_path_factory: pytest.TempPathFactory) -> Future[tuple[Done, str]]:
+    return pool.submit(oclgrind, tmp_path_factory.mktemp("oclgrind") / "log")
+
+
+@pytest.fixture(scope="session")
+def sanitized_runs(request: pytest.FixtureRequest, pool: ThreadPoolExecutor, address_build: Path) -> dict[str, Future[Done]]:
+    """The programs of the tests that were selected, on their way, in the order of the tests; the longest run of all before them."""
+    if any("watched" in item.fixturenames for item in request.session.items):
+        request.getfixturevalue("all_stages_run")
+    selected = [item.callspec.params["program"] for item in request.session.items if item.originalname == "test_address_and_undefined"]
+    return {program: pool.submit(run_sanitized, address_build, program) for program in selected}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_address_and_undefined(sanitized_runs: dict[str, Future[Done]], program: str) -> None:
+    done = sanitized_runs[program].result()
     assert done.returncode == 0, done.stdout[-20000:]
     assert "ERROR: AddressSanitizer" not in done.stdout
     assert "runtime error:" not in done.stdout
+
+
+def test_every_program_is_sanitized() -> None:
+    assert set(EXCLUDED) < set(GTEST_PROGRAMS)
+    assert set(PROGRAMS) > WITH_TRANSFORM
+    assert {*PROGRAMS, *EXCLUDED} == {*GTEST_PROGRAMS, "test_no_platform"}
 
 
 @pytest.mark.parametrize("fault", ["overflow", "leak", "undefined"])
@@ -95,7 +149,7 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
 
 @pytest.mark.nightly
 def test_threads() -> None:
-    build = sanitized_build("thread_sanitized", "thread", ["test_concurrency"])
+    build = sanitized_build("sanitizers/thread", "thread", ["test_concurrency"])
     done = run(
         build / "bin" / "test_concurrency",
         TSAN_OPTIONS=f"suppressions={HERE / 'threads.supp'}:exitcode=99",
@@ -103,32 +157,30 @@ def test_threads() -> None:
     assert done.returncode == 0, done.stdout[-20000:]
 
 
-def oclgrind(log: Path, **variables: str) -> tuple[subprocess.CompletedProcess[str], str]:
-    """Runs all stages on oclgrind's simulated device; the errors that it found."""
-    done = run(
-        "oclgrind",
-        "--check-api",
-        "--data-races",
-        "--log",
-        log,
-        BIN / "all_stages",
-        CLSPECKLE_DEVICE="oclgrind",
-        **variables,
-    )
+def oclgrind(log: Path, *arguments: str, **variables: str) -> tuple[Done, str]:
+    """Runs all_stages on oclgrind's simulated device; the errors that it found."""
+    # The instruction counts, on the standard output, name the kernels that ran.
+    options = ("--check-api", "--data-races", "--inst-counts", "--log", log)
+    done = run("oclgrind", *options, BIN / "all_stages", *arguments, CLSPECKLE_DEVICE="oclgrind", **variables)
     return done, log.read_text(errors="replace") if log.is_file() else ""
 
 
-def test_every_kernel_under_oclgrind(tmp_path: Path) -> None:
-    done, errors = oclgrind(tmp_path / "log")
+@pytest.fixture(scope="session")
+def watched(all_stages_run: Future[tuple[Done, str]]) -> tuple[Done, str]:
+    return all_stages_run.result()
+
+
+def test_every_kernel_under_oclgrind(watched: tuple[Done, str]) -> None:
+    done, errors = watched
     assert done.returncode == 0, done.stdout[-20000:]
     assert "device: Oclgrind Simulator" in done.stdout
     assert "all stages ran" in done.stdout
     assert errors == ""
 
 
-def test_every_kernel_ran() -> None:
-    """A kernel that all_stages.cpp does not reach is not checked; the instruction counts name what ran."""
-    log = run("oclgrind", "--inst-counts", BIN / "all_stages", CLSPECKLE_DEVICE="oclgrind").stdout
+def test_every_kernel_ran(watched: tuple[Done, str]) -> None:
+    """A kernel that all_stages.cpp does not reach is not checked."""
+    log = watched[0].stdout
     ran = set(re.findall(r"Instructions executed for kernel '(\w+)'", log))
     kernels = set()
     for path in (ROOT / "kernels").glob("*.cl"):
@@ -150,5 +202,5 @@ def test_oclgrind_sees_faults(fault: str, tmp_path: Path) -> None:
     assert source.count(WRITE) == 1
     faulty, found = FAULTS[fault]
     (tmp_path / "philox.cl").write_text(source.replace(WRITE, faulty))
-    done, errors = oclgrind(tmp_path / "log", CLSPECKLE_KERNEL_DIR=str(tmp_path))
+    done, errors = oclgrind(tmp_path / "log", "philox", CLSPECKLE_KERNEL_DIR=str(tmp_path))
     assert found in errors, f"{fault} goes unseen: {errors[-2000:]}{done.stdout[-2000:]}"

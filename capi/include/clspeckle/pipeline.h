@@ -5,8 +5,8 @@
  * In the order of the light; each step is there only if something asks for it:
  *
  *     I0           from the pattern and the geometry, from dots, or the frame's irradiance
- *     distortion   I0, material, motion, mask as the lens shows them (lens.h). Shifts are taken at the distorted place as they are, not
- *                  stretched by the distortion's slope
+ *     distortion   I0, material, motion, mask as the lens shows them (lens.h); a shift s becomes J^-1 s, J the slope of the map from
+ *                  distorted to ideal pixels
  *     sub-surface  a fraction f of I0 is spread by h(r) ~ exp(-r / L), sum of h over the pixels 1; with materials f is that of each
  *                  pixel: I0 <- (1 - f) I0 + h * (f I0)
  *     phase        refreshed, or carried on along the motion (phase.h, motion.h); without motion z <- r z + sqrt(1 - r^2) w with
