@@ -1,0 +1,225 @@
+"""Which sets are drawn: how many of each kind, and what is switched on in each."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .camera import draw_camera, stream
+from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects
+from .generator import write_capture
+
+# The kinds of sets: (a) null, (b) single, replica (single, the same set drawn again), level (single, at given
+# strengths), (c) pair and many, (d) outside, (e) without.
+KINDS = ("null", "single", "replica", "level", "pair", "many", "outside", "without")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many sets of each kind. Lists of effects that are empty stand for all of them."""
+
+    name: str
+    width: int = 192
+    height: int = 160
+    frames: int = 40
+    seed: int = 1
+    nulls: int = 0
+    singles_each: int = 0  # sets of each catalogued effect; strengths uniform, stratified from weak to strong
+    single_effects: tuple[str, ...] = ()
+    replica_groups: int = 0  # single effects whose sets are drawn again with other surfaces and noise
+    replicas: int = 0
+    pairs: int = 0
+    many: int = 0  # sets with three to six effects
+    outside_each: int = 0
+    outside_effects: tuple[str, ...] = ()
+    without_each: int = 0
+    without_effects: tuple[str, ...] = ()
+    levels: dict[str, tuple[float, ...]] = field(default_factory=dict)  # effect: strengths
+    minimum_strength: float = 0.0
+    unit_phasor_share: float = 0.0  # sets whose baseline field is `unit_phasor`
+
+    def __post_init__(self) -> None:
+        for names, known in (
+            (self.single_effects, CATALOGUE),
+            (self.without_effects, CATALOGUE),
+            (self.outside_effects, OUTSIDE),
+            (tuple(self.levels), EFFECTS),
+        ):
+            for name in names:
+                if name not in known:
+                    raise ValueError(f"plan {self.name!r}: no effect is called {name!r}; there are: {', '.join(known)}")
+        if self.frames < 2 or min(self.width, self.height) < 40:
+            raise ValueError(f"plan {self.name!r}: at least 2 frames of 40 x 40 pixels are needed")
+
+
+PLANS = {
+    # For continuous integration: minutes, not a measurement.
+    "small": Plan(
+        "small",
+        width=96,
+        height=80,
+        frames=16,
+        nulls=2,
+        singles_each=1,
+        single_effects=("defocus", "row_noise", "depolarization", "ghost_dots", "vignetting"),
+        pairs=1,
+        many=1,
+        outside_each=1,
+        outside_effects=("block_compression", "elliptical_pupil"),
+        without_each=1,
+        without_effects=("column_fpn",),
+        minimum_strength=0.7,
+    ),
+    "medium": Plan(
+        "medium",
+        nulls=20,
+        singles_each=2,
+        pairs=15,
+        many=8,
+        outside_each=1,
+        without_each=1,
+        without_effects=tuple(list(CATALOGUE)[::3]),
+    ),
+    "full": Plan(
+        "full",
+        nulls=100,
+        singles_each=6,
+        replica_groups=6,
+        replicas=6,
+        pairs=50,
+        many=30,
+        outside_each=3,
+        without_each=2,
+    ),
+}
+
+
+def load_plan(name: str) -> Plan:
+    """A plan by its name, or from a JSON file with the members of `Plan` (`base` names one to start from)."""
+    if name in PLANS:
+        return PLANS[name]
+    path = Path(name)
+    if not path.is_file():
+        raise ValueError(f"plan {name!r} is neither one of {', '.join(PLANS)} nor a file")
+    members: dict[str, Any] = json.loads(path.read_text())
+    base = asdict(PLANS[members.pop("base")]) if "base" in members else {"name": path.stem}
+    unknown = members.keys() - {f.name for f in fields(Plan)}
+    if unknown:
+        raise ValueError(f"plan {name!r}: unknown members {', '.join(sorted(unknown))}")
+    merged = {**base, **members}
+    for member in ("single_effects", "outside_effects", "without_effects"):
+        merged[member] = tuple(merged.get(member, ()))
+    merged["levels"] = {name: tuple(strengths) for name, strengths in merged.get("levels", {}).items()}
+    return Plan(**merged)
+
+
+@dataclass(frozen=True)
+class SetPlan:
+    """One set: what is on, and the seeds of its camera and of its surfaces and noise."""
+
+    kind: str
+    strengths: dict[str, float]
+    camera_seed: int
+    seed: int
+    without: tuple[str, ...] = ()
+    group: str = ""  # sets of one group have the same truth
+
+    @property
+    def effects(self) -> Effects:
+        return {name: EFFECTS[name].at(strength) for name, strength in self.strengths.items()}
+
+
+def _stratified(count: int, low: float, rng: np.random.Generator) -> list[float]:
+    """Strengths uniform in [low, 1], one in each of `count` equal parts."""
+    return [float(s) for s in low + (1 - low) * (np.arange(count) + rng.random(count)) / max(count, 1)]
+
+
+def draw_sets(plan: Plan) -> list[SetPlan]:
+    """All sets of a plan, shuffled: a set's number tells nothing of its truth."""
+    rng = stream(plan.seed, "plan", plan.name)
+    low = plan.minimum_strength
+    sets: list[SetPlan] = []
+
+    def seed() -> int:
+        return int(rng.integers(1, 2**31))
+
+    def add(kind: str, strengths: dict[str, float], without: tuple[str, ...] = (), group: str = "") -> None:
+        sets.append(SetPlan(kind, strengths, seed(), seed(), without, group))
+
+    for _ in range(plan.nulls):
+        add("null", {})
+    for name in plan.single_effects or CATALOGUE:
+        for strength in _stratified(plan.singles_each, low, rng):
+            add("single", {name: strength})
+    for name, strengths in plan.levels.items():
+        camera_seed = seed()  # one camera: only the strength differs
+        for strength in strengths:
+            sets.append(SetPlan("level", {name: float(strength)}, camera_seed, seed()))
+    names = list(CATALOGUE)
+    for group, name in enumerate(rng.permutation(names)[: plan.replica_groups]):
+        strength, camera_seed = float(rng.uniform(max(low, 0.3), 1)), seed()
+        for _ in range(plan.replicas):
+            sets.append(SetPlan("replica", {str(name): strength}, camera_seed, seed(), group=f"{group}:{name}"))
+    for _ in range(plan.pairs):
+        add("pair", {str(n): float(rng.uniform(low, 1)) for n in rng.choice(names, 2, replace=False)})
+    for _ in range(plan.many):
+        count = int(rng.integers(3, 7))
+        add("many", {str(n): float(rng.uniform(low, 1)) for n in rng.choice(names, count, replace=False)})
+    for name in plan.outside_effects or OUTSIDE:
+        for strength in _stratified(plan.outside_each, low, rng):
+            add("outside", {name: strength})
+    for name in plan.without_effects or CATALOGUE:
+        for strength in _stratified(plan.without_each, low, rng):
+            add("without", {name: strength}, without=(name,))
+    return [sets[i] for i in rng.permutation(len(sets))]
+
+
+def set_name(index: int) -> str:
+    return f"s{index:04d}"
+
+
+def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
+    """What the diagnosis never sees."""
+    camera = draw_camera(entry.camera_seed, plan.width, plan.height)
+    infos = [EFFECTS[name] for name in entry.strengths]
+    return {
+        "kind": entry.kind,
+        "effects": entry.effects,
+        "strength": entry.strengths,
+        "nuisance": camera.nuisance(),
+        "in_catalogue": all(info.in_catalogue for info in infos),
+        "without": list(entry.without),
+        "group": entry.group,
+        "stage": {info.id: info.stage for info in infos},
+        "stages": sorted({stage for info in infos for stage in info.stages}),
+        "sequences": sorted({name for info in infos for name in info.sequences}),
+        "frames": plan.frames,
+        "seed": entry.seed,
+        "camera_seed": entry.camera_seed,
+    }
+
+
+def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
+    """The capture set alone."""
+    phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
+    field_kind = "unit_phasor" if phasor else "circular_gaussian"
+    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind)
+    write_capture(folder, camera, entry.effects, plan.frames, entry.seed)
+
+
+def write_plan(out: Path, plan: Plan) -> list[SetPlan]:
+    """OUT/plan.json and all keys, OUT/keys/NAME.json. OUT may hold the same plan already, but no other."""
+    text = json.dumps(asdict(plan), indent=1) + "\n"
+    path = out / "plan.json"
+    if path.is_file() and path.read_text() != text:
+        raise ValueError(f"{out} holds another plan's sets; choose another folder, or remove them")
+    (out / "keys").mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    sets = draw_sets(plan)
+    for index, entry in enumerate(sets):
+        (out / "keys" / f"{set_name(index)}.json").write_text(json.dumps(key(plan, entry), indent=1) + "\n")
+    return sets

@@ -1,0 +1,97 @@
+"""The score as figures: confusion matrix, accuracy against strength and detectability, parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+
+def plot_confusion(confusion: dict[str, Any], path: Path) -> None:
+    counts = np.array(confusion["counts"], float)
+    truths, verdicts = confusion["truths"], confusion["verdicts"]
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    figure, axes = plt.subplots(figsize=(3 + 0.25 * len(verdicts), 2 + 0.25 * len(truths)), layout="constrained")
+    image = axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
+    axes.set_xticks(range(len(verdicts)), verdicts, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(truths)), truths, fontsize=7)
+    for row, column in np.argwhere(counts > 0):
+        colour = "white" if shares[row, column] > 0.5 else "black"
+        axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", fontsize=6, color=colour)
+    axes.axvline(len(truths) - 0.5, color="0.6", linewidth=0.8)
+    axes.set_xlabel("said")
+    axes.set_ylabel("true")
+    axes.set_title("Confusion matrix: number of sets, colour by row")
+    figure.colorbar(image, ax=axes, shrink=0.5, label="share of the effect's sets")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def plot_accuracy(rows: list[dict[str, Any]], label: str, path: Path) -> None:
+    filled = [row for row in rows if row["sets"]]
+    figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
+    place = np.arange(len(filled), dtype=float)
+    for offset, (name, text, colour) in enumerate(
+        (
+            ("detected", "noticed", "0.6"),
+            ("included", "named, or among the equivalents", "tab:orange"),
+            ("exact", "exactly named", "tab:blue"),
+        )
+    ):
+        share = np.array([row[name]["share"] for row in filled])
+        bounds = np.array([row[name]["wilson95"] for row in filled]).reshape(-1, 2)
+        error = np.abs(np.stack([share - bounds[:, 0], bounds[:, 1] - share]))
+        axes.errorbar(place + 0.12 * (offset - 1), share, error, fmt="o-", capsize=3, label=text, color=colour)
+    ticks = [f"above {row['low']:g}" if row["high"] is None else f"{row['low']:g} to {row['high']:g}" for row in filled]
+    axes.set_xticks(place, [f"{tick}\n{row['sets']} sets" for tick, row in zip(ticks, filled, strict=True)], fontsize=8)
+    axes.set_ylim(0, 1.03)
+    axes.set_xlabel(label)
+    axes.set_ylabel("share of sets (Wilson 95 %)")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def plot_parameters(rows: list[dict[str, Any]], path: Path) -> None:
+    """Estimates over truths, each parameter's truth scaled to 1."""
+    figure, axes = plt.subplots(figsize=(8, 3.8), layout="constrained")
+    names = list(dict.fromkeys(f"{r['effect']}: {r['parameter']}" for r in rows))
+    for row in rows:
+        x = names.index(f"{row['effect']}: {row['parameter']}")
+        scale = abs(row["truth"]) or 1.0
+        ratio = 1 + (row["estimate"] - row["truth"]) / scale
+        colour = "0.5" if row["held"] is None else ("tab:blue" if row["held"] else "tab:red")
+        if row["held"] is not None:
+            bounds = [1 + (row[side] - row["truth"]) / scale for side in ("low", "high")]
+            axes.plot([x, x], bounds, color=colour, alpha=0.4)
+        axes.plot(x, ratio, ".", color=colour)
+    axes.axhline(1, color="black", linewidth=0.8)
+    axes.set_ylim(0.3, 1.7)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+    axes.set_ylabel("estimate / truth (red: interval misses)")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def plot_score(score: dict[str, Any], folder: Path) -> list[Path]:
+    """Writes the figures that the score has data for."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    if score["confusion"]["truths"]:
+        for name, draw in (
+            ("confusion.png", lambda p: plot_confusion(score["confusion"], p)),
+            ("accuracy_strength.png", lambda p: plot_accuracy(score["strength"], "strength (0: weak, 1: strong)", p)),
+            ("accuracy_detectability.png", lambda p: plot_accuracy(score["detectability"], "largest z", p)),
+        ):
+            draw(folder / name)
+            written.append(folder / name)
+    if score["parameters"]:
+        plot_parameters(score["parameters"], folder / "parameters.png")
+        written.append(folder / "parameters.png")
+    return written
