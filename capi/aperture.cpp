@@ -98,6 +98,7 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.mean_transmission = a->mean_transmission();
         result.workspace_bytes = a->workspace_bytes();
         std::strncpy(result.fft_backend, a->fft_backend(), sizeof result.fft_backend - 1);
+        std::strncpy(result.fft_reason, a->fft_reason().c_str(), sizeof result.fft_reason - 1);
         write_struct(required(info, "info"), result, "info");
     });
 }

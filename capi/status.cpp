@@ -9,6 +9,7 @@ namespace {
 
 static_assert(static_cast<int>(Status::kInternal) == CLSP_ERROR_INTERNAL, "Status and CLSP_ERROR_* must agree");
 static_assert(static_cast<int>(Status::kNoDevice) == CLSP_ERROR_NO_DEVICE, "Status and CLSP_ERROR_* must agree");
+static_assert(static_cast<int>(Status::kCancelled) == CLSP_ERROR_CANCELLED, "Status and CLSP_ERROR_* must agree");
 
 struct LastError {
     std::int32_t status = CLSP_SUCCESS;
@@ -84,6 +85,7 @@ CLSP_API const char *clspStatusString(ClspStatus status) {
         CLSP_NAME(CLSP_ERROR_IO);
         CLSP_NAME(CLSP_ERROR_INVALID_STATE);
         CLSP_NAME(CLSP_ERROR_INTERNAL);
+        CLSP_NAME(CLSP_ERROR_CANCELLED);
 #undef CLSP_NAME
     default:
         return "unknown status";

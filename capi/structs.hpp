@@ -16,6 +16,7 @@ namespace clsp::capi {
 // member keeps its old size here, as a number.
 template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
+template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;

@@ -2,6 +2,7 @@
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 //   ACCUMULATE 1     the intensity is added to what there is
+//   SAMPLE_POWERS 1  aperture_intensity takes |V|^2 of the samples, not V
 //   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own samples
 #include "philox.h"
 
@@ -48,8 +49,16 @@ __kernel void aperture_pupil(__global float2 *spectrum, __global const float *pu
 }
 #endif
 
+#if SAMPLE_POWERS
+typedef float sample_t;
+static inline float power_of(float power) { return power; }
+#else
+typedef float2 sample_t;
+static inline float power_of(float2 v) { return fma(v.x, v.x, v.y * v.y); }
+#endif
+
 // weight * |V|^2 of a pixel, alone or added to `before`. before and intensity may be the same pixels.
-__kernel void aperture_intensity(__global const float2 *field, uint grid_width, uint oversampling, float weight,
+__kernel void aperture_intensity(__global const sample_t *field, uint grid_width, uint oversampling, float weight,
 #if PIXEL_TAPS
                                  uint grid_height, __global const float *taps,
 #endif
@@ -70,8 +79,7 @@ __kernel void aperture_intensity(__global const float2 *field, uint grid_width, 
         float row_sum = 0.0f;
         for (uint i = 0; i < PIXEL_TAPS; ++i) {
             const uint column = (x * oversampling + i + grid_width - first) % grid_width;
-            const float2 v = field[(ulong)row * grid_width + column];
-            row_sum = fma(taps[i], fma(v.x, v.x, v.y * v.y), row_sum);
+            row_sum = fma(taps[i], power_of(field[(ulong)row * grid_width + column]), row_sum);
         }
         sum = fma(taps[j], row_sum, sum);
     }
@@ -79,10 +87,8 @@ __kernel void aperture_intensity(__global const float2 *field, uint grid_width, 
     sum = fmax(sum, 0.0f) * weight;
 #else
     for (uint j = 0; j < oversampling; ++j)
-        for (uint i = 0; i < oversampling; ++i) {
-            const float2 v = field[(ulong)(y * oversampling + j) * grid_width + (x * oversampling + i)];
-            sum = fma(v.x, v.x, fma(v.y, v.y, sum));
-        }
+        for (uint i = 0; i < oversampling; ++i)
+            sum += power_of(field[(ulong)(y * oversampling + j) * grid_width + (x * oversampling + i)]);
     sum *= weight / convert_float(oversampling * oversampling);
 #endif
 #if ACCUMULATE

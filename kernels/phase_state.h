@@ -18,7 +18,7 @@ typedef float state_word;
 #endif
 
 // Where the complex numbers of a knot begin (A: 0, B: 1). first: polarization * samples.
-static inline ulong knot_offset(ulong samples, ulong first, uint knot) {
+static inline ALWAYS_INLINE ulong knot_offset(ulong samples, ulong first, uint knot) {
 #if PHASE_CONTINUOUS
     return samples + 4 * first + 2 * samples * knot;
 #else
@@ -27,22 +27,22 @@ static inline ulong knot_offset(ulong samples, ulong first, uint knot) {
 }
 
 // t is kept as an integer: a float that happens to have its bits could be flushed to zero or changed on the way.
-static inline uint load_path(__global const state_word *words, ulong i) { return ((__global const uint *)words)[i]; }
+static inline ALWAYS_INLINE uint load_path(__global const state_word *words, ulong i) { return ((__global const uint *)words)[i]; }
 
-static inline void store_path(__global state_word *words, ulong i, uint t) { ((__global uint *)words)[i] = t; }
+static inline ALWAYS_INLINE void store_path(__global state_word *words, ulong i, uint t) { ((__global uint *)words)[i] = t; }
 
-static inline complex_float load_complex(__global const state_word *words, ulong i) {
+static inline ALWAYS_INLINE complex_float load_complex(__global const state_word *words, ulong i) {
     const complex_float z = {words[2 * i], words[2 * i + 1]};
     return z;
 }
 
-static inline void store_complex(__global state_word *words, ulong i, complex_float z) {
+static inline ALWAYS_INLINE void store_complex(__global state_word *words, ulong i, complex_float z) {
     words[2 * i] = z.re;
     words[2 * i + 1] = z.im;
 }
 
 // z of sample i of one polarization. first: polarization * samples.
-static inline complex_float unit_field(__global const state_word *state, ulong samples, ulong first, ulong i) {
+static inline ALWAYS_INLINE complex_float unit_field(__global const state_word *state, ulong samples, ulong first, ulong i) {
 #if FIELD_UNIT_PHASOR
     return phasor_from_word(state[first + i]);
 #elif PHASE_CONTINUOUS

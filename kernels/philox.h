@@ -27,6 +27,13 @@
 #define STREAM_SURFACE_HEIGHT 0x30u
 #define STREAM_AIRFLOW 0x31u            // and 0x32
 
+// A call left in a kernel keeps compilers that vectorize across work-items from doing so; clang thinks Philox too large to be inlined twice.
+#if defined(__clang__) || defined(__GNUC__)
+#define ALWAYS_INLINE __attribute__((always_inline))
+#else
+#define ALWAYS_INLINE
+#endif
+
 // Four words, and two or four floats. Plain structs: compilers that vectorize across work-items (PoCL) give up on OpenCL's own vector
 // types, and on mul_hi.
 typedef struct {
@@ -39,7 +46,7 @@ typedef struct {
     float n0, n1, n2, n3;
 } normals4;
 
-static inline words4 philox4x32_10(words4 counter, uint2 key) {
+static inline ALWAYS_INLINE words4 philox4x32_10(words4 counter, uint2 key) {
     uint k0 = key.x, k1 = key.y;
 #pragma unroll
     for (int round = 0; round < 10; ++round) {
@@ -53,19 +60,19 @@ static inline words4 philox4x32_10(words4 counter, uint2 key) {
 }
 
 // The block of column x and row y mod Q of an image (philox.h of the C API: four rows share a block).
-static inline words4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+static inline ALWAYS_INLINE words4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
     const words4 counter = {x, row, frame_low, stream | frame_high << 16};
     return philox4x32_10(counter, key);
 }
 
-static inline uint word_of(words4 block, uint j) { return j == 0 ? block.w0 : j == 1 ? block.w1 : j == 2 ? block.w2 : block.w3; }
+static inline ALWAYS_INLINE uint word_of(words4 block, uint j) { return j == 0 ? block.w0 : j == 1 ? block.w1 : j == 2 ? block.w2 : block.w3; }
 
 // (0, 1].
-static inline float uniform_from_word(uint word) { return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f); }
+static inline ALWAYS_INLINE float uniform_from_word(uint word) { return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f); }
 
 // exp(2 pi i word / 2^32). The quadrant is split off exactly in integers; what is left, f in [-1/8, 1/8) turns, goes through
 // minimax polynomials of sin(2 pi f) / f and (cos(2 pi f) - 1) / f^2 in f^2 (errors 5e-12 and 6e-11 before rounding).
-static inline complex_float phasor_from_word(uint word) {
+static inline ALWAYS_INLINE complex_float phasor_from_word(uint word) {
     const uint quadrant = (word + 0x20000000u) >> 30;
     const float f = convert_float_rte((int)(word - (quadrant << 30))) * 0x1p-32f;
     const float g = f * f;
@@ -84,7 +91,7 @@ static inline complex_float phasor_from_word(uint word) {
 
 // -ln(u) of a uniform u in (0, 1]: exponent and mantissa m in [sqrt(1/2), sqrt(2)) split in bits, t = m - 1,
 // ln(1 + t) = t - t^2/2 + t^3 P(t) with P minimax (relative error 6e-9 before rounding).
-static inline float minus_log(float u) {
+static inline ALWAYS_INLINE float minus_log(float u) {
     const int bits = as_int(u);
     const int shifted = bits - 0x3f3504f3; // 0x3f3504f3 is sqrt(1/2)
     const int exponent = shifted >> 23;
@@ -104,7 +111,7 @@ static inline float minus_log(float u) {
 }
 
 // Box-Muller: four normals from the four words of a block, two from each pair.
-static inline normals4 normals_from_block(words4 block) {
+static inline ALWAYS_INLINE normals4 normals_from_block(words4 block) {
     const float r0 = sqrt(2.0f * minus_log(uniform_from_word(block.w0)));
     const float r1 = sqrt(2.0f * minus_log(uniform_from_word(block.w2)));
     const complex_float p0 = phasor_from_word(block.w1), p1 = phasor_from_word(block.w3);

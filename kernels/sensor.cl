@@ -3,7 +3,7 @@
 
 // exp(x), |x| < 87: x = n ln 2 + r in two parts of ln 2, Taylor polynomial of exp(r), |r| <= ln(2) / 2 (relative error 8e-9 before
 // rounding). Not the built-in: this feeds random numbers.
-static inline float exp_of(float x) {
+static inline ALWAYS_INLINE float exp_of(float x) {
     const float n = rint(x * 1.44269504f);
     const float r = fma(n, -1.428606765330187e-06f, fma(n, -0.693145751953125f, x));
     float p = fma(r, 1.98412698e-4f, 1.38888889e-3f);
@@ -16,7 +16,7 @@ static inline float exp_of(float x) {
     return p * as_float(((int)n + 127) << 23);
 }
 
-static inline float normal_of(normals4 normals, uint j) {
+static inline ALWAYS_INLINE float normal_of(normals4 normals, uint j) {
     return j == 0 ? normals.n0 : j == 1 ? normals.n1 : j == 2 ? normals.n2 : normals.n3;
 }
 
@@ -118,7 +118,7 @@ typedef float output_t;
 // probability is below the resolution of a word, 2^-32, never occurs; those above the mean end at 40. From 12 on floor(x), where
 // x solves P(Poisson <= x - 1) = Phi(w) for a standard normal w, by the Cornish-Fisher series in 1 / sqrt(mean) (Giles, ACM TOMS 42
 // (2016), Algorithm 955); the coefficients of the last term are fitted to the inverse incomplete gamma function.
-static inline float poisson(float mean, float w, uint word) {
+static inline ALWAYS_INLINE float poisson(float mean, float w, uint word) {
     if (mean < 12.0f) {
         const float t = uniform_from_word(word);
         float probability = exp_of(-mean), above = 1.0f - probability, count = 0.0f;
@@ -150,10 +150,10 @@ typedef struct {
 } camera_t;
 
 // The signal that the intensity gives. fmax drops NaN.
-static inline float signal_of(float intensity, const camera_t c) { return fmax(c.gain * intensity, 0.0f); }
+static inline ALWAYS_INLINE float signal_of(float intensity, const camera_t c) { return fmax(c.gain * intensity, 0.0f); }
 
 // One pixel: intensity to output.
-static inline void expose(const camera_t c, uint x, uint y, uint width, uint height, __global const float *intensity, uint pitch,
+static inline ALWAYS_INLINE void expose(const camera_t c, uint x, uint y, uint width, uint height, __global const float *intensity, uint pitch,
                           float noise, float shot_normal, uint shot_word, __global const float *offset,
                           __global const uchar *response, __global const float *pixel_gain, __global float *lag_state,
                           __global output_t *output) {
@@ -257,8 +257,10 @@ __kernel void sensor_expose(__global const float *intensity, ulong intensity_off
 #else
 #define READ_NOISE_OF(y) read_noise
 #endif
+// WHOLE_QUARTERS 1: the height is a multiple of 4. A store under a condition cannot be vectorized where there are no masked stores of 16
+// bits (AVX2).
 #define EXPOSE(j)                                                                                                              \
-    if (row + j * quarter < height) {                                                                                          \
+    if (WHOLE_QUARTERS || row + j * quarter < height) {                                                                        \
         const uint y = row + j * quarter;                                                                                      \
         expose(c, x, y, width, height, intensity + intensity_offset, intensity_pitch,                                          \
                WITH_COLUMN_NOISE(WITH_ROW_NOISE(READ_NOISE_OF(y) * noise.n##j, j)), shot.n##j, shot_words.w##j, offset, response, \

@@ -5,7 +5,9 @@
 #ifndef CLSPECKLE_TOOLS_COMMANDS_HPP
 #define CLSPECKLE_TOOLS_COMMANDS_HPP
 
+#include "capture.hpp"
 #include "console.hpp"
+#include "diagnose.hpp"
 #include "input.hpp"
 #include "options.hpp"
 

@@ -64,21 +64,35 @@ void Console::finish() {
 }
 
 void Console::progress(std::uint64_t done, std::uint64_t total) {
-    if (!bar_ || total < 2)
+    if (total < 2 || !due(done >= total))
         return;
-    const double time = now();
-    if (bar_shown_ && done < total && time - drawn_ < 0.1)
-        return;
-    drawn_ = time;
+    const double elapsed = now() - started_;
+    const double rate = elapsed > 0 ? static_cast<double>(done) / elapsed : 0;
+    const double left = rate > 0 ? static_cast<double>(total - done) / rate : 0;
+    draw(static_cast<double>(done) / static_cast<double>(total),
+         fmt::format(" {}/{} frames, {:.1f}/s, {:.0f} s left", done, total, rate, left));
+}
+
+void Console::progress(double fraction, const std::string &what) {
+    if (due(false))
+        draw(std::clamp(fraction, 0.0, 1.0), fmt::format(" {:3.0f} % {}", 100 * std::clamp(fraction, 0.0, 1.0), what));
+}
+
+/** Whether the bar is to be drawn now: not more than ten times a second. */
+bool Console::due(bool last) {
+    if (!bar_ || (bar_shown_ && !last && now() - drawn_ < 0.1))
+        return false;
+    drawn_ = now();
+    return true;
+}
+
+void Console::draw(double fraction, const std::string &text) {
     winsize size{};
     const int columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-    const double rate = time > started_ ? static_cast<double>(done) / (time - started_) : 0;
-    const double left = rate > 0 ? static_cast<double>(total - done) / rate : 0;
-    const std::string numbers = fmt::format(" {}/{} frames, {:.1f}/s, {:.0f} s left", done, total, rate, left);
-    const int cells = std::clamp(columns - static_cast<int>(numbers.size()) - 3, 5, 50);
-    const int full =
-        static_cast<int>(static_cast<double>(cells) * static_cast<double>(done) / static_cast<double>(total));
-    std::fputs(fmt::format("\r[{:=<{}}{: <{}}]{}\x1b[K", "", full, "", cells - full, numbers).c_str(), stderr);
+    const std::string shown = text.substr(0, static_cast<std::size_t>(std::max(columns - 8, 0)));
+    const int cells = std::clamp(columns - static_cast<int>(shown.size()) - 3, 5, 50);
+    const int full = static_cast<int>(static_cast<double>(cells) * fraction);
+    std::fputs(fmt::format("\r[{:=<{}}{: <{}}]{}\x1b[K", "", full, "", cells - full, shown).c_str(), stderr);
     std::fflush(stderr);
     bar_shown_ = true;
 }

@@ -38,8 +38,12 @@ class Console {
 
     /** Draws or redraws the progress bar: on a terminal only, and not with --quiet. */
     void progress(std::uint64_t done, std::uint64_t total);
+    /** The same of work that is not counted in frames. @param fraction 0 to 1. @param what is being done. */
+    void progress(double fraction, const std::string &what);
 
   private:
+    bool due(bool last);
+    void draw(double fraction, const std::string &text);
     void clear_progress();
     bool json_;
     bool quiet_;

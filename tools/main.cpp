@@ -47,6 +47,7 @@ constexpr const char *main_examples = R"(Examples:
   clspeckle render examples/office/gbuffers -o out --f-number 8 --exposure-gain auto
   clspeckle statistics out/frame_000000.png --bits 10
   clspeckle effects
+  clspeckle diagnose my-camera
 
 Help on a command: clspeckle render --help
 )";
@@ -109,6 +110,54 @@ Examples:
   clspeckle effects
   clspeckle effects --json
   clspeckle render ideal.png -o out --effect defocus:waves=0.8 --effect shot_noise
+)";
+
+constexpr const char *capture_examples =
+    R"(A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or PNG or TIFF frames
+(docs/captures.md).
+
+Examples:
+  clspeckle capture make demo --effect defocus:waves=0.8 --seed 7
+  clspeckle capture check demo
+
+Help on a command: clspeckle capture make --help
+)";
+
+constexpr const char *capture_check_examples =
+    R"(Reads a capture set and tells what is in it, what it can and cannot tell apart and why, and which effects of the
+catalogue can show in it. Wrong sets are refused: the message names file, frame and field.
+
+Examples:
+  clspeckle capture check my-camera
+  clspeckle capture check my-camera --json summary.json
+)";
+
+constexpr const char *capture_make_examples =
+    R"(Draws a capture set of the simulator: a dark, a flat, and board and dots at rest and in motion. Static sequences have the
+same speckle and new noise in each frame, moving ones new speckle too; fixed patterns of the sensor are the same in all.
+
+Examples:
+  clspeckle capture make demo
+  clspeckle capture make demo --frames 40 --effect shot_noise:dn_per_electron=0.2 --effect prnu --seed 7 --key
+  clspeckle capture make bench --sequences dark,flat --flat-level 100,200,400,800
+)";
+
+constexpr const char *diagnose_examples =
+    R"(CAPTURE is the folder of a capture set: what a camera recorded (docs/captures.md). The simulator draws the same
+sequences, calibrated to the camera's light levels, black level and read noise, again and again; statistics of both
+are compared.
+Verdicts:
+  none       no gap between camera and simulator at the level
+  named      one effect, or the smallest set of effects that is needed, explains the gap
+  ambiguous  two or more effects explain it equally well; the advice says which capture would tell
+  unknown    a significant part of the gap is explained by no effect of the catalogue (clspeckle effects)
+The exit code is 0 whenever a report was made, whatever it says. The same seed gives the same report. What the numbers
+mean: docs/diagnosis.md.
+
+Examples:
+  clspeckle diagnose my-camera
+  clspeckle diagnose my-camera --json report.json --html report.html --without gamma,full_well
+  clspeckle diagnose my-camera --json - --quiet > report.json
 )";
 
 constexpr const char *devices_examples =
@@ -248,6 +297,7 @@ std::vector<std::string> option_names(const CLI::App &app) {
 /** What CLI11 says, with the nearest known name for an unknown option or command. */
 std::string usage_message(const CLI::App &app, const CLI::ParseError &error, int argc, char **argv) {
     const CLI::App *command = &app;
+    std::string path = "clspeckle"; // and the commands so far
     const auto known = [](const CLI::App &in, const std::string &name) {
         const auto names = option_names(in);
         return std::find(names.begin(), names.end(), name) != names.end();
@@ -256,25 +306,23 @@ std::string usage_message(const CLI::App &app, const CLI::ParseError &error, int
         const std::string word = argv[i];
         if (word == "--")
             break;
-        if (command == &app && !word.empty() && word[0] != '-') {
-            std::vector<std::string> names;
-            for (const CLI::App *sub : app.get_subcommands([](const CLI::App *) { return true; }))
-                names.push_back(sub->get_name());
+        std::vector<std::string> names;
+        for (const CLI::App *sub : command->get_subcommands([](const CLI::App *) { return true; }))
+            names.push_back(sub->get_name());
+        if (!names.empty() && !word.empty() && word[0] != '-') {
             if (std::find(names.begin(), names.end(), word) == names.end())
-                return fmt::format("there is no command \"{}\"; the nearest one is \"{}\" (see clspeckle --help)", word,
-                                   tools::nearest(word, names));
-            command = app.get_subcommand(word);
+                return fmt::format("there is no command \"{}\"; the nearest one is \"{}\" (see {} --help)", word,
+                                   tools::nearest(word, names), path);
+            command = command->get_subcommand(word);
+            path += " " + word;
             continue;
         }
         const std::string name = word.substr(0, word.find('='));
-        if (word.rfind("--", 0) == 0 && !known(*command, name)) {
-            const std::string help = command == &app ? "" : " " + command->get_name();
-            return fmt::format("there is no option {}; the nearest one is {} (see clspeckle{} --help)", name,
-                               tools::nearest(name, option_names(*command)), help);
-        }
+        if (word.rfind("--", 0) == 0 && !known(*command, name))
+            return fmt::format("there is no option {}; the nearest one is {} (see {} --help)", name,
+                               tools::nearest(name, option_names(*command)), path);
     }
-    const std::string what = error.what();
-    return what + (command == &app ? " (see clspeckle --help)" : " (see clspeckle " + command->get_name() + " --help)");
+    return fmt::format("{} (see {} --help)", error.what(), path);
 }
 
 int exit_code_of(ClspStatus status) {
@@ -304,6 +352,11 @@ struct Arguments {
     std::vector<std::string> effects;
     // statistics
     tools::StatisticsArguments statistics;
+    // capture
+    tools::CaptureCheckArguments capture_check;
+    tools::CaptureMakeArguments capture_make;
+    // diagnose
+    tools::DiagnoseArguments diagnose;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -336,6 +389,84 @@ int render(Arguments &arguments, tools::Console &console) {
         input->files.push_back(arguments.config);
     tools::run_render(config, *input, arguments.output, console);
     return tools::exit_ok;
+}
+
+void add_capture_check(CLI::App &app, tools::CaptureCheckArguments &a, bool &quiet) {
+    app.footer(capture_check_examples);
+    app.add_option("FOLDER", a.folder, "Capture set: its folder or its capture.json")->required()->type_name("");
+    app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")->type_name("FILE");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_capture_make(CLI::App &app, tools::CaptureMakeArguments &a, bool &quiet) {
+    app.footer(capture_make_examples);
+    app.add_option("FOLDER", a.folder, "Folder of the set; made, and refused if it exists")->required()->type_name("");
+    const auto number = [&](const char *name, auto &value, const char *what, const char *type) {
+        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+    };
+    number("--width", a.width, "Columns", "INTEGER");
+    number("--height", a.height, "Rows", "INTEGER");
+    number("--frames", a.frames, "Frames of each sequence", "INTEGER");
+    number("--bits", a.bits, "Bits of a code, 8 to 16", "INTEGER");
+    number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um", "NUMBER");
+    number("--f-number", a.f_number, "f-number of the lens", "NUMBER");
+    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm", "NUMBER");
+    number("--degree-of-polarization", a.degree_of_polarization, "Of the returned light, 0 to 1", "NUMBER");
+    number("--black-level-dn", a.black_level_dn, "Black level in DN", "NUMBER");
+    number("--read-noise-dn", a.read_noise_dn, "Standard deviation of the read noise in DN", "NUMBER");
+    number("--field", a.field, "circular_gaussian or unit_phasor", "WORD");
+    const auto levels = [&](const char *name, std::vector<double> &value, const char *what) {
+        app.add_option(name, value,
+                       fmt::format("{} in DN above the black level; several give several sequences, with exposure_ms in "
+                                   "proportion (default {})",
+                                   what, value[0]))
+            ->delimiter(',')
+            ->type_name("NUMBER,...");
+    };
+    levels("--flat-level", a.flat_levels, "Mean of flat");
+    levels("--board-level", a.board_levels, "Mean of board");
+    levels("--dots-level", a.dots_levels, "Mean at the peak of a dot");
+    app.add_option("--sequences", a.sequences, fmt::format("Which of {} to draw (default all)", fmt::join(a.sequences, ", ")))
+        ->delimiter(',')
+        ->type_name("NAME,...");
+    number("--dots-pitch", a.dots_pitch_px, "Distance between the dots of the jittered lattice in px", "NUMBER");
+    app.add_option("--dots-count", a.dots_count, "Instead of the pitch: about so many dots")->type_name("INTEGER");
+    number("--dots-jitter", a.dots_jitter_px, "Dots are moved by up to so many px along each axis", "NUMBER");
+    number("--dots-sigma", a.dots_sigma_px, "Width of a dot in px", "NUMBER");
+    app.add_option("--dots", a.dots_file, "JSON with sigma_px and positions_px, or a capture.json, instead of a lattice")
+        ->type_name("FILE");
+    app.add_option("--effect", a.effects,
+                   "Switch an effect of the catalogue on, as for render, for example defocus:waves=0.8. May be given several "
+                   "times")
+        ->allow_extra_args(false)
+        ->type_name("EFFECT");
+    number("--seed", a.seed, "Seed of everything random", "INTEGER");
+    app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_flag("--key", a.key, "Write the effects to key.json beside the set");
+    app.add_flag("--overwrite", a.overwrite, "Replace a folder that holds nothing but a capture set");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
+    app.footer(diagnose_examples);
+    app.add_option("CAPTURE", a.folder, "Folder of the capture set, or its capture.json")->required()->type_name("");
+    app.add_option("--json", a.json, "Write the report as JSON; - writes it to standard output")->type_name("FILE");
+    app.add_option("--html", a.html, "Write the report with pictures and plots, for a browser")->type_name("FILE");
+    app.add_option("--without", a.without, "Effects that are no candidates")->delimiter(',')->type_name("ID,...");
+    const auto number = [&](const char *name, auto &value, const char *what, const char *type) {
+        return app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+    };
+    number("--seed", a.seed, "Seed of the simulated captures", "INTEGER");
+    number("--level", a.level, "Probability of seeing a gap where there is none, 1e-6 to 0.5", "NUMBER")
+        ->check(CLI::Range(1e-6, 0.5));
+    number("--replicates", a.replicates, "Simulated captures without effects, 12 to 100000", "INTEGER")
+        ->check(CLI::Range(12, 100000));
+    number("--max-effects", a.max_effects, "Effects in one explanation at most, 1 to 64", "INTEGER")
+        ->check(CLI::Range(1, 64));
+    number("--threads", a.threads, "Of the host, at most 1024; 0: as many as the machine has", "INTEGER")
+        ->check(CLI::Range(0, 1024));
+    app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
 int run(int argc, char **argv) {
@@ -427,6 +558,17 @@ int run(int argc, char **argv) {
     statistics.add_option("--device", stats.device, "OpenCL device, as for render")->type_name("TEXT");
     add_json(statistics, "Print JSON");
 
+    CLI::App &capture = *app.add_subcommand("capture", "Check and make capture sets");
+    capture.footer(capture_examples);
+    capture.require_subcommand(1);
+    CLI::App &capture_check = *capture.add_subcommand("check", "Tell what is in a capture set");
+    add_capture_check(capture_check, arguments.capture_check, arguments.quiet);
+    CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
+    add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
+
+    CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
+    add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
+
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &success) {
@@ -441,13 +583,21 @@ int run(int argc, char **argv) {
         throw tools::InputError("--histogram-range LOW,HIGH: the first number must be below the second");
 
     int code = tools::exit_ok;
-    tools::Console console(arguments.json && !arguments.dump_config, arguments.quiet);
+    const bool json = (arguments.json && !arguments.dump_config) || arguments.capture_check.json == "-" ||
+                      arguments.diagnose.json == "-";
+    tools::Console console(json, arguments.quiet);
     if (devices.parsed())
         code = tools::run_devices(arguments.device, console);
     else if (effects.parsed())
         tools::run_effects(console);
     else if (render_command.parsed())
         code = render(arguments, console);
+    else if (capture_check.parsed())
+        tools::run_capture_check(arguments.capture_check, console);
+    else if (capture_make.parsed())
+        tools::run_capture_make(arguments.capture_make, console);
+    else if (diagnose.parsed())
+        tools::run_diagnose(arguments.diagnose, console);
     else
         tools::run_statistics(stats, console);
     console.finish();

@@ -26,6 +26,19 @@ std::string default_cache_dir() {
     return {};
 }
 
+FftChoice environment_fft_choice() {
+    const std::string choice = environment("CLSPECKLE_FFT");
+    if (choice.empty() || choice == "auto")
+        return FftChoice::kAuto;
+    if (choice == "clfft")
+        return FftChoice::kClfft;
+    if (choice == "fused")
+        return FftChoice::kFused;
+    throw Error(Status::kInvalidArgument,
+                fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft or fused, or unset it",
+                            choice));
+}
+
 // clFFT keeps every program that it has compiled, and with it the cl_context, until the process ends; its only way to
 // let go of them (clfftTeardown) would break a host that uses clFFT itself. Contexts of our own therefore share one
 // cl_context for each device, so that making and releasing them over and over does not pile up. It is deliberately
@@ -44,6 +57,7 @@ cl::Context shared_cl_context(const cl::Device &device) {
 
 std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     std::shared_ptr<Context> context(new Context);
+    context->fft_choice_ = environment_fft_choice();
     if (parameters.host_context) {
         if (!parameters.host_device)
             throw Error(Status::kInvalidArgument,
@@ -86,8 +100,9 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     return context;
 }
 
-cl::Kernel Context::kernel(const std::string &file, const std::string &name, const std::string &defines) {
-    return cl::Kernel(programs_->get(file, defines), name.c_str());
+cl::Kernel Context::kernel(const std::string &file, const std::string &name, const std::string &defines,
+                           const ProgramCache::GeneratedHeader *generated) {
+    return cl::Kernel(programs_->get(file, defines, generated), name.c_str());
 }
 
 std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height) {

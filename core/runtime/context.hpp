@@ -45,10 +45,13 @@ class Context : public std::enable_shared_from_this<Context> {
     MemoryUse &memory_use() { return memory_use_; }
 
     // A kernel of its own for the caller (kernel arguments are state), from file `file` built with `defines`.
-    cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {});
+    cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {},
+                      const ProgramCache::GeneratedHeader *generated = nullptr);
 
     // The plan of a 2-D complex transform; shared between all users of that size, made on first use.
     std::shared_ptr<Fft> fft(std::uint32_t width, std::uint32_t height);
+
+    FftChoice fft_choice() const { return fft_choice_; }
 
     // Throws kWrongContext unless the queue belongs to this context and device.
     void check_queue(cl_command_queue queue) const;
@@ -64,6 +67,7 @@ class Context : public std::enable_shared_from_this<Context> {
     std::string device_name_, platform_name_;
     std::unique_ptr<ProgramCache> programs_;
     MemoryUse memory_use_;
+    FftChoice fft_choice_ = FftChoice::kAuto;
     std::mutex fft_mutex_;
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::weak_ptr<Fft>> ffts_;
 };

@@ -29,6 +29,7 @@ enum class Status : std::int32_t {
     kIo = -14,
     kInvalidState = -15,
     kInternal = -16,
+    kCancelled = -17,
 };
 
 class Error : public std::exception {

@@ -13,6 +13,9 @@ class CommandChain;
 
 enum class FftDirection { kForward, kInverse };
 
+// Which engine apertures use: the environment variable CLSPECKLE_FFT. kAuto: the fused one where it is made for the device.
+enum class FftChoice { kAuto, kClfft, kFused };
+
 // A 2-D complex single-precision transform of one size: interleaved, tightly packed, in place. The inverse divides by
 // the number of samples. Safe to enqueue from several threads.
 class Fft {

@@ -58,7 +58,9 @@ ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device,
                   device_.getInfo<CL_DRIVER_VERSION>() + '\n';
 }
 
-std::string ProgramCache::source(const std::string &file) const {
+std::string ProgramCache::source(const std::string &file, const GeneratedHeader *generated) const {
+    if (generated && file == generated->name)
+        return generated->source;
     if (!parameters_.kernel_dir.empty()) {
         const fs::path path = fs::path(parameters_.kernel_dir) / file;
         std::error_code ignored;
@@ -79,16 +81,16 @@ std::string ProgramCache::source(const std::string &file) const {
 
 // Replaces #include "file" lines by the file: embedded sources have no folder for the compiler to look in. Include
 // guards do the rest.
-std::string ProgramCache::expanded(const std::string &file, int depth) const {
+std::string ProgramCache::expanded(const std::string &file, const GeneratedHeader *generated, int depth) const {
     if (depth > 8)
         throw Error(Status::kBuild, fmt::format("kernel file \"{}\" includes itself", file));
-    std::istringstream lines(source(file));
+    std::istringstream lines(source(file, generated));
     std::string text = fmt::format("#line 1 \"{}\"\n", file), line;
     for (int number = 1; std::getline(lines, line); ++number) {
         constexpr const char *kInclude = "#include \"";
         if (line.rfind(kInclude, 0) == 0) {
             const std::size_t first = std::strlen(kInclude), last = line.find('"', first);
-            text += expanded(line.substr(first, last - first), depth + 1);
+            text += expanded(line.substr(first, last - first), generated, depth + 1);
             text += fmt::format("#line {} \"{}\"\n", number + 1, file);
         } else {
             text += line + '\n';
@@ -97,13 +99,13 @@ std::string ProgramCache::expanded(const std::string &file, int depth) const {
     return text;
 }
 
-cl::Program ProgramCache::get(const std::string &file, const std::string &defines) {
+cl::Program ProgramCache::get(const std::string &file, const std::string &defines, const GeneratedHeader *generated) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const std::string key = file + ' ' + defines;
+    const std::string key = file + ' ' + defines + (generated ? '\n' + generated->source : std::string());
     if (const auto found = programs_.find(key); found != programs_.end())
         return found->second;
 
-    const std::string text = expanded(file, 0);
+    const std::string text = expanded(file, generated, 0);
     const std::string options = common_options_ + ' ' + defines;
     const std::string path = parameters_.cache_dir.empty() ? "" : disk_path(text, options);
     cl::Program program;

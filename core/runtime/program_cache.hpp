@@ -20,16 +20,21 @@ class ProgramCache {
 
     ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters);
 
+    // A header that is made at run time.
+    struct GeneratedHeader {
+        std::string name, source;
+    };
+
     // The program of kernel file `file` built with `defines` ("-DNAME=VALUE ..."); built once. Throws kBuild with the
-    // log.
-    cl::Program get(const std::string &file, const std::string &defines);
+    // log. generated: a header that the file includes; nullptr for none.
+    cl::Program get(const std::string &file, const std::string &defines, const GeneratedHeader *generated = nullptr);
 
     std::uint32_t built() const { return built_; }
     std::uint32_t from_disk() const { return from_disk_; }
 
   private:
-    std::string source(const std::string &file) const;
-    std::string expanded(const std::string &file, int depth) const;
+    std::string source(const std::string &file, const GeneratedHeader *generated) const;
+    std::string expanded(const std::string &file, const GeneratedHeader *generated, int depth) const;
     std::string disk_path(const std::string &source_text, const std::string &options) const;
     cl::Program load(const std::string &path, const std::string &options) const;
     void store(const cl::Program &program, const std::string &path, const std::string &options) const;

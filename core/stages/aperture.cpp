@@ -76,29 +76,46 @@ void Aperture::configure(const ApertureParameters &p) {
                                     tap_count, tap_count, grid_.grid_width, grid_.grid_height));
         taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
     }
-    if (!fft_)
+    const std::string refusal = FusedPasses::refusal(*context_, grid_);
+    const bool sample_powers =
+        refusal.empty() && (tap_count > 0 || !FusedPasses::sums_pixels(*context_, grid_.oversampling));
+    std::unique_ptr<FusedPasses> fused;
+    if (refusal.empty())
+        fused = std::make_unique<FusedPasses>(context_, grid_, pupil, p.workspace_from_host, sample_powers);
+    else if (!fft_)
         fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
 
-    // Work memory: the field, the transform's scratch, and the first polarization's intensity.
-    const std::uint64_t field_bytes = grid_.samples() * sizeof(cl_float2);
+    // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the samples'
+    // powers, and the first polarization's intensity.
+    const std::uint64_t field_bytes = fused ? fused->lines_bytes() : grid_.samples() * sizeof(cl_float2);
+    const std::uint64_t scratch_bytes =
+        !fused ? fft_->scratch_bytes() : sample_powers ? grid_.samples() * sizeof(float) : 0;
     const std::uint64_t scratch_offset = aligned(field_bytes);
-    const std::uint64_t partial_offset = scratch_offset + aligned(fft_->scratch_bytes());
+    const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
     const std::uint64_t partial_bytes =
         p.degree_of_polarization < 1.0 ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
     const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
     DeviceBuffer workspace;
-    if (p.workspace_from_host && field_() && workspace_bytes > workspace_bytes_)
+    if (p.workspace_from_host && field_() &&
+        (field_bytes > scratch_offset_ || scratch_bytes > partial_offset_ - scratch_offset_ ||
+         partial_bytes > workspace_bytes_ - partial_offset_))
         throw Error(Status::kBufferTooSmall,
-                    fmt::format("degree_of_polarization {} needs {} bytes of work memory; the host gave {}",
-                                p.degree_of_polarization, workspace_bytes, workspace_bytes_));
+                    fmt::format("degree_of_polarization {} and fill_factor {} need {} bytes of work memory; the host gave "
+                                "{}, for other ones",
+                                p.degree_of_polarization, p.fill_factor, workspace_bytes, workspace_bytes_));
     const bool new_workspace = !p.workspace_from_host && workspace_bytes != workspace_bytes_;
     if (new_workspace)
         workspace = DeviceBuffer(context_, workspace_bytes);
     const std::string options =
-        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={}", is_complex ? 1 : 0, tap_count);
-    cl::Kernel apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
-    cl::Kernel write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
-    cl::Kernel add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
+        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={} -DSAMPLE_POWERS={}", is_complex ? 1 : 0, tap_count,
+                    sample_powers ? 1 : 0);
+    cl::Kernel apply, write, add;
+    if (!fused)
+        apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
+    if (!fused || sample_powers) {
+        write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
+        add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
+    }
     cl::Kernel incoherent = context_->kernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
 
     // Nothing throws from here on, but slicing new work memory, which comes first.
@@ -133,6 +150,9 @@ void Aperture::configure(const ApertureParameters &p) {
     pupil_samples_ = pupil.samples;
     pupil_ = std::move(pupil_buffer);
     taps_ = std::move(taps_buffer);
+    fused_ = std::move(fused);
+    fft_reason_ = refusal;
+    sample_powers_ = sample_powers;
     complex_pupil_ = is_complex;
     tap_count_ = tap_count;
     apply_pupil_ = apply;
@@ -148,12 +168,18 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
     if (!shift_pupil_())
         shift_pupil_ = context_->kernel(
             "aperture.cl", "aperture_pupil",
-            fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DACCUMULATE=0", complex_pupil_ ? 1 : 0));
+            fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0",
+                        complex_pupil_ ? 1 : 0));
     return shift_pupil_;
 }
 
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
-    (exposure.field ? *exposure.field : plain_field_).prepare(phase, exposure.screen != nullptr);
+    Field &field = exposure.field ? *exposure.field : plain_field_;
+    if (fused_) {
+        fused_->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image);
+        return;
+    }
+    field.prepare(phase, exposure.screen != nullptr);
     pupil_kernel(exposure.moves_image);
 }
 
@@ -252,6 +278,35 @@ void Aperture::check_workspace() const {
                     "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
 }
 
+void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
+                             const Exposure &exposure, std::uint32_t polarization, std::size_t line) {
+    const FieldInput input{irradiance, exposure.material, exposure.screen};
+    const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
+    if (fused_) {
+        fused_->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());
+        if (exposure.moves_image)
+            fused_->enqueue_pupil(chain, field_, shift_x, shift_y);
+        else
+            fused_->enqueue_pupil(chain, field_);
+        return;
+    }
+    field.enqueue_illuminate(chain, phase, input, polarization, line, field_, bad_pixels_.buffer());
+    fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
+    cl::Kernel &apply = pupil_kernel(exposure.moves_image);
+    KernelArguments arguments(apply);
+    arguments.add(field_).add(pupil_.get());
+    if (exposure.moves_image)
+        arguments.add(static_cast<cl_float>(shift_x)).add(static_cast<cl_float>(shift_y));
+    if (complex_pupil_ || exposure.moves_image) {
+        arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
+        chain.run("pupil", apply, grid_.grid_width, grid_.grid_height);
+    } else {
+        arguments.add(cl_ulong{grid_.samples()});
+        chain.run("pupil", apply, grid_.samples());
+    }
+    fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
+}
+
 void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                                  const ImageView &intensity, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
@@ -278,23 +333,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     std::size_t pass = 0;
     for (std::size_t line = 0; line < lines.size(); ++line)
         for (std::uint32_t k = 0; k < polarizations; ++k, ++pass) {
-            field.enqueue_illuminate(chain, phase, {irradiance, exposure.material, exposure.screen}, k, line, field_,
-                                     bad_pixels_.buffer());
-            fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
-            cl::Kernel &apply = pupil_kernel(exposure.moves_image);
-            KernelArguments pupil_arguments(apply);
-            pupil_arguments.add(field_).add(pupil_.get());
-            if (exposure.moves_image)
-                pupil_arguments.add(static_cast<cl_float>(exposure.shift_x_px * grid_.oversampling))
-                    .add(static_cast<cl_float>(exposure.shift_y_px * grid_.oversampling));
-            if (complex_pupil_ || exposure.moves_image) {
-                pupil_arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
-                chain.run("pupil", apply, grid_.grid_width, grid_.grid_height);
-            } else {
-                pupil_arguments.add(cl_ulong{grid_.samples()});
-                chain.run("pupil", apply, grid_.samples());
-            }
-            fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
+            enqueue_field(chain, phase, field, irradiance, exposure, k, line);
 
             // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material table
             // the field has these weights already. Where the output is the irradiance that the second field still needs,
@@ -309,14 +348,28 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
                 partial.pitch = grid_.width;
             }
             const bool adds = pass > 0 || exposure.adds;
+            const ImageView &out = pass + 1 == passes ? intensity : partial;
+            if (fused_ && !sample_powers_) {
+                fused_->enqueue_intensity(chain, field_, weight, adds ? partial : ImageView{}, out);
+                continue;
+            }
+            if (fused_) {
+                ImageView powers;
+                powers.mem = scratch_();
+                powers.pitch = grid_.grid_width;
+                fused_->enqueue_intensity(chain, field_, 1.0, {}, powers);
+            }
             cl::Kernel &kernel = intensity_kernel(adds);
             KernelArguments arguments(kernel);
-            arguments.add(field_).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
+            arguments.add(fused_ ? scratch_ : field_)
+                .add(cl_uint{grid_.grid_width})
+                .add(cl_uint{grid_.oversampling})
+                .add(weight);
             if (tap_count_ > 0)
                 arguments.add(cl_uint{grid_.grid_height}).add(taps_.get());
             if (adds)
                 arguments.add(partial);
-            arguments.add(pass + 1 == passes ? intensity : partial).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+            arguments.add(out).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
             chain.run("intensity", kernel, grid_.width, grid_.height);
         }
 }

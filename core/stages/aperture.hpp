@@ -8,6 +8,7 @@
 #include "stages/bad_pixels.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
+#include "stages/fused_passes.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
 
@@ -47,7 +48,9 @@ class Aperture {
     double mean_transmission() const { return mean_transmission_; }
     std::uint32_t pupil_samples() const { return pupil_samples_; }
     std::uint64_t workspace_bytes() const { return workspace_bytes_; }
-    const char *fft_backend() const { return fft_->backend(); }
+    const char *fft_backend() const { return fused_ ? "fused" : fft_->backend(); }
+    // Why the transform is not the fused engine's; "" if it is.
+    const std::string &fft_reason() const { return fft_reason_; }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
     const ApertureParameters &parameters() const { return parameters_; }
     // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps what it had.
@@ -76,6 +79,9 @@ class Aperture {
     void slice_workspace(const cl::Buffer &memory, std::uint64_t offset);
     cl::Kernel &pupil_kernel(bool shifted);
     cl::Kernel &intensity_kernel(bool adds) { return adds ? add_intensity_ : write_intensity_; }
+    // The field behind the lens, to the work memory: with the fused engine its kept lines.
+    void enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
+                       const Exposure &exposure, std::uint32_t polarization, std::size_t line);
 
     std::shared_ptr<Context> context_;
     ApertureParameters parameters_; // the pupil's image is in pupil_image_
@@ -86,7 +92,10 @@ class Aperture {
     double normalized_mean_transmission_ = 1.0; // as the pupil is normalized
     double mean_transmission_ = 0.0;
     std::uint32_t pupil_samples_ = 0;
-    std::shared_ptr<Fft> fft_;
+    std::shared_ptr<Fft> fft_;           // one of the two
+    std::unique_ptr<FusedPasses> fused_;
+    std::string fft_reason_;
+    bool sample_powers_ = false; // the fused engine leaves the samples' powers in the scratch memory
     DeviceBuffer pupil_, taps_;
     bool complex_pupil_ = false;
     std::uint32_t tap_count_ = 0;

@@ -77,10 +77,22 @@ double Field::coherent_amplitude(double fraction) const {
     return std::sqrt(fraction) / grid_.oversampling;
 }
 
+double Field::turns_per_height(std::size_t line) const {
+    return lines_[line].offset * parameters_.dephasing_rad / (2.0 * kPi);
+}
+
+std::string Field::state_options(const Phase &phase) const {
+    return fmt::format("{} -DMATERIALS={} -DCOHERENT={}", phase.state_options(), table_ ? 1 : 0,
+                       !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
+}
+
+std::string Field::options(const Phase &phase, std::size_t line, bool with_screen) const {
+    return fmt::format("{} -DLINES={} -DSCREEN={}", state_options(phase), turns_per_height(line) != 0.0 ? 1 : 0,
+                       with_screen ? 1 : 0);
+}
+
 cl::Kernel &Field::kernel_for(const Phase &phase, Variant variant) {
-    const std::string options =
-        fmt::format("{} -DMATERIALS={} -DCOHERENT={}", phase.state_options(), table_ ? 1 : 0,
-                    !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
+    const std::string options = state_options(phase);
     if (options != kernel_options_) {
         kernels_.clear();
         kernel_options_ = options;
@@ -101,14 +113,10 @@ void Field::prepare(const Phase &phase, bool with_screen) {
         kernel_for(phase, {true, with_screen});
 }
 
-void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,
-                               std::uint32_t polarization, std::size_t line, const cl::Buffer &field,
-                               const cl::Buffer &bad_pixels) {
+void Field::add_arguments(KernelArguments &arguments, const Phase &phase, const FieldInput &input,
+                          std::uint32_t polarization, std::size_t line) const {
     const FieldParameters &p = parameters_;
-    const double turns_per_height = lines_[line].offset * p.dephasing_rad / (2.0 * kPi);
-    const bool dephased = turns_per_height != 0.0;
-    cl::Kernel &kernel = kernel_for(phase, {dephased, input.screen != nullptr});
-    KernelArguments arguments(kernel);
+    const double turns = turns_per_height(line);
     phase.add_state(arguments, polarization);
     arguments.add(cl_uint{grid_.grid_width})
         .add(cl_uint{grid_.grid_height})
@@ -125,14 +133,22 @@ void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const Fi
     else if (p.coherent_fraction > 0.0)
         arguments.add(static_cast<cl_float>(std::sqrt(1.0 - p.coherent_fraction)))
             .add(static_cast<cl_float>(coherent_amplitude(p.coherent_fraction)));
-    if (dephased)
-        arguments.add(static_cast<cl_float>(turns_per_height))
+    if (turns != 0.0)
+        arguments.add(static_cast<cl_float>(turns))
             .add(cl_uint{quarter_rows(grid_.grid_height)})
             .add(philox_key(p.seed))
             .add(frame_low(phase.epoch()))
             .add(frame_high(phase.epoch()));
     if (input.screen)
         arguments.add(*input.screen);
+}
+
+void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,
+                               std::uint32_t polarization, std::size_t line, const cl::Buffer &field,
+                               const cl::Buffer &bad_pixels) {
+    cl::Kernel &kernel = kernel_for(phase, {turns_per_height(line) != 0.0, input.screen != nullptr});
+    KernelArguments arguments(kernel);
+    add_arguments(arguments, phase, input, polarization, line);
     arguments.add(field).add(bad_pixels);
     chain.run("field", kernel, grid_.grid_width, grid_.grid_height);
 }

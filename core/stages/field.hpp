@@ -50,6 +50,12 @@ class Field {
     bool weighs_polarizations() const { return parameters_.materials != nullptr; }
     BadPixelCounter &bad_materials() { return bad_materials_; }
 
+    // For kernels that make the field themselves: how to build them, and their first arguments, those of field_illuminate up to
+    // the screen.
+    std::string options(const Phase &phase, std::size_t line, bool with_screen) const;
+    void add_arguments(KernelArguments &arguments, const Phase &phase, const FieldInput &input,
+                       std::uint32_t polarization, std::size_t line) const;
+
     // Builds what such frames need; nothing is built later.
     void prepare(const Phase &phase, bool with_screen);
     void enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input, std::uint32_t polarization,
@@ -59,6 +65,8 @@ class Field {
     // The pupil's amplitudes grow with the oversampling, because white noise loses power per cycle by it. A constant field does not.
     double coherent_amplitude(double fraction) const;
     using Variant = std::array<bool, 2>; // dephased line, screen
+    double turns_per_height(std::size_t line) const;
+    std::string state_options(const Phase &phase) const;
     cl::Kernel &kernel_for(const Phase &phase, Variant variant);
 
     std::shared_ptr<Context> context_;

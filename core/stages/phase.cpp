@@ -2,6 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
+#include "runtime/fused_device.hpp"
 #include "stages/philox.hpp"
 
 #include <cmath>
@@ -72,10 +73,15 @@ void Phase::configure(const PhaseParameters &p) {
             owner = DeviceBuffer(context_, grid_.samples() * sizeof(cl_uint));
         }
         const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
-        cl::Kernel refresh_all = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
+        const bool in_lanes = fused_engine_refusal(*context_).empty();
+        cl::Kernel refresh_all =
+            in_lanes ? context_->kernel("fused_phase.cl", "fused_phase_refresh",
+                                        fmt::format("{} -DLANES={}", kernel_options(), fused_lanes(*context_)))
+                     : context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
         cl::Kernel refresh_masked = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
         cl::Kernel field = context_->kernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
         refresh_all_ = std::move(refresh_all);
+        refreshes_in_lanes_ = in_lanes;
         refresh_masked_ = std::move(refresh_masked);
         export_ = std::move(field);
         state_ = std::move(state);
@@ -136,7 +142,10 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
         .add(cl_ulong{rest_offset_});
     if (masked)
         arguments.add(mask).add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl_uint{grid_.oversampling});
-    chain.run("phase", kernel, grid_.grid_width, quarter, parameters_.polarization_count);
+    if (!masked && refreshes_in_lanes_)
+        chain.run("phase", kernel, quarter, 1, parameters_.polarization_count, 1);
+    else
+        chain.run("phase", kernel, grid_.grid_width, quarter, parameters_.polarization_count);
     refreshed_ = true;
     if (!masked)
         epoch_ = frame_index;

@@ -101,6 +101,7 @@ class Phase {
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place
     BadPixelCounter bad_pixels_;
+    bool refreshes_in_lanes_ = false; // refresh_all_ is the one of kernels/fused_phase.cl, a work-item for each row
     cl::Kernel refresh_all_, refresh_masked_, export_;
     std::map<AdvanceVariant, AdvanceKernels> advance_;
 };

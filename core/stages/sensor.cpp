@@ -243,6 +243,7 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     const bool quantize = p.quantize || output != Format::kFloat32;
     std::string options = fmt::format("-DOUTPUT_FORMAT={}", static_cast<std::uint32_t>(output));
     const auto define = [&](const char *name, bool on) { options += fmt::format(" -D{}={}", name, on ? 1 : 0); };
+    define("WHOLE_QUARTERS", p.height % 4 == 0);
     define("READ_NOISE", p.read_noise_dn > 0.0);
     define("COLD", bool(response_));
     define("OFFSET", bool(offset_));

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -260,6 +261,53 @@ void run_effects() {
     queue.finish();
 }
 
+// Lines, strips and blocks that end anywhere, and every way from samples to pixels, with what else the aperture can do.
+void run_apertures() {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    struct Case {
+        std::uint32_t width, height, oversampling, guard_px;
+        double diameter, fill_factor, defocus_waves;
+        std::uint32_t field;
+    };
+    for (const Case &c : {Case{18, 15, 1, 0, 0.5, 0.0, 0.2, CLSP_FIELD_UNIT_PHASOR},
+                          Case{10, 9, 2, 1, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
+                          Case{7, 5, 3, 0, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
+                          Case{11, 7, 2, 0, 0.6, 0.7, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN}}) {
+        auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+        auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+        phase_desc.width = aperture_desc.width = c.width;
+        phase_desc.height = aperture_desc.height = c.height;
+        phase_desc.oversampling = aperture_desc.oversampling = c.oversampling;
+        phase_desc.guard_px = aperture_desc.guard_px = c.guard_px;
+        phase_desc.field = c.field;
+        aperture_desc.relative_diameter = c.diameter;
+        aperture_desc.fill_factor = c.fill_factor;
+        aperture_desc.defocus_waves = c.defocus_waves;
+        aperture_desc.degree_of_polarization = 0.3;
+        auto desc = clspeckle::make<ClspPipelineDesc>();
+        const clspeckle::Phase phase(context, phase_desc);
+        const clspeckle::Aperture aperture(context, aperture_desc);
+        desc.phase = phase;
+        desc.aperture = aperture;
+        desc.vibration_rms_px = 0.5;
+        const clspeckle::Pipeline camera(context, desc);
+        std::vector<float> light(c.width * c.height, 0.5f);
+        light.back() = -1.0f;
+        const clspeckle::Buffer irradiance(context, queue, light);
+        const clspeckle::Buffer intensity(context, light.size() * sizeof(float));
+        auto frame = clspeckle::make<ClspFrame>();
+        frame.irradiance = irradiance.image(c.width, c.height, CLSP_FORMAT_FLOAT32);
+        frame.output = intensity.image(c.width, c.height, CLSP_FORMAT_FLOAT32);
+        for (const std::uint32_t refresh : {CLSP_REFRESH_ALL, CLSP_REFRESH_MASK}) {
+            frame.refresh = refresh;
+            camera.enqueue_frame(queue, frame);
+            ++frame.frame_index;
+        }
+        queue.finish();
+    }
+}
+
 } // namespace
 
 // `all_stages philox` runs one kernel alone.
@@ -270,8 +318,12 @@ int main(int argc, char **argv) {
             run_philox(context, clspeckle::Queue(context));
             return 0;
         }
+        setenv("CLSPECKLE_FFT", "clfft", 1);
         run();
         run_effects();
+        setenv("CLSPECKLE_FFT", "fused", 1);
+        run_effects();
+        run_apertures();
     } catch (const std::exception &error) {
         std::fprintf(stderr, "failed: %s\n", error.what());
         return 1;

@@ -47,12 +47,10 @@ bool is_exr(const std::string &path) {
     return begins_with(first_bytes(path), exr_magic);
 }
 
-std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options) {
+std::unique_ptr<Reader> open_without_exr(const std::string &path) {
     const auto bytes = first_bytes(path);
     if (begins_with(bytes, exr_magic))
-        return detail::open_exr(path, options.channel);
-    if (!options.channel.empty())
-        throw ReadError(path, fmt::format("a channel (\"{}\") can be named for EXR files only", options.channel));
+        throw ReadError(path, "is an EXR file; PNG, TIFF or NPY is needed here");
     if (begins_with(bytes, {0x89, 'P', 'N', 'G'}))
         return detail::open_png(path);
     if (begins_with(bytes, {'I', 'I', 42, 0}) || begins_with(bytes, {'M', 'M', 0, 42}) ||

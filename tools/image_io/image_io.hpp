@@ -85,6 +85,9 @@ struct ReadOptions {
 /** Opens an image of any known format. */
 std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options = {});
 
+/** Opens an image of any format but EXR; of the base library, which does not depend on OpenEXR. */
+std::unique_ptr<Reader> open_without_exr(const std::string &path);
+
 /** True if the file begins as an OpenEXR file does; throws ReadError if it cannot be read at all. */
 bool is_exr(const std::string &path);
 

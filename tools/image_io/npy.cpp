@@ -1,10 +1,9 @@
 // NPY (format versions 1 to 3 of NumPy's lib.format). A reader of our own: xtensor's loads a whole stack at once, takes
 // memory for whatever shape a header claims, and neither swaps bytes nor converts types.
+#include "half.hpp"
 #include "image_io.hpp"
 
 #include <fmt/format.h>
-
-#include <Imath/half.h>
 
 #include <algorithm>
 #include <cctype>
@@ -123,14 +122,6 @@ template <typename T> float to_float(const unsigned char *bytes) {
     return static_cast<float>(value);
 }
 
-float half_to_float(const unsigned char *bytes) {
-    std::uint16_t bits;
-    std::memcpy(&bits, bytes, 2);
-    Imath::half value;
-    value.setBits(bits);
-    return static_cast<float>(value);
-}
-
 float bool_to_float(const unsigned char *bytes) {
     return *bytes ? 1.0f : 0.0f;
 }
@@ -153,7 +144,7 @@ constexpr SampleType sample_types[] = {
     {"i2", "int16", 2, 0, to_float<std::int16_t>},
     {"i4", "int32", 4, 0, to_float<std::int32_t>},
     {"i8", "int64", 8, 0, to_float<std::int64_t>},
-    {"f2", "float16", 2, 0, half_to_float},
+    {"f2", "float16", 2, 0, detail::half_to_float},
     {"f4", "float32", 4, 0, to_float<float>},
     {"f8", "float64", 8, 0, to_float<double>},
 };

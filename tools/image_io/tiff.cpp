@@ -1,9 +1,9 @@
 // TIFF by libtiff: strips and tiles, chunky and planar, 8, 16 and 32-bit unsigned, 16, 32 and 64-bit floating point.
+#include "half.hpp"
 #include "image_io.hpp"
 
 #include <fmt/format.h>
 
-#include <Imath/half.h>
 #include <tiffio.h>
 
 #include <algorithm>
@@ -49,14 +49,6 @@ Tiff open_tiff_file(const std::string &path, const char *mode, Messages &message
 template <typename T> float to_float(const unsigned char *bytes) {
     T value;
     std::memcpy(&value, bytes, sizeof(T));
-    return static_cast<float>(value);
-}
-
-float half_to_float(const unsigned char *bytes) {
-    std::uint16_t bits;
-    std::memcpy(&bits, bytes, 2);
-    Imath::half value;
-    value.setBits(bits);
     return static_cast<float>(value);
 }
 
@@ -252,7 +244,7 @@ class TiffReader final : public Reader {
 
     float convert(const Layout &layout, const unsigned char *bytes) const {
         if (layout.sample_format == SAMPLEFORMAT_IEEEFP)
-            return layout.bits == 16   ? half_to_float(bytes)
+            return layout.bits == 16   ? detail::half_to_float(bytes)
                    : layout.bits == 32 ? to_float<float>(bytes)
                                        : to_float<double>(bytes);
         const float value = layout.bits == 8    ? static_cast<float>(*bytes)

@@ -6,6 +6,8 @@
 #define CLSPECKLE_H
 
 #include "aperture.h"
+#include "capture.h"
+#include "diagnosis.h"
 #include "dots.h"
 #include "effects.h"
 #include "lens.h"

@@ -135,7 +135,8 @@ CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue qu
 /** Device time of one stage of the last frame. Layout frozen. */
 typedef struct ClspStageTiming {
     char stage[32];       /**< "pattern", "dots", "motion", "distortion", "subsurface", "airflow", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",
-                               "lens", "sensor". */
+                               "lens", "sensor". With the fused engine (ClspApertureInfo::fft_backend) "fft" holds the field, and
+                               "inverse_fft" the intensity. */
     double milliseconds;  /**< Sum over the stage's commands. */
 } ClspStageTiming;
 

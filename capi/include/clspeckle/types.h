@@ -88,6 +88,8 @@ typedef int32_t ClspStatus; /**< CLSP_SUCCESS or one of CLSP_ERROR_*. */
 #define CLSP_ERROR_INVALID_STATE (-15)
 /** A fault of the library itself. Please report it with the message. */
 #define CLSP_ERROR_INTERNAL (-16)
+/** The caller asked to stop (a progress function returned 0). */
+#define CLSP_ERROR_CANCELLED (-17)
 
 /** What went wrong in the last failing call of the calling thread. The strings stay valid until the next failing call
  *  on the same thread; they are never NULL. */
@@ -123,6 +125,8 @@ typedef struct ClspAperture_ *ClspAperture; /**< A lens's aperture (aperture.h).
 typedef struct ClspLens_ *ClspLens;         /**< What a lens does beside diffraction (lens.h). */
 typedef struct ClspSensor_ *ClspSensor;     /**< A sensor (sensor.h). */
 typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
+typedef struct ClspCapture_ *ClspCapture;   /**< What a real camera recorded (capture.h). */
+typedef struct ClspDiagnosis_ *ClspDiagnosis; /**< What a diagnosis found (diagnosis.h). */
 /** @} */
 
 /** @name Images in device memory */

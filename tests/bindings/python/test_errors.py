@@ -29,6 +29,7 @@ BUILT_IN = {
     "InputOutputError": OSError,
     "InvalidStateError": RuntimeError,
     "InternalError": RuntimeError,
+    "CancelledError": RuntimeError,
 }
 
 

@@ -107,12 +107,15 @@ HANDLES = [
     "ClspLens",
     "ClspSensor",
     "ClspPipeline",
+    "ClspCapture",
+    "ClspDiagnosis",
     "cl_mem",
     "cl_command_queue",
     "cl_event",
 ]
 STRUCTS = {struct.__name__: struct for struct in _library.STRUCTS}
 SCALARS = {
+    "uint8_t": ctypes.c_uint8,
     "uint16_t": ctypes.c_uint16,
     "uint32_t": ctypes.c_uint32,
     "uint64_t": ctypes.c_uint64,

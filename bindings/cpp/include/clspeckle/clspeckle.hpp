@@ -25,6 +25,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <exception>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -121,6 +124,18 @@ inline void init(ClspPipelineDesc &desc) {
 inline void init(ClspFrame &frame) {
     check(clspFrameInit(&frame, sizeof(frame)));
 }
+inline void init(ClspCaptureDesc &desc) {
+    check(clspCaptureDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspCaptureSequence &sequence) {
+    check(clspCaptureSequenceInit(&sequence, sizeof(sequence)));
+}
+inline void init(ClspHypothesis &hypothesis) {
+    check(clspHypothesisInit(&hypothesis, sizeof(hypothesis)));
+}
+inline void init(ClspDiagnoseDesc &desc) {
+    check(clspDiagnoseDescInit(&desc, sizeof(desc)));
+}
 // Structs that the library fills in have no defaults, only a size.
 inline void init(ClspErrorInfo &info) {
     info.struct_size = sizeof(info);
@@ -136,6 +151,24 @@ inline void init(ClspApertureInfo &info) {
 }
 inline void init(ClspMoments &moments) {
     moments.struct_size = sizeof(moments);
+}
+inline void init(ClspCaptureSequenceInfo &info) {
+    info.struct_size = sizeof(info);
+}
+inline void init(ClspDiagnosisSummary &summary) {
+    summary.struct_size = sizeof(summary);
+}
+inline void init(ClspDiagnosisRanked &ranked) {
+    ranked.struct_size = sizeof(ranked);
+}
+inline void init(ClspDiagnosisParameter &parameter) {
+    parameter.struct_size = sizeof(parameter);
+}
+inline void init(ClspDiagnosisPlace &place) {
+    place.struct_size = sizeof(place);
+}
+inline void init(ClspDiagnosisStep &step) {
+    step.struct_size = sizeof(step);
 }
 
 /** One reference of a counted handle. */
@@ -871,6 +904,302 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
   private:
     explicit Pipeline(ClspPipeline handle) noexcept : Shared(handle) {}
 };
+
+/** What a real camera recorded, see capture.h. */
+class Capture : public detail::Shared<ClspCapture, clspCaptureRetain, clspCaptureRelease> {
+  public:
+    Capture() noexcept = default;
+    /** Without sequences yet. */
+    explicit Capture(const ClspCaptureDesc &desc) { check(clspCaptureCreate(&desc, &handle_)); }
+    /** Reads the set in a folder. */
+    static Capture open(const std::string &path) {
+        Capture capture;
+        check(clspCaptureOpen(path.c_str(), &capture.handle_));
+        return capture;
+    }
+    /** Takes over one reference of a C handle. */
+    static Capture adopt(ClspCapture handle) noexcept { return Capture(handle); }
+
+    void add_sequence(const ClspCaptureSequence &sequence) const { check(clspCaptureAddSequence(handle_, &sequence)); }
+    /** @param scene CLSP_SCENE_*. @param codes whole frames of height x width. */
+    void add_sequence(const std::string &name, std::uint32_t scene, bool moving, const std::vector<std::uint16_t> &codes,
+                      double exposure_ms = 0.0, double f_number = 0.0) const {
+        const ClspCaptureDesc camera = desc();
+        const std::size_t pixels = std::size_t{camera.width} * camera.height;
+        if (codes.empty() || codes.size() % pixels != 0)
+            throw std::invalid_argument("codes must hold one or more whole frames of width x height codes");
+        auto sequence = make<ClspCaptureSequence>();
+        sequence.name = name.c_str();
+        sequence.scene = scene;
+        sequence.moving = moving ? 1 : 0;
+        sequence.frame_count = static_cast<std::uint32_t>(codes.size() / pixels);
+        sequence.codes = codes.data();
+        sequence.exposure_ms = exposure_ms;
+        sequence.f_number = f_number;
+        add_sequence(sequence);
+    }
+    /** @param positions_px x, y, x, y...; empty: no dots. */
+    void set_dots(double sigma_px, const std::vector<double> &positions_px) const {
+        check(clspCaptureSetDots(handle_, sigma_px, positions_px.size() / 2,
+                                 positions_px.empty() ? nullptr : positions_px.data()));
+    }
+    void validate() const { check(clspCaptureValidate(handle_)); }
+    void write(const std::string &path, bool overwrite = false) const {
+        check(clspCaptureWrite(handle_, path.c_str(), overwrite ? 1u : 0u));
+    }
+    ClspCaptureDesc desc() const {
+        auto result = make<ClspCaptureDesc>();
+        check(clspCaptureGetDesc(handle_, &result));
+        return result;
+    }
+    /** x, y, x, y... @param sigma_px their width. */
+    std::vector<double> dots(double *sigma_px = nullptr) const {
+        std::uint64_t count = 0;
+        check(clspCaptureGetDots(handle_, sigma_px, 0, nullptr, &count));
+        std::vector<double> result(static_cast<std::size_t>(2 * count));
+        check(clspCaptureGetDots(handle_, nullptr, count, result.empty() ? nullptr : result.data(), nullptr));
+        return result;
+    }
+    std::uint32_t sequence_count() const {
+        std::uint32_t count = 0;
+        check(clspCaptureGetSequenceCount(handle_, &count));
+        return count;
+    }
+    ClspCaptureSequenceInfo sequence(std::uint32_t index) const {
+        auto result = make<ClspCaptureSequenceInfo>();
+        check(clspCaptureGetSequence(handle_, index, &result));
+        return result;
+    }
+    /** frame_count x height x width. */
+    std::vector<std::uint16_t> codes(std::uint32_t index) const {
+        const ClspCaptureDesc camera = desc();
+        std::vector<std::uint16_t> result(std::size_t{sequence(index).frame_count} * camera.width * camera.height);
+        check(clspCaptureGetCodes(handle_, index, result.size(), result.data()));
+        return result;
+    }
+    /** height x width. */
+    std::vector<std::uint8_t> mask(std::uint32_t index) const {
+        const ClspCaptureDesc camera = desc();
+        std::vector<std::uint8_t> result(std::size_t{camera.width} * camera.height);
+        check(clspCaptureGetMask(handle_, index, result.size(), result.data()));
+        return result;
+    }
+    /** What is in it and what it can tell apart, as JSON. */
+    std::string summary_json() const {
+        std::uint64_t length = 0;
+        check(clspCaptureGetSummaryJson(handle_, 0, nullptr, &length));
+        std::string text(static_cast<std::size_t>(length), '\0');
+        check(clspCaptureGetSummaryJson(handle_, text.size(), &text[0], nullptr));
+        text.resize(text.find('\0') == std::string::npos ? text.size() : text.find('\0'));
+        return text;
+    }
+
+  private:
+    explicit Capture(ClspCapture handle) noexcept : Shared(handle) {}
+};
+
+/** What a diagnosis found, see diagnosis.h; made by diagnose(). May be read from any number of threads at once. */
+class Diagnosis : public detail::Shared<ClspDiagnosis, clspDiagnosisRetain, clspDiagnosisRelease> {
+  public:
+    Diagnosis() noexcept = default;
+    /** Takes over one reference of a C handle. */
+    static Diagnosis adopt(ClspDiagnosis handle) noexcept { return Diagnosis(handle); }
+
+    ClspDiagnosisSummary summary() const {
+        auto result = make<ClspDiagnosisSummary>();
+        check(clspDiagnosisGetSummary(handle_, &result));
+        return result;
+    }
+    /** Ids of the effects found, in the order in which they were found. */
+    std::vector<std::string> effects() const { return texts<clspDiagnosisGetEffect>(summary().effect_count); }
+    /** Ids of effects that explain the gap equally well. */
+    std::vector<std::string> equivalents() const {
+        return texts<clspDiagnosisGetEquivalent>(summary().equivalent_count);
+    }
+    /** What could not be judged, and why. */
+    std::vector<std::string> notes() const { return texts<clspDiagnosisGetNote>(summary().note_count); }
+    /** Best first; behind them the effects found later. */
+    std::vector<ClspDiagnosisRanked> ranking() const {
+        return list<ClspDiagnosisRanked, clspDiagnosisGetRanked>(summary().ranked_count);
+    }
+    /** Fitted parameters of the effects found. */
+    std::vector<ClspDiagnosisParameter> parameters() const {
+        return list<ClspDiagnosisParameter, clspDiagnosisGetParameter>(summary().parameter_count);
+    }
+    /** All statistics, worst first. */
+    std::vector<ClspDiagnosisPlace> places() const {
+        return list<ClspDiagnosisPlace, clspDiagnosisGetPlace>(summary().place_count);
+    }
+    /** The waterfall. */
+    std::vector<ClspDiagnosisStep> steps() const {
+        return list<ClspDiagnosisStep, clspDiagnosisGetStep>(summary().step_count);
+    }
+    std::string report_json() const {
+        std::uint64_t length = 0;
+        check(clspDiagnosisGetReportJson(handle_, 0, nullptr, &length));
+        std::string text(static_cast<std::size_t>(length), '\0');
+        check(clspDiagnosisGetReportJson(handle_, text.size(), &text[0], nullptr));
+        text.pop_back(); // the final 0
+        return text;
+    }
+    /** Writes the JSON report. */
+    void write_report(const std::string &path) const { check(clspDiagnosisWriteReport(handle_, path.c_str())); }
+    /** Writes the report for eyes, one HTML file. */
+    void write_html(const std::string &path) const { check(clspDiagnosisWriteHtml(handle_, path.c_str())); }
+
+  private:
+    explicit Diagnosis(ClspDiagnosis handle) noexcept : Shared(handle) {}
+
+    template <ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, std::uint64_t, char *, std::uint64_t *)>
+    std::vector<std::string> texts(std::uint32_t count) const {
+        std::vector<std::string> result(count);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            std::uint64_t length = 0;
+            check(Get(handle_, i, 0, nullptr, &length));
+            result[i].resize(static_cast<std::size_t>(length));
+            check(Get(handle_, i, length, &result[i][0], nullptr));
+            result[i].pop_back(); // the final 0
+        }
+        return result;
+    }
+    template <typename Struct, ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, Struct *)>
+    std::vector<Struct> list(std::uint32_t count) const {
+        std::vector<Struct> result(count);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            detail::init(result[i]);
+            check(Get(handle_, i, &result[i]));
+        }
+        return result;
+    }
+};
+
+/** A parameter of a hypothesis, from weak to strong within minimum and maximum. */
+struct HypothesisParameter {
+    std::string name, unit = "1"; /**< At most 31 and 15 bytes. */
+    double minimum = 0.0, maximum = 1.0, weak = 0.0, strong = 1.0;
+};
+
+/** An effect of the caller's own, see ClspHypothesis. */
+struct Hypothesis {
+    std::string id, stage, summary;
+    std::uint32_t point = CLSP_HYPOTHESIS_INTENSITY; /**< CLSP_HYPOTHESIS_*. */
+    std::vector<HypothesisParameter> parameters;
+    /** Changes frame.pixels in place, on the thread of diagnose(). What it throws leaves diagnose(). */
+    std::function<void(const ClspHypothesisFrame &frame)> apply;
+};
+
+/** What diagnose() is asked for; see ClspDiagnoseDesc for ranges. */
+struct DiagnoseOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t null_replicates = make<ClspDiagnoseDesc>().null_replicates;
+    std::uint32_t max_effects = make<ClspDiagnoseDesc>().max_effects;
+    std::uint32_t threads = 0;
+    double level = make<ClspDiagnoseDesc>().level;
+    bool evidence = true; /**< Pictures and curves for Diagnosis::write_html() are collected. */
+    std::vector<std::string> without;
+    std::vector<Hypothesis> hypotheses;
+    /** False cancels: diagnose() throws CLSP_ERROR_CANCELLED. On the thread of diagnose(); what it throws leaves
+     *  diagnose(). */
+    std::function<bool(const std::string &what, double fraction)> progress;
+};
+
+namespace detail {
+
+/** A caller's function, and the first exception of any of them, on its way through C. */
+template <typename Function> struct Carried {
+    const Function *function;
+    std::exception_ptr *thrown;
+};
+
+extern "C" inline std::int32_t clspeckle_detail_apply(void *data, const ClspHypothesisFrame *frame) {
+    const auto *carried = static_cast<const Carried<std::function<void(const ClspHypothesisFrame &)>> *>(data);
+    try {
+        (*carried->function)(*frame);
+        return 0;
+    } catch (...) {
+        *carried->thrown = std::current_exception();
+        return 1;
+    }
+}
+
+extern "C" inline std::int32_t clspeckle_detail_progress(void *data, const char *what, double fraction) {
+    const auto *carried = static_cast<const Carried<std::function<bool(const std::string &, double)>> *>(data);
+    try {
+        return (*carried->function)(what, fraction) ? 1 : 0;
+    } catch (...) {
+        *carried->thrown = std::current_exception();
+        return 0;
+    }
+}
+
+template <std::size_t Size> void copy_text(char (&to)[Size], const std::string &from) {
+    if (from.size() >= Size)
+        throw std::invalid_argument("\"" + from + "\" is longer than the " + std::to_string(Size - 1) +
+                                    " bytes that there are");
+    std::memcpy(to, from.c_str(), from.size() + 1);
+}
+
+} // namespace detail
+
+/** clspDiagnose(). Blocks; may be called from any thread. */
+inline Diagnosis diagnose(const Context &context, const Capture &capture, const DiagnoseOptions &options = {}) {
+    std::exception_ptr thrown;
+    const std::size_t count = options.hypotheses.size();
+    std::vector<ClspHypothesis> hypotheses(count);
+    std::vector<const ClspHypothesis *> pointers;
+    std::vector<std::vector<ClspEffectParameter>> parameters(count);
+    std::vector<detail::Carried<std::function<void(const ClspHypothesisFrame &)>>> functions(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const Hypothesis &from = options.hypotheses[i];
+        for (const HypothesisParameter &p : from.parameters) {
+            ClspEffectParameter parameter{};
+            detail::copy_text(parameter.name, p.name);
+            detail::copy_text(parameter.unit, p.unit);
+            parameter.minimum = p.minimum;
+            parameter.maximum = p.maximum;
+            parameter.weak = p.weak;
+            parameter.strong = p.strong;
+            parameters[i].push_back(parameter);
+        }
+        ClspHypothesis &to = hypotheses[i];
+        detail::init(to);
+        to.point = from.point;
+        to.id = from.id.c_str();
+        to.stage = from.stage.c_str();
+        to.summary = from.summary.c_str();
+        to.parameters = parameters[i].data();
+        to.parameter_count = static_cast<std::uint32_t>(parameters[i].size());
+        functions[i] = {&from.apply, &thrown};
+        to.apply = from.apply ? detail::clspeckle_detail_apply : nullptr;
+        to.user_data = &functions[i];
+        pointers.push_back(&to);
+    }
+    std::vector<const char *> without;
+    for (const std::string &id : options.without)
+        without.push_back(id.c_str());
+    detail::Carried<std::function<bool(const std::string &, double)>> progress{&options.progress, &thrown};
+    auto desc = make<ClspDiagnoseDesc>();
+    desc.seed = options.seed;
+    desc.null_replicates = options.null_replicates;
+    desc.max_effects = options.max_effects;
+    desc.threads = options.threads;
+    desc.level = options.level;
+    desc.evidence = options.evidence ? 1 : 0;
+    desc.without = without.data();
+    desc.without_count = static_cast<std::uint32_t>(without.size());
+    desc.hypotheses = pointers.data();
+    desc.hypothesis_count = static_cast<std::uint32_t>(count);
+    if (options.progress) {
+        desc.progress = detail::clspeckle_detail_progress;
+        desc.progress_data = &progress;
+    }
+    ClspDiagnosis handle = nullptr;
+    const ClspStatus status = clspDiagnose(context, capture, &desc, &handle);
+    if (thrown && status != CLSP_SUCCESS)
+        std::rethrow_exception(thrown);
+    check(status);
+    return Diagnosis::adopt(handle);
+}
 
 /** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */
 namespace statistics {

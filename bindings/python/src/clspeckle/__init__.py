@@ -20,6 +20,8 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
+from .capture import Capture, CaptureSequence
+from .diagnosis import Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, diagnose
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -52,18 +54,23 @@ __all__ = [
     "Aperture",
     "ApertureInfo",
     "Buffer",
+    "Capture",
+    "CaptureSequence",
     "ClspeckleError",
     "Context",
     "ContextInfo",
     "Device",
     "DeviceImage",
+    "Diagnosis",
     "Dots",
     "Effect",
     "EffectParameter",
     "Event",
     "FieldGrid",
     "Frame",
+    "GapPlace",
     "Geometry",
+    "Hypothesis",
     "Lens",
     "Material",
     "MaterialTable",
@@ -74,10 +81,14 @@ __all__ = [
     "Pipeline",
     "PipelineParameters",
     "Queue",
+    "RankedEffect",
     "Sensor",
+    "ShrinkStep",
+    "Shrinkage",
     "Version",
     "default_context",
     "devices",
+    "diagnose",
     "effects",
     "errors",
     "explain_devices",

@@ -16,6 +16,7 @@ from ctypes import (
     c_double,
     c_float,
     c_int32,
+    c_uint8,
     c_uint16,
     c_uint32,
     c_uint64,
@@ -97,6 +98,21 @@ CLSP_ILLUMINATION_INCOHERENT = 1
 CLSP_ILLUMINATION_DARK = 2
 
 CLSP_MAX_EFFECT_PARAMETERS = 4
+
+CLSP_SCENE_DARK = 0
+CLSP_SCENE_FLAT = 1
+CLSP_SCENE_BOARD = 2
+CLSP_SCENE_DOTS = 3
+CLSP_MAX_CAPTURE_NAME = 64
+
+CLSP_VERDICT_NONE = 0
+CLSP_VERDICT_NAMED = 1
+CLSP_VERDICT_AMBIGUOUS = 2
+CLSP_VERDICT_UNKNOWN = 3
+CLSP_HYPOTHESIS_IRRADIANCE = 0
+CLSP_HYPOTHESIS_INTENSITY = 1
+CLSP_HYPOTHESIS_CODES = 2
+CLSP_MAX_HYPOTHESES = 64
 
 # --- Structs, member by member as in the headers ---
 
@@ -391,6 +407,7 @@ class ClspApertureInfo(ctypes.Structure):
         ("mean_transmission", c_double),
         ("workspace_bytes", c_uint64),
         ("fft_backend", c_char * 32),
+        ("fft_reason", c_char * 192),
     ]
 
 
@@ -552,6 +569,197 @@ class ClspMoments(ctypes.Structure):
     ]
 
 
+class ClspCaptureDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("bits", c_uint32),
+        ("field", c_uint32),
+        ("principal_point_given", c_uint32),
+        ("pixel_pitch_m", c_double),
+        ("f_number", c_double),
+        ("wavelength_m", c_double),
+        ("degree_of_polarization", c_double),
+        ("black_level_dn", c_double),
+        ("read_noise_dn", c_double),
+        ("principal_point_x_px", c_double),
+        ("principal_point_y_px", c_double),
+    ]
+
+
+class ClspCaptureSequence(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("scene", c_uint32),
+        ("moving", c_uint32),
+        ("frame_count", c_uint32),
+        ("name", c_char_p),
+        ("codes", POINTER(c_uint16)),
+        ("mask", POINTER(c_uint8)),
+        ("f_number", c_double),
+        ("exposure_ms", c_double),
+    ]
+
+
+class ClspCaptureSequenceInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("scene", c_uint32),
+        ("moving", c_uint32),
+        ("frame_count", c_uint32),
+        ("has_mask", c_uint32),
+        ("reserved", c_uint32),
+        ("f_number", c_double),
+        ("exposure_ms", c_double),
+        ("name", c_char * CLSP_MAX_CAPTURE_NAME),
+    ]
+
+
+class ClspHypothesisFrame(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("bits", c_uint32),
+        ("sequence", c_uint32),
+        ("scene", c_uint32),
+        ("moving", c_uint32),
+        ("frame_index", c_uint32),
+        ("seed", c_uint64),
+        ("parameter_count", c_uint32),
+        ("reserved", c_uint32),
+        ("sequence_name", c_char_p),
+        ("values", POINTER(c_double)),
+        ("pixels", POINTER(c_float)),
+        ("f_number", c_double),
+        ("pixel_pitch_m", c_double),
+        ("wavelength_m", c_double),
+    ]
+
+
+HYPOTHESIS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, POINTER(ClspHypothesisFrame))
+PROGRESS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, c_char_p, c_double)
+
+
+class ClspHypothesis(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("point", c_uint32),
+        ("id", c_char_p),
+        ("stage", c_char_p),
+        ("summary", c_char_p),
+        ("parameters", POINTER(ClspEffectParameter)),
+        ("parameter_count", c_uint32),
+        ("reserved", c_uint32),
+        ("apply", HYPOTHESIS_FUNCTION),
+        ("user_data", c_void_p),
+    ]
+
+
+class ClspDiagnoseDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("null_replicates", c_uint32),
+        ("max_effects", c_uint32),
+        ("threads", c_uint32),
+        ("seed", c_uint64),
+        ("level", c_double),
+        ("without", POINTER(c_char_p)),
+        ("without_count", c_uint32),
+        ("hypothesis_count", c_uint32),
+        ("hypotheses", POINTER(POINTER(ClspHypothesis))),
+        ("progress", PROGRESS_FUNCTION),
+        ("progress_data", c_void_p),
+        ("evidence", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ClspDiagnosisSummary(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("verdict", c_uint32),
+        ("detected", c_uint32),
+        ("residual_detected", c_uint32),
+        ("held_out", c_uint32),
+        ("effect_count", c_uint32),
+        ("equivalent_count", c_uint32),
+        ("ranked_count", c_uint32),
+        ("parameter_count", c_uint32),
+        ("place_count", c_uint32),
+        ("step_count", c_uint32),
+        ("note_count", c_uint32),
+        ("seed", c_uint64),
+        ("level", c_double),
+        ("p_value", c_double),
+        ("distance", c_double),
+        ("null_95", c_double),
+        ("probability", c_double),
+        ("distance_before", c_double),
+        ("distance_after", c_double),
+        ("fraction", c_double),
+        ("fraction_95", c_double * 2),
+        ("residual_p_value", c_double),
+        ("seconds", c_double),
+    ]
+
+
+class ClspDiagnosisRanked(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("parameter_count", c_uint32),
+        ("simulated", c_uint32),
+        ("reserved", c_uint32),
+        ("effect", c_char * 32),
+        ("stage", c_char * 16),
+        ("values", c_double * CLSP_MAX_EFFECT_PARAMETERS),
+        ("probability", c_double),
+        ("distance_after", c_double),
+        ("gain", c_double),
+    ]
+
+
+class ClspDiagnosisParameter(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("effect", c_char * 32),
+        ("name", c_char * 32),
+        ("unit", c_char * 16),
+        ("value", c_double),
+        ("low", c_double),
+        ("high", c_double),
+    ]
+
+
+class ClspDiagnosisPlace(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("stage", c_char * 16),
+        ("sequence", c_char * CLSP_MAX_CAPTURE_NAME),
+        ("statistic", c_char * 64),
+        ("region", c_char * 32),
+        ("unit", c_char * 32),
+        ("real", c_double),
+        ("sim", c_double),
+        ("z", c_double),
+        ("p_adjusted", c_double),
+        ("z_after", c_double),
+    ]
+
+
+class ClspDiagnosisStep(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("effect", c_char * 32),
+        ("distance_after", c_double),
+        ("fraction", c_double),
+    ]
+
+
 STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspErrorInfo,
     ClspImage,
@@ -579,6 +787,17 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspEffectParameter,
     ClspEffectInfo,
     ClspMoments,
+    ClspCaptureDesc,
+    ClspCaptureSequence,
+    ClspCaptureSequenceInfo,
+    ClspHypothesisFrame,
+    ClspHypothesis,
+    ClspDiagnoseDesc,
+    ClspDiagnosisSummary,
+    ClspDiagnosisRanked,
+    ClspDiagnosisParameter,
+    ClspDiagnosisPlace,
+    ClspDiagnosisStep,
 )
 """Every struct of the C interface."""
 
@@ -720,6 +939,39 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspEffectGetInfo": (c_uint32, POINTER(ClspEffectInfo)),
     "clspPipelineSetEffect": (_HANDLE, c_char_p, POINTER(c_double), c_uint32),
     "clspPipelineClearEffect": (_HANDLE, c_char_p),
+    "clspCaptureDescInit": _init(ClspCaptureDesc),
+    "clspCaptureSequenceInit": _init(ClspCaptureSequence),
+    "clspCaptureCreate": (POINTER(ClspCaptureDesc), _HANDLE_OUT),
+    "clspCaptureOpen": (c_char_p, _HANDLE_OUT),
+    "clspCaptureRetain": (_HANDLE,),
+    "clspCaptureRelease": (_HANDLE,),
+    "clspCaptureAddSequence": (_HANDLE, POINTER(ClspCaptureSequence)),
+    "clspCaptureSetDots": (_HANDLE, c_double, c_uint64, POINTER(c_double)),
+    "clspCaptureValidate": (_HANDLE,),
+    "clspCaptureWrite": (_HANDLE, c_char_p, c_uint32),
+    "clspCaptureGetDesc": (_HANDLE, POINTER(ClspCaptureDesc)),
+    "clspCaptureGetDots": (_HANDLE, POINTER(c_double), c_uint64, POINTER(c_double), POINTER(c_uint64)),
+    "clspCaptureGetSequenceCount": (_HANDLE, POINTER(c_uint32)),
+    "clspCaptureGetSequence": (_HANDLE, c_uint32, POINTER(ClspCaptureSequenceInfo)),
+    "clspCaptureGetCodes": (_HANDLE, c_uint32, c_uint64, POINTER(c_uint16)),
+    "clspCaptureGetMask": (_HANDLE, c_uint32, c_uint64, POINTER(c_uint8)),
+    "clspCaptureGetSummaryJson": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspHypothesisInit": _init(ClspHypothesis),
+    "clspDiagnoseDescInit": _init(ClspDiagnoseDesc),
+    "clspDiagnose": (_HANDLE, _HANDLE, POINTER(ClspDiagnoseDesc), _HANDLE_OUT),
+    "clspDiagnosisRetain": (_HANDLE,),
+    "clspDiagnosisRelease": (_HANDLE,),
+    "clspDiagnosisGetSummary": (_HANDLE, POINTER(ClspDiagnosisSummary)),
+    "clspDiagnosisGetEffect": (_HANDLE, c_uint32, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspDiagnosisGetEquivalent": (_HANDLE, c_uint32, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspDiagnosisGetNote": (_HANDLE, c_uint32, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspDiagnosisGetRanked": (_HANDLE, c_uint32, POINTER(ClspDiagnosisRanked)),
+    "clspDiagnosisGetParameter": (_HANDLE, c_uint32, POINTER(ClspDiagnosisParameter)),
+    "clspDiagnosisGetPlace": (_HANDLE, c_uint32, POINTER(ClspDiagnosisPlace)),
+    "clspDiagnosisGetStep": (_HANDLE, c_uint32, POINTER(ClspDiagnosisStep)),
+    "clspDiagnosisGetReportJson": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspDiagnosisWriteReport": (_HANDLE, c_char_p),
+    "clspDiagnosisWriteHtml": (_HANDLE, c_char_p),
     "clspStatisticsMoments": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, POINTER(ClspMoments)),
     "clspStatisticsHistogram": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, c_double, c_double, c_uint32, POINTER(c_uint64)),
     "clspStatisticsAutocovariance": (_HANDLE, _HANDLE, _IMAGE, c_uint32, POINTER(c_float)),
@@ -730,7 +982,7 @@ OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {"clspStatusString": (
 """The functions that return something else: (return type, argument types)."""
 
 # These touch no OpenCL object; all others start the OpenCL runtime of this process.
-_HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init")} | {
+_HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init") or name.startswith("clspCapture")} | {
     "clspGetLastError",
     "clspGetVersion",
     "clspFieldGridCompute",
@@ -896,7 +1148,20 @@ def text(value: bytes | None) -> str:
 
 
 # These have a size but no defaults.
-_FILLED_BY_THE_LIBRARY = (ClspErrorInfo, ClspDeviceInfo, ClspContextInfo, ClspApertureInfo, ClspMoments)
+_FILLED_BY_THE_LIBRARY = (
+    ClspErrorInfo,
+    ClspDeviceInfo,
+    ClspContextInfo,
+    ClspApertureInfo,
+    ClspMoments,
+    ClspCaptureSequenceInfo,
+    ClspHypothesisFrame,
+    ClspDiagnosisSummary,
+    ClspDiagnosisRanked,
+    ClspDiagnosisParameter,
+    ClspDiagnosisPlace,
+    ClspDiagnosisStep,
+)
 
 Struct = TypeVar("Struct", bound=ctypes.Structure)
 

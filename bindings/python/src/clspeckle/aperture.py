@@ -81,6 +81,9 @@ class ApertureInfo:
     workspace_bytes: int
     """Work memory that a frame needs."""
     fft_backend: str
+    """"fused" (the library's own passes, made for CPUs) or "clFFT"."""
+    fft_reason: str
+    """Why it is not "fused"; empty if it is."""
 
 
 class Aperture(Handle):
@@ -208,6 +211,7 @@ class Aperture(Handle):
             mean_transmission=info.mean_transmission,
             workspace_bytes=info.workspace_bytes,
             fft_backend=_library.text(info.fft_backend),
+            fft_reason=_library.text(info.fft_reason),
         )
 
     def set_workspace(

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 __all__ = [
     "BufferTooSmallError",
     "BuildError",
+    "CancelledError",
     "ClspeckleError",
     "InputOutputError",
     "InternalError",
@@ -170,6 +171,12 @@ class InternalError(ClspeckleError, RuntimeError):
     status = -16
 
 
+class CancelledError(ClspeckleError, RuntimeError):
+    """A progress function asked to stop."""
+
+    status = -17
+
+
 class LibraryLoadError(ClspeckleError, ImportError):
     """The shared library clspeckle was not found, did not load, or does not fit this binding."""
 
@@ -193,6 +200,7 @@ BY_STATUS: dict[int, type[ClspeckleError]] = {
         InputOutputError,
         InvalidStateError,
         InternalError,
+        CancelledError,
     )
 }
 """The exception class of each status of the C interface."""

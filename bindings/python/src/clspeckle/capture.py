@@ -1,0 +1,302 @@
+"""Capture sets: what a real camera recorded, sequence by sequence, for the diagnosis of the gap to the simulator.
+
+A set is a folder with a capture.json and an .npy stack for each sequence (``docs/captures.md``), or arrays in memory.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
+from ._handle import Handle, create, exclusive
+
+__all__ = ["Capture", "CaptureSequence"]
+
+_SCENES = {
+    "dark": _library.CLSP_SCENE_DARK,
+    "flat": _library.CLSP_SCENE_FLAT,
+    "board": _library.CLSP_SCENE_BOARD,
+    "dots": _library.CLSP_SCENE_DOTS,
+}
+_MOTIONS = {"static": 0, "moving": 1}
+_FIELDS = {
+    "circular_gaussian": _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
+    "unit_phasor": _library.CLSP_FIELD_UNIT_PHASOR,
+}
+_REALS = ("pixel_pitch_m", "f_number", "wavelength_m", "degree_of_polarization", "black_level_dn", "read_noise_dn")
+_CAMERA = ("bits", *_REALS, "field", "principal_point_px")
+
+
+@dataclasses.dataclass(frozen=True)
+class CaptureSequence:
+    """One sequence."""
+
+    codes: npt.ArrayLike
+    """(frames, height, width) raw codes, integers up to 2^bits - 1; (height, width) for a single frame."""
+    scene: str
+    """"dark", "flat", "board" or "dots"."""
+    motion: str = "static"
+    """"static": the speckle is the same in every frame; "moving": each frame's is independent of the last."""
+    mask: npt.ArrayLike | None = None
+    """(height, width), 0 where a pixel does not count."""
+    f_number: float | None = None
+    """Of this sequence; None: the camera's."""
+    exposure_ms: float | None = None
+    """Exposure time; None: not known."""
+
+
+def _from_name(name: str, codes: npt.ArrayLike) -> CaptureSequence:
+    """The usual names say what a sequence is: dark, flat_2, board_static, dots_moving."""
+    words = name.split("_")
+    scene = words[0]
+    motions = [word for word in words[1:] if word in _MOTIONS]
+    if scene not in _SCENES or len(motions) > 1 or (scene in ("board", "dots") and not motions):
+        raise errors.InvalidArgumentError(
+            f"the name {name!r} does not say what the sequence is (dark, flat, board_static, board_moving, "
+            "dots_static, dots_moving, with more words behind); give a CaptureSequence with scene and motion instead"
+        )
+    return CaptureSequence(codes, scene, motions[0] if motions else "static")
+
+
+def _codes(value: npt.ArrayLike, name: str) -> npt.NDArray[np.uint16]:
+    given = _check.array(value, name)
+    if given.dtype.kind not in "iu":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected uint16: raw codes")
+    if given.ndim == 2:
+        given = given[np.newaxis]
+    if given.ndim != 3 or given.size == 0:
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width)")
+    if given.dtype != np.uint16 and (int(given.min()) < 0 or int(given.max()) > 65535):
+        raise errors.InvalidDataError(f"{name} has codes from {given.min()} to {given.max()}, expected 0 to 2^bits - 1")
+    return np.ascontiguousarray(given, dtype=np.uint16)
+
+
+class Capture(Handle):
+    """A capture set; made by :meth:`from_arrays` or :meth:`open`.
+
+    Threads: calls on one object from several threads run one after the other.
+    """
+
+    _release = "clspCaptureRelease"
+    _pickle_advice = "write it to a folder and open that"
+
+    def __init__(self) -> None:
+        raise TypeError("a Capture is made by Capture.from_arrays() or Capture.open()")
+
+    @classmethod
+    def _of(cls, pointer: int | None) -> Capture:
+        made = cls.__new__(cls)
+        made._adopt(pointer)
+        return made
+
+    @classmethod
+    def from_arrays(
+        cls,
+        sequences: Mapping[str, npt.ArrayLike | CaptureSequence],
+        *,
+        camera: Mapping[str, Any] | None = None,
+        dots_px: npt.ArrayLike | None = None,
+        dots_sigma_px: float | None = None,
+    ) -> Capture:
+        """From arrays in memory, which are copied.
+
+        Args:
+            sequences: by name: a :class:`CaptureSequence`, or its codes alone where the name says the rest ("dark",
+                "flat_2", "board_static", "dots_moving").
+            camera: `bits`, `pixel_pitch_m`, `f_number`, `wavelength_m`, `degree_of_polarization`, `black_level_dn`,
+                `read_noise_dn`, `field` ("circular_gaussian" or "unit_phasor"), `principal_point_px` (x, y). What
+                is not given has the C library's default, see :meth:`defaults`.
+            dots_px: (n, 2), x and y of the ideal dots; needed by dots sequences.
+            dots_sigma_px: their width.
+        """
+        if not isinstance(sequences, Mapping):
+            raise TypeError(f"sequences must be a dict of name to array, got {_check.kind(sequences)}")
+        entries: dict[str, tuple[CaptureSequence, npt.NDArray[np.uint16]]] = {}
+        for name, value in sequences.items():
+            if not isinstance(name, str):
+                raise TypeError(f"the names of sequences must be text, got {_check.kind(name)}")
+            sequence = value if isinstance(value, CaptureSequence) else _from_name(name, value)
+            entries[name] = (sequence, _codes(sequence.codes, f"sequences[{name!r}]"))
+        if not entries:
+            raise errors.InvalidArgumentError("sequences is empty; a capture has at least one sequence")
+        shape = next(iter(entries.values()))[1].shape[1:]
+        made = cls._of(create("clspCaptureCreate", ctypes.byref(cls._desc(shape, dict(camera or {})))))
+        if dots_px is not None:
+            made._set_dots(dots_px, dots_sigma_px)
+        elif dots_sigma_px is not None:
+            raise errors.InvalidArgumentError("dots_sigma_px needs dots_px")
+        for name, (sequence, codes) in entries.items():
+            made._add(name, sequence, codes, shape)
+        _library.call("clspCaptureValidate", made._get())
+        return made
+
+    @staticmethod
+    def _desc(shape: tuple[int, ...], camera: dict[str, Any]) -> _library.ClspCaptureDesc:
+        _check.known_names(camera, _CAMERA, "camera")
+        desc = _library.initialized(_library.ClspCaptureDesc)
+        desc.height, desc.width = shape
+        _check.assign(desc, camera, {"bits": 32}, _REALS)
+        if camera.get("field") is not None:
+            desc.field = _check.choice(camera["field"], "field", _FIELDS)
+        if camera.get("principal_point_px") is not None:
+            try:
+                x, y = camera["principal_point_px"]
+            except (TypeError, ValueError):
+                kind = _check.kind(camera["principal_point_px"])
+                raise TypeError(f"principal_point_px must be (x, y), got {kind}") from None
+            desc.principal_point_given = 1
+            desc.principal_point_x_px = _check.real(x, "principal_point_px[0]")
+            desc.principal_point_y_px = _check.real(y, "principal_point_px[1]")
+        return desc
+
+    def _set_dots(self, dots_px: npt.ArrayLike, sigma_px: float | None) -> None:
+        positions = _check.array(dots_px, "dots_px")
+        if positions.dtype.kind not in "fiu" or positions.ndim != 2 or positions.shape[1] != 2 or positions.size == 0:
+            raise errors.InvalidArgumentError(
+                f"dots_px has dtype {positions.dtype} and shape {positions.shape}, expected real numbers, (n, 2)"
+            )
+        if sigma_px is None:
+            raise errors.InvalidArgumentError("dots_px needs dots_sigma_px, the width of the dots")
+        doubles = np.ascontiguousarray(positions, dtype=np.float64)
+        pointer = doubles.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        sigma = _check.real(sigma_px, "dots_sigma_px")
+        _library.call("clspCaptureSetDots", self._get(), sigma, doubles.shape[0], pointer)
+
+    def _add(self, name: str, sequence: CaptureSequence, codes: npt.NDArray[np.uint16], shape: tuple[int, ...]) -> None:
+        if codes.shape[1:] != shape:
+            raise errors.InvalidArgumentError(
+                f"sequences[{name!r}] has frames of shape {codes.shape[1:]}, the first sequence has {shape}"
+            )
+        struct = _library.initialized(_library.ClspCaptureSequence)
+        struct.name = _check.no_null(name.encode(), "name")
+        struct.scene = _check.choice(sequence.scene, f"scene of {name!r}", _SCENES)
+        struct.moving = _check.choice(sequence.motion, f"motion of {name!r}", _MOTIONS)
+        struct.frame_count = codes.shape[0]
+        struct.codes = codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16))
+        if sequence.mask is not None:
+            mask = _check.mask_plane(sequence.mask, f"mask of {name!r}", (shape[0], shape[1]))
+            struct.mask = mask.ctypes.data_as(ctypes.POINTER(ctypes.c_uint8))
+        for member in ("f_number", "exposure_ms"):
+            value = getattr(sequence, member)
+            if value is not None:
+                number = _check.real(value, f"{member} of {name!r}")
+                if number == 0:  # means "not given" to the C library
+                    raise _check.range_error(f"{member} of {name!r}", number, "a number above 0")
+                setattr(struct, member, number)
+        _library.call("clspCaptureAddSequence", self._get(), ctypes.byref(struct))
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of `camera`."""
+        desc = _library.initialized(_library.ClspCaptureDesc)
+        return _check.defaults(desc, {"field": _FIELDS}, ("bits", *_REALS, "field"))
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Capture:
+        """Reads the set in a folder; everything is checked, and errors name file, frame and field."""
+        return cls._of(create("clspCaptureOpen", _check.path(path, "path")))
+
+    def write(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Writes a folder with capture.json and .npy stacks, which appears only when it is complete.
+
+        Args:
+            path: a folder that does not exist.
+            overwrite: replace a folder that holds nothing but a written set.
+        """
+        with exclusive(self):
+            _library.call(
+                "clspCaptureWrite", self._get(), _check.path(path, "path"), _check.flag(overwrite, "overwrite")
+            )
+
+    def validate(self) -> None:
+        """Raises if the set is not complete and in order."""
+        with exclusive(self):
+            _library.call("clspCaptureValidate", self._get())
+
+    def _camera_desc(self) -> _library.ClspCaptureDesc:
+        desc = _library.ClspCaptureDesc()
+        desc.struct_size = ctypes.sizeof(desc)
+        _library.call("clspCaptureGetDesc", self._get(), ctypes.byref(desc))
+        return desc
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width)."""
+        with exclusive(self):
+            desc = self._camera_desc()
+            return desc.height, desc.width
+
+    @property
+    def camera(self) -> dict[str, Any]:
+        """What is known of the camera, as :meth:`from_arrays` takes it."""
+        with exclusive(self):
+            desc = self._camera_desc()
+            result = _check.defaults(desc, {"field": _FIELDS}, ("bits", *_REALS, "field"))
+            result["principal_point_px"] = (desc.principal_point_x_px, desc.principal_point_y_px)
+            return result
+
+    @property
+    def dots_px(self) -> npt.NDArray[np.float64]:
+        """(n, 2), x and y of the ideal dots; n is 0 without dots."""
+        with exclusive(self):
+            count = ctypes.c_uint64()
+            _library.call("clspCaptureGetDots", self._get(), None, 0, None, ctypes.byref(count))
+            positions = np.empty((count.value, 2), np.float64)
+            pointer = positions.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            _library.call("clspCaptureGetDots", self._get(), None, count.value, pointer, None)
+            return positions
+
+    @property
+    def dots_sigma_px(self) -> float:
+        """Width of the ideal dots; 0 without dots."""
+        with exclusive(self):
+            sigma = ctypes.c_double()
+            _library.call("clspCaptureGetDots", self._get(), ctypes.byref(sigma), 0, None, None)
+            return sigma.value
+
+    @property
+    def sequences(self) -> dict[str, CaptureSequence]:
+        """All sequences by name, in order, with copies of their codes as uint16 arrays of (frames, height, width)."""
+        with exclusive(self):
+            desc = self._camera_desc()
+            count = ctypes.c_uint32()
+            _library.call("clspCaptureGetSequenceCount", self._get(), ctypes.byref(count))
+            result = {}
+            for index in range(count.value):
+                info = _library.initialized(_library.ClspCaptureSequenceInfo)
+                _library.call("clspCaptureGetSequence", self._get(), index, ctypes.byref(info))
+                codes = np.empty((info.frame_count, desc.height, desc.width), np.uint16)
+                pointer = codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16))
+                _library.call("clspCaptureGetCodes", self._get(), index, codes.size, pointer)
+                mask = None
+                if info.has_mask:
+                    mask = np.empty((desc.height, desc.width), np.uint8)
+                    bytes_out = mask.ctypes.data_as(ctypes.POINTER(ctypes.c_uint8))
+                    _library.call("clspCaptureGetMask", self._get(), index, mask.size, bytes_out)
+                result[_library.text(info.name)] = CaptureSequence(
+                    codes=codes,
+                    scene=next(word for word, number in _SCENES.items() if number == info.scene),
+                    motion="moving" if info.moving else "static",
+                    mask=mask,
+                    f_number=info.f_number,
+                    exposure_ms=info.exposure_ms or None,
+                )
+            return result
+
+    def summary(self) -> dict[str, Any]:
+        """What is in the set and what it can and cannot tell apart, as `clspeckle capture check --json` writes it."""
+        with exclusive(self):
+            length = ctypes.c_uint64()
+            _library.call("clspCaptureGetSummaryJson", self._get(), 0, None, ctypes.byref(length))
+            text = ctypes.create_string_buffer(max(1, length.value))
+            _library.call("clspCaptureGetSummaryJson", self._get(), len(text), text, None)
+            result: dict[str, Any] = json.loads(_library.text(text.value))
+            return result

@@ -1,0 +1,598 @@
+"""The gap between a real camera and the simulator: whether there is one, where, what causes it, how far it shrinks.
+
+    found = clspeckle.diagnose("my-camera")  # the folder of a capture set
+    print(found)
+
+The method and every number of the report: ``docs/diagnosis.md``; the C interface: ``diagnosis.h``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import dataclasses
+import json
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Callable, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
+from ._handle import Handle, create, exclusive
+from .capture import Capture, CaptureSequence
+from .runtime import Context, resolve_context
+
+__all__ = ["Diagnosis", "GapPlace", "Hypothesis", "RankedEffect", "ShrinkStep", "Shrinkage", "diagnose"]
+
+_POINTS = {
+    "irradiance": _library.CLSP_HYPOTHESIS_IRRADIANCE,
+    "intensity": _library.CLSP_HYPOTHESIS_INTENSITY,
+    "codes": _library.CLSP_HYPOTHESIS_CODES,
+}
+_STAGES = ("laser", "doe", "surface", "motion", "optics", "sensor")
+_KEYWORDS = ("sequence", "frame_index", "seed")
+
+Progress = Callable[[str, float], Union[bool, None]]
+"""Told what is being done and the fraction that is done; returning False cancels."""
+
+CaptureLike = Union[Capture, str, "os.PathLike[str]", Mapping[str, Union[npt.ArrayLike, CaptureSequence]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """An effect of one's own, which joins the catalogue's in the ranking.
+
+    ::
+
+        def haze(pixels, *, sequence, frame_index, seed, fraction):
+            return (1 - fraction) * pixels + fraction * pixels.mean()
+
+        clspeckle.Hypothesis("haze", "optics", haze, {"fraction": (0.05, 0.3, 0, 1)})
+    """
+
+    id: str
+    """1 to 31 letters, digits, "_", "-" and "."; neither the catalogue's nor another hypothesis's."""
+    stage: str
+    """"laser", "doe", "surface", "motion", "optics" or "sensor"."""
+    apply: Callable[..., Any]
+    """``apply(pixels, *, sequence, frame_index, seed, **parameters)``: changes `pixels`, a float32 array of (height,
+    width), in place and returns None, or returns a new array. The same arguments must give the same pixels: what is
+    random must come from `seed` (of the simulated capture), `sequence` (its name) and `frame_index`."""
+    parameters: Mapping[str, Sequence[float]]
+    """1 to 4 by name: (weak, strong) or (weak, strong, minimum, maximum). All move together from weak to strong, and
+    may go beyond. Without a minimum and a maximum the range ends twice the difference beyond weak and strong, or at 0
+    if both lie on one side of it."""
+    point: str = "intensity"
+    """"irradiance": the ideal image, before the speckle forms; "intensity": behind the lens, before the sensor, 1 is
+    the mean of flat and board; "codes": the sensor's codes, rounded after the call. Only "codes" acts in the dark."""
+    summary: str = ""
+    """What happens, in words."""
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Units by parameter; "1" for those that are not named."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RankedEffect:
+    """An effect that was weighed."""
+
+    effect: str
+    """Its id."""
+    parameters: dict[str, float]
+    """Fitted values."""
+    intervals: dict[str, tuple[float, float]]
+    """95 % intervals of the parameters; of the effects found only."""
+    probability: float
+    """Among the effects of its step."""
+    distance_after: float
+    """The gap that it would leave."""
+
+
+@dataclasses.dataclass(frozen=True)
+class GapPlace:
+    """One statistic of the real capture against the simulated ones."""
+
+    stage: str
+    """Whose effects it shows first."""
+    sequence: str
+    """Name of the sequence."""
+    statistic: str
+    """For example "dot_width_x"."""
+    region: str
+    """"all", or a part of the image."""
+    unit: str
+    """Of `real` and `sim`."""
+    real: float
+    """Of the capture."""
+    sim: float
+    """Mean of the simulated captures without effects."""
+    z: float
+    """Their difference in standard deviations of single simulated captures."""
+    p_adjusted: float
+    """Its probability by chance, adjusted for the number of statistics (Holm)."""
+    z_after: float
+    """z with the effects found."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ShrinkStep:
+    """What one effect took away from the gap."""
+
+    effect: str
+    """Its id."""
+    distance_after: float
+    """The gap left by this effect and those before it."""
+    fraction: float
+    """Part of the whole gap that is gone by then."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Shrinkage:
+    """How far the gap shrinks with the effects found."""
+
+    distance_before: float
+    """Without them; 0 if none was found."""
+    distance_after: float
+    """With them."""
+    fraction: float
+    """Part of the gap that is gone."""
+    ci95: tuple[float, float]
+    """Its 95 % interval."""
+    held_out: bool
+    """True: measured on frames that no fit has seen."""
+    residual_detected: bool
+    """True: a gap remains."""
+    residual_p_value: float
+    """Probability of so large a remainder by chance."""
+    steps: tuple[ShrinkStep, ...]
+    """The effects in the order in which they were found."""
+
+
+def _number(value: Any) -> float:
+    """JSON has no infinities; the report has null for them."""
+    return math.nan if value is None else float(value)
+
+
+def _place(entry: Mapping[str, Any]) -> GapPlace:
+    members: dict[str, Any] = {name: entry[name] for name in ("stage", "sequence", "statistic", "region", "unit")}
+    members.update({name: _number(entry[name]) for name in ("real", "sim", "z", "p_adjusted", "z_after")})
+    return GapPlace(**members)
+
+
+def _ranked(entry: Mapping[str, Any]) -> RankedEffect:
+    return RankedEffect(
+        effect=entry["effect"],
+        parameters={name: _number(value) for name, value in entry["parameters"].items()},
+        intervals={name: (_number(low), _number(high)) for name, (low, high) in entry["intervals"].items()},
+        probability=_number(entry["probability"]),
+        distance_after=_number(entry["distance_after"]),
+    )
+
+
+def _shrinkage(entry: Mapping[str, Any]) -> Shrinkage:
+    low, high = entry["ci95"]
+    return Shrinkage(
+        distance_before=_number(entry["distance_before"]),
+        distance_after=_number(entry["distance_after"]),
+        fraction=_number(entry["fraction"]),
+        ci95=(_number(low), _number(high)),
+        held_out=entry["held_out"],
+        residual_detected=entry["residual_detected"],
+        residual_p_value=_number(entry["residual_p_value"]),
+        steps=tuple(
+            ShrinkStep(step["effect"], _number(step["distance_after"]), _number(step["fraction"]))
+            for step in entry["steps"]
+        ),
+    )
+
+
+class Diagnosis(Handle):
+    """What :func:`diagnose` found; ``print`` shows a summary. It never changes, and any number of threads may read it.
+
+    Attributes:
+        verdict: "none" (no gap), "named" (the effects explain it), "ambiguous" (the `equivalents` explain it equally
+            well), or "unknown" (a significant part of the gap is explained by no effect).
+        detected: True if there is a gap.
+        p_value: probability of so large a gap by chance.
+        distance: the gap beyond chance, in standard deviations of the baseline, root mean square over the statistics.
+        null_95: what chance alone exceeds once in twenty times.
+        effects: ids of the effects found, in the order in which they were found.
+        probability: of the effects named, among the candidates.
+        equivalents: ids of effects that explain the gap equally well.
+        ranking: the effects that were weighed, best first.
+        where: statistics that differ significantly, worst first.
+        shrink: how far the gap shrinks with the effects found.
+        advice: which captures would tell the equivalents apart.
+        notes: what could not be judged, and why.
+        seconds: that the diagnosis took.
+    """
+
+    _release = "clspDiagnosisRelease"
+    _pickle_advice = "its `report` is a plain dict"
+
+    def __init__(self) -> None:
+        raise TypeError("a Diagnosis is made by clspeckle.diagnose()")
+
+    @classmethod
+    def _of(cls, pointer: int | None) -> Diagnosis:
+        made = cls.__new__(cls)
+        made._adopt(pointer)
+        made._read()
+        return made
+
+    def _read(self) -> None:
+        length = ctypes.c_uint64()
+        _library.call("clspDiagnosisGetReportJson", self._get(), 0, None, ctypes.byref(length))
+        buffer = ctypes.create_string_buffer(max(1, length.value))
+        _library.call("clspDiagnosisGetReportJson", self._get(), len(buffer), buffer, None)
+        self._json = _library.text(buffer.value)
+        summary = _library.initialized(_library.ClspDiagnosisSummary)
+        _library.call("clspDiagnosisGetSummary", self._get(), ctypes.byref(summary))
+        report = self.report
+        gap, cause = report["gap"], report["cause"]
+        self.verdict: str = cause["verdict"]
+        self.detected: bool = gap["detected"]
+        self.p_value = _number(gap["p_value"])
+        self.distance = _number(gap["distance"])
+        self.null_95 = _number(gap["null_95"])
+        self.effects: tuple[str, ...] = tuple(cause["effects"])
+        self.probability = _number(cause["probability"])
+        self.equivalents: tuple[str, ...] = tuple(cause["equivalent"])
+        self.ranking = tuple(_ranked(entry) for entry in cause["ranking"])
+        self.where = tuple(_place(entry) for entry in report["where"])
+        self.shrink = _shrinkage(report["shrink"])
+        self.advice: tuple[str, ...] = tuple(
+            f"{entry['capture']} (separates {', '.join(entry['separates'])})" for entry in report["advice"]
+        )
+        self.notes: tuple[str, ...] = tuple(report["notes"])
+        self.seconds: float = summary.seconds
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The whole report, as `clspeckle diagnose --json` writes it; a new dict each time."""
+        result: dict[str, Any] = json.loads(self._json)
+        return result
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the JSON report to a file, which appears, or replaces an older one, only when it is complete."""
+        with exclusive(self):
+            _library.call("clspDiagnosisWriteReport", self._get(), _check.path(path, "path"))
+
+    def write_html(self, path: str | os.PathLike[str]) -> None:
+        """Writes the report for eyes: one HTML file with its pictures and plots, which needs no network."""
+        with exclusive(self):
+            _library.call("clspDiagnosisWriteHtml", self._get(), _check.path(path, "path"))
+
+    def _sentence(self) -> str:
+        if self.verdict == "none":
+            return f"no gap between camera and simulator is seen (p = {self.p_value:.2g})"
+        named = ", ".join(self.effects)
+        if self.verdict == "named":
+            return f"the gap is explained by {named} (probability {self.probability:.2f})"
+        if self.verdict == "ambiguous":
+            return f"the gap is explained equally well by {' or '.join(self.equivalents)}"
+        beside = f"; beside it {named} was found" if named else ""
+        return f"a significant part of the gap is explained by no effect{beside}"
+
+    def __str__(self) -> str:
+        lines = [f"{self.verdict}: {self._sentence()}"]
+        if self.detected:
+            lines.append(f"gap: {self.distance:.3g} (95 % of chance below {self.null_95:.3g}), p = {self.p_value:.2g}")
+        if self.where:
+            lines.append("where:")
+        for place in self.where[:8]:
+            unit = "" if place.unit == "1" else f" {place.unit}"
+            region = "" if place.region == "all" else f" in {place.region}"
+            lines.append(
+                f"  {place.stage}: {place.statistic}{region} of {place.sequence}: real {place.real:.4g}{unit}, sim "
+                f"{place.sim:.4g}{unit}, z = {place.z:+.1f}"
+            )
+        found = [ranked for ranked in self.ranking if ranked.intervals]
+        if found:
+            lines.append("effects:")
+        for ranked in found:
+            values = []
+            for name, value in ranked.parameters.items():
+                low, high = ranked.intervals.get(name, (math.nan, math.nan))
+                values.append(f"{name} = {value:.4g} ({low:.4g} to {high:.4g})")
+            lines.append(f"  {ranked.effect}: {', '.join(values)}")
+        if self.shrink.steps:
+            on = "held-out frames" if self.shrink.held_out else "the frames of the fit"
+            low, high = self.shrink.ci95
+            lines.append(
+                f"shrinks: {self.shrink.distance_before:.3g} to {self.shrink.distance_after:.3g}, "
+                f"{100 * self.shrink.fraction:.0f} % ({100 * low:.0f} to {100 * high:.0f} %) on {on}"
+            )
+            rest = "a gap remains" if self.shrink.residual_detected else "nothing significant remains"
+            lines.append(f"residual: {rest} (p = {self.shrink.residual_p_value:.2g})")
+        lines += [f"advice: {advice}" for advice in self.advice]
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    def _state(self) -> str:
+        return self.verdict if not self.closed else "closed"
+
+
+def _range_of(given: Sequence[float], name: str) -> tuple[float, float, float, float]:
+    """Weak, strong, minimum, maximum."""
+    try:
+        numbers = [_check.real(value, name) for value in given]
+    except TypeError:
+        raise TypeError(
+            f"{name} must be (weak, strong) or (weak, strong, minimum, maximum), got {_check.kind(given)}"
+        ) from None
+    if isinstance(given, (str, bytes)) or len(numbers) not in (2, 4):
+        raise TypeError(f"{name} must be (weak, strong) or (weak, strong, minimum, maximum), got {_check.kind(given)}")
+    if len(numbers) == 4:
+        return numbers[0], numbers[1], numbers[2], numbers[3]
+    low, high = min(numbers), max(numbers)
+    span = high - low or abs(high)
+    minimum, maximum = low - 2 * span, high + 2 * span
+    if low >= 0:
+        minimum = max(0.0, minimum)
+    if high <= 0:
+        maximum = min(0.0, maximum)
+    return numbers[0], numbers[1], minimum, maximum
+
+
+class _Call:
+    """One call of clspDiagnose(): keeps what C points to, and the first exception of the user's functions."""
+
+    def __init__(self) -> None:
+        self.thrown: BaseException | None = None
+        self.interrupted = False
+        self.kept: list[Any] = []
+
+    def keep(self, value: Any) -> Any:
+        self.kept.append(value)
+        return value
+
+    @contextlib.contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Ctrl-C during the call cancels it. Python's own handler would raise within a callback before its first line,
+        where nothing can catch it."""
+        handler = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is not threading.main_thread() or not callable(handler):
+            yield
+            return
+
+        def note(_number: int, _frame: Any) -> None:
+            self.interrupted = True
+
+        signal.signal(signal.SIGINT, note)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, handler)
+            if self.interrupted:
+                handler(signal.SIGINT, sys._getframe())
+
+    def progress(self, report: Progress | None) -> Any:
+        def tell(_data: int | None, what: bytes, fraction: float) -> int:
+            try:
+                if self.interrupted or self.thrown is not None:
+                    return 0
+                return 0 if report is not None and report(_library.text(what), fraction) is False else 1
+            except BaseException as error:
+                self.thrown = self.thrown or error
+                return 0
+
+        return self.keep(_library.PROGRESS_FUNCTION(tell))
+
+    def hypothesis(self, hypothesis: Hypothesis) -> _library.ClspHypothesis:
+        if not isinstance(hypothesis, Hypothesis):
+            raise TypeError(f"hypotheses must be clspeckle.Hypothesis objects, got {_check.kind(hypothesis)}")
+        for member in ("id", "stage", "summary"):
+            if not isinstance(getattr(hypothesis, member), str):
+                raise TypeError(
+                    f"{member} of a hypothesis must be text, got {_check.kind(getattr(hypothesis, member))}"
+                )
+        name = hypothesis.id
+        if not callable(hypothesis.apply):
+            raise TypeError(f"apply of the hypothesis {name!r} must be a function, got {_check.kind(hypothesis.apply)}")
+        if not isinstance(hypothesis.parameters, Mapping):
+            raise TypeError(
+                f"parameters of the hypothesis {name!r} must be a dict of name to (weak, strong), got "
+                f"{_check.kind(hypothesis.parameters)}"
+            )
+        if hypothesis.stage not in _STAGES:
+            raise errors.InvalidArgumentError(
+                f"stage of the hypothesis {name!r} is {hypothesis.stage!r}, expected {_check.one_of(_STAGES)}"
+                f"{_check.nearest(hypothesis.stage, _STAGES)}"
+            )
+        names = list(hypothesis.parameters)
+        for unit in hypothesis.units:
+            if unit not in names:
+                raise errors.InvalidArgumentError(f"units of the hypothesis {name!r} names {unit!r}, no parameter")
+        parameters = self.keep((_library.ClspEffectParameter * max(1, len(names)))())
+        for parameter, key in zip(parameters, names):
+            if not isinstance(key, str) or not key.isidentifier() or key in _KEYWORDS:
+                raise errors.InvalidArgumentError(
+                    f"the parameter {key!r} of the hypothesis {name!r} must be a name that `apply` can have as an "
+                    f"argument, other than {', '.join(_KEYWORDS)}"
+                )
+            where = f"parameters[{key!r}] of the hypothesis {name!r}"
+            parameter.name = _fitting(key, 32, where)
+            parameter.unit = _fitting(hypothesis.units.get(key, "1"), 16, f"the unit of {where}")
+            numbers = _range_of(hypothesis.parameters[key], where)
+            parameter.weak, parameter.strong, parameter.minimum, parameter.maximum = numbers
+        struct = _library.initialized(_library.ClspHypothesis)
+        struct.point = _check.choice(hypothesis.point, f"point of the hypothesis {name!r}", _POINTS)
+        for member in ("id", "stage", "summary"):
+            setattr(struct, member, _check.no_null(getattr(hypothesis, member).encode(), member))
+        struct.parameters = parameters
+        struct.parameter_count = len(names)
+        struct.apply = self.keep(_library.HYPOTHESIS_FUNCTION(self._applier(hypothesis, names)))
+        return struct
+
+    def _applier(self, hypothesis: Hypothesis, names: list[str]) -> Callable[[int | None, Any], int]:
+        def apply(_data: int | None, pointer: Any) -> int:
+            try:
+                if self.interrupted:
+                    return 1
+                frame = pointer.contents
+                shape = (frame.height, frame.width)
+                view = np.ctypeslib.as_array(frame.pixels, shape=shape)
+                pixels = view.copy()  # whoever keeps it keeps memory of Python's
+                result = hypothesis.apply(
+                    pixels,
+                    sequence=_library.text(frame.sequence_name),
+                    frame_index=frame.frame_index,
+                    seed=frame.seed,
+                    **{name: frame.values[i] for i, name in enumerate(names)},
+                )
+                what = f"what the hypothesis {hypothesis.id!r} returned"
+                view[...] = pixels if result is None else _check.float_plane(result, what, shape)
+                return 0
+            except BaseException as error:
+                self.thrown = self.thrown or error
+                return 1
+
+        return apply
+
+
+def _fitting(text: Any, size: int, what: str) -> bytes:
+    if not isinstance(text, str):
+        raise TypeError(f"{what} must be text, got {_check.kind(text)}")
+    encoded = _check.no_null(text.encode(), what)
+    if not 0 < len(encoded) < size:
+        raise errors.InvalidArgumentError(f"{what} is {text!r}, expected 1 to {size - 1} bytes")
+    return encoded
+
+
+class _Bar:
+    """A progress bar on standard error."""
+
+    def __init__(self) -> None:
+        self.drawn = -math.inf
+        self.width = 0
+
+    def __call__(self, what: str, fraction: float) -> None:
+        now = time.monotonic()
+        if now - self.drawn < 0.1:
+            return
+        self.drawn = now
+        full = int(30 * fraction)
+        line = f"[{'=' * full}{' ' * (30 - full)}] {100 * fraction:3.0f} % {what}"
+        sys.stderr.write("\r" + line.ljust(self.width))
+        sys.stderr.flush()
+        self.width = len(line)
+
+    def clear(self) -> None:
+        if self.width:
+            sys.stderr.write("\r" + " " * self.width + "\r")
+            sys.stderr.flush()
+
+
+def _capture(
+    capture: CaptureLike, camera: Mapping[str, Any] | None, dots_px: npt.ArrayLike | None, dots_sigma_px: float | None
+) -> Capture:
+    if isinstance(capture, Mapping):
+        return Capture.from_arrays(capture, camera=camera, dots_px=dots_px, dots_sigma_px=dots_sigma_px)
+    if camera is not None or dots_px is not None or dots_sigma_px is not None:
+        raise TypeError(
+            "camera, dots_px and dots_sigma_px belong to a dict of arrays; a Capture or a folder has its own"
+        )
+    if isinstance(capture, Capture):
+        return capture
+    if isinstance(capture, (str, os.PathLike)):
+        return Capture.open(capture)
+    raise TypeError(
+        f"capture must be a Capture, the folder of one, or a dict of name to codes, got {_check.kind(capture)}"
+    )
+
+
+def _ids(without: Iterable[str]) -> list[bytes]:
+    if isinstance(without, (str, bytes)):
+        raise TypeError(f"without must be a list of ids, got {_check.kind(without)}; write [{without!r}]")
+    result = []
+    for value in without:
+        if not isinstance(value, str):
+            raise TypeError(f"without must be a list of ids of effects, got {_check.kind(value)} in it")
+        result.append(_check.no_null(value.encode(), "without"))
+    return result
+
+
+def diagnose(
+    capture: CaptureLike,
+    *,
+    seed: int | None = None,
+    without: Iterable[str] = (),
+    hypotheses: Iterable[Hypothesis] = (),
+    level: float | None = None,
+    null_replicates: int | None = None,
+    max_effects: int | None = None,
+    threads: int | None = None,
+    evidence: bool | None = None,
+    progress: bool | Progress | None = None,
+    camera: Mapping[str, Any] | None = None,
+    dots_px: npt.ArrayLike | None = None,
+    dots_sigma_px: float | None = None,
+    context: Context | None = None,
+) -> Diagnosis:
+    """Compares a real capture with the simulator: is there a gap, where, what causes it, how far does it shrink.
+
+    Blocks, for about a minute with six sequences of 40 frames on two processor cores; Ctrl-C cancels. The same seed
+    gives the same report.
+
+    Args:
+        capture: a :class:`Capture`, the folder of a capture set, or a dict of name to codes as for
+            :meth:`Capture.from_arrays`.
+        seed: of the simulated captures; None: 0.
+        without: ids of effects that are no candidates.
+        hypotheses: effects of one's own, which join the catalogue's.
+        level: probability of seeing a gap where there is none, 1e-6 to 0.5; None: 0.02.
+        null_replicates: simulated captures without effects, 12 to 100000; None: 48.
+        max_effects: effects in one explanation at most, 1 to 64; None: 6.
+        threads: of the host, 1 to 1024; None: as many as the machine has. The report does not depend on it.
+        evidence: False: no pictures and curves are collected for :meth:`Diagnosis.write_html`; None: True.
+        progress: True: a bar on standard error; or a function of (what is being done, fraction done), which cancels by
+            returning False. It is called often, on this thread.
+        camera, dots_px, dots_sigma_px: of a dict of codes, as for :meth:`Capture.from_arrays`.
+        context: whose device simulates; None for :func:`default_context`.
+
+    Raises:
+        CancelledError: the progress function returned False.
+        InvalidDataError: the capture cannot be judged, or a hypothesis made pixels that are not finite.
+
+    What a hypothesis or the progress function raises ends the diagnosis and is raised here.
+    """
+    call = _Call()
+    desc = _library.initialized(_library.ClspDiagnoseDesc)
+    given = {"null_replicates": null_replicates, "max_effects": max_effects, "threads": threads, "seed": seed}
+    bits = {"null_replicates": 32, "max_effects": 32, "threads": 32, "seed": 64}
+    _check.assign(desc, {**given, "level": level}, bits, ("level",))
+    if evidence is not None:
+        desc.evidence = _check.flag(evidence, "evidence")
+    ids = _ids(without)
+    desc.without = call.keep((ctypes.c_char_p * max(1, len(ids)))(*ids))
+    desc.without_count = len(ids)
+    structs = [call.hypothesis(hypothesis) for hypothesis in hypotheses]
+    pointers = [ctypes.pointer(struct) for struct in structs]
+    desc.hypotheses = call.keep((ctypes.POINTER(_library.ClspHypothesis) * max(1, len(pointers)))(*pointers))
+    desc.hypothesis_count = len(structs)
+    if progress is not None and not isinstance(progress, bool) and not callable(progress):
+        raise TypeError(f"progress must be True, False, None or a function, got {_check.kind(progress)}")
+    bar = _Bar() if progress is True else None
+    report: Progress | None = progress if callable(progress) else bar
+    desc.progress = call.progress(report)
+    opened = _capture(capture, camera, dots_px, dots_sigma_px)
+    device = resolve_context(context)
+    try:
+        with call.interruptible():
+            return Diagnosis._of(create("clspDiagnose", device._get(), opened._get(), ctypes.byref(desc)))
+    except errors.ClspeckleError as error:
+        if call.thrown is not None:
+            raise call.thrown from error
+        raise
+    finally:
+        if bar is not None:
+            bar.clear()
+        if opened is not capture:
+            opened.close()

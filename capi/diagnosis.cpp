@@ -1,0 +1,446 @@
+#include "clspeckle/diagnosis.h"
+
+#include "attribution/diagnosis.hpp"
+#include "capture/capture_validation.hpp"
+#include "capture_handle.hpp"
+#include "image_io/image_io.hpp"
+#include "report/report_html.hpp"
+#include "report/report_json.hpp"
+#include "status.hpp"
+#include "structs.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+
+using namespace clsp;
+using namespace clsp::capi;
+
+namespace clsp::capi {
+
+template <> struct HandleTraits<ClspDiagnosis> {
+    using Object = const DiagnosisResult;
+    static constexpr const char *kName = "diagnosis";
+};
+
+} // namespace clsp::capi
+
+namespace {
+
+static_assert(static_cast<std::uint32_t>(HypothesisPoint::kIrradiance) == CLSP_HYPOTHESIS_IRRADIANCE,
+              "HypothesisPoint and CLSP_HYPOTHESIS_* must agree");
+static_assert(static_cast<std::uint32_t>(HypothesisPoint::kCodes) == CLSP_HYPOTHESIS_CODES,
+              "HypothesisPoint and CLSP_HYPOTHESIS_* must agree");
+
+constexpr std::uint32_t kLeastReplicates = 12, kMostReplicates = 100000;
+constexpr std::uint32_t kMostEffects = 64;
+constexpr std::uint32_t kMostThreads = 1024;
+constexpr double kLeastLevel = 1e-6, kMostLevel = 0.5;
+constexpr std::uint32_t kMostWithout = 4096;
+constexpr std::array<std::string_view, 6> kStages = {"laser", "doe", "surface", "motion", "optics", "sensor"};
+
+ClspHypothesis hypothesis_defaults() {
+    ClspHypothesis hypothesis{};
+    hypothesis.struct_size = sizeof hypothesis;
+    hypothesis.point = CLSP_HYPOTHESIS_INTENSITY;
+    return hypothesis;
+}
+
+ClspDiagnoseDesc diagnose_defaults() {
+    const DiagnosisOptions options;
+    ClspDiagnoseDesc desc{};
+    desc.struct_size = sizeof desc;
+    desc.null_replicates = options.null_replicates;
+    desc.max_effects = options.max_effects;
+    desc.threads = options.threads;
+    desc.seed = options.seed;
+    desc.level = options.level;
+    desc.evidence = options.evidence ? 1 : 0;
+    return desc;
+}
+
+void check_range(std::uint32_t value, std::uint32_t least, std::uint32_t most, const char *name) {
+    if (value < least || value > most)
+        throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {}", name, value, least, most));
+}
+
+// Text of a fixed array of the C structs, cut to fit.
+template <std::size_t Size> void copy_text(char (&to)[Size], const std::string &from) {
+    const std::size_t length = std::min(from.size(), Size - 1);
+    std::memcpy(to, from.data(), length);
+    std::memset(to + length, 0, Size - length);
+}
+
+template <std::size_t Size> std::string fixed_text(const char (&from)[Size], const std::string &what) {
+    const auto *end = static_cast<const char *>(std::memchr(from, '\0', Size));
+    if (!end)
+        throw Error(Status::kInvalidArgument, fmt::format("{} does not end with a 0 within its {} bytes", what, Size));
+    return {from, end};
+}
+
+// A text getter: what of it fits, and its whole size.
+void give_text(const std::string &value, std::uint64_t capacity, char *text, std::uint64_t *length, const char *name) {
+    if (capacity > 0) {
+        required(text, name);
+        const std::size_t copied = std::min<std::size_t>(value.size(), capacity - 1);
+        std::memcpy(text, value.data(), copied);
+        text[copied] = '\0';
+    }
+    if (length)
+        *length = value.size() + 1;
+}
+
+template <typename T> const T &item(const std::vector<T> &list, std::uint32_t index, const char *what) {
+    if (index >= list.size())
+        throw Error(Status::kInvalidArgument, list.empty() ? fmt::format("index is {}, there are no {}", index, what)
+                                                           : fmt::format("index is {}, there are {} {} (numbered from "
+                                                                         "0)",
+                                                                         index, list.size(), what));
+    return list[index];
+}
+
+std::uint32_t count_of(std::size_t size) {
+    return static_cast<std::uint32_t>(size);
+}
+
+// Calls a hypothesis of the C interface.
+void call_hypothesis(ClspHypothesisFunction function, void *user_data, const Hypothesis &hypothesis,
+                     const HypothesisFrame &f) {
+    const CaptureLayout &layout = *f.layout;
+    const SequenceLayout &sequence = layout.sequences[f.sequence];
+    ClspHypothesisFrame frame{};
+    frame.struct_size = sizeof frame;
+    frame.width = layout.width;
+    frame.height = layout.height;
+    frame.bits = layout.bits;
+    frame.sequence = count_of(f.sequence);
+    frame.scene = static_cast<std::uint32_t>(sequence.scene);
+    frame.moving = sequence.moving ? 1 : 0;
+    frame.frame_index = f.frame_index;
+    frame.seed = f.seed;
+    frame.parameter_count = count_of(hypothesis.parameters.size());
+    frame.sequence_name = sequence.name.c_str();
+    frame.values = f.values;
+    frame.pixels = f.pixels;
+    frame.f_number = sequence.f_number > 0.0 ? sequence.f_number : layout.f_number;
+    frame.pixel_pitch_m = layout.pixel_pitch_m;
+    frame.wavelength_m = layout.wavelength_m;
+    if (const std::int32_t returned = function(user_data, &frame); returned != 0)
+        throw Error(Status::kInvalidData, fmt::format("its function returned {}, not 0", returned));
+}
+
+Hypothesis checked_hypothesis(const ClspHypothesis *user, std::uint32_t index) {
+    const std::string where = fmt::format("desc->hypotheses[{}]", index);
+    const ClspHypothesis h = read_struct(user, hypothesis_defaults(), where.c_str());
+    check_reserved(h.reserved, (where + "->reserved").c_str());
+    Hypothesis result;
+    result.id = &required(h.id, (where + "->id").c_str());
+    const bool letters = std::all_of(result.id.begin(), result.id.end(), [](unsigned char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
+               c == '.';
+    });
+    if (result.id.empty() || result.id.size() > sizeof(ClspDiagnosisRanked::effect) - 1 || !letters)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{}->id is \"{}\", it must be 1 to {} letters, digits, '_', '-' and '.'", where,
+                                result.id, sizeof(ClspDiagnosisRanked::effect) - 1));
+    const std::string named = fmt::format("of the hypothesis \"{}\"", result.id);
+    result.stage = &required(h.stage, ("the stage " + named).c_str());
+    if (std::find(kStages.begin(), kStages.end(), result.stage) == kStages.end())
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the stage {} is \"{}\", it must be laser, doe, surface, motion, optics or sensor",
+                                named, result.stage));
+    if (h.summary)
+        result.summary = h.summary;
+    if (h.point > CLSP_HYPOTHESIS_CODES)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the point {} is {}, it must be 0 (irradiance), 1 (intensity) or 2 (codes)", named, h.point));
+    result.point = static_cast<HypothesisPoint>(h.point);
+    if (h.parameter_count < 1 || h.parameter_count > CLSP_MAX_EFFECT_PARAMETERS)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("parameter_count {} is {}, it must be 1 to {}: without a parameter there is nothing to "
+                                "fit",
+                                named, h.parameter_count, CLSP_MAX_EFFECT_PARAMETERS));
+    required(h.parameters, ("the list of parameters " + named).c_str());
+    for (std::uint32_t i = 0; i < h.parameter_count; ++i) {
+        const ClspEffectParameter &p = h.parameters[i];
+        const std::string which = fmt::format("parameters[{}] {}", i, named);
+        result.parameters.push_back({fixed_text(p.name, "the name of " + which),
+                                     fixed_text(p.unit, "the unit of " + which), p.minimum, p.maximum, p.weak,
+                                     p.strong});
+    }
+    if (!h.apply)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("apply {} is NULL; give the function that changes the pixels", named));
+    Hypothesis description = result; // what `apply` needs of it
+    result.apply = [function = h.apply, data = h.user_data, description](const HypothesisFrame &frame) {
+        call_hypothesis(function, data, description, frame);
+    };
+    return result;
+}
+
+DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
+    const ClspDiagnoseDesc d = user ? read_struct(user, diagnose_defaults(), "desc") : diagnose_defaults();
+    check_range(d.null_replicates, kLeastReplicates, kMostReplicates, "desc->null_replicates");
+    check_range(d.max_effects, 1, kMostEffects, "desc->max_effects");
+    check_range(d.threads, 0, kMostThreads, "desc->threads");
+    check_range(d.without_count, 0, kMostWithout, "desc->without_count");
+    check_range(d.hypothesis_count, 0, CLSP_MAX_HYPOTHESES, "desc->hypothesis_count");
+    if (!(d.level >= kLeastLevel && d.level <= kMostLevel)) // also NaN
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("desc->level is {}, it must be {} to {}", d.level, kLeastLevel, kMostLevel));
+    DiagnosisOptions options;
+    options.seed = d.seed;
+    options.null_replicates = d.null_replicates;
+    options.level = d.level;
+    options.max_effects = d.max_effects;
+    options.threads = d.threads;
+    options.evidence = checked_flag(d.evidence, "desc->evidence");
+    check_reserved(d.reserved, "desc->reserved");
+    if (d.without_count > 0)
+        required(d.without, "desc->without");
+    for (std::uint32_t i = 0; i < d.without_count; ++i)
+        options.without.emplace_back(&required(d.without[i], fmt::format("desc->without[{}]", i).c_str()));
+    std::sort(options.without.begin(), options.without.end()); // leaving one out twice is leaving it out
+    options.without.erase(std::unique(options.without.begin(), options.without.end()), options.without.end());
+    if (d.hypothesis_count > 0)
+        required(d.hypotheses, "desc->hypotheses");
+    for (std::uint32_t i = 0; i < d.hypothesis_count; ++i)
+        options.hypotheses.push_back(checked_hypothesis(d.hypotheses[i], i));
+    if (d.progress)
+        options.progress = [function = d.progress, data = d.progress_data](const std::string &what, double fraction) {
+            return function(data, what.c_str(), fraction) != 0;
+        };
+    return options;
+}
+
+// The ranking of the report: that of the first step, then what later steps added.
+std::vector<RankedEffect> whole_ranking(const DiagnosisResult &result) {
+    std::vector<RankedEffect> ranking = result.ranking;
+    for (const RankedEffect &found : result.found)
+        if (std::none_of(result.ranking.begin(), result.ranking.end(),
+                         [&](const RankedEffect &other) { return other.effect == found.effect; }))
+            ranking.push_back(found);
+    return ranking;
+}
+
+const Candidate *find_candidate(const DiagnosisResult &result, const std::string &id) {
+    const auto found = std::find_if(result.candidates.begin(), result.candidates.end(),
+                                    [&](const Candidate &candidate) { return candidate.id == id; });
+    return found == result.candidates.end() ? nullptr : &*found;
+}
+
+void write_file(const char *path, const std::string &text) {
+    namespace fs = std::filesystem;
+    if (*path == '\0')
+        throw Error(Status::kInvalidArgument, "path is empty; name a file");
+    std::error_code code;
+    fs::path target(path);
+    // What is put in place by renaming must not take the place of a device, a pipe or a link.
+    if (fs::is_symlink(target, code))
+        target = fs::weakly_canonical(target, code);
+    if (fs::exists(target, code) && !fs::is_regular_file(target, code))
+        throw Error(Status::kIo, fmt::format("{}: is no regular file; name another one", path));
+    try {
+        image_io::write_text(target.string(), text);
+    } catch (const image_io::WriteError &error) {
+        throw Error(Status::kIo, error.what());
+    }
+}
+
+} // namespace
+
+extern "C" {
+
+CLSP_API ClspStatus clspHypothesisInit(ClspHypothesis *hypothesis, uint32_t struct_size) {
+    return guarded("clspHypothesisInit",
+                   [&] { init_struct(hypothesis, struct_size, hypothesis_defaults(), "hypothesis"); });
+}
+
+CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct_size) {
+    return guarded("clspDiagnoseDescInit", [&] { init_struct(desc, struct_size, diagnose_defaults(), "desc"); });
+}
+
+CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const ClspDiagnoseDesc *desc,
+                                 ClspDiagnosis *diagnosis) {
+    return guarded("clspDiagnose", [&] {
+        const auto device = object(context);
+        const auto real = object(capture);
+        required(diagnosis, "diagnosis");
+        const DiagnosisOptions options = diagnosis_options(desc);
+        validate_capture(*real);
+        give(diagnosis, std::make_shared<const DiagnosisResult>(diagnose(device, *real, options)));
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisRetain(ClspDiagnosis diagnosis) {
+    return guarded("clspDiagnosisRetain", [&] { HandleTable<ClspDiagnosis>::instance().retain(diagnosis); });
+}
+
+CLSP_API ClspStatus clspDiagnosisRelease(ClspDiagnosis diagnosis) {
+    return guarded("clspDiagnosisRelease", [&] { HandleTable<ClspDiagnosis>::instance().release(diagnosis); });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnosisSummary *summary) {
+    return guarded("clspDiagnosisGetSummary", [&] {
+        const auto d = object(diagnosis);
+        ClspDiagnosisSummary result{};
+        switch (d->verdict) {
+        case Verdict::kNone:
+            result.verdict = CLSP_VERDICT_NONE;
+            break;
+        case Verdict::kNamed:
+            result.verdict = CLSP_VERDICT_NAMED;
+            break;
+        case Verdict::kAmbiguous:
+            result.verdict = CLSP_VERDICT_AMBIGUOUS;
+            break;
+        case Verdict::kUnknown:
+            result.verdict = CLSP_VERDICT_UNKNOWN;
+            break;
+        }
+        result.detected = d->detected ? 1 : 0;
+        result.residual_detected = d->residual_detected ? 1 : 0;
+        result.held_out = d->held_out ? 1 : 0;
+        result.effect_count = count_of(d->effects.size());
+        result.equivalent_count = count_of(d->equivalent.size());
+        result.ranked_count = count_of(whole_ranking(*d).size());
+        result.parameter_count = count_of(d->parameters.size());
+        result.place_count = count_of(d->places.size());
+        result.step_count = count_of(d->steps.size());
+        result.note_count = count_of(d->notes.size());
+        result.seed = d->seed;
+        result.level = d->level;
+        result.p_value = d->p_value;
+        result.distance = d->distance;
+        result.null_95 = d->null_95;
+        result.probability = d->probability;
+        result.distance_before = d->distance_before;
+        result.distance_after = d->distance_after;
+        result.fraction = d->fraction;
+        result.fraction_95[0] = d->fraction_95[0];
+        result.fraction_95[1] = d->fraction_95[1];
+        result.residual_p_value = d->residual_p_value;
+        result.seconds = d->seconds;
+        write_struct(required(summary, "summary"), result, "summary");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetEffect(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *id,
+                                           uint64_t *length) {
+    return guarded("clspDiagnosisGetEffect", [&] {
+        const auto d = object(diagnosis);
+        give_text(item(d->effects, index, "effects"), capacity, id, length, "id");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetEquivalent(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *id,
+                                               uint64_t *length) {
+    return guarded("clspDiagnosisGetEquivalent", [&] {
+        const auto d = object(diagnosis);
+        give_text(item(d->equivalent, index, "equivalent effects"), capacity, id, length, "id");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetNote(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *text,
+                                         uint64_t *length) {
+    return guarded("clspDiagnosisGetNote", [&] {
+        const auto d = object(diagnosis);
+        give_text(item(d->notes, index, "notes"), capacity, text, length, "text");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetRanked(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisRanked *ranked) {
+    return guarded("clspDiagnosisGetRanked", [&] {
+        const auto d = object(diagnosis);
+        const std::vector<RankedEffect> ranking = whole_ranking(*d);
+        const RankedEffect &from = item(ranking, index, "ranked effects");
+        ClspDiagnosisRanked result{};
+        copy_text(result.effect, from.effect);
+        if (const Candidate *candidate = find_candidate(*d, from.effect))
+            copy_text(result.stage, candidate->stage);
+        result.parameter_count = std::min(count_of(from.values.size()), CLSP_MAX_EFFECT_PARAMETERS);
+        std::copy_n(from.values.begin(), result.parameter_count, result.values);
+        result.simulated = from.simulated ? 1 : 0;
+        result.probability = from.probability;
+        result.distance_after = from.distance_after;
+        result.gain = from.gain;
+        write_struct(required(ranked, "ranked"), result, "ranked");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetParameter(ClspDiagnosis diagnosis, uint32_t index,
+                                              ClspDiagnosisParameter *parameter) {
+    return guarded("clspDiagnosisGetParameter", [&] {
+        const auto d = object(diagnosis);
+        const FittedParameter &from = item(d->parameters, index, "fitted parameters");
+        ClspDiagnosisParameter result{};
+        copy_text(result.effect, from.effect);
+        copy_text(result.name, from.name);
+        if (const Candidate *candidate = find_candidate(*d, from.effect))
+            for (const HypothesisParameter &p : candidate->parameters)
+                if (p.name == from.name)
+                    copy_text(result.unit, p.unit);
+        result.value = from.value;
+        result.low = from.low;
+        result.high = from.high;
+        write_struct(required(parameter, "parameter"), result, "parameter");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisPlace *place) {
+    return guarded("clspDiagnosisGetPlace", [&] {
+        const auto d = object(diagnosis);
+        const GapPlace &from = item(d->places, index, "statistics");
+        ClspDiagnosisPlace result{};
+        copy_text(result.stage, from.statistic.stage);
+        copy_text(result.sequence, from.statistic.sequence);
+        copy_text(result.statistic, from.statistic.name);
+        copy_text(result.region, from.statistic.region);
+        copy_text(result.unit, from.statistic.unit);
+        result.real = from.real;
+        result.sim = from.sim;
+        result.z = from.z;
+        result.p_adjusted = from.p_adjusted;
+        result.z_after = from.z_after;
+        write_struct(required(place, "place"), result, "place");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetStep(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisStep *step) {
+    return guarded("clspDiagnosisGetStep", [&] {
+        const auto d = object(diagnosis);
+        const ShrinkStep &from = item(d->steps, index, "steps");
+        ClspDiagnosisStep result{};
+        copy_text(result.effect, from.effect);
+        result.distance_after = from.distance_after;
+        result.fraction = from.fraction;
+        write_struct(required(step, "step"), result, "step");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetReportJson(ClspDiagnosis diagnosis, uint64_t capacity, char *text,
+                                               uint64_t *length) {
+    return guarded("clspDiagnosisGetReportJson", [&] {
+        const auto d = object(diagnosis);
+        give_text(report_json(*d), capacity, text, length, "text");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisWriteReport(ClspDiagnosis diagnosis, const char *path) {
+    return guarded("clspDiagnosisWriteReport", [&] {
+        const auto d = object(diagnosis);
+        write_file(&required(path, "path"), report_json(*d) + "\n");
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisWriteHtml(ClspDiagnosis diagnosis, const char *path) {
+    return guarded("clspDiagnosisWriteHtml", [&] {
+        const auto d = object(diagnosis);
+        write_file(&required(path, "path"), report_html(*d));
+    });
+}
+
+} // extern "C"

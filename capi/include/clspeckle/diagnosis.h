@@ -1,0 +1,244 @@
+/**
+ * @file diagnosis.h
+ * @brief The gap between a real camera and the simulator: whether there is one, where it lies, what causes it, how far it shrinks.
+ *
+ * clspDiagnose() compares a capture (capture.h) with frames of the simulator that are calibrated and measured alike, and fits the effects
+ * of the catalogue (effects.h) and the caller's own hypotheses. docs/diagnosis.md explains the method and every number of the report.
+ *
+ * Thread rule: clspDiagnose() blocks; any number of threads may diagnose at the same time, also the same capture. Its callbacks are called
+ * on the thread that called it, one at a time. A diagnosis is complete and never changes: any number of threads may read it at once.
+ */
+#ifndef CLSPECKLE_DIAGNOSIS_H
+#define CLSPECKLE_DIAGNOSIS_H
+
+#include "capture.h"
+#include "effects.h"
+#include "types.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** @name Verdicts */
+/** @{ */
+#define CLSP_VERDICT_NONE 0u      /**< No gap at the stated level. */
+#define CLSP_VERDICT_NAMED 1u     /**< One effect, or the smallest set of effects that is needed, explains the gap. */
+#define CLSP_VERDICT_AMBIGUOUS 2u /**< Two or more effects explain it equally well: the equivalents. */
+#define CLSP_VERDICT_UNKNOWN 3u   /**< A significant part of the gap is explained by no effect that was a candidate. */
+/** @} */
+
+/** @name Where a hypothesis acts */
+/** @{ */
+#define CLSP_HYPOTHESIS_IRRADIANCE 0u /**< On the ideal image, before the speckle forms; never negative. Not in the dark. */
+#define CLSP_HYPOTHESIS_INTENSITY 1u  /**< Behind the lens, before the sensor; 1 is the mean of flat and board. Not in the dark. */
+#define CLSP_HYPOTHESIS_CODES 2u      /**< On the sensor's codes, which are rounded to 0 ... 2^bits - 1 after the call. */
+/** @} */
+
+#define CLSP_MAX_HYPOTHESES 64u /**< Hypotheses of one diagnosis. */
+
+/** One frame that a hypothesis changes. Filled by the library. */
+typedef struct ClspHypothesisFrame {
+    uint32_t struct_size;      /**< Size of the struct as the library knows it. */
+    uint32_t width;            /**< Columns. */
+    uint32_t height;           /**< Rows. */
+    uint32_t bits;             /**< Of a code. */
+    uint32_t sequence;         /**< Number of the sequence in the capture. */
+    uint32_t scene;            /**< CLSP_SCENE_*. */
+    uint32_t moving;           /**< 0 or 1. */
+    uint32_t frame_index;      /**< From 0, within the sequence. */
+    uint64_t seed;             /**< Of the simulated capture. What is random must depend on seed, sequence and frame_index alone; a pattern
+                                    that belongs to the camera on seed alone. */
+    uint32_t parameter_count;  /**< Of `values`. */
+    uint32_t reserved;         /**< 0. */
+    const char *sequence_name; /**< The sequence's name. */
+    const double *values;      /**< The hypothesis's parameters, in order. */
+    float *pixels;             /**< height x width, row by row; changed in place. */
+    double f_number;           /**< Of the sequence. */
+    double pixel_pitch_m;      /**< The camera's, in metres. */
+    double wavelength_m;       /**< The laser's, in metres. */
+} ClspHypothesisFrame;
+
+/** Changes frame->pixels. Called on the thread of clspDiagnose().
+ *  @return 0; anything else ends the diagnosis with CLSP_ERROR_INVALID_DATA. */
+typedef int32_t (*ClspHypothesisFunction)(void *user_data, const ClspHypothesisFrame *frame);
+
+/** An effect of the caller's own. Everything is copied; `apply` and `user_data` must be good until clspDiagnose() returns. */
+typedef struct ClspHypothesis {
+    uint32_t struct_size;     /**< Size of the struct as the caller knows it. */
+    uint32_t point;           /**< CLSP_HYPOTHESIS_*; default INTENSITY. */
+    const char *id;           /**< 1 to 31 letters, digits, '_', '-' and '.'; neither the catalogue's nor another hypothesis's. */
+    const char *stage;        /**< "laser", "doe", "surface", "motion", "optics" or "sensor". */
+    const char *summary;      /**< What happens; NULL (default): no text. */
+    const ClspEffectParameter *parameters; /**< Weak and strong lie within minimum and maximum; all parameters move together. */
+    uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
+    uint32_t reserved;        /**< 0. */
+    ClspHypothesisFunction apply; /**< What it does to a frame. The same arguments must give the same pixels. */
+    void *user_data;          /**< Handed to `apply`; default NULL. */
+} ClspHypothesis;
+
+/**
+ * Told how far a diagnosis is; called often, on the thread of clspDiagnose().
+ * @param what what is being done, in words; good until the return.
+ * @param fraction 0 to 1, never less than before.
+ * @return 0 to cancel, anything else to go on.
+ */
+typedef int32_t (*ClspProgressFunction)(void *user_data, const char *what, double fraction);
+
+/** How to diagnose. */
+typedef struct ClspDiagnoseDesc {
+    uint32_t struct_size;      /**< Size of the struct as the caller knows it. */
+    uint32_t null_replicates;  /**< Simulated captures without effects, 12 to 100000; default 48. More: finer p-values, slower. */
+    uint32_t max_effects;      /**< Effects in one explanation at most, 1 to 64; default 6. */
+    uint32_t threads;          /**< Of the host, 1 to 1024; 0 (default): as many as the machine has. The report does not depend on it. */
+    uint64_t seed;             /**< Of the simulated captures; default 0. The same seed gives the same report. */
+    double level;              /**< Probability of seeing a gap where there is none, 1e-6 to 0.5; default 0.02. */
+    const char *const *without; /**< Ids of effects that are no candidates; NULL (default): all are. */
+    uint32_t without_count;    /**< How many; default 0. */
+    uint32_t hypothesis_count; /**< 0 (default) to CLSP_MAX_HYPOTHESES. */
+    const ClspHypothesis *const *hypotheses; /**< Pointers to the caller's own effects, which join the catalogue's; default NULL. */
+    ClspProgressFunction progress; /**< NULL (default): nobody is told. */
+    void *progress_data;       /**< Handed to `progress`; default NULL. */
+    uint32_t evidence;         /**< 1 (default): pictures and curves for clspDiagnosisWriteHtml() are collected; 0: its page has none. */
+    uint32_t reserved;         /**< 0. */
+} ClspDiagnoseDesc;
+
+/** The numbers of a diagnosis. */
+typedef struct ClspDiagnosisSummary {
+    uint32_t struct_size;       /**< Size of the struct as the caller knows it. */
+    uint32_t verdict;           /**< CLSP_VERDICT_*. */
+    uint32_t detected;          /**< 1: there is a gap at the level. */
+    uint32_t residual_detected; /**< 1: a gap remains with the effects found. */
+    uint32_t held_out;          /**< 1: the shrinkage is measured on frames that no fit has seen; 0: too few frames for that. */
+    uint32_t effect_count;      /**< Of clspDiagnosisGetEffect(). */
+    uint32_t equivalent_count;  /**< Of clspDiagnosisGetEquivalent(). */
+    uint32_t ranked_count;      /**< Of clspDiagnosisGetRanked(). */
+    uint32_t parameter_count;   /**< Of clspDiagnosisGetParameter(). */
+    uint32_t place_count;       /**< Of clspDiagnosisGetPlace(). */
+    uint32_t step_count;        /**< Of clspDiagnosisGetStep(). */
+    uint32_t note_count;        /**< Of clspDiagnosisGetNote(). */
+    uint64_t seed;              /**< Of the simulated captures. */
+    double level;               /**< As asked for. */
+    double p_value;             /**< Probability of so large a gap by chance. */
+    double distance;            /**< The gap beyond chance, in standard deviations of the baseline, root mean square over the statistics. */
+    double null_95;             /**< What chance alone exceeds once in twenty times. */
+    double probability;         /**< Of the effects named, among the candidates. */
+    double distance_before;     /**< The gap without effects; 0 if no effect was found. */
+    double distance_after;      /**< With the effects found. */
+    double fraction;            /**< Part of the gap that is gone: 1 - after / before. */
+    double fraction_95[2];      /**< Its 95 % interval. */
+    double residual_p_value;    /**< Probability of so large a remainder by chance. */
+    double seconds;             /**< That the diagnosis took. */
+} ClspDiagnosisSummary;
+
+/** An effect that was weighed. */
+typedef struct ClspDiagnosisRanked {
+    uint32_t struct_size;     /**< Size of the struct as the caller knows it. */
+    uint32_t parameter_count; /**< Of `values`. */
+    uint32_t simulated;       /**< 1: compared by simulated captures of its own; 0: by its linear response. */
+    uint32_t reserved;        /**< 0. */
+    char effect[32];          /**< Its id. */
+    char stage[16];           /**< Its stage. */
+    double values[CLSP_MAX_EFFECT_PARAMETERS]; /**< Its fitted parameters in the order of the catalogue or the hypothesis. */
+    double probability;       /**< Among the effects of its step. */
+    double distance_after;    /**< The gap that it would leave. */
+    double gain;              /**< By which it lowers the squared distance on held-out frames. */
+} ClspDiagnosisRanked;
+
+/** A fitted parameter of an effect that was found. */
+typedef struct ClspDiagnosisParameter {
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
+    uint32_t reserved;    /**< 0. */
+    char effect[32];      /**< The effect's id. */
+    char name[32];        /**< The parameter's name. */
+    char unit[16];        /**< Its unit; "1" for a plain number. */
+    double value;         /**< Fitted value. */
+    double low;           /**< 95 % interval, lower end. */
+    double high;          /**< 95 % interval, upper end. */
+} ClspDiagnosisParameter;
+
+/** One statistic of the real capture against the simulated ones. */
+typedef struct ClspDiagnosisPlace {
+    uint32_t struct_size; /**< Size of the struct as the caller knows it. */
+    uint32_t reserved;    /**< 0. */
+    char stage[16];       /**< Whose effects it shows first: "laser", "doe", "surface", "motion", "optics" or "sensor". */
+    char sequence[CLSP_MAX_CAPTURE_NAME]; /**< The sequence's name. */
+    char statistic[64];   /**< For example "dot_width_x". */
+    char region[32];      /**< "all", "r0c2" (of 3 x 3), "ring1" ... */
+    char unit[32];        /**< For example "DN", "px"; "1" for a plain number. */
+    double real;          /**< Of the capture. */
+    double sim;           /**< Mean of the simulated captures without effects. */
+    double z;             /**< Their difference in standard deviations of single simulated captures. */
+    double p_adjusted;    /**< Its probability by chance, adjusted for the number of statistics (Holm). */
+    double z_after;       /**< z with the effects found. */
+} ClspDiagnosisPlace;
+
+/** What one effect took away from the gap, in the order in which effects were found. */
+typedef struct ClspDiagnosisStep {
+    uint32_t struct_size;  /**< Size of the struct as the caller knows it. */
+    uint32_t reserved;     /**< 0. */
+    char effect[32];       /**< Its id. */
+    double distance_after; /**< The gap left by this effect and those before it. */
+    double fraction;       /**< Part of the whole gap that is gone by then. */
+} ClspDiagnosisStep;
+
+/** Writes the defaults into *hypothesis. @param struct_size sizeof(ClspHypothesis). */
+CLSP_API ClspStatus clspHypothesisInit(ClspHypothesis *hypothesis, uint32_t struct_size);
+/** Writes the defaults into *desc. @param struct_size sizeof(ClspDiagnoseDesc). */
+CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct_size);
+
+/**
+ * Diagnoses a capture; *diagnosis gets one reference. Blocks, for about a minute with six sequences of 40 frames on two processor cores.
+ * @param context whose device simulates.
+ * @param capture complete and in order (clspCaptureValidate() is called first).
+ * @param desc NULL: the defaults.
+ * @return CLSP_ERROR_CANCELLED when the progress function returned 0; CLSP_ERROR_INVALID_DATA for captures that cannot be judged, and for
+ *         hypotheses that failed or made pixels that are not finite: the message names hypothesis, sequence and frame.
+ */
+CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis);
+/** Adds a reference. */
+CLSP_API ClspStatus clspDiagnosisRetain(ClspDiagnosis diagnosis);
+/** Drops a reference; with the last one the diagnosis is gone. NULL is allowed. */
+CLSP_API ClspStatus clspDiagnosisRelease(ClspDiagnosis diagnosis);
+
+/** The numbers. @param summary with its struct_size set. */
+CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnosisSummary *summary);
+/**
+ * Id of an effect that was found, in the order in which they were found.
+ * @param index    0 to effect_count - 1.
+ * @param capacity size of `id` in bytes; the text is cut to fit and always ends with 0. No id has more than 32 bytes with its 0.
+ * @param id       NULL if capacity is 0.
+ * @param length   size of the whole id with its final 0; may be NULL.
+ */
+CLSP_API ClspStatus clspDiagnosisGetEffect(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *id, uint64_t *length);
+/** Id of an effect that explains the gap as well as the others of the equivalents; as clspDiagnosisGetEffect(). */
+CLSP_API ClspStatus clspDiagnosisGetEquivalent(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *id, uint64_t *length);
+/** Something that could not be judged, and why, in words; as clspDiagnosisGetEffect(), of any length. */
+CLSP_API ClspStatus clspDiagnosisGetNote(ClspDiagnosis diagnosis, uint32_t index, uint64_t capacity, char *text, uint64_t *length);
+/** An effect of the ranking, best first; behind them the effects found later, which were ranked in steps of their own. */
+CLSP_API ClspStatus clspDiagnosisGetRanked(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisRanked *ranked);
+/** A fitted parameter of the effects found. @param parameter with its struct_size set. */
+CLSP_API ClspStatus clspDiagnosisGetParameter(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisParameter *parameter);
+/** A statistic, worst first; all of them. @param place with its struct_size set. */
+CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisPlace *place);
+/** A step of the waterfall. @param step with its struct_size set. */
+CLSP_API ClspStatus clspDiagnosisGetStep(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisStep *step);
+
+/**
+ * The report as a JSON object, UTF-8 (the gap report format, version 1; docs/diagnosis.md lists its keys).
+ * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
+ * @param text     NULL if capacity is 0.
+ * @param length   size of the whole text with its final 0; may be NULL.
+ */
+CLSP_API ClspStatus clspDiagnosisGetReportJson(ClspDiagnosis diagnosis, uint64_t capacity, char *text, uint64_t *length);
+/** Writes the JSON report to a file, which appears, or replaces an older one, only when it is complete.
+ *  @return CLSP_ERROR_IO if it cannot be written. */
+CLSP_API ClspStatus clspDiagnosisWriteReport(ClspDiagnosis diagnosis, const char *path);
+/** Writes the report for eyes: one HTML file with its pictures and plots, which needs no network.
+ *  Otherwise as clspDiagnosisWriteReport(). */
+CLSP_API ClspStatus clspDiagnosisWriteHtml(ClspDiagnosis diagnosis, const char *path);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* CLSPECKLE_DIAGNOSIS_H */

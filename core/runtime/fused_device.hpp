@@ -1,0 +1,25 @@
+// Where the fused engine and its explicit vectors belong.
+#pragma once
+
+#include "runtime/context.hpp"
+
+#include <string>
+
+namespace clsp {
+
+// Vectors as long as the device's own, and at least 4 floats: shorter ones would only make the code scalar.
+inline std::uint32_t fused_lanes(const Context &context) {
+    const cl_uint native = context.device().getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>();
+    return native >= 16 ? 16 : native >= 8 ? 8 : 4;
+}
+
+// Why kernels with explicit vectors are not to be used on this device; "" if they are.
+inline std::string fused_engine_refusal(const Context &context) {
+    if (context.fft_choice() == FftChoice::kClfft)
+        return "CLSPECKLE_FFT is clfft";
+    if (context.fft_choice() == FftChoice::kAuto)
+        return "CLSPECKLE_FFT is not fused";
+    return {};
+}
+
+} // namespace clsp

@@ -1,0 +1,233 @@
+#include "stages/fused_passes.hpp"
+
+#include "runtime/error.hpp"
+#include "runtime/fused_codelets.hpp"
+#include "runtime/fused_device.hpp"
+#include "runtime/kernel_arguments.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr const char *kCodeletsName = "fused_codelets.h";
+
+// A tile of one line, and a point behind it that stands for lines that are not there.
+std::uint64_t tile_bytes(std::uint32_t length, std::uint32_t lanes) {
+    return (std::uint64_t{length} + 1) * 2 * lanes * sizeof(float);
+}
+
+// Two strips of columns use up the cache lines of a row between them, if their tiles leave room for what passes by.
+std::uint32_t strips_of(const Context &context, std::uint32_t length, std::uint32_t lanes) {
+    const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    return 2 * tile_bytes(length, lanes) <= local / 4 * 3 ? 2 : 1;
+}
+
+// How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
+std::uint32_t prefetch_rows(const Context &context) {
+    return context.platform_name().find("Portable Computing Language") != std::string::npos ? 3 : 0;
+}
+
+double signed_frequency(std::uint32_t index, std::uint32_t length) {
+    return double(index) - (2 * index < length ? 0.0 : double(length));
+}
+
+template <typename T> DeviceBuffer table(const std::shared_ptr<Context> &context, const std::vector<T> &values) {
+    const T none{};
+    return values.empty() ? DeviceBuffer(context, sizeof(T), &none)
+                          : DeviceBuffer(context, values.size() * sizeof(T), values.data());
+}
+
+} // namespace
+
+std::string FusedPasses::refusal(const Context &context, const FieldGrid &grid) {
+    if (std::string refusal = fused_engine_refusal(context); !refusal.empty())
+        return refusal;
+    const std::uint32_t longest = std::max(grid.grid_width, grid.grid_height);
+    for (const std::uint32_t side : {grid.grid_width, grid.grid_height})
+        if (!fused_plan_exists(side))
+            return fmt::format("the field grid is {} x {}: the fused engine takes sides of 2 to {}", grid.grid_width,
+                               grid.grid_height, kLongestFusedLine);
+    const std::uint64_t needed = tile_bytes(longest, fused_lanes(context));
+    const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    if (needed > local)
+        return fmt::format("lines of {} points need {} bytes of local memory, the device has {}", longest, needed,
+                           local);
+    return {};
+}
+
+bool FusedPasses::sums_pixels(const Context &context, std::uint32_t oversampling) {
+    return oversampling <= fused_lanes(context) && fused_lanes(context) % oversampling == 0;
+}
+
+FusedPasses::FusedPasses(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil, bool every_line,
+                         bool sample_powers)
+    : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
+      strips_(strips_of(*context_, grid.grid_height, lanes_)), pixel_samples_(sample_powers ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
+      column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kCodeletsName, fused_codelets(row_plan_, lanes_)},
+      column_codelets_{kCodeletsName, fused_codelets(column_plan_, lanes_)},
+      complex_pupil_(!pupil.phase_turns.empty()) {
+    make_tables(pupil, every_line);
+    // Sizes that a frame's kernels have.
+    grid_.width = sample_powers ? grid.grid_width : grid.width;
+    grid_.height = sample_powers ? grid.grid_height : grid.height;
+    inverse_ = context_->kernel(
+        "fused_columns_inverse.cl", "fused_columns_inverse",
+        fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING={}", lanes_, strips_, pixel_samples_), &column_codelets_);
+    rows_kernel(false);
+}
+
+void FusedPasses::make_tables(const Pupil &pupil, bool every_line) {
+    const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
+    // Lines that pass something, at the positions where the columns' transform leaves them.
+    const auto passes = [&](std::uint32_t row) {
+        const auto first = pupil.transmission.begin() + std::ptrdiff_t(row) * width;
+        return std::any_of(first, first + width, [](float t) { return t > 0.0f; });
+    };
+    std::vector<cl_uint> kept, others;
+    std::vector<cl_uint> blocks;
+    const std::uint32_t block_length = column_plan_.block_length();
+    for (std::uint32_t position = 0; position < height; ++position) {
+        (passes(column_plan_.frequencies[position]) ? kept : others).push_back(position);
+        if ((position + 1) % block_length == 0) {
+            const auto count = static_cast<cl_uint>(kept.size());
+            blocks.insert(blocks.end(), {count / lanes_, (count + lanes_ - 1) / lanes_, static_cast<cl_uint>(others.size())});
+        }
+    }
+    kept_ = static_cast<std::uint32_t>(kept.size());
+    groups_ = (kept_ + lanes_ - 1) / lanes_;
+    capacity_groups_ = every_line ? (height + lanes_ - 1) / lanes_ : groups_;
+    blocks[blocks.size() - 3] = groups_; // the last group need not be full
+    kept.resize(std::size_t{groups_} * lanes_, height);
+
+    // The inverse transforms' 1 / samples goes with the pupil.
+    const double scale = 1.0 / double(grid_.samples());
+    const std::uint32_t parts = complex_pupil_ ? 2 : 1;
+    std::vector<float> amplitudes(std::size_t{groups_} * width * parts * lanes_, 0.0f);
+    std::vector<float> line_frequencies(std::size_t{groups_} * lanes_, 0.0f);
+    for (std::uint32_t i = 0; i < kept_; ++i) {
+        const std::uint32_t row = column_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
+        line_frequencies[i] = static_cast<float>(signed_frequency(row, height));
+        for (std::uint32_t position = 0; position < width; ++position) {
+            const std::size_t at = std::size_t{row} * width + row_plan_.frequencies[position];
+            float *to = &amplitudes[(std::size_t{group} * width + position) * parts * lanes_ + lane];
+            const double t = scale * pupil.transmission[at];
+            if (complex_pupil_) {
+                const double angle = 2.0 * kPi * pupil.phase_turns[at];
+                to[0] = static_cast<float>(t * std::cos(angle));
+                to[lanes_] = static_cast<float>(t * std::sin(angle));
+            } else {
+                to[0] = static_cast<float>(t);
+            }
+        }
+    }
+    std::vector<float> frequencies(width);
+    for (std::uint32_t position = 0; position < width; ++position)
+        frequencies[position] = static_cast<float>(signed_frequency(row_plan_.frequencies[position], width));
+    kept.insert(kept.end(), others.begin(), others.end());
+    positions_ = table(context_, kept);
+    blocks_ = table(context_, blocks);
+    pupil_ = table(context_, amplitudes);
+    row_twiddles_ = table(context_, row_plan_.twiddles);
+    column_twiddles_ = table(context_, column_plan_.twiddles);
+    frequencies_ = table(context_, frequencies);
+    line_frequencies_ = table(context_, line_frequencies);
+}
+
+std::uint64_t FusedPasses::lines_bytes() const {
+    return std::uint64_t{capacity_groups_} * grid_.grid_width * lanes_ * 2 * sizeof(float);
+}
+
+cl::Kernel &FusedPasses::columns_kernel(const std::string &field_options) {
+    const auto found = columns_.find(field_options);
+    if (found != columns_.end())
+        return found->second;
+    return columns_
+        .emplace(field_options,
+                 context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
+                                  fmt::format("{} -DLANES={} -DSTRIPS={} -DPREFETCH={} -DOVERSAMPLING={}", field_options,
+                                              lanes_, strips_, prefetch_rows(*context_), grid_.oversampling),
+                                  &column_codelets_))
+        .first->second;
+}
+
+cl::Kernel &FusedPasses::rows_kernel(bool shifted) {
+    cl::Kernel &kernel = shifted ? shifted_rows_ : rows_;
+    if (!kernel())
+        kernel = context_->kernel("fused_rows.cl", "fused_rows",
+                                  fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DSHIFT={}", lanes_, complex_pupil_ ? 1 : 0,
+                                              shifted ? 1 : 0),
+                                  &row_codelets_);
+    return kernel;
+}
+
+void FusedPasses::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) {
+    for (std::size_t line = 0; line < field.lines().size(); ++line)
+        columns_kernel(field.options(phase, line, with_screen));
+    rows_kernel(shifted);
+}
+
+void FusedPasses::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                                std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                                const cl::Buffer &bad_pixels) {
+    cl::Kernel &kernel = columns_kernel(field.options(phase, line, input.screen != nullptr));
+    KernelArguments arguments(kernel);
+    field.add_arguments(arguments, phase, input, polarization, line);
+    arguments.add(lines)
+        .add(bad_pixels)
+        .add(column_twiddles_.get())
+        .add(positions_.get())
+        .add(blocks_.get())
+        .add(cl::Local(strips_ * tile_bytes(grid_.grid_height, lanes_)));
+    chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
+}
+
+void FusedPasses::add_rows(cl::Kernel &kernel, const cl::Buffer &lines, const double *shift) {
+    KernelArguments arguments(kernel);
+    arguments.add(lines).add(cl_uint{groups_}).add(row_twiddles_.get()).add(pupil_.get());
+    if (shift)
+        arguments.add(frequencies_.get())
+            .add(line_frequencies_.get())
+            .add(cl_uint{grid_.grid_height})
+            .add(static_cast<cl_float>(shift[0]))
+            .add(static_cast<cl_float>(shift[1]));
+    arguments.add(cl::Local(tile_bytes(grid_.grid_width, lanes_)));
+}
+
+void FusedPasses::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines) {
+    cl::Kernel &kernel = rows_kernel(false);
+    add_rows(kernel, lines, nullptr);
+    chain.run("pupil", kernel, groups_, 1, 1, 1);
+}
+
+void FusedPasses::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines, double shift_x, double shift_y) {
+    const double shift[2] = {shift_x, shift_y};
+    cl::Kernel &kernel = rows_kernel(true);
+    add_rows(kernel, lines, shift);
+    chain.run("pupil", kernel, groups_, 1, 1, 1);
+}
+
+void FusedPasses::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight,
+                                    const ImageView &before, const ImageView &intensity) {
+    KernelArguments(inverse_)
+        .add(lines)
+        .add(cl_uint{grid_.grid_width})
+        .add(column_twiddles_.get())
+        .add(positions_.get())
+        .add(cl_uint{groups_})
+        .add(blocks_.get())
+        .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
+        .add(cl_uint{before ? 1u : 0u})
+        .add(before ? before : intensity)
+        .add(intensity)
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl::Local(strips_ * tile_bytes(grid_.grid_height, lanes_)));
+    chain.run("inverse_fft", inverse_, column_items(grid_.width * pixel_samples_), 1, 1, 1);
+}
+
+} // namespace clsp

@@ -1,0 +1,80 @@
+#include "attribution/candidate.hpp"
+
+#include "effects/effects.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+// A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
+constexpr double kRoom = 2.0;
+
+struct Scale {
+    double weak, strong;
+    bool geometric;
+};
+
+Scale scale_of(const HypothesisParameter &parameter) {
+    Scale scale{parameter.weak, parameter.strong, false};
+    if (scale.weak == scale.strong) {
+        scale.weak = std::max(parameter.minimum, parameter.weak / kRoom);
+        scale.strong = std::min(parameter.maximum, parameter.strong * kRoom);
+        scale.geometric = scale.weak > 0.0;
+        return scale;
+    }
+    // Over more than a factor of three equal steps are equal ratios.
+    const double low = std::min(scale.weak, scale.strong), high = std::max(scale.weak, scale.strong);
+    scale.geometric = low > 0.0 && high / low >= 3.0;
+    return scale;
+}
+
+} // namespace
+
+double Candidate::value(std::size_t parameter, double strength) const {
+    const HypothesisParameter &p = parameters[parameter];
+    const Scale scale = scale_of(p);
+    const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
+                                         : scale.weak + strength * (scale.strong - scale.weak);
+    return std::clamp(value, p.minimum, p.maximum);
+}
+
+double Candidate::strength(std::size_t parameter, double value) const {
+    const Scale scale = scale_of(parameters[parameter]);
+    if (scale.weak == scale.strong)
+        return 0.0;
+    return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
+                           : (value - scale.weak) / (scale.strong - scale.weak);
+}
+
+std::vector<double> Candidate::values(double strength) const {
+    std::vector<double> result;
+    for (std::size_t p = 0; p < parameters.size(); ++p)
+        result.push_back(parameters[p].weak == parameters[p].strong ? parameters[p].weak : value(p, strength));
+    return result;
+}
+
+std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without) {
+    std::vector<Candidate> result;
+    for (const Effect &effect : effect_catalogue()) {
+        Candidate candidate{effect.id, effect.stage, effect.summary, {}};
+        for (const EffectParameter &p : effect.parameters)
+            candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong});
+        result.push_back(std::move(candidate));
+    }
+    for (const Hypothesis &hypothesis : hypotheses)
+        result.push_back({hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.parameters});
+    for (const std::string &id : without) {
+        const auto found = std::find_if(result.begin(), result.end(), [&](const Candidate &c) { return c.id == id; });
+        if (found == result.end())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("\"{}\" cannot be left out: there is no such effect; `clspeckle effects` lists them", id));
+        result.erase(found);
+    }
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,26 @@
+// The effects that may be the cause of a gap: the catalogue's and the user's hypotheses, under one description.
+#pragma once
+
+#include "simulator/simulator.hpp"
+
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct Candidate {
+    std::string id, stage, summary;
+    std::vector<HypothesisParameter> parameters;
+
+    // Values at a strength from weak (0) to strong (1) and beyond, all parameters together, within the accepted ranges.
+    std::vector<double> values(double strength) const;
+    // A parameter's value at its own strength.
+    double value(std::size_t parameter, double strength) const;
+    // The strength at which a parameter has a value.
+    double strength(std::size_t parameter, double value) const;
+};
+
+// Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.
+std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without);
+
+} // namespace clsp

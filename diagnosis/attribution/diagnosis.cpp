@@ -1,0 +1,132 @@
+#include "attribution/diagnosis.hpp"
+
+#include "attribution/shrinkage.hpp"
+#include "report/downstream.hpp"
+#include "report/evidence.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fmt/core.h>
+#include <thread>
+
+namespace clsp {
+namespace {
+
+// Effects at least that probable are named among the equivalent ones.
+constexpr double kLeastProbability = 0.05;
+// An effect's own statistics are those that it moves by that many standard deviations.
+constexpr double kOwnDeviations = 4.0;
+// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
+constexpr double kExplained = 3.0;
+
+std::vector<std::string> ids(const EffectSettings &effects) {
+    std::vector<std::string> result;
+    for (const EffectSetting &effect : effects)
+        result.push_back(effect.id);
+    return result;
+}
+
+// Whether what an effect moves agrees with the model in the end.
+bool explained(const SearchResult &found, std::size_t step) {
+    const FittedModel &last = found.models.back();
+    const FittedModel &before = step ? found.models[step - 1] : found.baseline;
+    const FittedModel &after = found.models[step];
+    const Eigen::VectorXd moved = (after.model.full().mean() - before.model.full().mean()).cwiseQuotient(before.model.full().deviation());
+    double sum = 0.0, count = 0.0;
+    for (Eigen::Index k = 0; k < moved.size(); ++k)
+        if (std::abs(moved[k]) > kOwnDeviations) {
+            sum += last.residual.z[k] * last.residual.z[k];
+            ++count;
+        }
+    return count > 0.0 && sum / count < kExplained;
+}
+
+} // namespace
+
+DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &capture, const DiagnosisOptions &options) {
+    const auto start = std::chrono::steady_clock::now();
+    const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    const std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    Experiment experiment(std::move(context), capture, options.hypotheses, threads);
+    std::string doing;
+    double fraction = 0.0;
+    const auto tell = [&] {
+        if (options.progress && !options.progress(doing, fraction))
+            throw Error(Status::kCancelled, "the diagnosis was cancelled by its progress callback");
+    };
+    experiment.checkpoint = tell;
+    SearchOptions search_options;
+    search_options.seed = options.seed;
+    search_options.null_replicates = options.null_replicates;
+    search_options.max_effects = options.max_effects;
+    search_options.level = options.level;
+    const SearchResult found = search(experiment, pool, search_options, [&](const std::string &what, double part) {
+        doing = what;
+        fraction = std::max(fraction, part);
+        tell();
+    });
+
+    DiagnosisResult result;
+    result.seed = options.seed;
+    result.level = options.level;
+    result.candidates = pool;
+    const GapTest &test = found.baseline.residual;
+    result.detected = test.detected;
+    result.p_value = test.p_value;
+    result.distance = test.distance;
+    result.null_95 = test.null_95;
+    const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    const Eigen::VectorXd real = experiment.real().mean();
+    for (std::size_t k = 0; k < experiment.count(); ++k)
+        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], test.p_adjusted[k],
+                                 last.residual.z[k]});
+    std::stable_sort(result.places.begin(), result.places.end(),
+                     [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
+    result.held_out = experiment.parted();
+    if (result.detected) {
+        result.residual_detected = last.residual.detected;
+        result.residual_p_value = last.residual.p_value;
+        if (!found.models.empty()) {
+            result.ranking = found.steps.front().ranking;
+            result.parameters = last.parameters;
+            for (std::size_t i = 0; i < found.models.size(); ++i) {
+                const Shrinkage s = shrinkage(experiment, found.baseline, found.models[i]);
+                result.found.push_back(found.steps[i].ranking.front());
+                result.steps.push_back({found.steps[i].added, s.after, s.fraction});
+                result.distance_before = s.before;
+                result.distance_after = s.after;
+                result.fraction = s.fraction;
+                result.fraction_95 = s.fraction_95;
+            }
+        }
+        if (last.residual.detected || found.models.empty()) {
+            result.verdict = Verdict::kUnknown;
+            for (std::size_t i = 0; i < found.models.size(); ++i)
+                if (explained(found, i))
+                    result.effects.push_back(found.steps[i].added);
+        } else {
+            result.verdict = Verdict::kNamed;
+            result.effects = ids(last.effects);
+            for (const SearchStep &step : found.steps) {
+                result.probability = std::min(result.probability, step.ranking.front().probability);
+                if (step.ranking.front().probability >= 1.0 - kLeastProbability)
+                    continue;
+                for (const RankedEffect &ranked : step.ranking)
+                    if (ranked.probability >= kLeastProbability) {
+                        result.verdict = Verdict::kAmbiguous;
+                        result.equivalent.push_back(ranked.effect);
+                    }
+            }
+        }
+    }
+    const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
+    result.downstream = measure_downstream(experiment, capture, found.baseline, final, options.seed);
+    if (options.evidence)
+        result.evidence = std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, options.seed));
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return result;
+}
+
+} // namespace clsp

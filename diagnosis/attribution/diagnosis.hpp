@@ -1,0 +1,82 @@
+// The whole diagnosis of a capture: gap, place, cause, shrinkage.
+#pragma once
+
+#include "attribution/search.hpp"
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct Evidence;
+
+struct DiagnosisOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t null_replicates = 48;
+    double level = 0.02;              // probability of a false alarm
+    std::vector<std::string> without; // effects that are no candidates
+    std::vector<Hypothesis> hypotheses;
+    std::uint32_t max_effects = 6;
+    unsigned threads = 0;             // of the statistics; 0: as many as the machine has
+    std::function<bool(const std::string &what, double fraction)> progress; // false cancels
+    bool evidence = true;             // pictures and curves for the HTML report are collected
+};
+
+enum class Verdict { kNone, kNamed, kAmbiguous, kUnknown };
+
+// One statistic of the real capture against the baseline.
+struct GapPlace {
+    StatisticInfo statistic;
+    double real = 0.0, sim = 0.0, z = 0.0, p_adjusted = 1.0;
+    double z_after = 0.0; // with the effects found
+};
+
+struct ShrinkStep {
+    std::string effect;
+    double distance_after = 0.0, fraction = 0.0;
+};
+
+// What a gap means downstream: root mean square error of the dots' centres in single frames, in pixels.
+struct Downstream {
+    bool valid = false;
+    double real = 0.0, before = 0.0, after = 0.0;
+    // Depth error that follows, in mm, for the camera that depth_assumption states.
+    double depth_error_mm_real = 0.0, depth_error_mm_before = 0.0, depth_error_mm_after = 0.0;
+    std::string depth_assumption;
+};
+
+struct DiagnosisResult {
+    std::uint64_t seed = 0;
+    double level = 0.0;
+    Verdict verdict = Verdict::kNone;
+    bool detected = false;
+    double p_value = 1.0, distance = 0.0, null_95 = 0.0;
+    std::vector<GapPlace> places; // all statistics, worst first
+    std::vector<std::string> effects;
+    double probability = 1.0;
+    std::vector<std::string> equivalent;
+    std::vector<RankedEffect> ranking; // of the first step
+    std::vector<RankedEffect> found;   // the effect that each step added
+    std::vector<Candidate> candidates; // what the ranking was over
+    std::vector<FittedParameter> parameters; // of the effects found
+    // Shrinkage, on halves that the fit has not seen.
+    bool held_out = false;
+    double distance_before = 0.0, distance_after = 0.0, fraction = 0.0;
+    std::array<double, 2> fraction_95{};
+    bool residual_detected = false;
+    double residual_p_value = 1.0;
+    std::vector<ShrinkStep> steps;
+    Downstream downstream;
+    std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
+    std::vector<std::string> notes; // what could not be judged, and why
+    double seconds = 0.0;
+};
+
+// Throws Error with kCancelled when progress returns false.
+DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &capture, const DiagnosisOptions &options);
+
+} // namespace clsp

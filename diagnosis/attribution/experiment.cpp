@@ -1,0 +1,207 @@
+#include "attribution/experiment.hpp"
+
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+// Quantization adds the variance of a uniform law of width 1.
+constexpr double kQuantizationVariance = 1.0 / 12.0;
+constexpr double kLeastReadNoise = 0.05;
+constexpr std::uint32_t kTrialFrames = 4;
+
+using Codes = std::vector<std::vector<std::uint16_t>>;
+
+} // namespace
+
+Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
+                       unsigned threads)
+    : layout_(real.layout), threads_(threads),
+      simulator_(std::make_unique<Simulator>(std::move(context), real.layout, std::move(hypotheses))) {
+    const std::size_t sequences = layout_.sequences.size();
+    offsets_.push_back(0);
+    for (std::size_t s = 0; s < sequences; ++s) {
+        parted_ = parted_ || layout_.sequences[s].frame_count >= 4;
+        has_dark_ = has_dark_ || layout_.sequences[s].scene == CaptureScene::kDark;
+        statistics_.emplace_back(layout_, s, half_count(s));
+        const auto &list = statistics_.back().list();
+        list_.insert(list_.end(), list.begin(), list.end());
+        offsets_.push_back(list_.size());
+    }
+    if (list_.empty())
+        throw Error(Status::kInvalidData, "the capture has no sequence that can be measured; record at least one with a frame");
+    std::vector<std::uint32_t> frame_counts;
+    for (std::size_t s = 0; s < sequences; ++s) {
+        frame_counts.push_back(layout_.sequences[s].frame_count);
+        real_levels_.push_back(sequence_level(layout_, s, real.codes[s].data(), frame_counts[s]));
+    }
+    real_calibration_ = measured_calibration(real.codes, frame_counts, std::vector<bool>(sequences, true));
+    real_.first.resize(count());
+    real_.second.resize(count());
+    for (std::size_t s = 0; s < sequences; ++s) {
+        const std::size_t step = (frame_counts[s] - half_count(s)) * layout_.pixel_count();
+        statistics_[s].compute(real.codes[s].data(), real_calibration_, real_.first.data() + begin(s), threads_);
+        statistics_[s].compute(real.codes[s].data() + step, real_calibration_, real_.second.data() + begin(s), threads_);
+    }
+}
+
+std::uint32_t Experiment::half_count(std::size_t sequence) const {
+    const std::uint32_t frames = layout_.sequences[sequence].frame_count;
+    return frames >= 4 ? frames / 2 : frames;
+}
+
+Calibration Experiment::measured_calibration(const Codes &codes, const std::vector<std::uint32_t> &frame_counts,
+                                             const std::vector<bool> &present) const {
+    Calibration result{layout_.black_level_dn, layout_.read_noise_dn};
+    double mean = 0.0, variance = 0.0;
+    unsigned means = 0, variances = 0;
+    for (std::size_t s = 0; s < codes.size(); ++s) {
+        if (layout_.sequences[s].scene != CaptureScene::kDark || !present[s])
+            continue;
+        const SequenceLevel level = sequence_level(layout_, s, codes[s].data(), frame_counts[s]);
+        mean += level.mean_dn;
+        ++means;
+        if (frame_counts[s] >= 2) {
+            variance += level.temporal_noise_dn * level.temporal_noise_dn;
+            ++variances;
+        }
+    }
+    if (means)
+        result.black_level_dn = mean / means;
+    if (variances)
+        result.read_noise_dn =
+            std::max(kLeastReadNoise, std::sqrt(std::max(0.0, variance / variances - kQuantizationVariance)));
+    return result;
+}
+
+SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const EffectSettings &effects,
+                                    std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) {
+    SimulationLevels result;
+    result.black_level_dn = calibrated.black_level_dn;
+    result.read_noise_dn = calibrated.read_noise_dn;
+    if (layout_.sequences[sequence].scene == CaptureScene::kDark)
+        return result;
+    const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn);
+    const double intensity = simulator_->mean_intensity(sequence, effects, seed, frame_count);
+    if (!(intensity > 0.0))
+        throw Error(Status::kInvalidData,
+                    fmt::format("no light reaches the pixels of the sequence {} in the simulation; are its dots inside the "
+                                "image and its mask open?",
+                                layout_.sequences[sequence].name));
+    result.gain_dn = calibrated.signal_share[sequence] * signal / intensity;
+    return result;
+}
+
+std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                              std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) {
+    std::vector<std::uint16_t> codes(std::size_t{frame_count} * layout_.pixel_count());
+    simulator_->codes(sequence, effects, levels(calibrated, effects, sequence, seed, frame_count), seed, frame_count,
+                      codes.data());
+    return codes;
+}
+
+CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std::vector<bool> &concerned,
+                                       const CalibratedLevels *start) {
+    CalibratedLevels result;
+    if (start)
+        result = *start;
+    else
+        result = {real_calibration_.black_level_dn, real_calibration_.read_noise_dn,
+                  std::vector<double>(layout_.sequences.size(), 1.0)};
+    constexpr std::uint64_t seed = 0;
+    constexpr int rounds = 3;
+    // The first dark sequence: black level and noise do not depend on the light.
+    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
+        if (layout_.sequences[s].scene != CaptureScene::kDark || !concerned[s])
+            continue;
+        const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[s].frame_count);
+        const double noise = real_calibration_.read_noise_dn;
+        const double wanted = noise * noise + kQuantizationVariance;
+        for (int round = 0; round < rounds; ++round) {
+            const auto codes = frames(effects, result, s, seed, frame_count);
+            const SequenceLevel level = sequence_level(layout_, s, codes.data(), frame_count);
+            result.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
+            if (frame_count >= 2) {
+                const double variance = result.read_noise_dn * result.read_noise_dn + wanted -
+                                        level.temporal_noise_dn * level.temporal_noise_dn;
+                result.read_noise_dn = std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, variance));
+            }
+        }
+        break;
+    }
+    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
+        if (layout_.sequences[s].scene == CaptureScene::kDark || !concerned[s])
+            continue;
+        if (checkpoint)
+            checkpoint();
+        const double signal = real_levels_[s].mean_dn - real_calibration_.black_level_dn;
+        if (!(signal > 0.0))
+            continue;
+        const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[s].frame_count);
+        // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
+        double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
+        for (int round = 0; round < rounds; ++round) {
+            const auto codes = frames(effects, result, s, seed, frame_count);
+            const double mean = sequence_level(layout_, s, codes.data(), frame_count).mean_dn;
+            const double slope = (mean - last_mean) / (result.signal_share[s] - last_share);
+            const double share = result.signal_share[s];
+            if (std::abs(real_levels_[s].mean_dn - mean) < 1e-3 * signal || !(slope > 0.05 * signal))
+                break;
+            result.signal_share[s] = std::clamp(share + (real_levels_[s].mean_dn - mean) / slope, 0.25 * share, 4.0 * share);
+            last_share = share;
+            last_mean = mean;
+        }
+    }
+    return result;
+}
+
+FoldStatistics Experiment::replicate(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                     std::uint64_t seed) {
+    const std::size_t sequences = layout_.sequences.size();
+    Codes codes;
+    std::vector<std::uint32_t> frame_counts;
+    for (std::size_t s = 0; s < sequences; ++s) {
+        if (checkpoint)
+            checkpoint();
+        frame_counts.push_back(layout_.sequences[s].frame_count);
+        codes.push_back(frames(effects, calibrated, s, seed, frame_counts[s]));
+    }
+    const Calibration calibration = measured_calibration(codes, frame_counts, std::vector<bool>(sequences, true));
+    FoldStatistics result{Eigen::VectorXd(count()), Eigen::VectorXd(count())};
+    for (std::size_t s = 0; s < sequences; ++s) {
+        const std::size_t step = (frame_counts[s] - half_count(s)) * layout_.pixel_count();
+        statistics_[s].compute(codes[s].data(), calibration, result.first.data() + begin(s), threads_);
+        statistics_[s].compute(codes[s].data() + step, calibration, result.second.data() + begin(s), threads_);
+    }
+    return result;
+}
+
+Eigen::VectorXd Experiment::half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
+                                 const std::vector<bool> &concerned, const Eigen::VectorXd &otherwise) {
+    const std::size_t sequences = layout_.sequences.size();
+    Codes codes(sequences);
+    std::vector<std::uint32_t> frame_counts;
+    // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
+    std::vector<bool> present = concerned;
+    for (std::size_t s = 0; s < sequences; ++s) {
+        frame_counts.push_back(half_count(s));
+        present[s] = present[s] || layout_.sequences[s].scene == CaptureScene::kDark;
+        if (!present[s])
+            continue;
+        if (checkpoint)
+            checkpoint();
+        codes[s] = frames(effects, calibrated, s, seed, frame_counts[s]);
+    }
+    const Calibration calibration = measured_calibration(codes, frame_counts, present);
+    Eigen::VectorXd result = otherwise.size() ? otherwise : Eigen::VectorXd::Zero(count());
+    for (std::size_t s = 0; s < sequences; ++s)
+        if (concerned[s])
+            statistics_[s].compute(codes[s].data(), calibration, result.data() + begin(s), threads_);
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,84 @@
+// A capture and its simulator, measured alike: frames go in, statistics of two halves of the frames come out.
+#pragma once
+
+#include "simulator/simulator.hpp"
+#include "statistics/statistics.hpp"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace clsp {
+
+using EffectSettings = std::vector<EffectSetting>;
+
+// Statistics of the first and the second half of every sequence's frames. A sequence of fewer than four frames is not parted: both are of
+// all its frames.
+struct FoldStatistics {
+    Eigen::VectorXd first, second;
+    Eigen::VectorXd mean() const { return 0.5 * (first + second); }
+};
+
+// Levels that make the simulator's frames agree with the real ones in what is calibrated, for one set of effects.
+struct CalibratedLevels {
+    double black_level_dn = 0.0, read_noise_dn = 0.0;
+    // By sequence: gain times mean intensity over the real mean signal. 1 for a linear camera without further light.
+    std::vector<double> signal_share;
+};
+
+class Experiment {
+  public:
+    // Throws kInvalidData if the capture has no sequence that can be measured.
+    Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses, unsigned threads);
+
+    const CaptureLayout &layout() const { return layout_; }
+    Simulator &simulator() { return *simulator_; }
+    const std::vector<StatisticInfo> &list() const { return list_; }
+    std::size_t count() const { return list_.size(); }
+    // Statistics [begin, end) belong to a sequence.
+    std::size_t begin(std::size_t sequence) const { return offsets_[sequence]; }
+    std::size_t end(std::size_t sequence) const { return offsets_[sequence + 1]; }
+    bool parted() const { return parted_; } // whether any sequence has two halves
+    const FoldStatistics &real() const { return real_; }
+    const SequenceLevel &real_level(std::size_t sequence) const { return real_levels_[sequence]; }
+    const Calibration &real_calibration() const { return real_calibration_; }
+
+    // Simulates until black level, read noise and signal levels are the capture's. start: levels that hold for the sequences that `concerned`
+    // leaves out; nullptr: all are concerned.
+    CalibratedLevels calibrate(const EffectSettings &effects, const std::vector<bool> &concerned, const CalibratedLevels *start);
+    SimulationLevels levels(const CalibratedLevels &calibrated, const EffectSettings &effects, std::size_t sequence,
+                            std::uint64_t seed, std::uint32_t frame_count);
+
+    // A whole simulated capture, measured as the real one.
+    FoldStatistics replicate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed);
+    // A simulated capture of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise` (no values: all concerned).
+    Eigen::VectorXd half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
+                         const std::vector<bool> &concerned, const Eigen::VectorXd &otherwise);
+    // Frames as they are simulated, of one sequence.
+    std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated, std::size_t sequence,
+                                      std::uint64_t seed, std::uint32_t frame_count);
+
+    // Called before each sequence; throws to cancel.
+    std::function<void()> checkpoint;
+
+  private:
+    std::uint32_t half_count(std::size_t sequence) const;
+    Calibration measured_calibration(const std::vector<std::vector<std::uint16_t>> &codes,
+                                     const std::vector<std::uint32_t> &frame_counts, const std::vector<bool> &present) const;
+
+    CaptureLayout layout_;
+    unsigned threads_;
+    std::unique_ptr<Simulator> simulator_;
+    std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
+    std::vector<StatisticInfo> list_;
+    std::vector<std::size_t> offsets_;
+    bool parted_ = false, has_dark_ = false;
+    FoldStatistics real_;
+    std::vector<SequenceLevel> real_levels_;
+    Calibration real_calibration_;
+};
+
+} // namespace clsp

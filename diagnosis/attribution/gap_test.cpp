@@ -1,0 +1,114 @@
+#include "attribution/gap_test.hpp"
+
+#include "attribution/distributions.hpp"
+#include "attribution/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace clsp {
+namespace {
+
+std::vector<std::size_t> blocks_of(const Experiment &experiment) {
+    std::vector<std::size_t> blocks;
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
+        blocks.push_back(experiment.begin(s));
+    blocks.push_back(experiment.count());
+    return blocks;
+}
+
+double excess_distance(double mean_square, double expected) { return std::sqrt(std::max(0.0, mean_square - expected)); }
+
+} // namespace
+
+Eigen::VectorXd least_deviations(const std::vector<FoldStatistics> &draws) {
+    // A statistic that is the same in all replicates (a count of what never happens) may take another value by chance about once in as
+    // many captures; a quarter of its unit keeps that from being a certainty.
+    const Eigen::Index count = draws.front().first.size();
+    Eigen::VectorXd result(count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+        const double value = draws.front().first[k];
+        const bool constant = std::all_of(draws.begin(), draws.end(), [&](const FoldStatistics &draw) {
+            return std::abs(draw.first[k] - value) <= 1e-9 * (1.0 + std::abs(value)) &&
+                   std::abs(draw.second[k] - value) <= 1e-9 * (1.0 + std::abs(value));
+        });
+        result[k] = constant ? 0.25 : 1e-9 * (1.0 + std::abs(value));
+    }
+    return result;
+}
+
+GapModel::GapModel(const Experiment &experiment, Replicates replicates, double level, Eigen::MatrixXd directions,
+                   const Eigen::VectorXd &tolerance)
+    : replicates_(std::move(replicates)), level_(level), directions_(std::move(directions)) {
+    const auto &draws = replicates_.draws;
+    const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(experiment.count());
+    const Eigen::VectorXd least = least_deviations(draws);
+    const std::vector<std::size_t> blocks = blocks_of(experiment);
+    Eigen::MatrixXd full(n, count), folds(2 * n, count);
+    for (Eigen::Index r = 0; r < n; ++r) {
+        full.row(r) = draws[r].mean();
+        folds.row(r) = draws[r].first;
+        folds.row(n + r) = draws[r].second;
+    }
+    first_mean_ = folds.topRows(n).colwise().mean();
+    second_mean_ = folds.bottomRows(n).colwise().mean();
+    full_ = Covariance(full, blocks, least, tolerance);
+    fold_ = Covariance(folds, blocks, least, tolerance);
+    const Eigen::Index half = n / 2;
+    part_[0] = Covariance(full.topRows(half), blocks, least, tolerance);
+    part_[1] = Covariance(full.bottomRows(n - half), blocks, least, tolerance);
+    reference_.resize(n);
+    for (Eigen::Index r = 0; r < n; ++r) {
+        const Covariance &other = part_[r < half ? 1 : 0];
+        const Eigen::VectorXd difference = projected(full.row(r).transpose() - other.mean());
+        // Replicates have none of the model's error, a capture may have all of it.
+        reference_[r] = (other.whiten(difference).squaredNorm() + other.tolerance_square()) / static_cast<double>(count);
+    }
+}
+
+Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const {
+    return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
+}
+
+Eigen::VectorXd GapModel::projected(const Eigen::VectorXd &difference) const {
+    if (directions_.cols() == 0)
+        return difference;
+    return difference - directions_ * coefficients(full_, difference);
+}
+
+GapTest GapModel::test(const FoldStatistics &statistics) const {
+    GapTest result;
+    const Eigen::VectorXd values = statistics.mean();
+    const double n = static_cast<double>(replicates_.draws.size());
+    const Eigen::Index count = values.size();
+    result.z = projected(values - full_.mean()).cwiseQuotient(full_.deviation()) / std::sqrt(1.0 + 1.0 / n);
+    Eigen::VectorXd p(count);
+    for (Eigen::Index k = 0; k < count; ++k)
+        p[k] = student_two_sided(result.z[k], n - 1.0);
+    std::vector<Eigen::Index> order(static_cast<std::size_t>(count));
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
+    std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return p[a] < p[b]; });
+    result.p_adjusted.resize(count);
+    double adjusted = 0.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        adjusted = std::max(adjusted, std::min(1.0, p[order[i]] * static_cast<double>(count - i)));
+        result.p_adjusted[order[i]] = adjusted;
+    }
+    double square = 0.0;
+    for (const Covariance &part : part_)
+        square += 0.5 * part.whiten(projected(values - part.mean())).squaredNorm() / static_cast<double>(count);
+    const double mean = reference_.mean();
+    const double variance = (reference_.array() - mean).square().sum() / (n - 1.0);
+    const double p_distance = gamma_upper(square, mean, variance);
+    // Bonferroni over the two ways of looking: one large deviation, or many small ones.
+    result.p_value = std::min(1.0, 2.0 * std::min(result.p_adjusted.minCoeff(), p_distance));
+    result.detected = result.p_value <= level_;
+    result.distance = excess_distance(square, mean);
+    std::vector<double> sorted(reference_.data(), reference_.data() + reference_.size());
+    std::sort(sorted.begin(), sorted.end());
+    result.null_95 = excess_distance(sorted[static_cast<std::size_t>(0.95 * (n - 1.0) + 0.5)], mean);
+    return result;
+}
+
+} // namespace clsp

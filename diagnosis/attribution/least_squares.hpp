@@ -1,0 +1,33 @@
+// Weighted linear least squares in whitened statistics.
+#pragma once
+
+#include "attribution/covariance.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/QR>
+
+namespace clsp {
+
+// Whitened columns of a matrix.
+inline Eigen::MatrixXd whiten_columns(const Covariance &covariance, const Eigen::MatrixXd &matrix) {
+    Eigen::MatrixXd result(matrix.rows(), matrix.cols());
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c)
+        result.col(c) = covariance.whiten(matrix.col(c));
+    return result;
+}
+
+// b that minimizes |target - matrix b|^2, both whitened; empty without columns.
+inline Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
+    if (matrix.cols() == 0)
+        return Eigen::VectorXd(0);
+    return matrix.completeOrthogonalDecomposition().solve(target);
+}
+
+// |target - matrix b|^2 at its least.
+inline double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
+    if (matrix.cols() == 0)
+        return target.squaredNorm();
+    return (target - matrix * solve_least_squares(matrix, target)).squaredNorm();
+}
+
+} // namespace clsp

@@ -1,0 +1,82 @@
+#include "attribution/response.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+
+Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
+                   const CalibratedLevels *levels) {
+    const std::vector<bool> all(experiment.layout().sequences.size(), true);
+    Pool pool{effects, levels ? *levels : experiment.calibrate(effects, all, nullptr), {}};
+    for (std::uint32_t i = 0; i < seed_count; ++i)
+        pool.statistics.push_back(experiment.half(effects, pool.levels, seed + kPoolSeed + i, all, {}));
+    return pool;
+}
+
+Change simulate_change(Experiment &experiment, const Pool &base, const EffectSettings &effects,
+                       const std::vector<bool> &concerned, std::uint64_t seed, std::uint32_t seed_count) {
+    Change change;
+    change.levels = experiment.calibrate(effects, concerned, &base.levels);
+    std::vector<Eigen::VectorXd> differences;
+    for (std::uint32_t i = 0; i < seed_count; ++i)
+        differences.push_back(experiment.half(effects, change.levels, seed + kPoolSeed + i, concerned, base.statistics[i]) -
+                              base.statistics[i]);
+    change.mean = Eigen::VectorXd::Zero(differences.front().size());
+    for (const Eigen::VectorXd &difference : differences)
+        change.mean += difference / seed_count;
+    change.variance = Eigen::VectorXd::Zero(change.mean.size());
+    if (seed_count > 1)
+        for (const Eigen::VectorXd &difference : differences)
+            change.variance += (difference - change.mean).cwiseAbs2() / (seed_count - 1);
+    return change;
+}
+
+void Response::add(double strength, Change change) {
+    const auto place = std::lower_bound(strengths_.begin(), strengths_.end(), strength);
+    changes_.insert(changes_.begin() + (place - strengths_.begin()), std::move(change));
+    strengths_.insert(place, strength);
+}
+
+double Response::distance(double strength) const {
+    double least = 1e30;
+    for (const double known : strengths_)
+        least = std::min(least, std::abs(known - strength));
+    return least;
+}
+
+const Change &Response::nearest(double strength) const {
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < strengths_.size(); ++i)
+        if (std::abs(strengths_[i] - strength) < std::abs(strengths_[best] - strength))
+            best = i;
+    return changes_[best];
+}
+
+Eigen::VectorXd Response::at(double strength) const {
+    const std::size_t n = strengths_.size();
+    if (n == 1)
+        return changes_.front().mean;
+    // The window of three (or two) knots nearest to the strength.
+    const std::size_t width = std::min<std::size_t>(3, n);
+    std::size_t begin = 0;
+    double best = 1e30;
+    for (std::size_t i = 0; i + width <= n; ++i) {
+        const double reach = std::max(std::abs(strengths_[i] - strength), std::abs(strengths_[i + width - 1] - strength));
+        if (reach < best) {
+            best = reach;
+            begin = i;
+        }
+    }
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(changes_.front().mean.size());
+    for (std::size_t i = begin; i < begin + width; ++i) {
+        double weight = 1.0;
+        for (std::size_t j = begin; j < begin + width; ++j)
+            if (j != i)
+                weight *= (strength - strengths_[j]) / (strengths_[i] - strengths_[j]);
+        result += weight * changes_[i].mean;
+    }
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,456 @@
+#include "attribution/search.hpp"
+
+#include "attribution/distributions.hpp"
+#include "attribution/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+namespace clsp {
+namespace {
+
+// Strengths over which an effect is looked for: beyond the range of common cameras on both sides.
+constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
+// A strength counts as simulated if one that near was.
+constexpr double kNear = 0.06;
+constexpr int kFitRounds = 3;
+constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
+// Of the pool's seeds, for the search; fits use all.
+constexpr std::uint32_t kSearchSeeds = 1;
+// Of the finite differences along a parameter.
+constexpr double kDifference = 0.15;
+// A linear step of a fit is trusted that far.
+constexpr double kLargestStep = 0.4;
+// -2 log of the likelihood ratio below which an effect is not worth a parameter.
+constexpr double kLeastGain = 14.0;
+// Where a residual remains, an effect must explain this part of what is beyond chance.
+constexpr double kLeastShare = 0.12;
+// Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
+constexpr double kTemperature = 2.0;
+
+// Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
+constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
+constexpr int kGaussNewtonRounds = 2;
+// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make.
+constexpr double kModelError = 0.025;
+
+Eigen::VectorXd pool_mean(const Pool &pool) {
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(pool.statistics.front().size());
+    for (const Eigen::VectorXd &statistics : pool.statistics)
+        sum += statistics;
+    return sum / static_cast<double>(pool.statistics.size());
+}
+
+// Variance of each coefficient of the directions that errors of the model cause.
+Eigen::VectorXd fit_of_errors(const GapModel &model, const Eigen::MatrixXd &jacobian) {
+    const Covariance &covariance = model.full();
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(jacobian.cols());
+    for (Eigen::Index k = 0; k < jacobian.rows(); ++k)
+        if (covariance.tolerance()[k] > 0.0)
+            result += model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(jacobian.rows(), k)).cwiseAbs2();
+    return result;
+}
+
+std::string label(const EffectSettings &effects) {
+    std::string result;
+    for (const EffectSetting &effect : effects)
+        result += (result.empty() ? "" : " + ") + effect.id;
+    return result;
+}
+
+// A parameter of one of the model's effects and its strength.
+struct Strength {
+    std::size_t effect;    // of the model's effects
+    std::size_t parameter; // of the effect
+    double strength;
+};
+
+struct ModelEffect {
+    const Candidate *candidate;
+    double sign; // -1: values below 0, where an effect has a direction
+};
+
+// A model's effects and the strengths that are fitted.
+struct Model {
+    std::vector<ModelEffect> effects;
+    std::vector<Strength> strengths;
+
+    EffectSettings settings() const {
+        EffectSettings result;
+        for (const ModelEffect &effect : effects)
+            result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
+        for (const Strength &s : strengths)
+            result[s.effect].values[s.parameter] = effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
+        return result;
+    }
+    void add(const Candidate &candidate, double sign, double strength) {
+        effects.push_back({&candidate, sign});
+        for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
+            // What the catalogue does not vary begins at its value.
+            const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
+            strengths.push_back({effects.size() - 1, p, varied ? strength : candidate.strength(p, candidate.parameters[p].weak)});
+        }
+    }
+};
+
+// The two halves' differences from a model.
+struct Differences {
+    Eigen::VectorXd first, second;
+    Eigen::VectorXd mean() const { return 0.5 * (first + second); }
+};
+
+struct Refined {
+    const Candidate *candidate;
+    double sign = 1.0;
+    double strength = 0.5;
+    double gain = 0.0; // screening, then held-out
+    std::vector<bool> concerned;
+    Response response;
+};
+
+class Search {
+  public:
+    Search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+           const Progress &progress)
+        : experiment_(experiment), candidates_(candidates), options_(options), progress_(progress) {}
+
+    SearchResult run();
+
+  private:
+    Replicates replicate(const EffectSettings &effects, const CalibratedLevels &levels, std::uint32_t count, double from,
+                         double to, const std::string &what);
+    Differences differences(const GapModel &model, const Eigen::VectorXd &correction) const;
+    std::vector<bool> concerned(const std::string &id) const;
+    std::vector<Refined> screen(const Model &model, const FittedModel &fitted, const Pool &pool);
+    void refine(Refined &refined, const Model &model, const FittedModel &fitted, const Pool &pool);
+    double held_out(const FittedModel &fitted, const Response *response, double *strength) const;
+    FittedModel fit(Model &model, Pool &pool, double from, double to);
+    // What the squared distance of both halves has beyond chance.
+    double excess_square(const FittedModel &fitted) const {
+        return held_out(fitted, nullptr, nullptr) - 2.0 * static_cast<double>(experiment_.count());
+    }
+    void report(double fraction, const std::string &what) const {
+        if (progress_)
+            progress_(what, fraction);
+    }
+
+    Experiment &experiment_;
+    const std::vector<Candidate> &candidates_;
+    SearchOptions options_;
+    Progress progress_;
+    const FittedModel *baseline_ = nullptr;
+    Pool baseline_pool_;
+};
+
+Replicates Search::replicate(const EffectSettings &effects, const CalibratedLevels &levels, std::uint32_t count,
+                             double from, double to, const std::string &what) {
+    Replicates result{effects, levels, {}};
+    for (std::uint32_t r = 0; r < count; ++r) {
+        report(from + (to - from) * r / count, what);
+        result.draws.push_back(experiment_.replicate(effects, levels, options_.seed + 1 + r));
+    }
+    return result;
+}
+
+Differences Search::differences(const GapModel &model, const Eigen::VectorXd &correction) const {
+    Differences result{experiment_.real().first - model.first_mean(), experiment_.real().second - model.second_mean()};
+    if (correction.size()) {
+        result.first -= correction;
+        result.second -= correction;
+    }
+    return result;
+}
+
+std::vector<bool> Search::concerned(const std::string &id) const {
+    std::vector<bool> result;
+    for (std::size_t s = 0; s < experiment_.layout().sequences.size(); ++s)
+        result.push_back(experiment_.simulator().concerns(id, s));
+    return result;
+}
+
+// Squared distance of each half after the fit to the other half, summed. Without a response: of the model as it is.
+double Search::held_out(const FittedModel &fitted, const Response *response, double *strength) const {
+    const Covariance &covariance = fitted.model.fold();
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
+    const Differences d = differences(fitted.model, fitted.correction);
+    const Eigen::VectorXd halves[2] = {covariance.whiten(d.first), covariance.whiten(d.second)};
+    const Eigen::VectorXd both = 0.5 * (halves[0] + halves[1]);
+    if (!response) {
+        double sum = 0.0;
+        for (int h = 0; h < 2; ++h)
+            sum += (halves[1 - h] - jacobian * solve_least_squares(jacobian, halves[h])).squaredNorm();
+        return sum;
+    }
+    double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
+    for (double u = kWeakest; u <= kStrongest; u += kStrengthStep) {
+        const Eigen::VectorXd change = covariance.whiten(response->at(u));
+        for (int h = 0; h < 3; ++h) {
+            const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);
+            if (square < best[h]) {
+                best[h] = square;
+                at[h] = u;
+            }
+        }
+    }
+    if (strength)
+        *strength = at[2];
+    double sum = 0.0;
+    for (int h = 0; h < 2; ++h) {
+        const Eigen::VectorXd change = covariance.whiten(response->at(at[h]));
+        const Eigen::VectorXd beta = solve_least_squares(jacobian, halves[h] - change);
+        Eigen::VectorXd rest = halves[1 - h] - change;
+        if (beta.size())
+            rest -= jacobian * beta;
+        sum += rest.squaredNorm();
+    }
+    return sum;
+}
+
+std::vector<Refined> Search::screen(const Model &model, const FittedModel &fitted, const Pool &pool) {
+    const Covariance &covariance = fitted.model.fold();
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
+    const Eigen::VectorXd target = covariance.whiten(differences(fitted.model, fitted.correction).mean());
+    const double before = residual_square(jacobian, target);
+    std::vector<Refined> result;
+    for (const Candidate &candidate : candidates_) {
+        const bool used = std::any_of(model.effects.begin(), model.effects.end(),
+                                      [&](const ModelEffect &e) { return e.candidate == &candidate; });
+        Refined refined;
+        refined.candidate = &candidate;
+        refined.concerned = concerned(candidate.id);
+        if (used || std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
+            continue;
+        report(0.0, "screening " + candidate.id);
+        Model with = model;
+        with.add(candidate, 1.0, 0.5);
+        Change change = simulate_change(experiment_, pool, with.settings(), refined.concerned, options_.seed, kSearchSeeds);
+        Eigen::MatrixXd columns(jacobian.rows(), jacobian.cols() + 1);
+        columns << covariance.whiten(change.mean), jacobian;
+        const Eigen::VectorXd coefficients = solve_least_squares(columns, target);
+        refined.gain = before - (target - columns * coefficients).squaredNorm();
+        if (coefficients[0] < 0.0) {
+            // The other direction of an effect that has one; others cannot be negative.
+            const HypothesisParameter &p = candidate.parameters.front();
+            if (p.minimum < 0.0 && p.weak > 0.0)
+                refined.sign = -1.0;
+            else
+                refined.gain = 0.0;
+        } else {
+            refined.response.add(0.5, std::move(change));
+        }
+        result.push_back(std::move(refined));
+    }
+    std::stable_sort(result.begin(), result.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    return result;
+}
+
+void Search::refine(Refined &refined, const Model &model, const FittedModel &fitted, const Pool &pool) {
+    const auto simulate = [&](double strength) {
+        Model with = model;
+        with.add(*refined.candidate, refined.sign, strength);
+        refined.response.add(strength, simulate_change(experiment_, pool, with.settings(), refined.concerned, options_.seed,
+                                                       kSearchSeeds));
+    };
+    for (const double strength : {0.0, 0.5, 1.0})
+        if (refined.response.empty() || refined.response.distance(strength) > kNear)
+            simulate(strength);
+    const double before = held_out(fitted, nullptr, nullptr);
+    for (int round = 0;; ++round) {
+        const double after = held_out(fitted, &refined.response, &refined.strength);
+        refined.gain = before - after;
+        if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
+            break;
+        simulate(refined.strength);
+    }
+}
+
+// Strengths by Gauss-Newton rounds, then replicates at the fitted strengths and a last, linear step.
+FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
+    const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
+    const auto name = [&](Eigen::Index p) { return std::string(model.effects[model.strengths[p].effect].candidate->id); };
+    const auto move = [&](const Eigen::VectorXd &step) {
+        double largest = 0.0;
+        for (Eigen::Index p = 0; p < parameters; ++p) {
+            const double bounded = std::clamp(step[p], -kLargestStep, kLargestStep);
+            model.strengths[p].strength = std::clamp(model.strengths[p].strength + bounded, kWeakest, kStrongest);
+            largest = std::max(largest, std::abs(bounded));
+        }
+        return largest;
+    };
+    EffectSettings settings;
+    Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(experiment_.count()), parameters);
+    const int rounds = parameters == 1 ? 1 : kGaussNewtonRounds;
+    for (int round = 0; round < rounds; ++round) {
+        settings = model.settings();
+        pool = simulate_pool(experiment_, settings, options_.seed, options_.pool_seeds);
+        for (Eigen::Index p = 0; p < parameters; ++p) {
+            report(from, "fitting " + name(p));
+            Model moved = model;
+            double step = moved.strengths[p].strength > 0.9 ? -kDifference : kDifference;
+            moved.strengths[p].strength += step;
+            if (moved.settings() == settings) { // at the end of its range
+                step = -step;
+                moved.strengths[p].strength = model.strengths[p].strength + step;
+            }
+            jacobian.col(p) = simulate_change(experiment_, pool, moved.settings(), concerned(name(p)), options_.seed,
+                                              options_.pool_seeds).mean / step;
+        }
+        if (round + 1 == rounds)
+            break;
+        // Common random numbers: the pool's change from the baseline's pool, on the mean of the baseline's replicates.
+        const Covariance &covariance = baseline_->model.full();
+        const Eigen::VectorXd mean = covariance.mean() + pool_mean(pool) - pool_mean(baseline_pool_);
+        const Eigen::VectorXd target = covariance.whiten(experiment_.real().mean() - mean);
+        if (move(solve_least_squares(whiten_columns(covariance, jacobian), target)) < kNear)
+            break;
+    }
+    const CalibratedLevels levels = pool.levels;
+    FittedModel fitted;
+    fitted.effects = settings;
+    // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
+    const Eigen::VectorXd tolerance = kModelError * (pool_mean(pool) - pool_mean(baseline_pool_)).cwiseAbs();
+    fitted.model = GapModel(experiment_,
+                            replicate(settings, levels, options_.model_replicates, from, to, "simulating " + label(settings)),
+                            options_.level, jacobian, tolerance);
+    fitted.jacobian = jacobian;
+    const Covariance &covariance = fitted.model.full();
+    Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());
+    step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
+    fitted.correction = jacobian * step;
+    fitted.residual = fitted.model.test(experiment_.real());
+    // Intervals: how far the same fit strays on the replicates.
+    const auto &draws = fitted.model.replicates().draws;
+    Eigen::MatrixXd strays(static_cast<Eigen::Index>(draws.size()), parameters);
+    for (Eigen::Index r = 0; r < strays.rows(); ++r)
+        strays.row(r) = fitted.model.coefficients(covariance, draws[r].mean() - covariance.mean());
+    const double n = static_cast<double>(strays.rows());
+    // And what the model's error does to it.
+    const Eigen::VectorXd of_error = fit_of_errors(fitted.model, jacobian);
+    const double factor = student_two_sided_quantile(0.05, n - 1.0) * std::sqrt(1.0 + 1.0 / n);
+    for (Eigen::Index p = 0; p < parameters; ++p) {
+        const Strength &s = model.strengths[p];
+        const ModelEffect &effect = model.effects[s.effect];
+        const double deviation = std::sqrt(strays.col(p).squaredNorm() / (n - 1.0) + of_error[p]);
+        const double middle = s.strength + step[p];
+        const auto value = [&](double strength) { return effect.sign * effect.candidate->value(s.parameter, strength); };
+        const double a = value(middle - factor * deviation), b = value(middle + factor * deviation);
+        fitted.parameters.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(middle),
+                                     std::min(a, b), std::max(a, b)});
+    }
+    fitted.score = held_out(fitted, nullptr, nullptr) + 4.0 * fitted.model.fold().deviation().array().log().sum();
+    return fitted;
+}
+
+SearchResult Search::run() {
+    SearchResult result;
+    const std::vector<bool> all(experiment_.layout().sequences.size(), true);
+    report(0.0, "calibrating the baseline");
+    const CalibratedLevels levels = experiment_.calibrate({}, all, nullptr);
+    const Eigen::MatrixXd none(static_cast<Eigen::Index>(experiment_.count()), 0);
+    FittedModel &baseline = result.baseline;
+    baseline.jacobian = none;
+    baseline.model = GapModel(experiment_, replicate({}, levels, options_.null_replicates, 0.0, 0.3, "simulating the baseline"),
+                              options_.level, none, Eigen::VectorXd::Zero(static_cast<Eigen::Index>(experiment_.count())));
+    baseline.residual = baseline.model.test(experiment_.real());
+    baseline.score = held_out(baseline, nullptr, nullptr) + 4.0 * baseline.model.fold().deviation().array().log().sum();
+    baseline_ = &baseline;
+    if (baseline.residual.detected) {
+        Pool pool = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
+        baseline_pool_ = pool;
+        Model model;
+        result.models.reserve(options_.max_effects); // pointers into it stay
+        const FittedModel *current = &baseline;
+        double progress = 0.3;
+        while (model.effects.size() < options_.max_effects) {
+            const double share = 0.5 * (1.0 - progress);
+            std::vector<Refined> refined = screen(model, *current, pool);
+            if (refined.size() > options_.refined)
+                refined.resize(options_.refined);
+            const double excess = excess_square(*current);
+            double explained = 0.0;
+            for (Refined &candidate : refined) {
+                // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
+                if (explained > kNearlyAll * excess && candidate.gain < kFirstLook * refined.front().gain) {
+                    candidate.gain = std::min(candidate.gain, 0.0);
+                    continue;
+                }
+                report(progress + 0.2 * share, "fitting " + candidate.candidate->id);
+                refine(candidate, model, *current, pool);
+                explained = std::max(explained, candidate.gain);
+            }
+            std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+            // Those that the last comparison must decide between: by replicates of their own.
+            std::vector<Model> models;
+            std::vector<Pool> pools;
+            std::vector<FittedModel> fits;
+            for (const Refined &candidate : refined) {
+                const double margin = std::max(kFinalMargin, kFinalMarginShare * refined.front().gain);
+                if (models.size() == options_.finalists || candidate.gain < kLeastGain || candidate.gain < refined.front().gain - margin)
+                    break;
+                models.push_back(model);
+                models.back().add(*candidate.candidate, candidate.sign, candidate.strength);
+                pools.emplace_back();
+                const double from = progress + share * (0.4 + 0.6 * static_cast<double>(models.size() - 1) / options_.finalists);
+                fits.push_back(fit(models.back(), pools.back(), from, from + 0.6 * share / options_.finalists));
+            }
+            progress += share;
+            if (fits.empty())
+                break;
+            std::size_t best = 0;
+            for (std::size_t i = 1; i < fits.size(); ++i)
+                if (fits[i].score < fits[best].score)
+                    best = i;
+            const double gain = current->score - fits[best].score;
+            if (gain < kLeastGain || (fits[best].residual.detected && gain < kLeastShare * excess))
+                break;
+            SearchStep step;
+            step.added = models[best].effects.back().candidate->id;
+            step.residual = fits[best].residual;
+            double sum = 0.0;
+            for (std::size_t i = 0; i < refined.size(); ++i) {
+                RankedEffect ranked;
+                ranked.effect = refined[i].candidate->id;
+                ranked.simulated = i < fits.size();
+                ranked.gain = ranked.simulated ? current->score - fits[i].score
+                                               : std::min(refined[i].gain - refined[best].gain + gain, gain);
+                if (ranked.simulated) {
+                    ranked.values = fits[i].effects.back().values;
+                    ranked.distance_after = fits[i].residual.distance;
+                } else {
+                    Model with;
+                    with.add(*refined[i].candidate, refined[i].sign, refined[i].strength);
+                    ranked.values = with.settings().back().values;
+                    ranked.distance_after = std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
+                }
+                ranked.probability = std::exp(-(gain - ranked.gain) / (2.0 * kTemperature));
+                sum += ranked.probability;
+                step.ranking.push_back(ranked);
+            }
+            for (RankedEffect &ranked : step.ranking)
+                ranked.probability /= sum;
+            std::stable_sort(step.ranking.begin(), step.ranking.end(),
+                             [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
+            result.steps.push_back(std::move(step));
+            model = models[best];
+            pool = std::move(pools[best]);
+            result.models.push_back(std::move(fits[best]));
+            current = &result.models.back();
+            if (!current->residual.detected)
+                break;
+        }
+    }
+    report(1.0, "done");
+    baseline_ = nullptr;
+    return result;
+}
+
+} // namespace
+
+SearchResult search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+                    const Progress &progress) {
+    return Search(experiment, candidates, options, progress).run();
+}
+
+} // namespace clsp

@@ -1,0 +1,73 @@
+// Which effects explain a capture: forward selection with parameters fitted on common random numbers, judged on the other half of the frames.
+#pragma once
+
+#include "attribution/candidate.hpp"
+#include "attribution/experiment.hpp"
+#include "attribution/gap_test.hpp"
+#include "attribution/response.hpp"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct SearchOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t null_replicates = 48;  // of the baseline
+    std::uint32_t model_replicates = 24; // of each model that is compared in the end
+    std::uint32_t pool_seeds = 2;        // common random numbers
+    std::uint32_t refined = 7;           // effects whose strength is fitted in each step
+    std::uint32_t finalists = 3;
+    std::uint32_t max_effects = 6;
+    double level = 0.02; // of a false alarm
+};
+
+// A fitted parameter of a model.
+struct FittedParameter {
+    std::string effect, name;
+    double value = 0.0, low = 0.0, high = 0.0; // 95 % interval
+};
+
+// The baseline with effects, simulated at its fitted parameters and tested.
+struct FittedModel {
+    EffectSettings effects;
+    std::vector<FittedParameter> parameters;
+    GapModel model;
+    GapTest residual;           // with the fitted parameters' directions taken out
+    Eigen::MatrixXd jacobian;   // change of the statistics per unit of strength of each parameter
+    Eigen::VectorXd correction; // of the mean: the last, linear step of the fit
+    double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
+};
+
+// An effect that was weighed in a step of the search.
+struct RankedEffect {
+    std::string effect;
+    std::vector<double> values;
+    double gain = 0.0;        // of the held-out squared distance
+    double probability = 0.0; // among the effects of this step
+    double distance_after = 0.0;
+    bool simulated = false;   // compared by replicates of its own
+};
+
+struct SearchStep {
+    std::string added;
+    std::vector<RankedEffect> ranking; // best first
+    GapTest residual;                  // after the step
+};
+
+struct SearchResult {
+    FittedModel baseline;
+    std::vector<SearchStep> steps;
+    std::vector<FittedModel> models; // after each step
+};
+
+using Progress = std::function<void(const std::string &what, double fraction)>;
+
+SearchResult search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+                    const Progress &progress);
+
+} // namespace clsp

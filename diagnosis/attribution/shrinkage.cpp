@@ -1,0 +1,59 @@
+#include "attribution/shrinkage.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+namespace {
+
+double mean_square(const Covariance &covariance, const Eigen::VectorXd &first, const Eigen::VectorXd &second) {
+    return 0.5 * (covariance.whiten(first).squaredNorm() + covariance.whiten(second).squaredNorm()) /
+           static_cast<double>(first.size());
+}
+
+// Of a capture from the baseline.
+double before_square(const FittedModel &baseline, const FoldStatistics &s) {
+    const GapModel &model = baseline.model;
+    return mean_square(model.fold(), s.first - model.first_mean(), s.second - model.second_mean());
+}
+
+// Of a capture from a model, each half after the fit to the other one.
+double after_square(const FittedModel &baseline, const FittedModel &fitted, const FoldStatistics &s) {
+    const GapModel &model = fitted.model;
+    const Eigen::VectorXd first = s.first - model.first_mean(), second = s.second - model.second_mean();
+    const Eigen::VectorXd of_first = model.coefficients(model.fold(), first), of_second = model.coefficients(model.fold(), second);
+    return mean_square(baseline.model.fold(), first - fitted.jacobian * of_second, second - fitted.jacobian * of_first);
+}
+
+double beyond(double square, double chance) { return std::sqrt(std::max(0.0, square - chance)); }
+
+} // namespace
+
+Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &fitted) {
+    double chance_before = 0.0, chance_after = 0.0;
+    const auto &baseline_draws = baseline.model.replicates().draws;
+    const auto &draws = fitted.model.replicates().draws;
+    for (const FoldStatistics &draw : baseline_draws)
+        chance_before += before_square(baseline, draw) / static_cast<double>(baseline_draws.size());
+    Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
+    for (Eigen::Index r = 0; r < before.size(); ++r) {
+        before[r] = before_square(baseline, draws[r]);
+        after[r] = after_square(baseline, fitted, draws[r]);
+    }
+    chance_after = after.mean();
+    Shrinkage result;
+    const auto fraction = [](double a, double b) { return b > 0.0 ? 1.0 - a / b : 0.0; };
+    result.before = beyond(before_square(baseline, experiment.real()), chance_before);
+    result.after = beyond(after_square(baseline, fitted, experiment.real()), chance_after);
+    result.fraction = fraction(result.after, result.before);
+    Eigen::VectorXd fractions(before.size());
+    for (Eigen::Index r = 0; r < before.size(); ++r)
+        fractions[r] = fraction(beyond(after[r], chance_after), beyond(before[r], chance_before));
+    const double n = static_cast<double>(fractions.size());
+    const double deviation = std::sqrt((fractions.array() - fractions.mean()).square().sum() / (n - 1.0));
+    const double reach = 2.0 * deviation * std::sqrt(1.0 + 1.0 / n);
+    result.fraction_95 = {result.fraction - reach, std::min(1.0, result.fraction + reach)};
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,67 @@
+// A capture set: what a real camera recorded, sequence by sequence, and what is known of the camera (the capture-set format, version 1).
+#pragma once
+
+#include "stages/phase.hpp"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+enum class CaptureScene : std::uint32_t { kDark = 0, kFlat = 1, kBoard = 2, kDots = 3 };
+
+struct CaptureDots {
+    double sigma_px = 0.0;
+    std::vector<std::array<double, 2>> positions_px; // x, y
+};
+
+// One sequence without its codes: what a simulated sequence has in common with the real one.
+struct SequenceLayout {
+    std::string name;
+    CaptureScene scene = CaptureScene::kDark;
+    bool moving = false;
+    std::uint32_t frame_count = 0;
+    double f_number = 0.0;             // its own, or the camera's
+    std::optional<double> exposure_ms;
+    std::vector<std::uint8_t> mask;    // empty, or height * width; 0: ignored
+};
+
+struct CaptureLayout {
+    std::uint32_t width = 0, height = 0, bits = 0;
+    double pixel_pitch_m = 0.0, f_number = 0.0, wavelength_m = 0.0, degree_of_polarization = 1.0;
+    double black_level_dn = 0.0, read_noise_dn = 0.0; // the data sheet's
+    FieldKind field = FieldKind::kCircularGaussian;
+    std::array<double, 2> principal_point_px{};       // ((width - 1) / 2, (height - 1) / 2) unless given
+    std::optional<CaptureDots> dots;
+    std::vector<SequenceLayout> sequences;
+
+    std::size_t pixel_count() const { return std::size_t{width} * height; }
+    double maximum_code() const { return double((std::uint64_t{1} << bits) - 1); }
+};
+
+// Something that does not stop the diagnosis and that its reader is to know.
+struct CaptureWarning {
+    std::string sequence; // its name; empty: the whole set
+    std::string text;
+};
+
+struct Capture {
+    CaptureLayout layout;
+    // By sequence: frame_count * height * width codes.
+    std::vector<std::vector<std::uint16_t>> codes;
+    // Of the reader: keys that it does not know and the like. What the codes themselves show is capture_warnings().
+    std::vector<CaptureWarning> warnings;
+};
+
+// The words of the format.
+inline const char *scene_name(CaptureScene scene) {
+    constexpr const char *kNames[] = {"dark", "flat", "board", "dots"};
+    return kNames[static_cast<std::uint32_t>(scene) & 3u];
+}
+inline const char *motion_name(bool moving) { return moving ? "moving" : "static"; }
+
+} // namespace clsp

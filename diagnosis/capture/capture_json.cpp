@@ -1,0 +1,316 @@
+#include "capture/capture_json.hpp"
+
+#include "image_io/image_io.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fmt/format.h>
+#include <initializer_list>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace clsp {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{64} << 20; // a million dots take 40 MB
+
+// A value as a message shows it.
+std::string shown(const Json &value) {
+    std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
+    if (text.size() > 60)
+        text = text.substr(0, 57) + "...";
+    return text;
+}
+
+// JSON leaves open which of two equal keys counts, so neither is taken.
+Json::parser_callback_t refuse_double_keys(const std::string &path) {
+    return [path, levels = std::vector<std::set<std::string>>()](int, Json::parse_event_t event, Json &parsed) mutable {
+        if (event == Json::parse_event_t::object_start)
+            levels.emplace_back();
+        else if (event == Json::parse_event_t::object_end)
+            levels.pop_back();
+        else if (event == Json::parse_event_t::key && !levels.back().insert(parsed.get<std::string>()).second)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{}: the key \"{}\" is given twice in one object; keep one of them", path,
+                                    parsed.get<std::string>()));
+        return true;
+    };
+}
+
+Json parse(const std::string &path) {
+    std::string text;
+    try {
+        image_io::detail::InputFile file(path);
+        if (file.size() > kMaxJsonBytes)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{}: has {} bytes; at most {} are taken", path, file.size(), kMaxJsonBytes));
+        text.resize(static_cast<std::size_t>(file.size()));
+        file.read(text.data(), text.size());
+    } catch (const image_io::ReadError &error) {
+        throw Error(Status::kIo, error.what());
+    }
+    try {
+        return Json::parse(text, refuse_double_keys(path));
+    } catch (const Json::exception &error) {
+        std::string what = error.what();
+        if (const std::size_t bracket = what.find("] "); bracket != std::string::npos)
+            what = what.substr(bracket + 2);
+        const bool not_finite = text.find("NaN") != std::string::npos || text.find("Infinity") != std::string::npos;
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{}: is not valid JSON: {}{}", path, what,
+                                not_finite ? " (JSON has neither NaN nor Infinity; leave what is not known out)" : ""));
+    }
+}
+
+// Walks through the description; every message has the file, the field and what it should be.
+class Parser {
+  public:
+    explicit Parser(const std::string &path) : path_(path) {}
+
+    [[noreturn]] void refuse(const std::string &field, const std::string &what) const {
+        throw Error(Status::kInvalidArgument, fmt::format("{}: {} {}", path_, field, what));
+    }
+
+    const Json &object(const Json &parent, const char *key, const std::string &where) const {
+        const Json &value = member(parent, key, where, "an object {...}");
+        if (!value.is_object())
+            refuse(where + "/" + key, fmt::format("is {}; expected an object {{...}}", shown(value)));
+        return value;
+    }
+    double number(const Json &parent, const char *key, const std::string &where, const char *expected) const {
+        return number(member(parent, key, where, expected), where + "/" + key, expected);
+    }
+    double number(const Json &value, const std::string &field, const char *expected) const {
+        if (!value.is_number() || !std::isfinite(value.get<double>()))
+            refuse(field, fmt::format("is {}; expected {}", shown(value), expected));
+        return value.get<double>();
+    }
+    std::uint32_t integer(const Json &parent, const char *key, const std::string &where, const char *expected) const {
+        const Json &value = member(parent, key, where, expected);
+        const double real = value.is_number() ? value.get<double>() : -1.0;
+        if (!(real >= 0.0 && real <= 1e9 && real == std::floor(real)))
+            refuse(where + "/" + key, fmt::format("is {}; expected {}", shown(value), expected));
+        return static_cast<std::uint32_t>(real);
+    }
+    std::string text(const Json &parent, const char *key, const std::string &where, const char *expected) const {
+        const Json &value = member(parent, key, where, expected);
+        if (!value.is_string())
+            refuse(where + "/" + key, fmt::format("is {}; expected {}", shown(value), expected));
+        return value.get<std::string>();
+    }
+    // The number of a word in a list.
+    std::uint32_t word(const Json &parent, const char *key, const std::string &where,
+                       std::initializer_list<const char *> words) const {
+        std::string list;
+        for (const char *w : words)
+            list += fmt::format("{}\"{}\"", list.empty() ? "" : " or ", w);
+        const std::string given = text(parent, key, where, list.c_str());
+        const auto found = std::find(words.begin(), words.end(), given);
+        if (found == words.end())
+            refuse(where + "/" + key, fmt::format("is {}; expected {}", shown(given), list));
+        return static_cast<std::uint32_t>(found - words.begin());
+    }
+    std::array<double, 2> point(const Json &value, const std::string &field) const {
+        if (!value.is_array() || value.size() != 2)
+            refuse(field, fmt::format("is {}; expected [x, y] in pixels", shown(value)));
+        return {number(value[0], field + "/0", "a number, x in pixels"),
+                number(value[1], field + "/1", "a number, y in pixels")};
+    }
+    // A path that stays in the folder.
+    std::string relative_path(const Json &parent, const char *key, const std::string &where,
+                              const char *expected) const {
+        const std::string value = text(parent, key, where, expected);
+        const std::string field = where + "/" + key;
+        if (value.empty() || value.find('\0') != std::string::npos)
+            refuse(field, fmt::format("is {}; expected {}", shown(value), expected));
+        bool leaves = value[0] == '/' || value[0] == '\\' || (value.size() > 1 && value[1] == ':');
+        for (std::size_t start = 0; start <= value.size();) {
+            const std::size_t end = std::min(value.find_first_of("/\\", start), value.size());
+            leaves |= value.substr(start, end - start) == "..";
+            start = end + 1;
+        }
+        if (leaves)
+            refuse(
+                field,
+                fmt::format(
+                    "is {}; expected a path within the folder of capture.json, neither absolute nor with \"..\": copy "
+                    "the file there, or link to it",
+                    shown(value)));
+        return value;
+    }
+    void note_unknown(const Json &object, const std::string &where, std::initializer_list<const char *> known,
+                      const std::string &sequence, std::vector<CaptureWarning> &warnings) const {
+        for (const auto &[key, value] : object.items())
+            if (std::none_of(known.begin(), known.end(), [&k = key](const char *name) { return k == name; }))
+                warnings.push_back(
+                    {sequence, fmt::format("{}: the key {}/{} is not known and is ignored", path_, where, key)});
+    }
+    const std::string &path() const { return path_; }
+
+  private:
+    const Json &member(const Json &parent, const char *key, const std::string &where, const char *expected) const {
+        const auto found = parent.find(key);
+        if (found == parent.end())
+            refuse(where + "/" + key, fmt::format("is missing; expected {}", expected));
+        return *found;
+    }
+    std::string path_;
+};
+
+void read_camera(const Parser &parser, const Json &root, CaptureDescription &result) {
+    const Json &camera = parser.object(root, "camera", "");
+    CaptureLayout &layout = result.layout;
+    layout.width = parser.integer(camera, "width", "/camera", "the number of columns");
+    layout.height = parser.integer(camera, "height", "/camera", "the number of rows");
+    layout.bits = parser.integer(camera, "bits", "/camera", "the number of bits of a code");
+    layout.pixel_pitch_m =
+        parser.number(camera, "pixel_pitch_um", "/camera", "the distance between pixel centres in um") * 1e-6;
+    layout.f_number = parser.number(camera, "f_number", "/camera", "the f-number of the lens");
+    layout.black_level_dn = parser.number(camera, "black_level_dn", "/camera", "the data sheet's black level in DN");
+    layout.read_noise_dn = parser.number(camera, "read_noise_dn", "/camera", "the data sheet's read noise in DN");
+    layout.principal_point_px = {(layout.width - 1.0) / 2.0, (layout.height - 1.0) / 2.0};
+    if (camera.contains("principal_point_px"))
+        layout.principal_point_px = parser.point(camera["principal_point_px"], "/camera/principal_point_px");
+    parser.note_unknown(camera, "/camera",
+                        {"width", "height", "bits", "pixel_pitch_um", "f_number", "black_level_dn", "read_noise_dn",
+                         "principal_point_px"},
+                        "", result.warnings);
+}
+
+void read_dots(const Parser &parser, const Json &root, CaptureDescription &result) {
+    if (!root.contains("dots") || root["dots"].is_null())
+        return;
+    const Json &dots = parser.object(root, "dots", "");
+    CaptureDots value;
+    value.sigma_px = parser.number(dots, "sigma_px", "/dots", "the width of a dot in pixels");
+    const auto positions = dots.find("positions_px");
+    if (positions == dots.end() || !positions->is_array())
+        parser.refuse("/dots/positions_px", "is missing or no list; expected [[x, y], ...] in pixels");
+    value.positions_px.reserve(positions->size());
+    for (std::size_t i = 0; i < positions->size(); ++i)
+        value.positions_px.push_back(parser.point((*positions)[i], fmt::format("/dots/positions_px/{}", i)));
+    parser.note_unknown(dots, "/dots", {"sigma_px", "positions_px"}, "", result.warnings);
+    result.layout.dots = std::move(value);
+}
+
+void read_sequence(const Parser &parser, const Json &entry, std::size_t index, CaptureDescription &result) {
+    const std::string where = fmt::format("/sequences/{}", index);
+    if (!entry.is_object())
+        parser.refuse(where, fmt::format("is {}; expected an object {{...}}", shown(entry)));
+    SequenceLayout sequence;
+    sequence.name = parser.text(entry, "name", where, "a name");
+    sequence.scene = static_cast<CaptureScene>(parser.word(entry, "scene", where, {"dark", "flat", "board", "dots"}));
+    const bool speckle = sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots;
+    // Nothing in the dark or under an LED shows motion.
+    if (speckle || entry.contains("motion"))
+        sequence.moving = parser.word(entry, "motion", where, {"static", "moving"}) == 1;
+    sequence.f_number = result.layout.f_number;
+    if (entry.contains("f_number"))
+        sequence.f_number = parser.number(entry, "f_number", where, "the f-number of this sequence");
+    if (entry.contains("exposure_ms"))
+        sequence.exposure_ms = parser.number(entry, "exposure_ms", where, "the exposure time in ms");
+    result.files.push_back(parser.relative_path(
+        entry, "file", where, "the path of an .npy stack, or of a folder or glob of PNG or TIFF frames"));
+    result.masks.push_back(
+        entry.contains("mask") ? parser.relative_path(entry, "mask", where, "the path of an 8-bit image") : "");
+    parser.note_unknown(entry, where, {"name", "file", "scene", "motion", "exposure_ms", "f_number", "mask"},
+                        sequence.name, result.warnings);
+    result.layout.sequences.push_back(std::move(sequence));
+}
+
+// Enough digits that 2.9e-6 m is 2.9 um again.
+double rounded(double value) {
+    char text[40];
+    const auto end = std::to_chars(text, text + sizeof text, value, std::chars_format::scientific, 12).ptr;
+    double result = value;
+    std::from_chars(text, end, result);
+    return result;
+}
+
+} // namespace
+
+CaptureDescription read_capture_json(const std::string &path) {
+    const Json root = parse(path);
+    const Parser parser(path);
+    if (!root.is_object())
+        parser.refuse("/", "is no object; expected {\"format\": \"clspeckle-capture\", \"version\": 1, ...}");
+    parser.word(root, "format", "", {"clspeckle-capture"});
+    if (const std::uint32_t version = parser.integer(root, "version", "", "1"); version != 1)
+        parser.refuse("/version", fmt::format("is {}; this release reads version 1", version));
+    CaptureDescription result;
+    read_camera(parser, root, result);
+    read_dots(parser, root, result);
+    const auto sequences = root.find("sequences");
+    if (sequences == root.end() || !sequences->is_array() || sequences->empty())
+        parser.refuse("/sequences", "is missing or empty; expected a list of at least one sequence");
+    for (std::size_t i = 0; i < sequences->size(); ++i)
+        read_sequence(parser, (*sequences)[i], i, result);
+
+    CaptureLayout &layout = result.layout;
+    const bool speckle = std::any_of(layout.sequences.begin(), layout.sequences.end(), [](const SequenceLayout &s) {
+        return s.scene == CaptureScene::kBoard || s.scene == CaptureScene::kDots;
+    });
+    if (speckle || root.contains("laser")) {
+        const Json &laser = parser.object(root, "laser", "");
+        layout.wavelength_m = parser.number(laser, "wavelength_nm", "/laser", "the wavelength in nm") * 1e-9;
+        if (laser.contains("degree_of_polarization"))
+            layout.degree_of_polarization = parser.number(laser, "degree_of_polarization", "/laser", "0 to 1");
+        parser.note_unknown(laser, "/laser", {"wavelength_nm", "degree_of_polarization"}, "", result.warnings);
+    } else {
+        layout.wavelength_m = 940e-9;
+        result.warnings.push_back(
+            {"", fmt::format("{}: /laser is missing; nothing in this set depends on it, 940 nm is assumed", path)});
+    }
+    if (root.contains("baseline")) {
+        const Json &baseline = parser.object(root, "baseline", "");
+        layout.field =
+            static_cast<FieldKind>(parser.word(baseline, "field", "/baseline", {"circular_gaussian", "unit_phasor"}));
+        parser.note_unknown(baseline, "/baseline", {"field"}, "", result.warnings);
+    }
+    parser.note_unknown(root, "", {"format", "version", "camera", "laser", "baseline", "dots", "sequences"}, "",
+                        result.warnings);
+    return result;
+}
+
+std::string capture_json(const CaptureLayout &layout) {
+    Json root;
+    root["format"] = "clspeckle-capture";
+    root["version"] = 1;
+    Json &camera = root["camera"];
+    camera["width"] = layout.width;
+    camera["height"] = layout.height;
+    camera["bits"] = layout.bits;
+    camera["pixel_pitch_um"] = rounded(layout.pixel_pitch_m * 1e6);
+    camera["f_number"] = layout.f_number;
+    camera["black_level_dn"] = layout.black_level_dn;
+    camera["read_noise_dn"] = layout.read_noise_dn;
+    const std::array<double, 2> centre = {(layout.width - 1.0) / 2.0, (layout.height - 1.0) / 2.0};
+    if (layout.principal_point_px != centre)
+        camera["principal_point_px"] = layout.principal_point_px;
+    root["laser"] = {{"wavelength_nm", rounded(layout.wavelength_m * 1e9)},
+                     {"degree_of_polarization", layout.degree_of_polarization}};
+    root["baseline"] = {{"field", layout.field == FieldKind::kUnitPhasor ? "unit_phasor" : "circular_gaussian"}};
+    if (layout.dots)
+        root["dots"] = {{"sigma_px", layout.dots->sigma_px}, {"positions_px", layout.dots->positions_px}};
+    for (const SequenceLayout &s : layout.sequences) {
+        Json entry = {{"name", s.name},
+                      {"file", s.name + ".npy"},
+                      {"scene", scene_name(s.scene)},
+                      {"motion", motion_name(s.moving)}};
+        if (s.exposure_ms)
+            entry["exposure_ms"] = *s.exposure_ms;
+        if (s.f_number != layout.f_number)
+            entry["f_number"] = s.f_number;
+        if (!s.mask.empty())
+            entry["mask"] = s.name + "_mask.png";
+        root["sequences"].push_back(std::move(entry));
+    }
+    return root.dump(1) + "\n";
+}
+
+} // namespace clsp

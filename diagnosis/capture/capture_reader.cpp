@@ -1,0 +1,70 @@
+#include "capture/capture_reader.hpp"
+
+#include "capture/capture_json.hpp"
+#include "capture/capture_validation.hpp"
+#include "capture/sequence_files.hpp"
+#include "runtime/error.hpp"
+
+#include <filesystem>
+#include <fmt/format.h>
+
+namespace clsp {
+
+namespace fs = std::filesystem;
+
+Capture read_capture(const std::string &folder, const CaptureProgress &progress) {
+    if (folder.empty())
+        throw Error(Status::kInvalidArgument, "the path of the capture set is empty; name its folder");
+    std::error_code code;
+    fs::path root = folder;
+    fs::path description = root / "capture.json";
+    if (fs::is_regular_file(root, code) && root.extension() == ".json") {
+        description = root;
+        root = root.parent_path().empty() ? fs::path(".") : root.parent_path();
+    } else if (!fs::is_directory(root, code)) {
+        throw Error(Status::kIo, fmt::format("{}: {}; expected the folder of a capture set, with a capture.json",
+                                             folder, fs::exists(root, code) ? "is not a folder" : "does not exist"));
+    } else if (!fs::exists(description, code)) {
+        throw Error(Status::kIo,
+                    fmt::format("{}: the folder holds no capture.json, which describes a capture set", folder));
+    }
+
+    CaptureDescription described = read_capture_json(description.string());
+    CaptureOrigin origin{description.string(), {}};
+    // Sizes first: nothing is read before all of it is known to fit.
+    std::vector<SequenceFiles> files;
+    Capture capture;
+    capture.layout = std::move(described.layout);
+    capture.warnings = std::move(described.warnings);
+    std::uint64_t total = 0;
+    {
+        // What the files are checked against must itself be in order.
+        CaptureLayout camera = capture.layout;
+        for (SequenceLayout &sequence : camera.sequences)
+            sequence.frame_count = 1;
+        validate_layout(camera, origin);
+    }
+    for (std::size_t i = 0; i < described.files.size(); ++i) {
+        files.emplace_back(root.string(), described.files[i], origin.description, fmt::format("/sequences/{}/file", i));
+        const std::uint64_t frames = files.back().check(capture.layout);
+        capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
+        origin.files.push_back(files.back().name());
+        total += frames;
+        if (!described.masks[i].empty())
+            capture.layout.sequences[i].mask = read_mask((root / described.masks[i]).string(), capture.layout);
+    }
+    validate_layout(capture.layout, origin);
+
+    std::uint64_t done = 0;
+    for (std::size_t i = 0; i < files.size(); ++i) {
+        capture.codes.push_back(files[i].read(capture.layout, [&] {
+            ++done;
+            if (progress)
+                progress(done, total);
+        }));
+        validate_codes(capture.layout, i, capture.codes.back(), origin);
+    }
+    return capture;
+}
+
+} // namespace clsp

@@ -1,0 +1,141 @@
+// What is odd about the codes of a valid capture.
+#include "capture/capture_check.hpp"
+#include "capture/capture_validation.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <fmt/format.h>
+#include <map>
+
+namespace clsp {
+namespace {
+
+// FNV-1a over the codes; equal hashes are compared in full.
+std::uint64_t frame_hash(const std::uint16_t *codes, std::size_t count) {
+    std::uint64_t hash = 14695981039346656037ull;
+    for (std::size_t i = 0; i < count; ++i)
+        hash = (hash ^ codes[i]) * 1099511628211ull;
+    return hash;
+}
+
+// How many frames are bit for bit one that came before, and the first such pair.
+struct Repeats {
+    std::uint32_t count = 0, first = 0, again = 0;
+};
+
+Repeats repeated_frames(const std::vector<std::uint16_t> &codes, std::uint32_t frame_count, std::size_t pixels) {
+    Repeats result;
+    std::multimap<std::uint64_t, std::uint32_t> seen;
+    for (std::uint32_t frame = 0; frame < frame_count; ++frame) {
+        const std::uint16_t *now = codes.data() + frame * pixels;
+        const std::uint64_t hash = frame_hash(now, pixels);
+        const auto [begin, end] = seen.equal_range(hash);
+        const auto same = std::find_if(begin, end, [&](const auto &entry) {
+            return std::memcmp(codes.data() + entry.second * pixels, now, pixels * sizeof *now) == 0;
+        });
+        if (same != end) {
+            if (result.count++ == 0) {
+                result.first = same->second;
+                result.again = frame;
+            }
+        } else {
+            seen.emplace(hash, frame);
+        }
+    }
+    return result;
+}
+
+void warn_of_dots(const CaptureLayout &layout, std::vector<CaptureWarning> &warnings) {
+    if (!layout.dots)
+        return;
+    const auto &positions = layout.dots->positions_px;
+    const auto outside = std::count_if(positions.begin(), positions.end(), [&](const auto &p) {
+        return p[0] < -0.5 || p[0] >= layout.width - 0.5 || p[1] < -0.5 || p[1] >= layout.height - 0.5;
+    });
+    if (outside > 0)
+        warnings.push_back(
+            {"", fmt::format("{} of {} dots lie outside of the image of {} x {} pixels; if that is not meant, "
+                             "positions_px may be in another order or unit ([x, y] in pixels)",
+                             outside, positions.size(), layout.width, layout.height)});
+    // Two dots at one place are one brighter dot: mostly a list that was joined twice.
+    std::vector<std::array<double, 2>> sorted = positions;
+    std::sort(sorted.begin(), sorted.end());
+    const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+    if (twice != sorted.end())
+        warnings.push_back(
+            {"", fmt::format("two or more dots are at ({}, {}); their light adds up", (*twice)[0], (*twice)[1])});
+}
+
+void warn_of_pupil(const CaptureLayout &layout, const SequenceLayout &s, std::vector<CaptureWarning> &warnings) {
+    if (s.scene == CaptureScene::kDark || s.scene == CaptureScene::kFlat)
+        return;
+    const double diameter = layout.pixel_pitch_m / (layout.wavelength_m * s.f_number);
+    if (diameter > 1.0)
+        warnings.push_back(
+            {s.name,
+             fmt::format("at f/{:g} the pupil is {:.2f} cycles per pixel wide: speckle is finer than the pixels, and a "
+                         "baseline that samples points cuts its spectrum off at 1; the size of the grain says little",
+                         s.f_number, diameter)});
+}
+
+void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceSummary &summary, const DarkLevel &dark,
+                   std::vector<CaptureWarning> &warnings) {
+    const CaptureLayout &layout = capture.layout;
+    const SequenceLayout &s = layout.sequences[sequence];
+    const std::vector<std::uint16_t> &codes = capture.codes[sequence];
+    const auto warn = [&](std::string text) { warnings.push_back({s.name, std::move(text)}); };
+    const bool lit = s.scene != CaptureScene::kDark;
+    if (summary.minimum == summary.maximum)
+        warn(fmt::format("every pixel of every frame has the code {}: the sensor delivered nothing, or the codes were "
+                         "lost on the way",
+                         summary.minimum));
+    if (s.frame_count == 1) {
+        warn("has one frame only: nothing can be said about noise or change in time");
+    } else if (const Repeats repeats = repeated_frames(codes, s.frame_count, layout.pixel_count());
+               repeats.count + 1 == s.frame_count) {
+        warn(fmt::format("all {} frames are the same, bit for bit: there is no temporal noise; a real camera has some, "
+                         "so the frames may be "
+                         "copies of one",
+                         s.frame_count));
+    } else if (repeats.count > 0) {
+        warn(fmt::format("{} of {} frames are repeated, bit for bit (frame {} is frame {} again): the grabber may have "
+                         "dropped frames",
+                         repeats.count, s.frame_count, repeats.again, repeats.first));
+    }
+    if (summary.saturated_fraction > 0.5)
+        warn(fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says nothing "
+                         "about the light; expose "
+                         "less",
+                         100.0 * summary.saturated_fraction, layout.maximum_code()));
+    if (summary.minimum != summary.maximum && summary.zero_fraction > (lit ? 0.5 : 0.01))
+        warn(fmt::format("{:.1f} % of the pixels have the code 0: {}", 100.0 * summary.zero_fraction,
+                         lit ? "the sequence is black or the black level was taken off; raw codes are needed"
+                             : "the noise is clipped at 0, so that offset and read noise are wrong; raw codes with "
+                               "their black level are "
+                               "needed"));
+    // A quarter of the noise of one pixel, but no less than half a code.
+    if (lit && summary.level_above_dark_dn < std::max(0.5, 0.25 * layout.read_noise_dn))
+        warn(fmt::format(
+            "its mean, {:.2f} DN, is not above the dark level, {:.2f} DN ({}): there is hardly any light in it",
+            summary.mean_dn, dark.level_dn, dark.measured ? "of the dark sequences" : "the data sheet's black level"));
+    if (!lit && summary.level_above_dark_dn > std::max(8.0, 4.0 * layout.read_noise_dn))
+        warn(fmt::format("its mean, {:.2f} DN, is far above the data sheet's black level, {:.2f} DN: light may have "
+                         "come in, or the exposure was "
+                         "long",
+                         summary.mean_dn, layout.black_level_dn));
+}
+
+} // namespace
+
+std::vector<CaptureWarning> capture_warnings(const Capture &capture) {
+    std::vector<CaptureWarning> warnings = capture.warnings;
+    warn_of_dots(capture.layout, warnings);
+    const DarkLevel dark = dark_level(capture);
+    for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
+        warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
+        warn_of_codes(capture, i, summarize_sequence(capture, i, dark), dark, warnings);
+    }
+    return warnings;
+}
+
+} // namespace clsp

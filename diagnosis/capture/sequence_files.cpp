@@ -1,0 +1,238 @@
+#include "capture/sequence_files.hpp"
+
+#include "capture/capture_validation.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <fmt/format.h>
+#include <glob.h>
+#include <set>
+
+namespace clsp {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_digit(char c) {
+    return c >= '0' && c <= '9';
+}
+
+std::string extension(const std::string &path) {
+    std::string text = fs::path(path).extension().string();
+    for (char &c : text)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text == ".tif" ? ".tiff" : text;
+}
+
+// What image_io says, as an error of the library.
+template <typename Body> auto reading(Body &&body) -> decltype(body()) {
+    try {
+        return body();
+    } catch (const image_io::ReadError &error) {
+        throw Error(Status::kIo, error.what());
+    }
+}
+
+std::vector<std::string> frames_of_folder(const std::string &folder) {
+    std::vector<std::string> files;
+    std::set<std::string> kinds;
+    std::error_code code;
+    for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
+        const std::string kind = extension(entry.path().string());
+        const std::string name = entry.path().filename().string();
+        std::error_code ignored;
+        if (name[0] == '.' || (kind != ".png" && kind != ".tiff") || !entry.is_regular_file(ignored))
+            continue;
+        kinds.insert(kind);
+        files.push_back(entry.path().string());
+    }
+    if (code)
+        throw Error(Status::kIo, fmt::format("{}: cannot be read: {}", folder, code.message()));
+    if (files.empty())
+        throw Error(Status::kIo, fmt::format("{}: the folder holds no PNG or TIFF frames", folder));
+    if (kinds.size() > 1)
+        throw Error(Status::kInvalidData,
+                    fmt::format("{}: the folder holds both PNG and TIFF images; say which are the frames, for example "
+                                "\"file\": \"{}/*.png\"",
+                                folder, fs::path(folder).filename().string()));
+    return files;
+}
+
+// The folder's own name may hold what a pattern gives a meaning.
+std::vector<std::string> frames_of_pattern(const std::string &folder, const std::string &pattern) {
+    std::string escaped;
+    for (const char c : folder) {
+        if (c == '*' || c == '?' || c == '[' || c == ']' || c == '\\')
+            escaped += '\\';
+        escaped += c;
+    }
+    glob_t matches{};
+    const int result = ::glob((escaped + "/" + pattern).c_str(), 0, nullptr, &matches);
+    std::vector<std::string> files;
+    for (std::size_t i = 0; result == 0 && i < matches.gl_pathc; ++i)
+        files.emplace_back(matches.gl_pathv[i]);
+    ::globfree(&matches);
+    return files;
+}
+
+} // namespace
+
+bool natural_less(const std::string &a, const std::string &b) {
+    std::size_t i = 0;
+    std::size_t j = 0;
+    while (i < a.size() && j < b.size()) {
+        if (is_digit(a[i]) && is_digit(b[j])) {
+            const auto run = [](const std::string &text, std::size_t &at) {
+                while (at < text.size() && text[at] == '0')
+                    ++at;
+                const std::size_t start = at;
+                while (at < text.size() && is_digit(text[at]))
+                    ++at;
+                return text.substr(start, at - start);
+            };
+            const std::string x = run(a, i);
+            const std::string y = run(b, j);
+            if (x.size() != y.size())
+                return x.size() < y.size();
+            if (x != y)
+                return x < y;
+            continue;
+        }
+        if (a[i] != b[j])
+            return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
+        ++i;
+        ++j;
+    }
+    if (i < a.size() || j < b.size())
+        return j < b.size();
+    return a < b; // the same but for leading zeros
+}
+
+SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
+                             const std::string &field)
+    : name_((fs::path(folder) / file).lexically_normal().string()) {
+    const std::string path = (fs::path(folder) / file).string();
+    std::vector<std::string> files;
+    std::error_code code;
+    if (fs::is_directory(path, code)) {
+        files = frames_of_folder(path);
+        single_ = false;
+    } else if (fs::exists(path, code)) {
+        files = {path};
+    } else {
+        const bool pattern = file.find_first_of("*?[") != std::string::npos;
+        if (pattern)
+            files = frames_of_pattern(folder, file);
+        if (files.empty())
+            throw Error(Status::kIo,
+                        fmt::format("{}: {} is \"{}\", but {} {}; correct the name, or take the sequence out",
+                                    description, field, file, name_, pattern ? "matches no file" : "does not exist"));
+        single_ = false;
+    }
+    std::sort(files.begin(), files.end(), natural_less);
+    for (const std::string &one : files)
+        parts_.push_back(Part{one, reading([&] { return image_io::open_without_exr(one)->info(); })});
+}
+
+std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
+    std::uint64_t frames = 0;
+    for (const Part &part : parts_) {
+        const image_io::Info &info = part.info;
+        const auto refuse = [&](const std::string &what) {
+            throw Error(Status::kInvalidData, fmt::format("{}: {}", part.path, what));
+        };
+        const bool npy = info.format == "NPY";
+        if (npy && !single_)
+            refuse("is an .npy array among the frames of a folder or pattern; expected PNG or TIFF frames there, or "
+                   "name the .npy "
+                   "stack itself");
+        if (!npy && info.format != "PNG" && info.format != "TIFF")
+            refuse(fmt::format("is a {} file; expected an .npy stack, or PNG or TIFF frames", info.format));
+        if (info.channels != 1)
+            refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
+                               npy ? ": an array of (frames, height, width)" : " (a gray image)"));
+        if (info.sample != "uint16" && !(info.sample == "uint8" && layout.bits == 8))
+            refuse(
+                fmt::format("has samples of type {}; expected uint16{}", info.sample,
+                            info.sample == "uint8"
+                                ? fmt::format(" for codes of {} bits (8-bit files hold 8-bit codes only)", layout.bits)
+                                : ": the codes as the converter gives them, neither scaled nor shifted"));
+        if (info.width != layout.width || info.height != layout.height)
+            refuse(fmt::format("has frames of {} x {} pixels (width x height); /camera says {} x {}{}", info.width,
+                               info.height, layout.width, layout.height,
+                               info.width == layout.height && info.height == layout.width
+                                   ? "; the two sides are exchanged: an array is (frames, height, width)"
+                                   : ""));
+        frames += info.frame_count;
+        if (frames > kMaxCaptureFrames)
+            throw Error(Status::kInvalidData,
+                        fmt::format("{}: has more than {} frames; use fewer", name_, kMaxCaptureFrames));
+    }
+    return frames;
+}
+
+std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
+                                               const std::function<void()> &frame_read) const {
+    std::vector<std::uint16_t> codes;
+    codes.reserve(static_cast<std::size_t>(check(layout)) * layout.pixel_count());
+    const auto maximum = static_cast<float>(layout.maximum_code());
+    for (const Part &part : parts_) {
+        const auto reader = reading([&] { return image_io::open_without_exr(part.path); });
+        if (reader->info().width != layout.width || reader->info().height != layout.height ||
+            reader->info().channels != 1)
+            throw Error(Status::kIo, fmt::format("{}: changed while it was read", part.path));
+        for (std::uint64_t frame = 0; frame < part.info.frame_count; ++frame) {
+            std::uint32_t y = 0;
+            reading([&] {
+                reader->read_rows(frame, [&](const float *row) {
+                    for (std::uint32_t x = 0; x < layout.width; ++x) {
+                        if (!(row[x] <= maximum)) {
+                            std::uint32_t bits = layout.bits;
+                            while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
+                                ++bits;
+                            throw Error(Status::kInvalidData,
+                                        fmt::format("{}: frame {}, pixel ({}, {}): the code is {}, but /camera/bits is "
+                                                    "{}, so that {} is the "
+                                                    "top code. Set bits to {} or more, or shift the codes down if the "
+                                                    "camera stores them in "
+                                                    "the upper bits",
+                                                    part.path, frame, x, y, row[x], layout.bits, maximum, bits));
+                        }
+                        codes.push_back(static_cast<std::uint16_t>(row[x]));
+                    }
+                    ++y;
+                });
+            });
+            if (frame_read)
+                frame_read();
+        }
+    }
+    return codes;
+}
+
+std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout) {
+    return reading([&] {
+        const auto reader = image_io::open_without_exr(path);
+        const image_io::Info &info = reader->info();
+        if (info.channels != 1 || (info.sample != "uint8" && info.sample != "bool") || info.frame_count != 1)
+            throw Error(Status::kInvalidData,
+                        fmt::format("{}: is {} of {} with {} channel{}; a mask is one 8-bit gray image, 0 where a "
+                                    "pixel is not to count",
+                                    path, info.frame_count == 1 ? "one image" : "a stack", info.sample, info.channels,
+                                    info.channels == 1 ? "" : "s"));
+        if (info.width != layout.width || info.height != layout.height)
+            throw Error(Status::kInvalidData, fmt::format("{}: the mask has {} x {} pixels; /camera says {} x {}", path,
+                                                          info.width, info.height, layout.width, layout.height));
+        std::vector<std::uint8_t> mask;
+        mask.reserve(layout.pixel_count());
+        reader->read_rows(0, [&](const float *row) {
+            for (std::uint32_t x = 0; x < layout.width; ++x)
+                mask.push_back(static_cast<std::uint8_t>(row[x]));
+        });
+        return mask;
+    });
+}
+
+} // namespace clsp

@@ -1,0 +1,46 @@
+// The files of one sequence: an .npy stack, or PNG and TIFF frames.
+#pragma once
+
+#include "capture/capture.hpp"
+#include "image_io/image_io.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// frame2 before frame10: runs of digits compare as numbers.
+bool natural_less(const std::string &a, const std::string &b);
+
+// Files of a sequence, found and looked at but not read yet, so that sizes can be checked before memory is taken.
+class SequenceFiles {
+  public:
+    // folder: of capture.json; file: what it says for the sequence, a path that stays in the folder. Throws kIo if
+    // nothing is there. field: for messages.
+    SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
+                  const std::string &field);
+
+    // What messages call it: the file itself, or the folder or pattern.
+    const std::string &name() const { return name_; }
+    // Checks size and type against the camera; throws kInvalidData naming the file. Gives the number of frames.
+    std::uint64_t check(const CaptureLayout &layout) const;
+    // After check(): all frames. Throws kIo for damaged data, kInvalidData for values that are no codes.
+    std::vector<std::uint16_t> read(const CaptureLayout &layout, const std::function<void()> &frame_read = {}) const;
+
+  private:
+    struct Part {
+        std::string path;
+        image_io::Info info;
+    };
+    std::string name_;
+    bool single_ = true; // one file that was named itself
+    std::vector<Part> parts_;
+};
+
+// height * width values of an 8-bit image; throws kIo or kInvalidData naming the file.
+std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout);
+
+} // namespace clsp

@@ -1,0 +1,242 @@
+#include "report/explanations.hpp"
+
+#include "report/html_page.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+struct Words {
+    const char *name, *text;
+};
+
+// A statistic whose name begins so; the longest beginning counts.
+constexpr Words kStatistics[] = {
+    {"row_noise", "how much the rows' means jump from frame to frame, over what independent pixels would give"},
+    {"column_noise", "how much the columns' means jump from frame to frame, over what independent pixels would give"},
+    {"frame_mean_fluctuation", "how much the brightness of whole frames fluctuates"},
+    {"frame_mean_drift", "change of the brightness over the sequence, relative to its mean"},
+    {"first_frame", "brightness of the first frame against the others"},
+    {"temporal_correlation_", "correlation of a pixel's fluctuations some frames apart (the number in the name)"},
+    {"noise_skewness", "lopsidedness of the temporal noise"},
+    {"noise_kurtosis", "tails of the temporal noise: outliers make it large"},
+    {"noise_correlation_", "correlation of the temporal noise of pixels at the distance in the name"},
+    {"repeated_frames", "how alike the most alike frames are; a repeated frame makes it large"},
+    {"codes_multiple_of_",
+     "share of codes that are multiples of this number, beyond what evenly used codes would give"},
+    {"histogram_roughness", "raggedness of the histogram of codes: missing or preferred codes"},
+    {"share_above_", "share of the pixels that are brighter than this percentage of the full scale"},
+    {"bright_end", "how bright the brightest pixels are: clipping lowers it"},
+    {"block_edges_", "jumps at the edges of blocks of this many pixels, as image compression leaves them"},
+    {"mosaic_rows", "difference of even and odd rows"},
+    {"mosaic_columns", "difference of even and odd columns"},
+    {"mosaic_checker", "difference of the two diagonals of the 2 x 2 mosaic"},
+    {"gradient_x", "brightness gradient from left to right"},
+    {"gradient_y", "brightness gradient from top to bottom"},
+    {"radial_falloff", "brightness of the corners against the middle"},
+    {"region_mean", "brightness of a region against the whole image"},
+    {"temporal_variance", "temporal variance of the pixels"},
+    {"temporal_variance_linear", "part of the temporal variance that grows with the signal, as shot noise does"},
+    {"temporal_variance_square",
+     "part of the temporal variance that grows with the square of the signal, as flicker and changing speckle do"},
+    {"temporal_variance_gradient", "part of the temporal variance at steep edges, as an image that shakes has it"},
+    {"image_shift_", "movement of the image from frame to frame along this axis"},
+    {"image_turn", "rotation of the image from frame to frame"},
+    {"image_breathing", "change of the image's scale from frame to frame"},
+    {"fixed_pattern", "differences between pixels that stay in all frames, over the temporal noise"},
+    {"fixed_pattern_columns", "share of whole columns in the fixed pattern"},
+    {"fixed_pattern_rows", "share of whole rows in the fixed pattern"},
+    {"fixed_pattern_blocks", "share of slow variations in the fixed pattern"},
+    {"fixed_pattern_skewness", "lopsidedness of the fixed pattern: a few bright pixels make it large"},
+    {"fixed_pattern_kurtosis", "tails of the fixed pattern: outlying pixels make it large"},
+    {"fixed_pattern_correlation_", "correlation of neighbouring pixels in the fixed pattern"},
+    {"fixed_pattern_lines", "sharp peaks in the spectrum of the fixed pattern: a periodic pattern"},
+    {"hot_pixels_", "number of pixels that stick out brightly, by so many standard deviations"},
+    {"cold_pixels_", "number of pixels that stick out darkly, by so many standard deviations"},
+    {"contrast", "speckle contrast: standard deviation over mean of the light, sensor noise taken out; 1 for fully "
+                 "developed speckle"},
+    {"intensity_skewness", "lopsidedness of the law of brightness"},
+    {"intensity_kurtosis", "tails of the law of brightness"},
+    {"intensity_below_", "share of the pixels darker than this percentage of the mean"},
+    {"speckle_correlation_",
+     "correlation of the brightness of pixels at this distance: size and shape of the speckle grains"},
+    {"speckle_lopsided_", "asymmetry of the correlation along this axis, as a trail to one side leaves it"},
+    {"speckle_binned_skewness", "lopsidedness of the brightness after averaging over several grains"},
+    {"speckle_neighbour_correlation", "grain size in a zone of the image"},
+    {"power_band_", "share of the brightness variations in a band of spatial frequency, from coarse to fine"},
+    {"power_beyond_cutoff", "variations finer than the lens can pass"},
+    {"power_direction", "horizontal against vertical spatial frequencies"},
+    {"power_lines", "sharp peaks in the spatial spectrum: a periodic pattern"},
+    {"row_means", "brightness differences of whole rows"},
+    {"column_means", "brightness differences of whole columns"},
+    {"dot_shift_", "common shift of all dots along this axis"},
+    {"dot_radial_displacement",
+     "dots farther out or in, in proportion to the distance from the axis, as a wavelength shift moves them"},
+    {"dot_cubic_displacement",
+     "dots farther out or in, with the cube of the distance from the axis, as lens distortion moves them"},
+    {"dot_turn", "rotation of the dot pattern"},
+    {"dot_anisotropy", "different scales of the dot pattern along the two axes"},
+    {"dot_shear", "shear of the dot pattern"},
+    {"dot_position_scatter", "scatter of the dots' positions about a smooth displacement"},
+    {"dot_width", "width of the dots (standard deviation)"},
+    {"dot_covariance_xy", "diagonal stretch of the dots"},
+    {"dot_skewness_", "lopsidedness of the dots along this axis"},
+    {"dot_kurtosis", "tails of the dots' profile: flat tops lower it"},
+    {"dot_profile", "light in a ring around the dots (radii in standard deviations of the dot)"},
+    {"dot_angular_", "angular structure of the light around the dots"},
+    {"dot_flux", "light of the dots in a region"},
+    {"dot_flux_falloff", "light of the dots in the corners against the middle"},
+    {"dot_flux_spread", "differences in brightness between dots"},
+    {"dot_peak", "brightness of the dots' centres"},
+    {"light_between_dots", "light far from every dot, relative to the mean"},
+    {"light_between_dots_spread", "structure of the light far from every dot"},
+    {"peak_at_cell_centres", "extra light in the middle between dots: ghost dots"},
+    {"peak_at_half_ways", "extra light half way between neighbouring dots: ghost dots"},
+    {"peak_at_point_reflections", "extra light at the dots' point reflections about the axis: an internal reflection"},
+    {"peak_at_mirror_images_", "extra light at the dots' mirror images: an internal reflection"},
+    {"peak_on_axis", "extra dot on the axis: undiffracted light"},
+    {"core_", "law of the speckled brightness in the dots' cores"},
+    {"grain_correlation_", "size of the speckle grains within the dots"},
+};
+
+constexpr Words kStages[] = {
+    {"laser", "laser: line width, stability and shape of the beam"},
+    {"doe", "diffractive element that makes the dots"},
+    {"surface", "surface: how its roughness makes speckle"},
+    {"motion", "motion: of the surface, the camera or the air"},
+    {"optics", "lens: aperture, focus, distortion, stray light"},
+    {"sensor", "sensor: pixels, noise, converter"},
+};
+
+constexpr Words kUnits[] = {
+    {"1", "–"},
+    {"log", "ln"},
+    {"sqrt", "√"},
+};
+
+std::string with_spaces(std::string text) {
+    std::replace(text.begin(), text.end(), '_', ' ');
+    return text;
+}
+
+bool begins_with(const std::string &text, const std::string &start) {
+    return text.compare(0, start.size(), start) == 0;
+}
+
+std::string joined(const std::vector<std::string> &items) {
+    std::string result;
+    for (std::size_t i = 0; i < items.size(); ++i)
+        result += (i == 0 ? "" : i + 1 < items.size() ? ", " : " and ") + items[i];
+    return result;
+}
+
+} // namespace
+
+std::string explain_statistic(const std::string &name) {
+    const Words *best = nullptr;
+    for (const Words &words : kStatistics)
+        if (begins_with(name, words.name) && (!best || std::string(words.name).size() > std::string(best->name).size()))
+            best = &words;
+    return best ? best->text : with_spaces(name);
+}
+
+std::string explain_region(const std::string &region) {
+    if (region == "all")
+        return "whole image";
+    if (region.size() == 4 && region[0] == 'r' && region[2] == 'c' && region[1] >= '0' && region[1] <= '2' &&
+        region[3] >= '0' && region[3] <= '2') {
+        if (region == "r1c1")
+            return "middle";
+        constexpr std::array<const char *, 3> rows{"upper", "middle", "lower"}, columns{"left", "centre", "right"};
+        return std::string(rows[std::size_t(region[1] - '0')]) + " " + columns[std::size_t(region[3] - '0')];
+    }
+    if (begins_with(region, "ring") && region.size() == 5 && std::isdigit(static_cast<unsigned char>(region[4])))
+        return fmt::format("ring {} from the axis outwards", region[4] - '0' + 1);
+    return with_spaces(region);
+}
+
+std::string explain_unit(const std::string &unit) {
+    for (const Words &words : kUnits)
+        if (unit == words.name)
+            return words.text;
+    return unit;
+}
+
+std::string explain_stage(const std::string &stage) {
+    for (const Words &words : kStages)
+        if (stage == words.name)
+            return words.text;
+    return stage;
+}
+
+std::string explain_effect(const DiagnosisResult &result, const std::string &effect) {
+    for (const Candidate &candidate : result.candidates)
+        if (candidate.id == effect)
+            return fmt::format("{} ({})", candidate.summary, candidate.stage);
+    return {};
+}
+
+std::string explain_sequence(CaptureScene scene, bool moving) {
+    const char *motion =
+        moving ? "moved between frames: the speckle of each frame is new" : "at rest: the speckle stands still";
+    switch (scene) {
+    case CaptureScene::kDark:
+        return "dark frames: no light reaches the sensor";
+    case CaptureScene::kFlat:
+        return "uniform lamp light, no speckle";
+    case CaptureScene::kBoard:
+        return fmt::format("a rough flat board in uniform laser light, {}", motion);
+    case CaptureScene::kDots:
+        break;
+    }
+    return fmt::format("the board under the laser's dot pattern, {}", motion);
+}
+
+std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked) {
+    std::string text = ranked.effect;
+    const auto candidate = std::find_if(result.candidates.begin(), result.candidates.end(),
+                                        [&](const Candidate &c) { return c.id == ranked.effect; });
+    for (std::size_t p = 0;
+         candidate != result.candidates.end() && p < std::min(ranked.values.size(), candidate->parameters.size());
+         ++p) {
+        const HypothesisParameter &parameter = candidate->parameters[p];
+        text += fmt::format("{} {} = {}{}{}", p ? "," : "", parameter.name, figure(ranked.values[p]),
+                            parameter.unit.empty() || parameter.unit == "1" ? "" : " ",
+                            parameter.unit == "1" ? "" : parameter.unit);
+    }
+    return text;
+}
+
+std::string verdict_sentence(const DiagnosisResult &result) {
+    switch (result.verdict) {
+    case Verdict::kNone:
+        return "No gap: with its light levels, black level and read noise adjusted, the simulator's frames cannot be "
+               "told from the real "
+               "ones by any of the statistics below, given so many frames.";
+    case Verdict::kNamed:
+        return fmt::format("There is a gap, and its cause is named: {}. With {} in the simulator its frames {}.",
+                           joined(result.effects), result.effects.size() > 1 ? "these effects" : "this effect",
+                           result.residual_detected ? "come nearer, though a difference remains"
+                                                    : "can no longer be told from the real ones");
+    case Verdict::kAmbiguous:
+        return fmt::format("There is a gap, but these frames cannot tell which of several effects causes it: {} "
+                           "explain it equally well{}. "
+                           "The advice says which further recording would decide.",
+                           joined(result.equivalent),
+                           result.effects.empty() ? std::string()
+                                                  : fmt::format(" (best so far: {})", joined(result.effects)));
+    case Verdict::kUnknown:
+        break;
+    }
+    std::string text =
+        "There is a gap, and a significant part of it is explained by no effect that the simulator knows. ";
+    if (!result.effects.empty())
+        text += fmt::format("Found beside it: {}. ", joined(result.effects));
+    return text + "The map of where it lies narrows the cause down.";
+}
+
+} // namespace clsp

@@ -1,0 +1,24 @@
+// Names of statistics, regions, units, stages and effects in plain words.
+#pragma once
+
+#include "attribution/diagnosis.hpp"
+
+#include <string>
+
+namespace clsp {
+
+std::string explain_statistic(const std::string &name);
+std::string explain_region(const std::string &region);
+// The unit of a statistic as it stands in a table.
+std::string explain_unit(const std::string &unit);
+std::string explain_stage(const std::string &stage);
+// The effect's one-line description from the catalogue or the hypothesis; empty if it is in neither.
+std::string explain_effect(const DiagnosisResult &result, const std::string &effect);
+std::string explain_sequence(CaptureScene scene, bool moving);
+// An effect with the values of its parameters and their units.
+std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked);
+
+// The verdict in a sentence or two.
+std::string verdict_sentence(const DiagnosisResult &result);
+
+} // namespace clsp

@@ -1,0 +1,36 @@
+// Figures of the report as Vega specifications.
+#pragma once
+
+#include "attribution/diagnosis.hpp"
+#include "report/evidence.hpp"
+#include "report/html_page.hpp"
+
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+const char *version_name(Version version);
+
+// Curves of the versions of a sequence over a common abscissa.
+struct CurvePlot {
+    std::string x_title, y_title;
+    std::vector<double> x;
+    std::vector<std::vector<double>> y; // by version
+    std::vector<double> y_domain;       // lowest and highest; empty: those of the data
+    double y_floor = 0.0;               // what is less is drawn there; with a logarithmic axis more than 0
+    bool logarithmic = false, steps = false, with_points = false, from_zero = false;
+};
+Json curve_figure(const CurvePlot &plot);
+
+// Largest |z| of each stage in each sequence.
+Json stage_map(const DiagnosisResult &result);
+// Largest |z| over the regions of each statistic in each sequence, before and (if effects were found) after; the `rows`
+// statistics with the largest. rows = 0: all.
+Json statistic_map(const DiagnosisResult &result, std::size_t rows);
+std::size_t statistic_name_count(const DiagnosisResult &result);
+
+Json ranking_figure(const DiagnosisResult &result);
+Json waterfall_figure(const DiagnosisResult &result);
+
+} // namespace clsp

@@ -1,0 +1,43 @@
+// Pieces of an HTML page: text that is always escaped, tables, pictures and figures.
+#pragma once
+
+#include "report/evidence.hpp"
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// Keys in the order in which they are written.
+using Json = nlohmann::ordered_json;
+
+// Characters that mean something in HTML as entities; what is not valid UTF-8 as U+FFFD, control characters as spaces.
+std::string escaped(const std::string &text);
+// Three significant digits; a dash for what is not finite.
+std::string figure(double value);
+// A probability: what is less than a thousandth is said to be so.
+std::string probability(double value);
+
+class HtmlPage {
+  public:
+    // Markup of our own, as it stands.
+    void raw(const std::string &markup) { text_ += markup; }
+    void heading(int level, const std::string &text);
+    void paragraph(const std::string &text, const char *style = nullptr);
+    void list(const std::vector<std::string> &items);
+    // Columns whose index is in `numbers` are set to the right.
+    void table(const std::vector<std::string> &head, const std::vector<std::vector<std::string>> &rows,
+               const std::vector<std::size_t> &numbers = {});
+    void picture(const Picture &image, const std::string &description, std::uint32_t shown_width);
+    // Drawn by Vega.
+    void plot(const Json &specification, const std::string &caption);
+
+    const std::string &text() const { return text_; }
+
+  private:
+    std::string text_;
+    int plots_ = 0;
+};
+
+} // namespace clsp

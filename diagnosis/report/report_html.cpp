@@ -1,0 +1,76 @@
+#include "report/report_html.hpp"
+
+#include "report/html_page.hpp"
+#include "report/report_json.hpp"
+#include "report/report_script.hpp"
+#include "report/report_sections.hpp"
+
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+// The policy forbids every request and the evaluation of text, whatever a capture's names may hold.
+const char *const kPolicy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+const char *const kStyle = R"CSS(
+body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #222; background: #fff; margin: 0
+    auto; padding: 1em 1.5em 4em; max-width: 1160px; }
+h1 { font-size: 1.6em; margin: 0.4em 0; } h2 { font-size: 1.3em; border-bottom: 1px solid #ccc; margin-top: 2.2em; }
+h3 { font-size: 1.08em; margin-top: 1.6em; } nav a { margin-right: 1.1em; } a { color: #0b5394; }
+.verdict { border-left: 8px solid #777; background: #f4f4f4; padding: 0.4em 1em; margin: 1em 0; }
+.verdict.none { border-color: #2e8b57; } .verdict.named { border-color: #0072B2; }
+.verdict.ambiguous { border-color: #e69f00; }
+.verdict.unknown { border-color: #c0281c; } .word { font-weight: bold; font-size: 1.15em; margin: 0.3em 0; }
+    .sentence { margin: 0.3em 0; }
+.table { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.9em; margin: 0.8em 0; }
+th, td { text-align: left; vertical-align: top; padding: 0.25em 0.7em 0.25em 0; border-bottom: 1px solid #e3e3e3; }
+th { border-bottom: 2px solid #999; } .number { text-align: right; font-variant-numeric: tabular-nums; white-space:
+    nowrap; }
+figure { margin: 1.2em 0; } figcaption { font-size: 0.88em; color: #555; max-width: 62em; }
+.plot { overflow-x: auto; } .failed { color: #a00; } .plots { display: flex; flex-wrap: wrap; gap: 0 2em; } .plots
+    figure { max-width: 540px; }
+.pictures { display: flex; flex-wrap: wrap; gap: 1em; } .pictures span { display: block; font-size: 0.85em; }
+img { image-rendering: pixelated; border: 1px solid #ddd; }
+details.sequence { border: 1px solid #ddd; border-radius: 4px; padding: 0.4em 1em; margin: 0.8em 0; }
+summary { cursor: pointer; font-weight: bold; } summary small { font-weight: normal; color: #555; }
+footer { margin-top: 3em; border-top: 1px solid #ccc; font-size: 0.88em; color: #555; }
+@media print { nav { display: none; } figure, tr { break-inside: avoid; } }
+)CSS";
+
+} // namespace
+
+std::string report_html(const DiagnosisResult &result) {
+    HtmlPage page;
+    page.raw("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
+    page.raw(fmt::format("<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n", kPolicy));
+    page.raw("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
+    page.raw(fmt::format("<meta name=\"generator\" content=\"clSpeckle {}\">\n", CLSP_PROJECT_VERSION));
+    page.raw(fmt::format("<title>clSpeckle gap report: {}</title>\n", verdict_name(result.verdict)));
+    page.raw(fmt::format("<style>{}</style>\n</head>\n<body>\n", kStyle));
+    page.heading(1, "How the simulated camera differs from the real one");
+    page.raw("<nav><a href=\"#summary\">Verdict</a><a href=\"#where\">Where</a><a href=\"#cause\">Cause</a><a "
+             "href=\"#shrink\">Shrinkage</a>"
+             "<a href=\"#downstream\">Downstream</a><a href=\"#advice\">Advice</a>");
+    page.raw(result.evidence ? "<a href=\"#evidence\">Evidence</a>" : "");
+    page.raw("<a href=\"#notes\">Notes</a><a href=\"#reading\">How to read this</a></nav>\n");
+    page.raw("<noscript><p>The figures are drawn by JavaScript, which is switched off here. Text, tables and pictures "
+             "are complete.</p></noscript>\n");
+    write_summary(result, page);
+    write_places(result, page);
+    write_cause(result, page);
+    write_shrinkage(result, page);
+    write_downstream(result, page);
+    write_advice(result, page);
+    write_evidence(result, page);
+    write_notes(result, page);
+    write_explanation(result, page);
+    page.raw(fmt::format("<footer><p>clSpeckle {}, seed {}, level of false alarms {}. The same capture, version and "
+                         "seed give the same report. "
+                         "The figures are drawn by Vega.</p></footer>\n",
+                         CLSP_PROJECT_VERSION, result.seed, escaped(figure(result.level))));
+    page.raw("<script>\n" + report_script() + "</script>\n</body>\n</html>\n");
+    return page.text();
+}
+
+} // namespace clsp

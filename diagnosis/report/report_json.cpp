@@ -1,0 +1,126 @@
+#include "report/report_json.hpp"
+
+#include "report/advice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace clsp {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// JSON has no infinities.
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json place_json(const GapPlace &place) {
+    return {{"stage", place.statistic.stage},   {"sequence", place.statistic.sequence}, {"statistic", place.statistic.name},
+            {"region", place.statistic.region}, {"unit", place.statistic.unit},         {"real", number(place.real)},
+            {"sim", number(place.sim)},         {"z", number(place.z)},                 {"p_adjusted", number(place.p_adjusted)},
+            {"z_after", number(place.z_after)}};
+}
+
+Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
+    Json parameters = Json::object(), intervals = Json::object();
+    const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
+    for (std::size_t p = 0; candidate != all.end() && p < ranked.values.size(); ++p)
+        parameters[candidate->parameters[p].name] = number(ranked.values[p]);
+    for (const FittedParameter &parameter : fitted)
+        if (parameter.effect == ranked.effect) {
+            parameters[parameter.name] = number(parameter.value);
+            intervals[parameter.name] = {number(parameter.low), number(parameter.high)};
+        }
+    return {{"effect", ranked.effect},
+            {"parameters", parameters},
+            {"intervals", intervals},
+            {"probability", number(ranked.probability)},
+            {"distance_after", number(ranked.distance_after)},
+            {"gain", number(ranked.gain)}};
+}
+
+} // namespace
+
+const char *verdict_name(Verdict verdict) {
+    switch (verdict) {
+    case Verdict::kNone:
+        return "none";
+    case Verdict::kNamed:
+        return "named";
+    case Verdict::kAmbiguous:
+        return "ambiguous";
+    case Verdict::kUnknown:
+        break;
+    }
+    return "unknown";
+}
+
+std::string report_json(const DiagnosisResult &result) {
+    Json report = {{"format", "clspeckle-gap-report"}, {"version", 1}};
+    report["gap"] = {{"detected", result.detected},
+                     {"p_value", number(result.p_value)},
+                     {"distance", number(result.distance)},
+                     {"null_95", number(result.null_95)},
+                     {"level", number(result.level)}};
+    Json where = Json::array(), all = Json::array();
+    for (const GapPlace &place : result.places) {
+        all.push_back(place_json(place));
+        if (place.p_adjusted <= result.level)
+            where.push_back(all.back());
+    }
+    // A gap of many small deviations has no single significant one: the largest are shown.
+    if (result.detected && where.empty())
+        for (std::size_t i = 0; i < std::min<std::size_t>(5, all.size()); ++i)
+            where.push_back(all[i]);
+    report["where"] = where;
+    Json ranking = Json::array();
+    for (const RankedEffect &ranked : result.ranking)
+        ranking.push_back(ranked_json(ranked, result.candidates, result.parameters));
+    // Later effects of a set have been ranked in steps of their own; all that were found are listed with their parameters.
+    for (const RankedEffect &ranked : result.found)
+        if (std::none_of(result.ranking.begin(), result.ranking.end(),
+                         [&](const RankedEffect &other) { return other.effect == ranked.effect; }))
+            ranking.push_back(ranked_json(ranked, result.candidates, result.parameters));
+    report["cause"] = {{"verdict", verdict_name(result.verdict)},
+                       {"effects", result.effects},
+                       {"probability", number(result.probability)},
+                       {"equivalent", result.equivalent},
+                       {"ranking", ranking}};
+    Json steps = Json::array(), per_statistic = Json::array();
+    for (const ShrinkStep &step : result.steps)
+        steps.push_back({{"effect", step.effect}, {"distance_after", number(step.distance_after)}, {"fraction", number(step.fraction)}});
+    for (const GapPlace &place : result.places)
+        per_statistic.push_back({{"sequence", place.statistic.sequence},
+                                 {"statistic", place.statistic.name},
+                                 {"region", place.statistic.region},
+                                 {"z_before", number(place.z)},
+                                 {"z_after", number(place.z_after)}});
+    report["shrink"] = {{"distance_before", number(result.distance_before)},
+                        {"distance_after", number(result.distance_after)},
+                        {"fraction", number(result.fraction)},
+                        {"ci95", {number(result.fraction_95[0]), number(result.fraction_95[1])}},
+                        {"held_out", result.held_out},
+                        {"residual_detected", result.residual_detected},
+                        {"residual_p_value", number(result.residual_p_value)},
+                        {"steps", steps},
+                        {"per_statistic", per_statistic}};
+    if (result.downstream.valid)
+        report["shrink"]["downstream"] = {{"dot_centre_rms_px",
+                                           {{"real", number(result.downstream.real)},
+                                            {"before", number(result.downstream.before)},
+                                            {"after", number(result.downstream.after)}}},
+                                          {"depth_error_mm",
+                                           {{"real", number(result.downstream.depth_error_mm_real)},
+                                            {"before", number(result.downstream.depth_error_mm_before)},
+                                            {"after", number(result.downstream.depth_error_mm_after)}}},
+                                          {"depth_assumption", result.downstream.depth_assumption}};
+    Json advice = Json::array();
+    for (const Advice &item : advice_for(result.equivalent))
+        advice.push_back({{"separates", item.separates}, {"capture", item.capture}});
+    report["advice"] = advice;
+    report["notes"] = result.notes;
+    report["seed"] = result.seed;
+    return report.dump(1);
+}
+
+} // namespace clsp

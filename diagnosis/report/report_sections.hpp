@@ -1,0 +1,21 @@
+// Sections of the HTML report.
+#pragma once
+
+#include "attribution/diagnosis.hpp"
+#include "report/evidence.hpp"
+#include "report/html_page.hpp"
+
+namespace clsp {
+
+void write_summary(const DiagnosisResult &result, HtmlPage &page);
+void write_places(const DiagnosisResult &result, HtmlPage &page);
+void write_cause(const DiagnosisResult &result, HtmlPage &page);
+void write_shrinkage(const DiagnosisResult &result, HtmlPage &page);
+void write_downstream(const DiagnosisResult &result, HtmlPage &page);
+void write_advice(const DiagnosisResult &result, HtmlPage &page);
+// Only if the result has evidence.
+void write_evidence(const DiagnosisResult &result, HtmlPage &page);
+void write_notes(const DiagnosisResult &result, HtmlPage &page);
+void write_explanation(const DiagnosisResult &result, HtmlPage &page);
+
+} // namespace clsp

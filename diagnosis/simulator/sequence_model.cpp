@@ -1,0 +1,202 @@
+#include "simulator/sequence_model.hpp"
+
+#include "effects/effects.hpp"
+#include "runtime/error.hpp"
+#include "simulator/effect_reach.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <set>
+
+namespace clsp {
+namespace {
+
+const Hypothesis *find_hypothesis(const std::vector<Hypothesis> &hypotheses, const std::string &id) {
+    const auto found =
+        std::find_if(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis &h) { return h.id == id; });
+    return found == hypotheses.end() ? nullptr : &*found;
+}
+
+bool in_catalogue(const std::string &id) {
+    const auto &catalogue = effect_catalogue();
+    return std::any_of(catalogue.begin(), catalogue.end(), [&](const Effect &effect) { return id == effect.id; });
+}
+
+void check_values(const Hypothesis &hypothesis, const std::vector<double> &values) {
+    if (values.size() != hypothesis.parameters.size())
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the hypothesis {} got {} values, it has {} parameters; give one each", hypothesis.id,
+                                values.size(), hypothesis.parameters.size()));
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const HypothesisParameter &parameter = hypothesis.parameters[i];
+        if (!(values[i] >= parameter.minimum && values[i] <= parameter.maximum))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{} of the hypothesis {} is {}, it must be {} to {}{}{}", parameter.name,
+                                    hypothesis.id, values[i], parameter.minimum, parameter.maximum,
+                                    parameter.unit.empty() ? "" : " ", parameter.unit == "1" ? "" : parameter.unit));
+    }
+}
+
+// Sub-exposures of a moving scene. A pipeline's few have the contrast of the continuous exposure; the share of nearly dark pixels, which
+// the statistics see, comes within 10 % of its law with these many.
+constexpr double kExposuresAtRest = 8.0, kExposuresPerLag = 4.0;
+
+// The baseline camera's parameters.
+PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequence) {
+    PipelineModel model;
+    model.phase.width = model.aperture.width = model.lens.width = layout.width;
+    model.phase.height = model.aperture.height = model.lens.height = layout.height;
+    model.phase.field = layout.field;
+    model.phase.polarization_count = layout.degree_of_polarization < 1.0 ? 2 : 1;
+    model.aperture.pupil.normalization = Normalization::kUnitMean;
+    model.aperture.f_number = sequence.f_number > 0.0 ? sequence.f_number : layout.f_number;
+    model.aperture.pixel_pitch_m = layout.pixel_pitch_m;
+    model.aperture.wavelength_m = layout.wavelength_m;
+    model.aperture.degree_of_polarization = layout.degree_of_polarization;
+    model.lens.principal_point_given = true;
+    model.lens.principal_point_x_px = layout.principal_point_px[0];
+    model.lens.principal_point_y_px = layout.principal_point_px[1];
+    if (sequence.scene == CaptureScene::kDots) {
+        DotsParameters dots;
+        dots.width = layout.width;
+        dots.height = layout.height;
+        dots.count = layout.dots->positions_px.size();
+        dots.positions_px = layout.dots->positions_px.data()->data();
+        dots.sigma_px = layout.dots->sigma_px;
+        dots.principal_point_px = layout.principal_point_px;
+        model.dots = dots;
+    }
+    SensorParameters sensor;
+    sensor.width = layout.width;
+    sensor.height = layout.height;
+    sensor.bits = layout.bits;
+    model.sensor = sensor;
+    return model;
+}
+
+// Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same.
+void widen_grid(PipelineModel &model) {
+    ApertureParameters &aperture = model.aperture;
+    const double diameter = aperture.pixel_pitch_m / (aperture.wavelength_m * aperture.f_number);
+    if (!(diameter > 1.0))
+        return;
+    const double samples = std::ceil(diameter);
+    if (samples > kMaxOversampling)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format(
+                "the pupil's diameter is {} cycles per pixel (pixel pitch over wavelength times f-number {}); at "
+                "most {} can be simulated, check f_number, pixel_pitch and wavelength",
+                diameter, aperture.f_number, kMaxOversampling));
+    model.phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
+    constexpr double kPoint = 0.01; // of a pixel's side
+    if (aperture.fill_factor == 0.0)
+        aperture.fill_factor = kPoint;
+}
+
+} // namespace
+
+void check_hypotheses(const std::vector<Hypothesis> &hypotheses) {
+    std::set<std::string> ids;
+    for (const Hypothesis &h : hypotheses) {
+        if (h.id.empty())
+            throw Error(Status::kInvalidArgument, "a hypothesis has an empty id; give it a name");
+        if (in_catalogue(h.id))
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the hypothesis \"{}\" has the id of an effect of the catalogue; give it another", h.id));
+        if (!ids.insert(h.id).second)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("two hypotheses have the id \"{}\"; give each its own", h.id));
+        if (!h.apply)
+            throw Error(Status::kInvalidArgument, fmt::format("the hypothesis \"{}\" has no function to apply", h.id));
+        if (h.point > HypothesisPoint::kCodes)
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the point of the hypothesis \"{}\" is {}, it must be 0 (irradiance), 1 (intensity) or 2 "
+                            "(codes)",
+                            h.id, static_cast<std::uint32_t>(h.point)));
+        for (const HypothesisParameter &p : h.parameters) {
+            const bool finite = std::isfinite(p.minimum) && std::isfinite(p.maximum) && std::isfinite(p.weak) &&
+                                std::isfinite(p.strong);
+            const auto within = [&](double value) { return value >= p.minimum && value <= p.maximum; };
+            if (p.name.empty() || !finite || !(p.minimum <= p.maximum) || !within(p.weak) || !within(p.strong))
+                throw Error(
+                    Status::kInvalidArgument,
+                    fmt::format(
+                        "parameter \"{}\" of the hypothesis \"{}\" has minimum {}, maximum {}, weak {}, strong {}; "
+                        "it needs a name, and weak and strong within minimum and maximum, all finite",
+                        p.name, h.id, p.minimum, p.maximum, p.weak, p.strong));
+        }
+    }
+}
+
+SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypothesis> &hypotheses,
+                             std::size_t sequence, const std::vector<EffectSetting> &effects) {
+    const SequenceLayout &of = layout.sequences.at(sequence);
+    const bool dark = of.scene == CaptureScene::kDark;
+    SequenceModel result;
+    std::set<std::string> ids;
+    for (const EffectSetting &setting : effects) {
+        if (!ids.insert(setting.id).second)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("the effect {} was given twice; give it once", setting.id));
+        const Hypothesis *hypothesis = find_hypothesis(hypotheses, setting.id);
+        if (!hypothesis)
+            continue;
+        check_values(*hypothesis, setting.values);
+        const ActiveHypothesis active{hypothesis, setting.values.data()};
+        if (hypothesis->point == HypothesisPoint::kCodes) {
+            result.on_codes.push_back(active);
+        } else if (!dark && hypothesis->point == HypothesisPoint::kIntensity) {
+            result.on_intensity.push_back(active);
+        } else if (!dark) {
+            result.on_irradiance.push_back(active);
+            result.optical.push_back(setting);
+        }
+    }
+    result.model = baseline(layout, of);
+    // In the catalogue's order, as a pipeline does it.
+    for (const Effect &effect : effect_catalogue()) {
+        const auto setting =
+            std::find_if(effects.begin(), effects.end(), [&](const EffectSetting &s) { return s.id == effect.id; });
+        if (setting == effects.end())
+            continue;
+        ids.erase(effect.id);
+        const std::vector<double> values =
+            check_effect_values(effect, setting->values.empty() ? nullptr : setting->values.data(),
+                                static_cast<std::uint32_t>(setting->values.size()));
+        if (!effect_reaches(effect.id, of, layout.field, !result.on_irradiance.empty()))
+            continue;
+        const std::string id = effect.id;
+        if (id == "ambient_light") { // in DN of the sequence, whose gain is not the model's
+            result.ambient_dn = values[0];
+            continue;
+        }
+        effect.apply(result.model, values.data());
+        if (id == "motion_decorrelation")
+            result.model.pipeline.sub_exposures = std::min<std::uint32_t>(
+                kMaxSubstep, static_cast<std::uint32_t>(std::ceil(kExposuresAtRest + kExposuresPerLag * values[0])));
+        const EffectPart part = effect_part(id);
+        if (part == EffectPart::kOptics)
+            result.optical.push_back({id, values});
+        else if (part == EffectPart::kSensor)
+            result.sensor.push_back({id, values});
+    }
+    for (const std::string &id : ids)
+        if (!find_hypothesis(hypotheses, id))
+            find_effect(id); // throws, and lists the catalogue
+    PipelineModel &model = result.model;
+    result.power_flicker = std::exchange(model.pipeline.power_flicker, 0.0);
+    result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
+    widen_grid(model);
+    const PipelineParameters &p = model.pipeline;
+    const bool laser = of.scene == CaptureScene::kBoard || of.scene == CaptureScene::kDots;
+    result.frames_differ = (laser && (of.moving || std::isfinite(p.boiling_correlation_frames) ||
+                                      p.airflow.rms_rad > 0.0 || p.vibration_rms_px > 0.0)) ||
+                           !result.on_irradiance.empty();
+    return result;
+}
+
+} // namespace clsp

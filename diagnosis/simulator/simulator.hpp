@@ -1,0 +1,90 @@
+// Captures from the simulator: the baseline camera of a capture's layout, with any effects.
+#pragma once
+
+#include "capture/capture.hpp"
+#include "runtime/context.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// An effect that is on, one of the catalogue's or a hypothesis.
+struct EffectSetting {
+    std::string id;
+    std::vector<double> values;
+    bool operator==(const EffectSetting &other) const { return id == other.id && values == other.values; }
+};
+
+// An effect of the user's own, on the arrays of a stage.
+enum class HypothesisPoint : std::uint32_t {
+    kIrradiance = 0, // the ideal image I0, before the speckle forms
+    kIntensity = 1,  // behind the lens, before the sensor; 1 is the mean of flat and board
+    kCodes = 2       // the sensor's codes, rounded to 0 ... 2^bits - 1 after the call
+};
+struct HypothesisFrame {
+    const CaptureLayout *layout;
+    std::size_t sequence;
+    std::uint32_t frame_index;
+    // The capture's. Counter-based randomness of the hypothesis is to depend on it, on frame_index and on sequence alone (not on sequence
+    // where a pattern belongs to the camera).
+    std::uint64_t seed;
+    const double *values;
+    float *pixels;       // height * width, changed in place
+};
+struct HypothesisParameter {
+    std::string name, unit;
+    double minimum, maximum, weak, strong;
+};
+struct Hypothesis {
+    std::string id, stage, summary;
+    HypothesisPoint point = HypothesisPoint::kIntensity;
+    std::vector<HypothesisParameter> parameters;
+    std::function<void(const HypothesisFrame &)> apply;
+};
+
+// Levels of one simulated sequence.
+struct SimulationLevels {
+    double gain_dn = 0.0;        // g of this sequence, in DN per unit of intensity; unused in the dark
+    double black_level_dn = 0.0; // b
+    double read_noise_dn = 0.0;  // r
+};
+
+// Draws sequences. One object is used by one thread at a time; it keeps pipelines, buffers and the intensities of the sequences drawn last.
+class Simulator {
+  public:
+    Simulator(std::shared_ptr<Context> context, const CaptureLayout &layout, std::vector<Hypothesis> hypotheses = {});
+    ~Simulator();
+
+    const CaptureLayout &layout() const;
+
+    // Whether an effect can show in a sequence at all: an effect of dots not on a board, flicker of the laser not in the dark ... Where it
+    // cannot, codes() takes no notice of it. Hypotheses on irradiance and intensity are not applied in the dark. A field of unit phasors
+    // has no surface_boiling and no motion_decorrelation.
+    bool concerns(const std::string &id, std::size_t sequence) const;
+
+    // Frames 0 ... frame_count - 1 of a sequence: frame_count * height * width codes. The same seed gives the same surfaces, noise and
+    // fixed patterns whatever the effects (common random numbers). Fixed patterns of the sensor (prnu, dsnu, column_fpn, hot_pixels) depend on
+    // the seed alone: they are the same in all sequences of a capture. Speckle and temporal noise differ between sequences.
+    void codes(std::size_t sequence, const std::vector<EffectSetting> &effects, const SimulationLevels &levels, std::uint64_t seed,
+               std::uint32_t frame_count, std::uint16_t *codes);
+
+    // Mean over pixels (unmasked) and frames of the intensity behind the lens, without ambient light; what gain_dn multiplies.
+    double mean_intensity(std::size_t sequence, const std::vector<EffectSetting> &effects, std::uint64_t seed, std::uint32_t frame_count);
+
+    // What is kept in memory at most, in bytes of intensities; 256 MB unless told. What does not fit is rendered again each time.
+    void set_cache_bytes(std::size_t bytes);
+
+  private:
+    struct Implementation;
+    std::unique_ptr<Implementation> implementation_;
+};
+
+// All sequences of the simulator's layout with their frame counts. levels: one for each sequence.
+Capture simulate_capture(Simulator &simulator, const std::vector<EffectSetting> &effects, const std::vector<SimulationLevels> &levels,
+                         std::uint64_t seed);
+
+} // namespace clsp

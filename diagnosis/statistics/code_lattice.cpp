@@ -1,0 +1,54 @@
+// The histogram of codes as such: converters with fewer effective bits, missing codes, compression.
+#include "statistics/measures.hpp"
+
+#include <cmath>
+
+namespace clsp::statistics {
+
+void measure_code_lattice(const Measurement &m, Sink &sink) {
+    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
+    const double total = double(m.geometry.frames) * double(m.geometry.used);
+    for (const std::size_t step : {std::size_t{2}, std::size_t{4}, std::size_t{8}}) {
+        std::uint64_t multiples = 0;
+        for (std::size_t code = 0; code < histogram.size(); code += step)
+            multiples += histogram[code];
+        sink.put("sensor", "codes_multiple_of_" + std::to_string(step), "1",
+                 double(multiples) / total - 1.0 / double(step));
+    }
+    // Fourth differences of the counts pass a smooth law and keep its counting noise, which is 1 in these units. The
+    // last codes on both sides, where clipping piles up, are left out.
+    double rough = 0.0, counts = 0.0;
+    for (std::size_t code = 5; code + 5 < histogram.size(); ++code) {
+        const double a = double(histogram[code - 2]), b = double(histogram[code - 1]), c = double(histogram[code]);
+        const double d = double(histogram[code + 1]), e = double(histogram[code + 2]);
+        const double difference = a - 4.0 * b + 6.0 * c - 4.0 * d + e;
+        rough += difference * difference;
+        counts += a + 16.0 * b + 36.0 * c + 16.0 * d + e;
+    }
+    sink.put("sensor", "histogram_roughness", "log", std::log((rough + 70.0) / (counts + 70.0)));
+}
+
+void measure_levels(const Measurement &m, Sink &sink) {
+    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
+    const double total = double(m.geometry.frames) * double(m.geometry.used);
+    const double full = m.geometry.maximum_code - m.black_level_dn;
+    for (const int percent : {25, 50, 75, 95}) {
+        // Share of pixels above a level between two codes: counts are taken as spread over one code's width.
+        const double level = m.black_level_dn + full * percent / 100.0;
+        double above = 0.0;
+        for (std::size_t code = histogram.size(); code-- > 0 && double(code) + 0.5 > level;)
+            above += double(histogram[code]) * std::min(1.0, double(code) + 0.5 - level);
+        sink.put("sensor", "share_above_" + std::to_string(percent) + "_percent", "sqrt", std::sqrt(above / total));
+    }
+    // The bright end without a maximum: the ratio of the 16th to the 8th moment comes near it, and is smooth.
+    double eighth = 0.0, sixteenth = 0.0;
+    for (std::size_t code = 0; code < histogram.size(); ++code) {
+        const double signal = std::max(double(code) - m.black_level_dn, 0.0) / full, squared = signal * signal;
+        const double fourth = squared * squared, power = fourth * fourth;
+        eighth += double(histogram[code]) * power / total;
+        sixteenth += double(histogram[code]) * power * power / total;
+    }
+    sink.put("sensor", "bright_end", "log", eighth > 1e-60 ? std::log(sixteenth / eighth) / 8.0 : 0.0);
+}
+
+} // namespace clsp::statistics

@@ -1,0 +1,251 @@
+#include "statistics/measures.hpp"
+
+#include "statistics/dot_shape.hpp"
+#include "statistics/speckle_sums.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp::statistics {
+
+namespace {
+
+using Point = std::array<double, 2>;
+
+// Mean over points of light in a spot of a dot's width over its surroundings.
+double mean_peak(const Geometry &geometry, const std::vector<float> &image, const std::vector<Point> &points) {
+    double total = 0.0;
+    for (const Point &point : points)
+        total += window_mean(geometry, image, point, 0.7 * geometry.dots.sigma) -
+                 window_mean(geometry, image, point, 2.0 * geometry.dots.sigma);
+    return total / double(points.size());
+}
+
+void put_positions(const Geometry &geometry, const DotPositions &positions, Sink &sink) {
+    sink.put("optics", "dot_shift_x", "px", positions.terms[kShiftX]);
+    sink.put("optics", "dot_shift_y", "px", positions.terms[kShiftY]);
+    if (geometry.dots.positions.size() >= kDotsForField) {
+        // The linear and the cubic term are nearly parallel over the field: the one is told as the displacement at 3/4
+        // of the corner radius, where most light is, the other as it is.
+        constexpr double kRadius = 0.75;
+        sink.put("laser", "dot_radial_displacement", "px",
+                 kRadius * positions.terms[kRadial] + kRadius * kRadius * kRadius * positions.terms[kCubic]);
+        sink.put("optics", "dot_cubic_displacement", "px", positions.terms[kCubic]);
+        sink.put("optics", "dot_turn", "px", positions.terms[kTurn]);
+        sink.put("optics", "dot_anisotropy", "px", positions.terms[kAnisotropy]);
+        sink.put("optics", "dot_shear", "px", positions.terms[kShear]);
+    }
+    sink.put("optics", "dot_position_scatter", "log", std::log(positions.residual_rms + 1e-3));
+}
+
+void put_shape(const Geometry &geometry, const DotShape &shape, Sink &sink) {
+    sink.put("optics", "dot_width_x", "px", shape.width_x);
+    sink.put("optics", "dot_width_y", "px", shape.width_y);
+    sink.put("laser", "dot_covariance_xy", "1", shape.covariance_xy);
+    sink.put("laser", "dot_skewness_x", "1", shape.skewness_x);
+    sink.put("laser", "dot_skewness_y", "1", shape.skewness_y);
+    sink.put("laser", "dot_kurtosis", "1", shape.kurtosis);
+    const char *rings[kProfileRings] = {"ring_0.0_to_0.5", "ring_0.5_to_1.0", "ring_1.0_to_1.5", "ring_1.5_to_2.0",
+                                        "ring_2.0_to_2.5", "ring_2.5_to_3.0", "ring_3.0_to_4.0", "ring_4.0_to_5.0"};
+    for (std::size_t k = 0; k < kProfileRings; ++k)
+        if (k != 1) // the core that the rings are divided by holds the first two
+            sink.put(k < 5 ? "laser" : "optics", "dot_profile", rings[k], "1", shape.profile[k]);
+    const char *zones[] = {"core", "flank", "cell"},
+               *terms[] = {"cos1", "sin1", "cos2", "sin2", "cos3", "sin3", "cos4", "sin4"};
+    for (std::size_t zone = 0; zone < 3; ++zone)
+        for (std::size_t k = 0; k < 8; ++k) {
+            const bool is_listed = zone == 0 ? k < 4 : zone == 2 && k >= 2 && k != 4 && k != 5;
+            if (is_listed)
+                sink.put(zone == 2 ? "doe" : "laser", std::string("dot_angular_") + terms[k], zones[zone], "1",
+                         shape.harmonics[zone][k]);
+        }
+    if (!geometry.moving)
+        return;
+    // Width over the field: the dots of three rings of equal width in radius.
+    std::array<double, 3> width{}, count{};
+    std::array<bool, 3> exists{};
+    for (std::size_t i = 0; i < shape.dot_width.size(); ++i) {
+        const Point &dot = geometry.dots.positions[i];
+        const double radius = std::hypot(dot[0] - geometry.principal_point[0], dot[1] - geometry.principal_point[1]) /
+                              geometry.corner_radius;
+        const std::size_t ring = std::min<std::size_t>(std::size_t(3.0 * radius), 2);
+        exists[ring] = true;
+        if (shape.dot_width[i] > 0.0) {
+            width[ring] += shape.dot_width[i];
+            count[ring] += 1.0;
+        }
+    }
+    for (std::size_t ring = 0; ring < 3; ++ring)
+        if (exists[ring])
+            sink.put("optics", "dot_width", "ring" + std::to_string(ring), "px", ratio(width[ring], count[ring]));
+}
+
+void put_flux(const Geometry &geometry, const DotPositions &positions, Sink &sink) {
+    const std::size_t count = positions.flux.size();
+    double mean = 0.0, spread = 0.0, radial = 0.0, radial_square = 0.0, radial_mean = 0.0;
+    std::vector<double> squared(count);
+    std::array<double, 9> region{}, region_count{};
+    for (std::size_t i = 0; i < count; ++i) {
+        const Point &dot = geometry.dots.positions[i];
+        const double u = (dot[0] - geometry.principal_point[0]) / geometry.corner_radius;
+        const double v = (dot[1] - geometry.principal_point[1]) / geometry.corner_radius;
+        squared[i] = u * u + v * v;
+        radial_mean += squared[i] / double(count);
+        mean += positions.flux[i] / double(count);
+        const auto clamp = [](double value, std::size_t size) {
+            return std::size_t(std::clamp(value, 0.0, double(size - 1)));
+        };
+        const std::size_t k = geometry.region_of(clamp(dot[0], geometry.width), clamp(dot[1], geometry.height));
+        region[k] += positions.flux[i];
+        region_count[k] += 1.0;
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        const double deviation = positions.flux[i] - mean;
+        spread += deviation * deviation / double(count);
+        radial += (squared[i] - radial_mean) * deviation;
+        radial_square += (squared[i] - radial_mean) * (squared[i] - radial_mean);
+    }
+    const double scale = std::max(mean, 1e-3);
+    sink.put("optics", "dot_flux_falloff", "1", ratio(radial, radial_square) / scale);
+    sink.put("doe", "dot_flux_spread", "log", std::log(std::sqrt(spread) / scale + 1e-4));
+    if (!geometry.moving)
+        return; // under one pattern of speckle the flux of a single dot says little
+    std::size_t last = 9;
+    for (std::size_t k = 0; k < 9; ++k)
+        if (region_count[k] > 0.0)
+            last = k == 4 ? 4 : last == 4 ? 4 : k;
+    for (std::size_t k = 0; k < 9; ++k)
+        if (region_count[k] > 0.0 && k != last) // the last follows from the others
+            sink.put("optics", "dot_flux", "r" + std::to_string(k / 3) + "c" + std::to_string(k % 3), "1",
+                     region[k] / region_count[k] / scale - 1.0);
+}
+
+// Light between the dots: scattered, in ghosts, undiffracted.
+void put_stray_light(const Measurement &m, const DotShape &shape, double background, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    const DotGeometry &dots = geometry.dots;
+    const std::vector<float> &mean = m.frames.mean;
+    const double scale = std::max(shape.core, 0.05 * m.frames.light);
+    if (!dots.between.empty()) {
+        double spread = 0.0;
+        for (const std::uint32_t pixel : dots.between)
+            spread +=
+                (double(mean[pixel]) - background) * (double(mean[pixel]) - background) / double(dots.between.size());
+        sink.put("doe", "light_between_dots", "1", background / m.frames.light);
+        sink.put("doe", "light_between_dots_spread", "log",
+                 log_ratio(spread, m.frames.pixel_variance / double(geometry.frames)));
+    }
+    const auto put_peak = [&](const char *stage, const char *name, const std::vector<Point> &points) {
+        if (points.size() >= 4)
+            sink.put(stage, name, "1", mean_peak(geometry, mean, points) / scale);
+    };
+    put_peak("doe", "peak_at_cell_centres", dots.cell_centres);
+    put_peak("doe", "peak_at_half_ways", dots.half_ways);
+    put_peak("optics", "peak_at_point_reflections", dots.mirrored_both);
+    put_peak("optics", "peak_at_mirror_images_x", dots.mirrored_x);
+    put_peak("optics", "peak_at_mirror_images_y", dots.mirrored_y);
+    sink.put("doe", "peak_on_axis", "asinh",
+             std::asinh((window_mean(geometry, mean, geometry.principal_point, dots.sigma) -
+                         window_mean(geometry, mean, geometry.principal_point, 2.5 * dots.sigma)) /
+                        scale));
+}
+
+// The law of the speckle's intensity in the cores, relative to the dot's own profile; grain of a moving scene.
+void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPositions &positions, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    const double sigma = geometry.dots.sigma, reach = 0.8 * sigma + 0.5;
+    std::vector<std::uint32_t> pixels;
+    std::vector<float> inverse;
+    // Mean of the Gaussian over the disc of one sigma is 2 (1 - exp(-1/2)) of its peak.
+    const double peak = std::max(shape.core, 0.05 * m.frames.light) / (2.0 * (1.0 - std::exp(-0.5)));
+    for (const Point &dot : positions.modelled)
+        for (double y = std::ceil(dot[1] - reach); y <= dot[1] + reach; ++y)
+            for (double x = std::ceil(dot[0] - reach); x <= dot[0] + reach; ++x) {
+                const double squared = (x - dot[0]) * (x - dot[0]) + (y - dot[1]) * (y - dot[1]);
+                if (squared > reach * reach || x < 0.0 || y < 0.0 || x > double(geometry.width - 1) ||
+                    y > double(geometry.height - 1))
+                    continue;
+                const std::size_t pixel = std::size_t(y) * geometry.width + std::size_t(x);
+                if (!geometry.is_used(pixel))
+                    continue;
+                pixels.push_back(std::uint32_t(pixel));
+                inverse.push_back(float(std::exp(0.5 * squared / (sigma * sigma)) / peak));
+            }
+    constexpr std::array<float, 5> kLevels{0.1f, 0.25f, 0.5f, 1.0f, 2.0f};
+    const std::size_t frames = geometry.moving ? geometry.frames : 1;
+    std::vector<Powers> powers(frames);
+    std::vector<std::array<double, kLevels.size()>> below(frames);
+    parallel_for(frames, m.threads, [&](std::size_t t) {
+        std::vector<float> intensity(pixels.size());
+        for (std::size_t i = 0; i < pixels.size(); ++i) {
+            const float signal = geometry.moving
+                                     ? float(m.codes[t * geometry.pixels + pixels[i]]) - float(m.black_level_dn)
+                                     : m.frames.mean[pixels[i]];
+            intensity[i] = signal * inverse[i];
+            for (std::size_t k = 0; k < kLevels.size(); ++k)
+                below[t][k] += intensity[i] < kLevels[k];
+        }
+        powers[t].add(intensity.data(), intensity.size());
+    });
+    Powers total;
+    std::array<double, kLevels.size()> share{};
+    const double count = double(frames) * double(pixels.size());
+    for (std::size_t t = 0; t < frames; ++t) {
+        total.add(powers[t]);
+        for (std::size_t k = 0; k < kLevels.size(); ++k)
+            share[k] += ratio(below[t][k], count);
+    }
+    const double mean = ratio(total.sum, count), square = ratio(total.square, count), cube = ratio(total.cube, count);
+    const double variance = std::max(square - mean * mean, 0.0);
+    sink.put("surface", "core_contrast", "log", 0.5 * log_ratio(variance, mean * mean));
+    sink.put("surface", "core_skewness", "1",
+             (cube - 3.0 * mean * square + 2.0 * mean * mean * mean) / std::pow(variance + 1e-6, 1.5));
+    const char *names[] = {"core_below_10_percent", "core_below_25_percent", "core_below_50_percent",
+                           "core_below_100_percent", "core_below_200_percent"};
+    for (std::size_t k = 0; k < kLevels.size(); ++k)
+        sink.put("surface", names[k], "1", share[k]);
+}
+
+void put_grain(const Measurement &m, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    if (!geometry.moving || geometry.frames < 2)
+        return;
+    constexpr std::array<Lag, 8> kLags{{{1, 0}, {2, 0}, {4, 0}, {0, 1}, {0, 2}, {0, 4}, {1, 1}, {-1, 1}}};
+    std::vector<std::array<double, kLags.size() + 1>> parts(geometry.frames);
+    parallel_for(geometry.frames, m.threads, [&](std::size_t t) {
+        const float *residual = m.frames.residual_of(geometry, t);
+        for (std::size_t k = 0; k < kLags.size(); ++k)
+            parts[t][k] = lag_sum(residual, residual, geometry.width, geometry.height, kLags[k]);
+        parts[t][kLags.size()] = lag_sum(residual, residual, geometry.width, geometry.height, {0, 0});
+    });
+    std::array<double, kLags.size() + 1> total{};
+    for (const auto &part : parts)
+        for (std::size_t k = 0; k < total.size(); ++k)
+            total[k] += part[k];
+    const auto correlation = [&](std::size_t k) { return ratio(total[k], total[kLags.size()]); };
+    const char *names[] = {"grain_correlation_x1", "grain_correlation_x2", "grain_correlation_x4",
+                           "grain_correlation_y1", "grain_correlation_y2", "grain_correlation_y4"};
+    for (std::size_t k = 0; k < 6; ++k)
+        sink.put("optics", names[k], "1", correlation(k));
+    sink.put("optics", "grain_correlation_diagonal", "1", 0.5 * (correlation(6) + correlation(7)));
+}
+
+} // namespace
+
+void measure_dots(const Measurement &m, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    double background = 0.0;
+    for (const std::uint32_t pixel : geometry.dots.between)
+        background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
+    const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
+    const DotShape shape = measure_shape(geometry, m.frames.mean, background, positions);
+    sink.put("doe", "dot_peak", "log", std::log(std::max(shape.core, 1e-3 * m.frames.light) / m.frames.light));
+    put_positions(geometry, positions, sink);
+    put_shape(geometry, shape, sink);
+    put_flux(geometry, positions, sink);
+    put_stray_light(m, shape, background, sink);
+    put_core_speckle(m, shape, positions, sink);
+    put_grain(m, sink);
+}
+
+} // namespace clsp::statistics

@@ -1,0 +1,122 @@
+// What stays from frame to frame in the dark and under even light, once the smooth field is out.
+#include "statistics/measures.hpp"
+#include "statistics/speckle_sums.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp::statistics {
+
+namespace {
+
+// Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
+// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say.
+double bulk_deviation(const Geometry &geometry, const std::vector<float> &image) {
+    std::vector<float> magnitudes;
+    magnitudes.reserve(geometry.used);
+    for (std::size_t i = 0; i < geometry.pixels; ++i)
+        if (geometry.is_used(i))
+            magnitudes.push_back(std::fabs(image[i]));
+    const std::size_t rank = magnitudes.size() * 68 / 100;
+    std::nth_element(magnitudes.begin(), magnitudes.begin() + std::ptrdiff_t(rank), magnitudes.end());
+    double deviation = std::max(double(magnitudes[rank]), 1e-4);
+    for (int step = 0; step < 5; ++step) {
+        const float factor = float(-1.0 / (18.0 * deviation * deviation));
+        double squares = 0.0, weights = 0.0;
+        for (const float magnitude : magnitudes) {
+            const float squared = magnitude * magnitude, weight = std::exp(factor * squared);
+            squares += double(weight * squared);
+            weights += double(weight);
+        }
+        deviation = std::max(std::sqrt(ratio(squares, weights) / 0.9), 1e-4);
+    }
+    return deviation;
+}
+
+double soft_count(const Geometry &geometry, const std::vector<float> &image, double threshold, double step) {
+    double count = 0.0;
+    for (std::size_t i = 0; i < geometry.pixels; ++i) {
+        const double above = (double(image[i]) - threshold) / step;
+        if (above > -40.0 && geometry.is_used(i))
+            count += 1.0 / (1.0 + std::exp(-std::min(above, 40.0)));
+    }
+    return count;
+}
+
+// Variance of the means of the rows (columns) times their pixels: that of a pixel, if pixels are independent.
+double line_variance(const Geometry &geometry, const std::vector<float> &image, bool rows) {
+    const std::vector<double> &used = rows ? geometry.row_used : geometry.column_used;
+    std::vector<double> totals(used.size());
+    for (std::size_t y = 0; y < geometry.height; ++y)
+        for (std::size_t x = 0; x < geometry.width; ++x)
+            totals[rows ? y : x] += double(image[y * geometry.width + x]);
+    double variance = 0.0;
+    for (std::size_t i = 0; i < totals.size(); ++i)
+        variance += ratio(totals[i] * totals[i], used[i]) / double(totals.size());
+    return variance;
+}
+
+// Variance over time of a pixel without what rows and columns have in common: their excess over independent pixels.
+double independent_variance(const Measurement &m) {
+    const Geometry &geometry = m.geometry;
+    const double samples = double(geometry.frames) * double(geometry.used), all = m.residual.powers.square / samples;
+    double rows = 0.0;
+    for (std::size_t t = 0; t < geometry.frames; ++t)
+        for (std::size_t y = 0; y < geometry.height; ++y) {
+            const double mean = m.frames.row_mean[t * geometry.height + y];
+            rows += geometry.row_used[y] * mean * mean;
+        }
+    const double row_share = (rows - all * double(geometry.frames * geometry.height)) / samples;
+    const double column_share = (m.residual.column_variance - all) * double(geometry.width) / double(geometry.used);
+    return m.frames.pixel_variance * std::max(1.0 - ratio(row_share + column_share, all), 0.0);
+}
+
+} // namespace
+
+void measure_fixed_pattern(const Measurement &m, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    const bool is_flat = geometry.scene == CaptureScene::kFlat;
+    const FieldCoefficients field = fit_field(geometry, m.frames.mean, kFieldTerms);
+    const std::vector<float> pattern = without_field(geometry, m.frames.mean, field);
+    Powers powers;
+    for (std::size_t y = 0; y < geometry.height; ++y)
+        powers.add(pattern.data() + y * geometry.width, geometry.width);
+    const double used = double(geometry.used), variance = powers.square / used;
+    const double temporal = m.frames.pixel_variance / double(geometry.frames);
+
+    if (geometry.frames > 1 && is_flat)
+        sink.put("sensor", "temporal_variance", "log", log_ratio(independent_variance(m), m.frames.read_variance));
+    sink.put("sensor", "fixed_pattern", "log", log_ratio(variance, temporal));
+    sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, pattern, false), variance));
+    sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, pattern, true), variance));
+    sink.put("sensor", "fixed_pattern_skewness", "asinh",
+             std::asinh(powers.cube / used / std::pow(variance + 1e-6, 1.5)));
+    sink.put("sensor", "fixed_pattern_kurtosis", "log",
+             std::log((powers.fourth / used + 1e-6) / (variance * variance + 1e-6)));
+    // Hot pixels: a count that begins softly, so that it is never exactly nothing.
+    const double deviation = bulk_deviation(geometry, pattern);
+    const auto count = [&](double threshold, double step) {
+        return std::sqrt(soft_count(geometry, pattern, threshold * deviation, step * deviation) + 0.375);
+    };
+    sink.put("sensor", "hot_pixels_6_sigma", "sqrt", count(6.0, 0.5));
+    sink.put("sensor", "hot_pixels_12_sigma", "sqrt", count(12.0, 1.0));
+    if (is_flat) {
+        std::vector<float> negative(pattern);
+        for (float &value : negative)
+            value = -value;
+        sink.put("sensor", "cold_pixels_6_sigma", "sqrt",
+                 std::sqrt(soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation) + 0.375));
+    }
+
+    const char *names[] = {"fixed_pattern_correlation_x1", "fixed_pattern_correlation_y1"};
+    const Lag lags[] = {{1, 0}, {0, 1}};
+    for (std::size_t k = 0; k < 2; ++k) {
+        const double covariance = ratio(
+            lag_sum(pattern.data(), pattern.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
+        sink.put("sensor", names[k], "1", ratio(covariance, variance));
+    }
+    const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {pattern.data()}, 1);
+    sink.put("sensor", "fixed_pattern_lines", "log", std::log(spectrum.peaks));
+}
+
+} // namespace clsp::statistics

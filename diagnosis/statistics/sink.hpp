@@ -1,0 +1,47 @@
+// Where the statistics go: their names when a sequence's list is made, their values when frames are measured. One code
+// writes both, so that list and values cannot fall apart.
+#pragma once
+
+#include "statistics/statistics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace clsp::statistics {
+
+class Sink {
+  public:
+    Sink(std::string sequence, std::vector<StatisticInfo> *list, double *values)
+        : sequence_(std::move(sequence)), list_(list), values_(values) {}
+
+    void put(const char *stage, const std::string &name, const std::string &region, const char *unit, double value) {
+        if (list_)
+            list_->push_back({stage, sequence_, name, region, unit});
+        if (values_)
+            values_[count_] = std::isfinite(value) ? value : 0.0;
+        ++count_;
+    }
+    void put(const char *stage, const std::string &name, const char *unit, double value) {
+        put(stage, name, "all", unit, value);
+    }
+
+    std::size_t count() const { return count_; }
+
+  private:
+    std::string sequence_;
+    std::vector<StatisticInfo> *list_;
+    double *values_;
+    std::size_t count_ = 0;
+};
+
+// log(a / b) of two variances or mean squares. The floor keeps equal frames finite; it lies far below any noise of a
+// camera, whose rounding alone has a variance of 1/12 DN^2.
+inline double log_ratio(double a, double b, double floor = 1e-6) {
+    return std::log((std::max(a, 0.0) + floor) / (std::max(b, 0.0) + floor));
+}
+
+} // namespace clsp::statistics

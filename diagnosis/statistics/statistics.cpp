@@ -1,0 +1,74 @@
+#include "statistics/statistics.hpp"
+
+#include "runtime/error.hpp"
+#include "statistics/measures.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace clsp {
+
+namespace {
+
+void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
+             unsigned threads, statistics::Sink &sink) {
+    using namespace statistics;
+    const Frames frames = make_frames(geometry, codes, calibration, threads);
+    const ResidualSums residual = sum_residuals(geometry, frames, threads);
+    const Measurement m{geometry, frames, residual, codes, calibration.black_level_dn, threads};
+    measure_temporal_noise(m, sink);
+    measure_repetition(m, sink);
+    measure_code_lattice(m, sink);
+    measure_blocks(m, sink);
+    measure_field(m, sink);
+    switch (geometry.scene) {
+    case CaptureScene::kDark:
+    case CaptureScene::kFlat:
+        measure_fixed_pattern(m, sink);
+        break;
+    case CaptureScene::kBoard:
+        measure_levels(m, sink);
+        measure_intensity_law(m, sink);
+        measure_speckle(m, sink);
+        measure_static_scene(m, sink);
+        break;
+    case CaptureScene::kDots:
+        measure_levels(m, sink);
+        measure_dots(m, sink);
+        measure_static_scene(m, sink);
+        break;
+    }
+}
+
+} // namespace
+
+SequenceStatistics::SequenceStatistics(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count)
+    : geometry_(std::make_shared<statistics::Geometry>(layout, sequence, frame_count)) {
+    // The list is what measuring black frames writes.
+    const std::vector<std::uint16_t> black(geometry_->frames * geometry_->pixels);
+    statistics::Sink sink(layout.sequences[sequence].name, &list_, nullptr);
+    measure(*geometry_, black.data(), {}, 1, sink);
+}
+
+void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &calibration, double *values,
+                                 unsigned threads) const {
+    if (!codes || !values)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("statistics: {} is NULL; give {} numbers.", codes ? "values" : "codes",
+                                codes ? list_.size() : geometry_->frames * geometry_->pixels));
+    if (!std::isfinite(calibration.black_level_dn) || !std::isfinite(calibration.read_noise_dn) ||
+        calibration.read_noise_dn < 0.0)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format(
+                "statistics: black level {} DN, read noise {} DN; both must be finite and the noise not negative.",
+                calibration.black_level_dn, calibration.read_noise_dn));
+    statistics::Sink sink({}, nullptr, values);
+    measure(*geometry_, codes, calibration, threads, sink);
+    if (sink.count() != list_.size())
+        throw Error(Status::kInternal, fmt::format("statistics: {} values for a list of {}; please report this.",
+                                                   sink.count(), list_.size()));
+}
+
+} // namespace clsp

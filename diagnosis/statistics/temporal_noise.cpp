@@ -1,0 +1,109 @@
+#include "statistics/measures.hpp"
+
+#include <cmath>
+
+namespace clsp::statistics {
+
+namespace {
+
+// Variance of row means over what independent pixels would give.
+double row_excess(const Measurement &m, double pixel_variance) {
+    double total = 0.0;
+    for (std::size_t t = 0; t < m.geometry.frames; ++t)
+        for (std::size_t y = 0; y < m.geometry.height; ++y) {
+            const double mean = m.frames.row_mean[t * m.geometry.height + y];
+            total += m.geometry.row_used[y] * mean * mean;
+        }
+    return log_ratio(total / double(m.geometry.frames * m.geometry.height), pixel_variance);
+}
+
+double frame_deviation(const Frames &frames) {
+    double total = 0.0;
+    for (const double mean : frames.frame_mean)
+        total += (mean - frames.mean_signal) * (mean - frames.mean_signal);
+    return std::sqrt(total / double(frames.frame_mean.size() - 1));
+}
+
+// Change of the frame mean over the sequence, by least squares.
+double frame_slope(const Frames &frames) {
+    const double count = double(frames.frame_mean.size()), middle = 0.5 * (count - 1.0);
+    double product = 0.0, square = 0.0;
+    for (std::size_t t = 0; t < frames.frame_mean.size(); ++t) {
+        product += (double(t) - middle) * frames.frame_mean[t];
+        square += (double(t) - middle) * (double(t) - middle);
+    }
+    return (count - 1.0) * product / square;
+}
+
+} // namespace
+
+void measure_temporal_noise(const Measurement &m, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    if (geometry.frames < 2)
+        return;
+    const char *source = geometry.is_laser() ? "laser" : "sensor";
+    const double samples = double(geometry.frames) * double(geometry.used);
+    const Powers &powers = m.residual.powers;
+    const double variance = powers.square / samples;
+    sink.put("sensor", "row_noise", "log", row_excess(m, variance));
+    sink.put("sensor", "column_noise", "log", log_ratio(m.residual.column_variance, variance));
+    sink.put(source, "frame_mean_fluctuation", "log", std::log((frame_deviation(m.frames) + 1e-4) / m.frames.light));
+    if (geometry.frames > 2) {
+        double rest = 0.0;
+        for (std::size_t t = 1; t < geometry.frames; ++t)
+            rest += m.frames.frame_mean[t] / double(geometry.frames - 1);
+        sink.put("sensor", "first_frame", "1", (m.frames.frame_mean[0] - rest) / m.frames.light);
+        sink.put(source, "frame_mean_drift", "1", frame_slope(m.frames) / m.frames.light);
+    }
+
+    const char *change = geometry.is_laser() ? "motion" : "sensor";
+    const std::vector<std::size_t> lags = temporal_lags(geometry);
+    for (std::size_t k = 0; k < lags.size(); ++k)
+        sink.put(change, "temporal_correlation_" + std::to_string(lags[k]), "1", m.residual.temporal[k]);
+    if (geometry.moving)
+        return;
+    const double cube = powers.cube / samples, fourth = powers.fourth / samples;
+    sink.put("sensor", "noise_skewness", "1", cube / std::pow(variance + 1e-6, 1.5));
+    sink.put("sensor", "noise_kurtosis", "log", std::log((fourth + 1e-6) / (variance * variance + 1e-6)));
+    const auto &noise = m.residual.noise;
+    sink.put(change, "noise_correlation_x1", "1", noise[0]);
+    sink.put(change, "noise_correlation_y1", "1", noise[1]);
+    sink.put(change, "noise_correlation_diagonal", "1", 0.5 * (noise[2] + noise[3]));
+    sink.put(change, "noise_correlation_2", "1", 0.5 * (noise[4] + noise[5]));
+}
+
+void measure_repetition(const Measurement &m, Sink &sink) {
+    const Geometry &geometry = m.geometry;
+    if (geometry.frames < 3)
+        return;
+    // Mean squared differences of pairs up to eight frames apart, on every eighth row. Their harmonic mean falls far
+    // below the mean as soon as one of them nearly vanishes, and unlike the smallest it has a narrow law otherwise.
+    const std::size_t farthest = std::min<std::size_t>(8, geometry.frames - 1), width = geometry.width;
+    std::vector<std::vector<double>> parts(geometry.frames);
+    parallel_for(geometry.frames, m.threads, [&](std::size_t t) {
+        for (std::size_t lag = 1; lag <= farthest && t + lag < geometry.frames; ++lag) {
+            double aa = 0.0, ab = 0.0, bb = 0.0;
+            for (std::size_t y = 0; y < geometry.height; y += 8) {
+                const float *a = m.frames.residual_of(geometry, t) + y * width,
+                            *b = m.frames.residual_of(geometry, t + lag) + y * width;
+                aa += dot(a, a, width);
+                ab += dot(a, b, width);
+                bb += dot(b, b, width);
+            }
+            parts[t].push_back(std::max(aa - 2.0 * ab + bb, 0.0));
+        }
+    });
+    double mean = 0.0, inverse = 0.0, pairs = 0.0;
+    for (const auto &part : parts)
+        for (const double difference : part) {
+            mean += difference;
+            pairs += 1.0;
+        }
+    mean /= pairs;
+    for (const auto &part : parts)
+        for (const double difference : part)
+            inverse += (mean + 1e-9) / (difference + 1e-3 * mean + 1e-9) / pairs;
+    sink.put("sensor", "repeated_frames", "log", std::log(inverse));
+}
+
+} // namespace clsp::statistics

@@ -1,0 +1,279 @@
+// Pass A of the fused speckle engine: the field of STRIPS times LANES columns at once (what field.cl does, the same bits), its transform along the
+// columns, and of that only the lines that the pupil lets through.
+//   MATERIALS, COHERENT, LINES, SCREEN, FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in field.cl
+//   OVERSAMPLING n
+//   STRIPS n      strips of LANES columns side by side: rows are far apart in memory, and what a row brings should be used up
+//   PREFETCH n    rows that are asked for ahead; 0 for none
+//
+// Kept lines lie in groups of LANES, in the order in which the transform leaves them: point x of group g is a pair of vectors (re, im) at
+// lines[2 (g grid_width + x)], lane l the l-th line of the group.
+#include "field_grid.h"
+#include "phase_state.h"
+#include "fused_lanes.h"
+
+#define FFT_TILE __local
+#define FFT_STRIPS STRIPS
+#define FFT_INPUT(strip, p, re, im) illuminate(&sources[strip], p, &re, &im)
+#define FFT_OUTPUT(strip, p, re, im)
+
+typedef struct {
+    __global const state_word *state;
+    ulong samples, first;
+    uint grid_width, grid_height, polarization;
+    __global const float *irradiance;
+    uint irradiance_pitch, width, height;
+#if MATERIALS
+    __global const uchar *material;
+    uint material_pitch, material_count;
+    __global const float *table;
+    __global uint *bad_material;
+#elif COHERENT
+    float random_amplitude, coherent_amplitude;
+#endif
+#if LINES
+    float line_turns;
+    uint quarter;
+    uint2 key;
+    uint epoch_low, epoch_high;
+#endif
+#if SCREEN
+    __global const float *screen;
+#endif
+    __global uint *bad;
+    uint x, count; // the first column, and how many there are
+    uint columns[LANES]; // the pixel column of each
+    int whole;     // LANES columns
+    int direct;    // their pixels lie side by side
+} source_t;
+
+// True if what is wrong with the pixel of sample (x, y) is counted here: several samples, the padding and the second polarization share it.
+static int counts(const source_t *s, uint lane, uint y, uint pixel_x, uint pixel_y) {
+    return s->polarization == 0 && lane < s->count && s->x + lane == OVERSAMPLING * pixel_x && y == OVERSAMPLING * pixel_y;
+}
+
+static lanes_f sanitized_lanes(const source_t *s, lanes_f i0, uint y, uint pixel_y) {
+    float values[LANES];
+    vstore_lanes(i0, 0, values);
+    for (uint lane = 0; lane < LANES; ++lane)
+        if (!(values[lane] >= 0.0f && values[lane] <= FLT_MAX)) {
+            const uint pixel_x = s->columns[lane];
+            if (counts(s, lane, y, pixel_x, pixel_y))
+                report_bad(s->bad, values[lane], pixel_y * s->width + pixel_x);
+            values[lane] = 0.0f;
+        }
+    return vload_lanes(0, values);
+}
+
+// LANES words from `from` on, of the last strip only those that there are.
+static inline lanes_u load_words(const source_t *s, __global const uint *from) {
+    if (s->whole)
+        return vload_lanes(0, from);
+    uint values[LANES];
+    for (uint lane = 0; lane < LANES; ++lane)
+        values[lane] = lane < s->count ? from[lane] : 0u;
+    return vload_lanes(0, values);
+}
+
+static inline lanes_complex load_numbers(const source_t *s, __global const float *from) {
+    if (s->whole)
+        return load_interleaved(from);
+    float re[LANES], im[LANES];
+    for (uint lane = 0; lane < LANES; ++lane) {
+        re[lane] = lane < s->count ? from[2u * lane] : 0.0f;
+        im[lane] = lane < s->count ? from[2u * lane + 1u] : 0.0f;
+    }
+    const lanes_complex z = {vload_lanes(0, re), vload_lanes(0, im)};
+    return z;
+}
+
+#if FIELD_UNIT_PHASOR
+#define FIELD_WORDS 1
+#define FIELD_OFFSET(s) (s)->first
+#else
+#define FIELD_WORDS 2
+#define FIELD_OFFSET(s) knot_offset((s)->samples, (s)->first, 0)
+#endif
+#if PREFETCH
+#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address))
+#endif
+
+// unit_field() of LANES samples from sample i on.
+static inline lanes_complex unit_fields(const source_t *s, ulong i) {
+#if FIELD_UNIT_PHASOR
+    return phasors_from_words(load_words(s, s->state + s->first + i));
+#elif PHASE_CONTINUOUS
+    const lanes_complex turn = phasors_from_words(load_words(s, (__global const uint *)s->state + i) >> 2);
+    const lanes_complex a = load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i);
+    const lanes_complex b = load_numbers(s, s->state + knot_offset(s->samples, s->first, 1) + 2 * i);
+    const lanes_complex z = {fma(turn.im, b.re, turn.re * a.re), fma(turn.im, b.im, turn.re * a.im)};
+    return z;
+#else
+    return load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i);
+#endif
+}
+
+static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *im) {
+    const uint pixel_y = pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height);
+    __global const float *row = s->irradiance + (ulong)pixel_y * s->irradiance_pitch;
+    const ulong i = (ulong)y * s->grid_width + s->x;
+#if PREFETCH
+    // Steps from row to row are too long for the hardware to foresee.
+    prefetch_line(row + PREFETCH * s->irradiance_pitch + s->x);
+    prefetch_line(s->state + FIELD_OFFSET(s) + FIELD_WORDS * (i + PREFETCH * s->grid_width));
+#endif
+    lanes_f i0;
+    if (s->direct) {
+        i0 = vload_lanes(0, row + s->x);
+    } else {
+        float values[LANES];
+        for (uint lane = 0; lane < LANES; ++lane)
+            values[lane] = row[s->columns[lane]];
+        i0 = vload_lanes(0, values);
+    }
+    if (!all((i0 >= 0.0f) & (i0 <= FLT_MAX)))
+        i0 = sanitized_lanes(s, i0, y, pixel_y);
+    lanes_complex z = unit_fields(s, i);
+    lanes_f amplitude = sqrt(i0);
+#if MATERIALS
+    float random[LANES], coherent[LANES], share[LANES];
+    for (uint lane = 0; lane < LANES; ++lane) {
+        const uint pixel_x = s->columns[lane];
+        uint id = s->material[(ulong)pixel_y * s->material_pitch + pixel_x];
+        if (id >= s->material_count) {
+            if (counts(s, lane, y, pixel_x, pixel_y))
+                report_bad(s->bad_material, -1.0f, pixel_y * s->width + pixel_x);
+            id = 0;
+        }
+        __global const float *entry = s->table + 4u * id;
+        random[lane] = entry[0];
+        coherent[lane] = entry[1];
+        share[lane] = entry[2u + s->polarization];
+    }
+    const lanes_f r = vload_lanes(0, random);
+    z.re = r * z.re + vload_lanes(0, coherent);
+    z.im = r * z.im;
+    amplitude *= vload_lanes(0, share);
+#elif COHERENT
+    z.re = s->random_amplitude * z.re + s->coherent_amplitude;
+    z.im = s->random_amplitude * z.im;
+#endif
+    lanes_complex u = {amplitude * z.re, amplitude * z.im};
+#if LINES || SCREEN
+    lanes_f turns = SPREAD(0.0f);
+#if LINES
+    // Heights of the samples in standard deviations: they belong to the surface that `epoch` drew.
+    const uint j = y / s->quarter;
+    turns += s->line_turns *
+             normals_of_blocks(image_blocks(s->x, y - j * s->quarter, s->epoch_low, s->epoch_high, STREAM_SURFACE_HEIGHT, s->key), j);
+#endif
+#if SCREEN
+    turns += as_lanes_f(load_words(s, (__global const uint *)(s->screen + i)));
+#endif
+    const lanes_complex p = phasors_from_turns(turns);
+    const lanes_complex turned = {u.re * p.re - u.im * p.im, u.re * p.im + u.im * p.re};
+    u = turned;
+#endif
+    *re = u.re;
+    *im = u.im;
+}
+
+#include "fused_codelets.h"
+
+// positions: of each kept line in the transform, groups of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
+// blocks: for each block of the transform three numbers, of which the first counts the groups that are complete behind it.
+__kernel void fused_columns_forward(__global const state_word *state, ulong samples, ulong first, uint grid_width, uint grid_height,
+                                    uint polarization, __global const float *irradiance, ulong irradiance_offset,
+                                    uint irradiance_pitch, uint width, uint height, uint oversampling,
+#if MATERIALS
+                                    __global const uchar *material, ulong material_offset, uint material_pitch, uint material_count,
+                                    __global const float *table, __global uint *bad_material,
+#elif COHERENT
+                                    float random_amplitude, float coherent_amplitude,
+#endif
+#if LINES
+                                    float line_turns, uint quarter, uint2 key, uint epoch_low, uint epoch_high,
+#endif
+#if SCREEN
+                                    __global const float *screen,
+#endif
+                                    __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
+                                    __global const uint *positions, __global const uint *blocks, __local lanes_f *tiles) {
+    if (get_global_id(0) * STRIPS * LANES >= grid_width)
+        return;
+    source_t sources[STRIPS];
+    for (uint strip = 0; strip < STRIPS; ++strip) {
+        source_t source;
+        source.state = state;
+        source.samples = samples;
+        source.first = first;
+        source.grid_width = grid_width;
+        source.grid_height = grid_height;
+        source.polarization = polarization;
+        source.irradiance = irradiance + irradiance_offset;
+        source.irradiance_pitch = irradiance_pitch;
+        source.width = width;
+        source.height = height;
+#if MATERIALS
+        source.material = material + material_offset;
+        source.material_pitch = material_pitch;
+        source.material_count = material_count;
+        source.table = table;
+        source.bad_material = bad_material;
+#elif COHERENT
+        source.random_amplitude = random_amplitude;
+        source.coherent_amplitude = coherent_amplitude;
+#endif
+#if LINES
+        source.line_turns = line_turns;
+        source.quarter = quarter;
+        source.key = key;
+        source.epoch_low = epoch_low;
+        source.epoch_high = epoch_high;
+#endif
+#if SCREEN
+        source.screen = screen;
+#endif
+        source.bad = bad;
+        source.x = (get_global_id(0) * STRIPS + strip) * LANES;
+        source.count = source.x < grid_width ? min((uint)LANES, grid_width - source.x) : 0u;
+        source.whole = source.count == LANES;
+        source.direct = OVERSAMPLING == 1 && source.x + LANES <= width;
+        // Lanes beyond the grid repeat its last column.
+        for (uint lane = 0; lane < LANES; ++lane)
+            source.columns[lane] = pixel_of_sample(min(source.x + lane, grid_width - 1u), OVERSAMPLING, width, grid_width);
+        sources[strip] = source;
+    }
+
+    fft_forward_first
+    for (uint strip = 0; strip < STRIPS && sources[strip].count > 0; ++strip) {
+        const uint x = sources[strip].x, count = sources[strip].count;
+        __local lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
+        tile[2u * FFT_LENGTH] = tile[2u * FFT_LENGTH + 1u] = SPREAD(0.0f);
+        uint group = 0;
+        for (uint block = 0; block < FFT_BLOCKS; ++block) {
+            fft_forward_block(block, tile, twiddles);
+            for (; group < blocks[3u * block]; ++group) {
+                lanes_f re[LANES], im[LANES];
+                for (uint l = 0; l < LANES; ++l) {
+                    const uint p = positions[group * LANES + l];
+                    re[l] = tile[2u * p];
+                    im[l] = tile[2u * p + 1u];
+                }
+                transpose_lanes(re);
+                transpose_lanes(im);
+                __global lanes_f *out = lines + 2 * ((ulong)group * grid_width + x);
+                if (count == LANES) {
+                    for (uint l = 0; l < LANES; ++l) {
+                        out[2u * l] = re[l];
+                        out[2u * l + 1u] = im[l];
+                    }
+                } else {
+                    for (uint l = 0; l < count; ++l) {
+                        out[2u * l] = re[l];
+                        out[2u * l + 1u] = im[l];
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,120 @@
+// Explicit vectors for CPU devices: one work-item works on LANES columns or rows at once, lane l on the l-th. The same numbers as the scalar
+// functions of philox.h, bit for bit: the same operations in the same order.
+//   LANES  4, 8 or 16
+#ifndef CLSP_FUSED_LANES_H
+#define CLSP_FUSED_LANES_H
+
+#include "philox.h"
+
+#define CLSP_JOIN_(a, b) a##b
+#define CLSP_JOIN(a, b) CLSP_JOIN_(a, b)
+typedef CLSP_JOIN(float, LANES) lanes_f;
+typedef CLSP_JOIN(int, LANES) lanes_i;
+typedef CLSP_JOIN(uint, LANES) lanes_u;
+typedef CLSP_JOIN(ulong, LANES) lanes_ul;
+#define vload_lanes CLSP_JOIN(vload, LANES)
+#define vstore_lanes CLSP_JOIN(vstore, LANES)
+#define convert_lanes_f CLSP_JOIN(convert_float, LANES)
+#define convert_lanes_i CLSP_JOIN(convert_int, LANES)
+#define convert_lanes_u CLSP_JOIN(convert_uint, LANES)
+#define convert_lanes_ul CLSP_JOIN(convert_ulong, LANES)
+#define as_lanes_i CLSP_JOIN(as_int, LANES)
+#define as_lanes_u CLSP_JOIN(as_uint, LANES)
+#define as_lanes_f CLSP_JOIN(as_float, LANES)
+#define SPREAD(value) ((lanes_f)(value))
+
+typedef struct {
+    lanes_f re, im;
+} lanes_complex;
+typedef struct {
+    lanes_u w0, w1, w2, w3;
+} lanes_words4;
+
+// 0, 1, 2 ..
+static inline lanes_u lane_numbers(void) {
+    const uint numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    return vload_lanes(0, numbers);
+}
+
+// Complex numbers that lie in memory as re, im, re, im ..
+static inline lanes_complex load_interleaved(__global const float *from) {
+    const lanes_f a = vload_lanes(0, from), b = vload_lanes(1, from);
+    const lanes_complex z = {(lanes_f)(a.even, b.even), (lanes_f)(a.odd, b.odd)};
+    return z;
+}
+
+// exp(2 pi i word / 2^32), as phasor_from_word().
+static inline lanes_complex phasors_from_words(lanes_u word) {
+    const lanes_u quadrant = (word + 0x20000000u) >> 30;
+    const lanes_f f = convert_lanes_f(as_lanes_i(word - (quadrant << 30))) * 0x1p-32f;
+    const lanes_f g = f * f;
+    lanes_f s = fma(g, SPREAD(41.46989059448242f), SPREAD(-76.6977767944336f));
+    s = fma(g, s, SPREAD(81.6052017211914f));
+    s = fma(g, s, SPREAD(-41.34170150756836f));
+    s = fma(g, s, SPREAD(6.2831854820251465f)) * f;
+    lanes_f c = fma(g, SPREAD(59.24596405029297f), SPREAD(-85.44374084472656f));
+    c = fma(g, c, SPREAD(64.93932342529297f));
+    c = fma(g, c, SPREAD(-19.739208221435547f));
+    c = fma(g, c, SPREAD(1.0f));
+    // Odd quadrants take the other function; then signs: re is negative in quadrants 1 and 2, im in 2 and 3.
+    const lanes_i odd = as_lanes_i(quadrant << 31) >> 31;
+    const lanes_i sine = as_lanes_i(s), cosine = as_lanes_i(c);
+    const lanes_i re = (odd & sine) | (~odd & cosine), im = (odd & cosine) | (~odd & sine);
+    const lanes_complex phasor = {as_lanes_f(re ^ as_lanes_i((quadrant ^ (quadrant << 1)) << 30 & 0x80000000u)),
+                                  as_lanes_f(im ^ as_lanes_i(quadrant << 30 & 0x80000000u))};
+    return phasor;
+}
+
+// exp(2 pi i turns) of |turns| up to some thousands.
+static inline lanes_complex phasors_from_turns(lanes_f turns) {
+    const lanes_f fraction = turns - rint(turns);
+    return phasors_from_words(as_lanes_u(convert_lanes_i(fraction * 0x1p31f)) << 1);
+}
+
+static inline lanes_f uniforms_from_words(lanes_u word) { return fma(convert_lanes_f(word), SPREAD(0x1p-32f), SPREAD(0x1p-33f)); }
+
+// -ln(u), as minus_log().
+static inline lanes_f minus_logs(lanes_f u) {
+    const lanes_i bits = as_lanes_i(u);
+    const lanes_i shifted = bits - 0x3f3504f3;
+    const lanes_i exponent = shifted >> 23;
+    const lanes_f e = convert_lanes_f(exponent);
+    const lanes_f t = as_lanes_f(bits - (exponent << 23)) - 1.0f;
+    lanes_f p = fma(t, SPREAD(-0.07634496688842773f), SPREAD(0.1276157647371292f));
+    p = fma(t, p, SPREAD(-0.13160182535648346f));
+    p = fma(t, p, SPREAD(0.14201757311820984f));
+    p = fma(t, p, SPREAD(-0.16623356938362122f));
+    p = fma(t, p, SPREAD(0.20001226663589478f));
+    p = fma(t, p, SPREAD(-0.2500081956386566f));
+    p = fma(t, p, SPREAD(0.3333333134651184f));
+    const lanes_f t2 = t * t;
+    const lanes_f low = fma(e, SPREAD(1.428606765330187e-06f), fma(t2 * t, p, -0.5f * t2));
+    return -(fma(e, SPREAD(0.693145751953125f), t) + low);
+}
+
+// image_block() of the columns x, x + 1 ..
+static inline lanes_words4 image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+    lanes_u c0 = x + lane_numbers(), c1 = (lanes_u)(row), c2 = (lanes_u)(frame_low), c3 = (lanes_u)(stream | frame_high << 16);
+    uint k0 = key.x, k1 = key.y;
+    for (int round = 0; round < 10; ++round) {
+        const lanes_ul p0 = convert_lanes_ul(c0) * 0xD2511F53ul, p1 = convert_lanes_ul(c2) * 0xCD9E8D57ul;
+        const lanes_u next0 = convert_lanes_u(p1 >> 32) ^ c1 ^ k0, next2 = convert_lanes_u(p0 >> 32) ^ c3 ^ k1;
+        c1 = convert_lanes_u(p1);
+        c3 = convert_lanes_u(p0);
+        c0 = next0;
+        c2 = next2;
+        k0 += 0x9E3779B9u;
+        k1 += 0xBB67AE85u;
+    }
+    const lanes_words4 words = {c0, c1, c2, c3};
+    return words;
+}
+
+// The j-th of the four normals that normals_from_block() makes of each block.
+static inline lanes_f normals_of_blocks(lanes_words4 blocks, uint j) {
+    const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(j < 2u ? blocks.w0 : blocks.w2)));
+    const lanes_complex p = phasors_from_words(j < 2u ? blocks.w1 : blocks.w3);
+    return r * ((j & 1u) ? p.im : p.re);
+}
+
+#endif

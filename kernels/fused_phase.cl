@@ -1,0 +1,87 @@
+// phase_refresh of everything, with explicit vectors: the same bits as phase.cl. A work-item draws row y mod Q of the grid, and with it the
+// rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
+//   FIELD_UNIT_PHASOR, PHASE_CONTINUOUS, PHASE_TRANSLATE as in phase.cl
+#include "phase_state.h"
+#include "fused_lanes.h"
+
+static inline lanes_u words_of(lanes_words4 blocks, uint j) { return j == 0 ? blocks.w0 : j == 1 ? blocks.w1 : j == 2 ? blocks.w2 : blocks.w3; }
+
+static inline lanes_complex gaussians_from_words(lanes_words4 phase, lanes_words4 magnitude, uint j) {
+    const lanes_f r = sqrt(minus_logs(uniforms_from_words(words_of(magnitude, j))));
+    const lanes_complex p = phasors_from_words(words_of(phase, j));
+    const lanes_complex z = {r * p.re, r * p.im};
+    return z;
+}
+
+// count of LANES complex numbers, re and im side by side.
+static inline void store_interleaved(lanes_complex z, __global float *to, uint count) {
+    lanes_f low, high;
+    low.even = z.re.lo;
+    low.odd = z.im.lo;
+    high.even = z.re.hi;
+    high.odd = z.im.hi;
+    if (count == LANES) {
+        vstore_lanes(low, 0, to);
+        vstore_lanes(high, 1, to);
+        return;
+    }
+    float values[2 * LANES];
+    vstore_lanes(low, 0, values);
+    vstore_lanes(high, 1, values);
+    for (uint i = 0; i < 2u * count; ++i)
+        to[i] = values[i];
+}
+
+static inline void store_words(lanes_u words, __global uint *to, uint count) {
+    if (count == LANES) {
+        vstore_lanes(words, 0, to);
+        return;
+    }
+    uint values[LANES];
+    vstore_lanes(words, 0, values);
+    for (uint i = 0; i < count; ++i)
+        to[i] = values[i];
+}
+
+__kernel void fused_phase_refresh(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
+                                  uint frame_low, uint frame_high, ulong rest_offset) {
+    const uint row = get_global_id(0), polarization = get_global_id(2);
+    if (row >= quarter)
+        return;
+    const ulong samples = (ulong)grid_width * grid_height, first = polarization * samples;
+    for (uint x = 0; x < grid_width; x += LANES) {
+        const uint count = min((uint)LANES, grid_width - x);
+        const lanes_words4 phase = image_blocks(x, row, frame_low, frame_high, STREAM_PHASE + polarization, key);
+#if !FIELD_UNIT_PHASOR
+        const lanes_words4 magnitude = image_blocks(x, row, frame_low, frame_high, STREAM_MAGNITUDE + polarization, key);
+#endif
+#if PHASE_CONTINUOUS
+        const lanes_words4 next_phase = image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_PHASE + polarization, key);
+        const lanes_words4 next_magnitude = image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_MAGNITUDE + polarization, key);
+        const lanes_words4 start = image_blocks(x, row, frame_low, frame_high, STREAM_PATH_START, key);
+#endif
+        for (uint j = 0; j < 4; ++j) {
+            const uint y = row + j * quarter;
+            if (y >= grid_height)
+                break;
+            const ulong i = (ulong)y * grid_width + x;
+#if FIELD_UNIT_PHASOR
+            store_words(words_of(phase, j), state + first + i, count);
+#else
+            store_interleaved(gaussians_from_words(phase, magnitude, j), state + knot_offset(samples, first, 0) + 2 * i, count);
+#endif
+#if PHASE_CONTINUOUS
+            store_interleaved(gaussians_from_words(next_phase, next_magnitude, j), state + knot_offset(samples, first, 1) + 2 * i, count);
+            if (polarization == 0)
+                store_words(words_of(start, j), (__global uint *)state + i, count);
+#endif
+#if PHASE_TRANSLATE
+            if (polarization == 0) {
+                __global float *rest = (__global float *)(state + rest_offset) + 2 * i;
+                for (uint k = 0; k < 2u * count; ++k)
+                    rest[k] = 0.0f;
+            }
+#endif
+        }
+    }
+}

@@ -1,0 +1,72 @@
+// Pass B of the fused speckle engine: LANES kept lines at once, transformed along the rows, multiplied by the pupil and transformed back, in
+// place (the layout is in fused_columns_forward.cl).
+//   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
+//   SHIFT 1          the image is shifted, by a phase ramp over the pupil
+#include "fused_lanes.h"
+
+#define FFT_TILE __local
+#define FFT_STRIPS 1
+#define FFT_INPUT(strip, p, re, im) re = line[2u * (p)], im = line[2u * (p) + 1u]
+#define FFT_OUTPUT(strip, p, re, im) line[2u * (p)] = re, line[2u * (p) + 1u] = im
+
+static inline lanes_complex lanes_product(lanes_complex a, lanes_complex b) {
+    const lanes_complex c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+    return c;
+}
+
+#if COMPLEX_PUPIL
+#define PUPIL_VECTORS 2u
+#else
+#define PUPIL_VECTORS 1u
+#endif
+
+#if SHIFT
+// frequencies: of the position along the row, in cycles per sample times shift_x; row_turns likewise along the column, of each lane.
+#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_x, lanes_f row_turns
+#define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_x, row_turns
+static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETERS) {
+    const lanes_f turns = -(frequencies[p] / (float)FFT_LENGTH * shift_x + row_turns);
+    v = lanes_product(v, phasors_from_turns(turns));
+#else
+#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil
+#define FFT_PUPIL_ARGUMENTS , pupil
+static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETERS) {
+#endif
+#if COMPLEX_PUPIL
+    const lanes_complex t = {pupil[2u * p], pupil[2u * p + 1u]};
+    return lanes_product(v, t);
+#else
+    const lanes_complex result = {v.re * pupil[p], v.im * pupil[p]};
+    return result;
+#endif
+}
+#define FFT_PUPIL(p, real, imaginary)                                                                                                      \
+    {                                                                                                                                      \
+        const lanes_complex v = {real, imaginary};                                                                                         \
+        const lanes_complex result = filtered(v, p FFT_PUPIL_ARGUMENTS);                                                                   \
+        real = result.re;                                                                                                                  \
+        imaginary = result.im;                                                                                                             \
+    }
+
+#include "fused_codelets.h"
+
+// pupil: amplitude / samples of the field grid, in the order of positions, for each group of lines.
+__kernel void fused_rows(__global lanes_f *lines, uint groups, __global const float *twiddles, __global const lanes_f *pupil,
+#if SHIFT
+                         __global const float *frequencies, __global const lanes_f *line_frequencies, uint grid_height, float shift_x,
+                         float shift_y,
+#endif
+                         __local lanes_f *tiles) {
+    const uint group = get_global_id(0);
+    if (group >= groups)
+        return;
+    __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
+    pupil += (ulong)group * PUPIL_VECTORS * FFT_LENGTH;
+#if SHIFT
+    const lanes_f row_turns = line_frequencies[group] / (float)grid_height * shift_y;
+#endif
+    fft_forward_first
+    for (uint block = 0; block < FFT_BLOCKS; ++block)
+        fft_filter_block(block, tiles, twiddles FFT_PUPIL_ARGUMENTS);
+    fft_inverse_last
+}

@@ -1,0 +1,94 @@
+"""`clspeckle capture make` and `capture check`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import clspeckle
+
+Cli = Callable[..., subprocess.CompletedProcess[str]]
+SMALL = ("--width", 48, "--height", 40, "--frames", 6)
+
+
+def test_a_made_set_is_what_the_options_say(cli: Cli, tmp_path: Path) -> None:
+    """48 x 40 pixels, 6 frames: means of speckle are good to about 5 % (some 500 grains in motion), noise to 1 %."""
+    cli("capture", "make", "set", *SMALL, "--seed", 7, "--flat-level", 300, "--board-level", 100, "--read-noise-dn", 3)
+    capture = clspeckle.Capture.open(tmp_path / "set")
+    seen = {name: np.asarray(s.codes, np.float64) for name, s in capture.sequences.items()}
+    assert list(seen) == ["dark", "flat", "board_static", "board_moving", "dots_static", "dots_moving"]
+    assert all(array.shape == (6, 40, 48) for array in seen.values())
+    assert abs(seen["dark"].mean() - 64) < 0.2
+    assert abs(seen["flat"].mean() - 364) < 1
+    assert abs(seen["board_moving"].mean() - 164) < 10
+    noise = {name: np.sqrt(array.var(axis=0, ddof=1).mean()) for name, array in seen.items()}
+    for name in ("dark", "flat", "board_static", "dots_static"):
+        assert abs(noise[name] - 3) < 0.15, "nothing but read noise changes where nothing moves"
+    assert noise["board_moving"] > 50, "each frame has speckle of its own"
+    assert len(capture.dots_px) == 3 * 2
+    assert not (tmp_path / "set" / "key.json").exists()
+
+
+def test_fixed_patterns_are_the_same_in_all_sequences(cli: Cli, tmp_path: Path) -> None:
+    """DSNU of 5 DN against 3 / sqrt(6) DN of averaged noise: two maps correlate to 25 / (25 + 1.5) = 0.94."""
+    cli("capture", "make", "set", *SMALL, "--sequences", "dark,flat", "--read-noise-dn", 3, "--effect", "dsnu:sigma_dn=5",
+        "--key")  # fmt: skip
+    maps = [np.load(tmp_path / "set" / f"{name}.npy").mean(axis=0).ravel() for name in ("dark", "flat")]
+    assert np.corrcoef(*maps)[0, 1] > 0.9
+    key = json.loads((tmp_path / "set" / "key.json").read_text())
+    assert key["effects"] == {"dsnu": {"sigma_dn": 5.0}} and key["in_catalogue"]
+
+
+def test_the_seed_decides(cli: Cli, tmp_path: Path) -> None:
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        cli("capture", "make", name, *SMALL, "--frames", 2, "--sequences", "board_static,dots_static", "--seed", seed)
+    a, b, c = ((tmp_path / name / "dots_static.npy").read_bytes() for name in "abc")
+    assert a == b and a != c
+    board, dots = (np.load(tmp_path / "a" / f"{name}.npy")[0] for name in ("board_static", "dots_static"))
+    assert not np.array_equal(board, dots)
+
+
+def test_levels_give_several_sequences(cli: Cli, tmp_path: Path) -> None:
+    cli("capture", "make", "set", *SMALL, "--sequences", "flat", "--flat-level", "100,400")
+    sequences = clspeckle.Capture.open(tmp_path / "set").sequences
+    assert [(name, s.exposure_ms) for name, s in sequences.items()] == [("flat_1", 10.0), ("flat_2", 40.0)]
+    assert abs(np.mean(sequences["flat_2"].codes) - 464) < 1
+
+
+def test_dots_come_from_a_file(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "dots.json").write_text('{"sigma_px": 3.0, "positions_px": [[20.0, 20.0], [30.5, 10.0]]}')
+    cli("capture", "make", "set", *SMALL, "--sequences", "dots_moving", "--dots", "dots.json")
+    capture = clspeckle.Capture.open(tmp_path / "set")
+    assert capture.dots_px.tolist() == [[20.0, 20.0], [30.5, 10.0]] and capture.dots_sigma_px == 3.0
+    mean = np.asarray(capture.sequences["dots_moving"].codes).mean(axis=0)
+    assert mean[17:24, 17:24].mean() > mean[30:, 40:].mean() + 50
+
+
+def test_check_explains(cli: Cli, tmp_path: Path) -> None:
+    cli("capture", "make", "set", *SMALL, "--sequences", "board_static")
+    text = cli("capture", "check", "set").stdout
+    assert "It cannot tell:" in text and "cover the lens" in text and "motion_decorrelation" in text
+    cli("capture", "check", "set", "--json", "summary.json")
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert written == json.loads(cli("capture", "check", "set", "--json", "-").stdout)
+    assert written == clspeckle.Capture.open(tmp_path / "set").summary()
+
+
+def test_bad_input(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    assert "exists" in cli("capture", "make", "there", code=1).stderr
+    assert "no effect" in cli("capture", "make", "new", "--effect", "nonsense", code=1).stderr
+    assert "must be" in cli("capture", "make", "new", "--effect", "dsnu:sigma_dn=-1", code=1).stderr
+    assert "there is no \"moon\"" in cli("capture", "make", "new", "--sequences", "moon", code=1).stderr
+    assert "/camera/bits" in cli("capture", "make", "new", "--bits", 20, code=1).stderr
+    assert "level" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
+    assert "--frames" in cli("capture", "make", "new", "--frames", 0, code=1).stderr
+    assert "nearest one is --frames (see clspeckle capture make --help)" in cli("capture", "make", "x", "--frame", 3, code=1).stderr
+    assert "nearest one is \"check\"" in cli("capture", "chek", code=1).stderr
+    assert "does not exist" in cli("capture", "check", "nowhere", code=1).stderr
+    assert "no capture.json" in cli("capture", "check", "there", code=1).stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["there"], "something was left behind"

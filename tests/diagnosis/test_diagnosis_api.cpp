@@ -1,0 +1,412 @@
+// The C and C++ interface of the diagnosis: defaults, refusals, callbacks, getters, the written report. What a verdict is
+// worth is tested elsewhere; here the captures are small (64 x 48, 8 frames) and the causes are gross.
+#include "test_support.hpp"
+
+#include <cstdio>
+#include <fstream>
+#include <random>
+#include <sstream>
+#include <stdexcept>
+#include <thread>
+
+namespace {
+
+constexpr std::uint32_t kWidth = 64, kHeight = 48, kFrames = 8;
+
+// Dark and flat of a camera with black level 64 and read noise 4; the flat has a ramp across its columns.
+clspeckle::Capture make_capture(double ramp_dn) {
+    auto desc = clspeckle::make<ClspCaptureDesc>();
+    desc.width = kWidth;
+    desc.height = kHeight;
+    clspeckle::Capture capture(desc);
+    std::mt19937 random(7);
+    std::normal_distribution<double> noise(0.0, 4.0);
+    for (const bool flat : {false, true}) {
+        std::vector<std::uint16_t> codes;
+        for (std::uint32_t i = 0; i < kFrames * kHeight * kWidth; ++i) {
+            const double across = 2.0 * (i % kWidth) / (kWidth - 1.0) - 1.0;
+            const double level = 64.0 + (flat ? 300.0 + ramp_dn * across : 0.0);
+            codes.push_back(static_cast<std::uint16_t>(std::clamp(std::round(level + noise(random)), 0.0, 1023.0)));
+        }
+        capture.add_sequence(flat ? "flat" : "dark", flat ? CLSP_SCENE_FLAT : CLSP_SCENE_DARK, false, codes);
+    }
+    return capture;
+}
+
+clspeckle::DiagnoseOptions quick_options() {
+    clspeckle::DiagnoseOptions options;
+    options.null_replicates = 12;
+    options.max_effects = 1;
+    return options;
+}
+
+ClspDiagnoseDesc quick_desc() {
+    auto desc = clspeckle::make<ClspDiagnoseDesc>();
+    desc.null_replicates = 12;
+    desc.max_effects = 1;
+    return desc;
+}
+
+// The camera's ramp as a hypothesis on the intensity.
+struct RampCalls {
+    std::uint32_t frames = 0, wrong = 0;
+    std::int32_t answer = 0;
+};
+
+std::int32_t add_ramp(void *data, const ClspHypothesisFrame *frame) {
+    auto &calls = *static_cast<RampCalls *>(data);
+    ++calls.frames;
+    const bool as_expected = frame->struct_size == sizeof(ClspHypothesisFrame) && frame->width == kWidth &&
+                             frame->height == kHeight && frame->bits == 10 && frame->scene == CLSP_SCENE_FLAT &&
+                             frame->sequence == 1 && std::string(frame->sequence_name) == "flat" && !frame->moving &&
+                             frame->frame_index < kFrames && frame->parameter_count == 1 && frame->reserved == 0 &&
+                             frame->f_number == 5.6 && frame->pixel_pitch_m == 2.9e-6 && frame->wavelength_m == 940e-9;
+    calls.wrong += as_expected ? 0 : 1;
+    for (std::uint32_t i = 0; i < kWidth * kHeight; ++i)
+        frame->pixels[i] += static_cast<float>(frame->values[0] * (2.0 * (i % kWidth) / (kWidth - 1.0) - 1.0));
+    return calls.answer;
+}
+
+ClspHypothesis ramp_hypothesis(const ClspEffectParameter &parameter, RampCalls &calls) {
+    auto hypothesis = clspeckle::make<ClspHypothesis>();
+    hypothesis.id = "ramp";
+    hypothesis.stage = "optics";
+    hypothesis.parameters = &parameter;
+    hypothesis.parameter_count = 1;
+    hypothesis.apply = add_ramp;
+    hypothesis.user_data = &calls;
+    return hypothesis;
+}
+
+ClspEffectParameter slope() {
+    ClspEffectParameter parameter{};
+    std::strcpy(parameter.name, "slope");
+    std::strcpy(parameter.unit, "1");
+    parameter.maximum = 1.0;
+    parameter.weak = 0.02;
+    parameter.strong = 0.2;
+    return parameter;
+}
+
+std::string file_text(const std::filesystem::path &path) {
+    std::ifstream file(path, std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    return text.str();
+}
+
+class Diagnosis : public test::DeviceTest {
+  protected:
+    clspeckle::Capture capture = make_capture(20.0); // 20 DN of 300: a slope of 0.0667
+};
+
+TEST(DiagnosisDefaults, AreDocumented) {
+    const auto desc = clspeckle::make<ClspDiagnoseDesc>();
+    EXPECT_EQ(desc.struct_size, sizeof desc);
+    EXPECT_EQ(desc.null_replicates, 48u);
+    EXPECT_EQ(desc.max_effects, 6u);
+    EXPECT_EQ(desc.threads, 0u);
+    EXPECT_EQ(desc.seed, 0u);
+    EXPECT_EQ(desc.level, 0.02);
+    EXPECT_EQ(desc.evidence, 1u);
+    EXPECT_EQ(desc.without_count + desc.hypothesis_count, 0u);
+    EXPECT_EQ(desc.progress, nullptr);
+    const auto hypothesis = clspeckle::make<ClspHypothesis>();
+    EXPECT_EQ(hypothesis.point, CLSP_HYPOTHESIS_INTENSITY);
+    EXPECT_EQ(hypothesis.apply, nullptr);
+    ClspDiagnoseDesc small{};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size", clspDiagnoseDescInit(&small, 8));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "NULL", clspDiagnoseDescInit(nullptr, sizeof small));
+    ClspHypothesis half{};
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size", clspHypothesisInit(&half, 8));
+    EXPECT_STREQ(clspStatusString(CLSP_ERROR_CANCELLED), "CLSP_ERROR_CANCELLED");
+}
+
+TEST_F(Diagnosis, RefusesBadNumbers) {
+    ClspDiagnosis made = nullptr;
+    const auto refuse = [&](const char *words, auto change) {
+        ClspDiagnoseDesc desc = quick_desc();
+        change(desc);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, words, clspDiagnose(context, capture, &desc, &made));
+    };
+    for (const double level : {0.0, 1e-7, 0.6, -1.0, test::nan_value, test::infinity})
+        refuse("level", [&](ClspDiagnoseDesc &d) { d.level = level; });
+    refuse("null_replicates is 11", [](ClspDiagnoseDesc &d) { d.null_replicates = 11; });
+    refuse("max_effects is 0", [](ClspDiagnoseDesc &d) { d.max_effects = 0; });
+    refuse("evidence is 2", [](ClspDiagnoseDesc &d) { d.evidence = 2; });
+    refuse("reserved is 1", [](ClspDiagnoseDesc &d) { d.reserved = 1; });
+    refuse("threads is 2000", [](ClspDiagnoseDesc &d) { d.threads = 2000; });
+    refuse("hypothesis_count is 65", [](ClspDiagnoseDesc &d) { d.hypothesis_count = 65; });
+    refuse("hypotheses is NULL", [](ClspDiagnoseDesc &d) { d.hypothesis_count = 1; });
+    refuse("without is NULL", [](ClspDiagnoseDesc &d) { d.without_count = 1; });
+    const char *unknown[] = {"defokus"};
+    refuse("defokus", [&](ClspDiagnoseDesc &d) {
+        d.without = unknown;
+        d.without_count = 1;
+    });
+    const char *missing[] = {nullptr};
+    refuse("without[0] is NULL", [&](ClspDiagnoseDesc &d) {
+        d.without = missing;
+        d.without_count = 1;
+    });
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspDiagnose(nullptr, capture, nullptr, &made));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "capture", clspDiagnose(context, nullptr, nullptr, &made));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "diagnosis is NULL",
+                      clspDiagnose(context, capture, nullptr, nullptr));
+    auto empty = clspeckle::make<ClspCaptureDesc>();
+    empty.width = kWidth;
+    empty.height = kHeight;
+    const clspeckle::Capture nothing(empty);
+    EXPECT_NE(clspDiagnose(context, nothing, nullptr, &made), CLSP_SUCCESS);
+    EXPECT_EQ(made, nullptr);
+}
+
+TEST_F(Diagnosis, RefusesBadHypotheses) {
+    RampCalls calls;
+    const auto refuse = [&](const char *words, auto change) {
+        ClspEffectParameter parameter = slope();
+        ClspHypothesis hypothesis = ramp_hypothesis(parameter, calls);
+        change(hypothesis, parameter);
+        const ClspHypothesis *list[] = {&hypothesis};
+        ClspDiagnoseDesc desc = quick_desc();
+        desc.hypotheses = list;
+        desc.hypothesis_count = 1;
+        ClspDiagnosis made = nullptr;
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, words, clspDiagnose(context, capture, &desc, &made));
+        EXPECT_EQ(made, nullptr);
+    };
+    using H = ClspHypothesis;
+    using P = ClspEffectParameter;
+    refuse("id is NULL", [](H &h, P &) { h.id = nullptr; });
+    refuse("letters", [](H &h, P &) { h.id = ""; });
+    refuse("letters", [](H &h, P &) { h.id = "two words"; });
+    refuse("letters", [](H &h, P &) { h.id = "a_name_that_is_longer_than_31_bytes"; });
+    refuse("catalogue", [](H &h, P &) { h.id = "defocus"; });
+    refuse("laser, doe", [](H &h, P &) { h.stage = "lens"; });
+    refuse("stage", [](H &h, P &) { h.stage = nullptr; });
+    refuse("point", [](H &h, P &) { h.point = 3; });
+    refuse("parameter_count", [](H &h, P &) { h.parameter_count = 0; });
+    refuse("parameter_count", [](H &h, P &) { h.parameter_count = 5; });
+    refuse("NULL", [](H &h, P &) { h.parameters = nullptr; });
+    refuse("apply", [](H &h, P &) { h.apply = nullptr; });
+    refuse("reserved", [](H &h, P &) { h.reserved = 1; });
+    refuse("slope", [](H &, P &p) { p.weak = -1.0; });
+    refuse("slope", [](H &, P &p) { p.maximum = test::nan_value; });
+    refuse("name", [](H &, P &p) { p.name[0] = '\0'; });
+    refuse("does not end", [](H &, P &p) { std::memset(p.unit, 'x', sizeof p.unit); });
+    EXPECT_EQ(calls.frames, 0u);
+}
+
+TEST_F(Diagnosis, ProgressIsToldAndCancels) {
+    struct Told {
+        std::vector<double> fractions;
+        std::size_t most = 20;
+        std::thread::id thread;
+        bool words = true;
+    } told;
+    ClspDiagnoseDesc desc = quick_desc();
+    desc.progress_data = &told;
+    desc.progress = [](void *data, const char *what, double fraction) -> std::int32_t {
+        auto &t = *static_cast<Told *>(data);
+        t.fractions.push_back(fraction);
+        t.thread = std::this_thread::get_id();
+        t.words = t.words && what[0] != '\0';
+        return t.fractions.size() < t.most ? 1 : 0;
+    };
+    ClspDiagnosis made = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_CANCELLED, "cancelled", clspDiagnose(context, capture, &desc, &made));
+    EXPECT_EQ(made, nullptr);
+    EXPECT_EQ(told.fractions.size(), told.most);
+    EXPECT_TRUE(std::is_sorted(told.fractions.begin(), told.fractions.end()));
+    EXPECT_GE(told.fractions.front(), 0.0);
+    EXPECT_LE(told.fractions.back(), 1.0);
+    EXPECT_EQ(told.thread, std::this_thread::get_id());
+}
+
+TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
+    RampCalls calls;
+    const ClspEffectParameter parameter = slope();
+    const ClspHypothesis hypothesis = ramp_hypothesis(parameter, calls);
+    const ClspHypothesis *list[] = {&hypothesis};
+    ClspDiagnoseDesc desc = quick_desc();
+    desc.hypotheses = list;
+    desc.hypothesis_count = 1;
+    desc.seed = 5;
+    ClspDiagnosis made = nullptr;
+    ASSERT_CLSP_OK(clspDiagnose(context, capture, &desc, &made));
+    const auto diagnosis = clspeckle::Diagnosis::adopt(made);
+    EXPECT_GT(calls.frames, 0u);
+    EXPECT_EQ(calls.wrong, 0u);
+
+    ClspDiagnosisSummary summary{};
+    summary.struct_size = sizeof summary;
+    ASSERT_CLSP_OK(clspDiagnosisGetSummary(made, &summary));
+    EXPECT_EQ(summary.struct_size, sizeof summary);
+    EXPECT_EQ(summary.detected, 1u);
+    EXPECT_NE(summary.verdict, CLSP_VERDICT_NONE);
+    EXPECT_EQ(summary.seed, 5u);
+    EXPECT_EQ(summary.level, 0.02);
+    EXPECT_LT(summary.p_value, 0.001);
+    EXPECT_GT(summary.distance, 10.0 * summary.null_95);
+    EXPECT_GT(summary.fraction, 0.9) << "the hypothesis is the cause";
+    EXPECT_LE(summary.fraction_95[0], summary.fraction_95[1]);
+    EXPECT_LT(summary.distance_after, summary.distance_before);
+    EXPECT_EQ(summary.held_out, 1u);
+    EXPECT_EQ(summary.step_count, 1u);
+    EXPECT_GT(summary.seconds, 0.0);
+
+    ClspDiagnosisRanked ranked{};
+    ranked.struct_size = sizeof ranked;
+    ASSERT_GE(summary.ranked_count, 1u);
+    ASSERT_CLSP_OK(clspDiagnosisGetRanked(made, 0, &ranked));
+    EXPECT_STREQ(ranked.effect, "ramp");
+    EXPECT_STREQ(ranked.stage, "optics");
+    EXPECT_EQ(ranked.parameter_count, 1u);
+    EXPECT_NEAR(ranked.values[0], 20.0 / 300.0, 0.01);
+    EXPECT_GT(ranked.probability, 0.95);
+
+    ClspDiagnosisParameter fitted{};
+    fitted.struct_size = sizeof fitted;
+    ASSERT_EQ(summary.parameter_count, 1u);
+    ASSERT_CLSP_OK(clspDiagnosisGetParameter(made, 0, &fitted));
+    EXPECT_STREQ(fitted.effect, "ramp");
+    EXPECT_STREQ(fitted.name, "slope");
+    EXPECT_STREQ(fitted.unit, "1");
+    EXPECT_NEAR(fitted.value, 20.0 / 300.0, 0.003);
+    EXPECT_LE(fitted.low, fitted.value);
+    EXPECT_GE(fitted.high, fitted.value);
+
+    ClspDiagnosisPlace place{};
+    place.struct_size = sizeof place;
+    ASSERT_GE(summary.place_count, 10u);
+    ASSERT_CLSP_OK(clspDiagnosisGetPlace(made, 0, &place));
+    EXPECT_STREQ(place.sequence, "flat");
+    EXPECT_GT(std::abs(place.z), 50.0);
+    EXPECT_LT(place.p_adjusted, 0.02);
+    EXPECT_NE(place.real, place.sim);
+    const std::vector<ClspDiagnosisPlace> places = diagnosis.places();
+    ASSERT_EQ(places.size(), summary.place_count);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+        EXPECT_LT(std::strlen(places[i].statistic), sizeof places[i].statistic - 1) << "may be cut";
+        EXPECT_LT(std::strlen(places[i].region), sizeof places[i].region - 1);
+        EXPECT_LT(std::strlen(places[i].unit), sizeof places[i].unit - 1);
+        if (i > 0) {
+            EXPECT_LE(std::abs(places[i].z), std::abs(places[i - 1].z)) << "worst first";
+        }
+    }
+
+    ClspDiagnosisStep step{};
+    step.struct_size = sizeof step;
+    ASSERT_CLSP_OK(clspDiagnosisGetStep(made, 0, &step));
+    EXPECT_STREQ(step.effect, "ramp");
+    EXPECT_EQ(step.fraction, summary.fraction);
+    EXPECT_EQ(step.distance_after, summary.distance_after);
+
+    ASSERT_EQ(summary.effect_count, 1u);
+    std::uint64_t length = 0;
+    ASSERT_CLSP_OK(clspDiagnosisGetEffect(made, 0, 0, nullptr, &length));
+    EXPECT_EQ(length, 5u);
+    char cut[3] = {'x', 'x', 'x'};
+    ASSERT_CLSP_OK(clspDiagnosisGetEffect(made, 0, sizeof cut, cut, nullptr));
+    EXPECT_STREQ(cut, "ra");
+    EXPECT_EQ(diagnosis.effects(), std::vector<std::string>{"ramp"});
+    EXPECT_EQ(diagnosis.equivalents().size(), summary.equivalent_count);
+    EXPECT_EQ(diagnosis.notes().size(), summary.note_count);
+
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index is 1", clspDiagnosisGetEffect(made, 1, 0, nullptr, &length));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index",
+                      clspDiagnosisGetEquivalent(made, summary.equivalent_count, 0, nullptr, &length));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index",
+                      clspDiagnosisGetNote(made, summary.note_count, 0, nullptr, &length));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index",
+                      clspDiagnosisGetRanked(made, summary.ranked_count, &ranked));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index", clspDiagnosisGetParameter(made, 1, &fitted));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index", clspDiagnosisGetPlace(made, summary.place_count, &place));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index", clspDiagnosisGetStep(made, 1, &step));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "text is NULL",
+                      clspDiagnosisGetReportJson(made, 10, nullptr, nullptr));
+    place.struct_size = 8;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "place", clspDiagnosisGetPlace(made, 0, &place));
+
+    const std::string json = diagnosis.report_json();
+    EXPECT_EQ(json.front(), '{');
+    EXPECT_EQ(json.back(), '}');
+    EXPECT_NE(json.find("\"clspeckle-gap-report\""), std::string::npos);
+    const std::filesystem::path folder = std::filesystem::temp_directory_path() / "clspeckle_test_diagnosis";
+    std::filesystem::remove_all(folder);
+    std::filesystem::create_directory(folder);
+    const std::string path = (folder / "report.json").string();
+    for (int round = 0; round < 2; ++round) { // the second one replaces the first
+        ASSERT_CLSP_OK(clspDiagnosisWriteReport(made, path.c_str()));
+        EXPECT_EQ(file_text(path), json + "\n");
+    }
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator()), 1);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "report.json", clspDiagnosisWriteReport(made, (path + "/below").c_str()));
+    const std::string page = (folder / "report.html").string();
+    ASSERT_CLSP_OK(clspDiagnosisWriteHtml(made, page.c_str()));
+    EXPECT_NE(file_text(page).find("ramp"), std::string::npos);
+    EXPECT_NE(file_text(page).find("</html>"), std::string::npos);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "no regular file", clspDiagnosisWriteHtml(made, folder.c_str()));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "path", clspDiagnosisWriteHtml(made, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "no regular file", clspDiagnosisWriteReport(made, folder.c_str()));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "path", clspDiagnosisWriteReport(made, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "path", clspDiagnosisWriteReport(made, ""));
+    std::filesystem::remove_all(folder);
+
+    ASSERT_CLSP_OK(clspDiagnosisRetain(made));
+    ASSERT_CLSP_OK(clspDiagnosisRelease(made));
+    EXPECT_CLSP_OK(clspDiagnosisGetSummary(made, &summary)) << "one reference is left";
+    EXPECT_CLSP_OK(clspDiagnosisRelease(nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "diagnosis", clspDiagnosisGetSummary(nullptr, &summary));
+
+    // A user's function that fails ends it, and is named with sequence and frame.
+    calls.answer = 3;
+    ClspDiagnosis none = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "\"ramp\" on sequence \"flat\", frame 0 failed: its function returned 3",
+                      clspDiagnose(context, capture, &desc, &none));
+    EXPECT_EQ(none, nullptr);
+}
+
+TEST_F(Diagnosis, NoGapIsSeenWhereThereIsNone) {
+    const auto diagnosis = clspeckle::diagnose(context, make_capture(0.0), quick_options());
+    const ClspDiagnosisSummary summary = diagnosis.summary();
+    EXPECT_EQ(summary.verdict, CLSP_VERDICT_NONE);
+    EXPECT_EQ(summary.detected, 0u);
+    EXPECT_TRUE(diagnosis.effects().empty());
+    EXPECT_TRUE(diagnosis.parameters().empty());
+    EXPECT_TRUE(diagnosis.steps().empty());
+    EXPECT_TRUE(diagnosis.ranking().empty());
+    // The same seed, the same report; threads do not matter.
+    auto options = quick_options();
+    options.threads = 1;
+    EXPECT_EQ(clspeckle::diagnose(context, make_capture(0.0), options).report_json(), diagnosis.report_json());
+    options.seed = 1;
+    EXPECT_NE(clspeckle::diagnose(context, make_capture(0.0), options).report_json(), diagnosis.report_json());
+}
+
+TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {
+    auto options = quick_options();
+    options.progress = [](const std::string &, double) -> bool { throw std::out_of_range("mine"); };
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), std::out_of_range);
+    options.progress = [](const std::string &, double) { return false; };
+    try {
+        clspeckle::diagnose(context, capture, options);
+        ADD_FAILURE() << "was not cancelled";
+    } catch (const clspeckle::Error &error) {
+        EXPECT_EQ(error.status(), CLSP_ERROR_CANCELLED);
+    }
+    options.progress = nullptr;
+    clspeckle::Hypothesis hypothesis{"mine", "sensor", "", CLSP_HYPOTHESIS_CODES, {{"a", "DN", 0, 9, 1, 3}}, nullptr};
+    hypothesis.apply = [](const ClspHypothesisFrame &) { throw std::length_error("too long"); };
+    options.hypotheses = {hypothesis};
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), std::length_error);
+    options.hypotheses[0].apply = [](const ClspHypothesisFrame &frame) { frame.pixels[0] = NAN; };
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), clspeckle::Error);
+    options.hypotheses[0].parameters[0].unit = "a unit of many words";
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), std::invalid_argument);
+    options.hypotheses.clear();
+    options.without = {"defokus"};
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), clspeckle::Error);
+}
+
+} // namespace

@@ -1,0 +1,206 @@
+"""The fused engine against the float64 reference, and against clFFT for all that a frame can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import clspeckle
+import numpy as np
+import pytest
+from clspeckle import errors
+
+from reference import aperture, phase
+
+BOUND = 2e-6
+
+
+@pytest.fixture
+def fused(monkeypatch: pytest.MonkeyPatch) -> Iterator[clspeckle.Context]:
+    monkeypatch.setenv("CLSPECKLE_FFT", "fused")
+    with clspeckle.Context() as context:
+        yield context
+
+
+@pytest.fixture
+def clfft(monkeypatch: pytest.MonkeyPatch) -> Iterator[clspeckle.Context]:
+    monkeypatch.setenv("CLSPECKLE_FFT", "clfft")
+    with clspeckle.Context() as context:
+        yield context
+
+
+def noise_image(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(31).exponential(1.0, (height, width)).astype(np.float32)
+
+
+def relative_error(got: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.linalg.norm(np.asarray(got, float) - expected) / np.linalg.norm(expected))
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        # height, width, oversampling, guard_px, D
+        (192, 160, 1, 0, 0.5),
+        (160, 128, 1, 0, 1.0),
+        (512, 512, 1, 0, 0.39),
+        (63, 250, 1, 0, 0.7),
+        (2, 3, 1, 0, 0.9),
+        (143, 26, 1, 0, 0.6),
+        (90, 70, 1, 5, 0.5),
+        (60, 51, 2, 0, 1.3),
+        (33, 40, 3, 1, 2.2),
+        (25, 31, 4, 0, 1.0),
+        (15, 14, 8, 0, 0.4),
+    ],
+    ids=lambda case: "{}x{} s{} guard{} D{}".format(*case),
+)
+def test_intensity_against_the_reference(fused, measured, case):
+    """Relative L2 error below 2e-6; strips, lines and blocks that end anywhere; all ways to sum a pixel's samples."""
+    height, width, oversampling, guard_px, diameter = case
+    grid = phase.FieldGrid(width, height, oversampling, guard_px)
+    irradiance = noise_image(height, width)
+    shared = {"oversampling": oversampling, "guard_px": guard_px, "context": fused}
+    for field in ("circular_gaussian", "unit_phasor"):
+        state = clspeckle.Phase((height, width), field=field, seed=5, **shared)
+        state.refresh(0)
+        fields = [state.field(k) for k in (0, 1)]
+        pupil = aperture.circle_pupil(grid, diameter)
+        for p in (0.0, 1.0):
+            stage = clspeckle.Aperture(
+                (height, width), relative_diameter=diameter, degree_of_polarization=p, **shared
+            )
+            assert stage.info().fft_backend == "fused"
+            assert stage.info().fft_reason == ""
+            expected = aperture.intensity(grid, irradiance, fields, pupil, p)
+            error = relative_error(stage.intensity(state, irradiance), expected)
+            measured("relative L2 error", error)
+            assert error < BOUND
+
+
+FRAMES = {
+    "plain": {},
+    "unpolarized": {"degree_of_polarization": 0.0},
+    "oversampled": {"oversampling": 2, "f_number": 2.8},
+    "three samples": {"oversampling": 3, "f_number": 2.8},
+    "fill factor": {"oversampling": 2, "f_number": 2.8, "fill_factor": 0.6},
+    "guard": {"guard_px": 9},
+    "soft polygon": {"blade_count": 5, "soft_rim": 0.3, "pupil": "polygon"},
+    "obstruction": {"obstruction_ratio": 0.4, "normalization": "unit_mean"},
+    "aberrations": {"defocus_waves": 0.7, "zernike_waves": {7: 0.1}},
+    "unit phasor": {"field": "unit_phasor"},
+    "continuous": {"dynamics": "continuous"},
+    "coherent part": {"coherent_fraction": 0.3},
+    "laser lines": {"line_count": 3, "dephasing_rad": 0.7},
+    "air": {"airflow_rms_rad": 0.6},
+    "vibration": {"vibration_rms_px": 0.8},
+    "vibration and aberrations": {"vibration_rms_px": 0.8, "defocus_waves": 0.5},
+    "air and lines": {"airflow_rms_rad": 0.6, "line_count": 3, "dephasing_rad": 0.7, "degree_of_polarization": 0.5},
+}
+
+
+def frames_of(context: clspeckle.Context, parameters: dict, **stages) -> tuple[list[np.ndarray], str]:
+    shape = (45, 70)
+    camera = clspeckle.Pipeline.from_parameters(
+        shape, output="intensity", seed=6, context=context, **stages, **parameters
+    )
+    light = {}
+    if "materials" in stages:
+        light["material"] = (np.indices(shape).sum(axis=0) % 2).astype(np.uint8)
+    frames = [np.array(camera.render(noise_image(*shape), frame_index=i, **light), float) for i in range(2)]
+    return frames, camera.aperture.info().fft_backend
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_frames_of_both_engines_agree(fused, clfft, measured, name):
+    """Each is within 1e-6 or so of the truth; a wrong sign, weight or place anywhere makes the difference about 1."""
+    new, new_backend = frames_of(fused, FRAMES[name])
+    old, old_backend = frames_of(clfft, FRAMES[name])
+    assert (new_backend, old_backend) == ("fused", "clFFT")
+    for a, b in zip(new, old, strict=True):
+        error = relative_error(a, b)
+        measured("relative L2 difference", error)
+        assert error < BOUND
+
+
+def test_materials_of_both_engines_agree(fused, clfft, measured):
+    materials = [
+        clspeckle.Material(roughness_rms_m=1e-6),
+        clspeckle.Material(roughness_rms_m=6e-8, degree_of_polarization=0.9),
+    ]
+    new, new_backend = frames_of(fused, {"degree_of_polarization": 0.4}, materials=materials)
+    old, _ = frames_of(clfft, {"degree_of_polarization": 0.4}, materials=materials)
+    assert new_backend == "fused"
+    for a, b in zip(new, old, strict=True):
+        error = relative_error(a, b)
+        measured("relative L2 difference", error)
+        assert error < BOUND
+
+
+def test_in_place(fused):
+    """Where the output is the irradiance itself, the first polarization waits elsewhere."""
+    shape = (40, 52)
+    state = clspeckle.Phase(shape, seed=3, context=fused)
+    state.refresh(0)
+    stage = clspeckle.Aperture(shape, relative_diameter=0.6, degree_of_polarization=0.3, context=fused)
+    irradiance = noise_image(*shape)
+    apart = stage.intensity(state, irradiance)
+    image = clspeckle.DeviceImage.from_array(irradiance, context=fused)
+    stage.enqueue_intensity(state, image, image).wait()
+    assert np.array_equal(image.read(), apart)
+
+
+def test_bad_pixels_are_counted_once(fused):
+    """With padding, several samples of a pixel and two polarizations; and they count as dark."""
+    shape = (19, 34)
+    irradiance = noise_image(*shape)
+    dark = irradiance.copy()
+    for y, x, value in ((18, 33, np.nan), (0, 0, -1.0), (7, 20, np.inf), (7, 21, -3.0)):
+        irradiance[y, x] = value
+        dark[y, x] = 0
+    camera = clspeckle.Pipeline.from_parameters(
+        shape, output="intensity", seed=6, oversampling=2, guard_px=3, degree_of_polarization=0.0, context=fused
+    )
+    expected = np.array(camera.render(dark))
+    camera.check()
+    image = clspeckle.DeviceImage.from_array(irradiance, context=fused)
+    assert np.array_equal(np.array(camera.render(image)), expected)
+    with pytest.raises(errors.InvalidDataError) as caught:
+        camera.check()
+    assert "2 NaN or infinite and 2 negative" in str(caught.value)
+    assert "x = 0, y = 0" in str(caught.value)
+
+
+def test_only_kept_lines_take_memory(fused, clfft):
+    shape = (512, 512)
+    sizes = {
+        diameter: clspeckle.Aperture(shape, relative_diameter=diameter, context=fused).info().workspace_bytes
+        for diameter in (0.25, 0.5, 1.0)
+    }
+    for diameter, size in sizes.items():
+        assert size <= 8 * 512 * (512 * diameter + 16) + 4096
+    assert sizes[1.0] < clspeckle.Aperture(shape, relative_diameter=1.0, context=clfft).info().workspace_bytes + 8192
+
+
+def test_workspace_from_the_host_has_room_for_any_aperture(fused):
+    """An effect may open the aperture later; the host's memory must do for that."""
+    shape = (64, 64)
+    info = clspeckle.Aperture(shape, relative_diameter=0.1, workspace_from_host=True, context=fused).info()
+    assert info.workspace_bytes >= 64 * 64 * 8
+
+
+def test_what_the_engine_does_not_take_goes_to_clfft(fused):
+    info = clspeckle.Aperture((1, 40), relative_diameter=0.5, context=fused).info()
+    assert info.fft_backend == "clFFT"
+    assert "40 x 1" in info.fft_reason
+
+
+def test_the_choice_must_be_one(monkeypatch):
+    monkeypatch.setenv("CLSPECKLE_FFT", "fftw")
+    with pytest.raises(errors.InvalidArgumentError, match=r"fftw.*auto, clfft or fused"):
+        clspeckle.Context()
+
+
+def test_the_choice_is_the_contexts(fused, clfft):
+    for context, backend, reason in ((fused, "fused", ""), (clfft, "clFFT", "CLSPECKLE_FFT is clfft")):
+        info = clspeckle.Aperture((32, 32), relative_diameter=0.5, context=context).info()
+        assert (info.fft_backend, info.fft_reason) == (backend, reason)

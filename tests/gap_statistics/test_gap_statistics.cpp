@@ -1,0 +1,406 @@
+// Statistics of a capture's sequences: always finite, the same for any number of threads, blind to masked pixels, and
+// each of them moved by what it is named after.
+#include "runtime/error.hpp"
+#include "statistics/statistics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+using clsp::Calibration;
+using clsp::CaptureLayout;
+using clsp::CaptureScene;
+using clsp::SequenceStatistics;
+
+using Codes = std::vector<std::uint16_t>;
+using Values = std::map<std::string, double>;
+
+constexpr std::uint32_t kWidth = 96, kHeight = 80, kFrames = 10;
+constexpr double kBlack = 64.0, kRead = 4.0, kSigma = 2.2;
+constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
+
+CaptureLayout make_layout(CaptureScene scene, bool moving, std::uint32_t frames = kFrames) {
+    CaptureLayout layout;
+    layout.width = kWidth;
+    layout.height = kHeight;
+    layout.bits = 10;
+    layout.pixel_pitch_m = 2.9e-6;
+    layout.f_number = 5.6;
+    layout.wavelength_m = 940e-9;
+    layout.black_level_dn = kBlack;
+    layout.read_noise_dn = kRead;
+    layout.principal_point_px = {0.5 * (kWidth - 1), 0.5 * (kHeight - 1)};
+    clsp::CaptureDots dots;
+    dots.sigma_px = kSigma;
+    for (int j = 0; j < 5; ++j)
+        for (int i = 0; i < 6; ++i) // a lattice with a little unrest, so that mirrored dots do not fall on dots
+            dots.positions_px.push_back({9.3 + 15.1 * i + 1.3 * std::sin(3.0 * i + 5.0 * j),
+                                         8.8 + 15.2 * j + 1.3 * std::cos(4.0 * i + 2.0 * j)});
+    layout.dots = dots;
+    clsp::SequenceLayout sequence;
+    sequence.name = "frames";
+    sequence.scene = scene;
+    sequence.moving = moving;
+    sequence.frame_count = frames;
+    layout.sequences.push_back(sequence);
+    return layout;
+}
+
+// Signal of an image without noise, DN above the black level.
+std::vector<double> ideal(const CaptureLayout &layout, double shift_x = 0.0, double width = kSigma) {
+    const CaptureScene scene = layout.sequences[0].scene;
+    std::vector<double> image(kPixels, scene == CaptureScene::kDark   ? 0.0
+                                       : scene == CaptureScene::kFlat ? 390.0
+                                                                      : 130.0);
+    if (scene != CaptureScene::kDots)
+        return image;
+    for (std::size_t i = 0; i < kPixels; ++i) {
+        image[i] = 0.0;
+        for (const auto &dot : layout.dots->positions_px) {
+            const double dx = double(i % kWidth) - dot[0] - shift_x, dy = double(i / kWidth) - dot[1];
+            image[i] += 300.0 * std::exp(-0.5 * (dx * dx + dy * dy) / (width * width));
+        }
+    }
+    return image;
+}
+
+// Speckle of a board: the moduli of smoothed complex normal numbers. What its exact law is does not matter here.
+std::vector<double> make_speckle(std::mt19937 &random) {
+    std::normal_distribution<double> normal;
+    std::vector<double> field(2 * kPixels), smooth(kPixels);
+    for (double &value : field)
+        value = normal(random);
+    for (std::size_t i = 0; i < kPixels; ++i) {
+        double re = 0.0, im = 0.0;
+        for (std::size_t k : {std::size_t{0}, std::size_t{1}, std::size_t{kWidth}, std::size_t{kWidth} + 1}) {
+            re += field[2 * ((i + k) % kPixels)];
+            im += field[2 * ((i + k) % kPixels) + 1];
+        }
+        smooth[i] = (re * re + im * im) / 8.0;
+    }
+    return smooth;
+}
+
+Codes make_codes(const CaptureLayout &layout, std::uint32_t seed) {
+    const clsp::SequenceLayout &sequence = layout.sequences[0];
+    std::mt19937 random(seed);
+    std::normal_distribution<double> noise(0.0, kRead);
+    const std::vector<double> image = ideal(layout);
+    const bool is_laser = sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots;
+    std::vector<double> speckle(kPixels, 1.0);
+    Codes codes;
+    for (std::uint32_t t = 0; t < sequence.frame_count; ++t) {
+        if (is_laser && (t == 0 || sequence.moving))
+            speckle = make_speckle(random);
+        for (std::size_t i = 0; i < kPixels; ++i)
+            codes.push_back(
+                std::uint16_t(std::clamp(std::round(image[i] * speckle[i] + kBlack + noise(random)), 0.0, 1023.0)));
+    }
+    return codes;
+}
+
+std::vector<double> compute(const CaptureLayout &layout, const Codes &codes, unsigned threads = 1,
+                            Calibration calibration = {kBlack, kRead}) {
+    const SequenceStatistics statistics(layout, 0, layout.sequences[0].frame_count);
+    std::vector<double> values(statistics.list().size(), NAN);
+    statistics.compute(codes.data(), calibration, values.data(), threads);
+    return values;
+}
+
+Values named(const CaptureLayout &layout, const Codes &codes) {
+    const SequenceStatistics statistics(layout, 0, layout.sequences[0].frame_count);
+    const std::vector<double> values = compute(layout, codes);
+    Values result;
+    for (std::size_t k = 0; k < values.size(); ++k)
+        result[statistics.list()[k].name +
+               (statistics.list()[k].region == "all" ? "" : "/" + statistics.list()[k].region)] = values[k];
+    return result;
+}
+
+struct Scene {
+    CaptureScene scene;
+    bool moving;
+};
+constexpr Scene kScenes[] = {{CaptureScene::kDark, false}, {CaptureScene::kFlat, false}, {CaptureScene::kBoard, false},
+                             {CaptureScene::kBoard, true}, {CaptureScene::kDots, false}, {CaptureScene::kDots, true}};
+
+std::vector<std::uint8_t> striped_mask() {
+    std::vector<std::uint8_t> mask(kPixels, 1);
+    for (std::size_t i = 0; i < kPixels; ++i)
+        if ((i % kWidth >= 20 && i % kWidth < 33) || i / kWidth == 7 || (i * 2654435761u) % 17 == 0)
+            mask[i] = 0;
+    return mask;
+}
+
+} // namespace
+
+TEST(GapStatistics, FiniteWhateverTheFrames) {
+    for (const Scene &scene : kScenes)
+        for (const std::uint32_t frames : {1u, 2u, 3u, 10u})
+            for (const bool masked : {false, true}) {
+                CaptureLayout layout = make_layout(scene.scene, scene.moving, frames);
+                if (masked)
+                    layout.sequences[0].mask = striped_mask();
+                std::vector<Codes> sets;
+                for (const int code : {0, 64, 1023})
+                    sets.emplace_back(frames * kPixels, std::uint16_t(code));
+                Codes alternating(frames * kPixels), single(frames * kPixels, 64);
+                for (std::size_t i = 0; i < alternating.size(); ++i)
+                    alternating[i] = (i / kPixels) % 2 ? 1023 : 0;
+                single[kPixels / 2 + 5] = 1023;
+                sets.push_back(alternating);
+                sets.push_back(single);
+                for (const Codes &codes : sets)
+                    for (const Calibration &calibration :
+                         {Calibration{kBlack, kRead}, Calibration{0.0, 0.0}, Calibration{2000.0, 50.0}})
+                        for (const double value : compute(layout, codes, 1, calibration))
+                            ASSERT_TRUE(std::isfinite(value));
+            }
+}
+
+TEST(GapStatistics, NamesAreUniqueAndStagesKnown) {
+    const std::set<std::string> stages{"laser", "doe", "surface", "motion", "optics", "sensor"};
+    for (const Scene &scene : kScenes)
+        for (const std::uint32_t frames : {1u, 2u, 20u}) {
+            const SequenceStatistics statistics(make_layout(scene.scene, scene.moving, frames), 0, frames);
+            EXPECT_GT(statistics.list().size(), 10u);
+            std::set<std::string> seen;
+            for (const clsp::StatisticInfo &info : statistics.list()) {
+                EXPECT_TRUE(stages.count(info.stage)) << info.stage;
+                EXPECT_EQ(info.sequence, "frames");
+                EXPECT_FALSE(info.unit.empty());
+                EXPECT_TRUE(seen.insert(info.name + "/" + info.region).second) << info.name << " " << info.region;
+            }
+        }
+}
+
+TEST(GapStatistics, AnyNumberOfThreadsGivesTheSameBits) {
+    for (const Scene &scene : kScenes) {
+        const CaptureLayout layout = make_layout(scene.scene, scene.moving);
+        const Codes codes = make_codes(layout, 5);
+        const std::vector<double> one = compute(layout, codes, 1);
+        EXPECT_EQ(one, compute(layout, codes, 2));
+        EXPECT_EQ(one, compute(layout, codes, 7));
+        EXPECT_EQ(one, compute(layout, codes, 0));
+    }
+}
+
+TEST(GapStatistics, MaskedPixelsDoNotMatterBeyondTheirAbsence) {
+    for (const Scene &scene : kScenes) {
+        CaptureLayout layout = make_layout(scene.scene, scene.moving);
+        layout.sequences[0].mask = striped_mask();
+        Codes codes = make_codes(layout, 6);
+        const std::vector<double> before = compute(layout, codes);
+        for (std::size_t i = 0; i < codes.size(); ++i)
+            if (!layout.sequences[0].mask[i % kPixels])
+                codes[i] = std::uint16_t((i * 7919) % 1024);
+        EXPECT_EQ(before, compute(layout, codes));
+        const clsp::SequenceLevel level = clsp::sequence_level(layout, 0, codes.data(), kFrames);
+        layout.sequences[0].mask.clear();
+        EXPECT_NE(level.mean_dn, clsp::sequence_level(layout, 0, codes.data(), kFrames).mean_dn);
+        EXPECT_NE(before, compute(layout, codes));
+    }
+}
+
+TEST(GapStatistics, AMaskOfOnesIsNoMask) {
+    CaptureLayout layout = make_layout(CaptureScene::kBoard, true);
+    const Codes codes = make_codes(layout, 7);
+    const std::vector<double> before = compute(layout, codes);
+    layout.sequences[0].mask.assign(kPixels, 255);
+    EXPECT_EQ(before, compute(layout, codes));
+}
+
+// Each test below compares frames with and without an effect. The frames without it have the same noise, so that the
+// difference is the effect's; the margins are several times the scatter between seeds.
+TEST(GapStatistics, SensorEffectsMoveTheirStatistics) {
+    const CaptureLayout layout = make_layout(CaptureScene::kDark, false);
+    const Codes clean = make_codes(layout, 8);
+    const Values before = named(layout, clean);
+    EXPECT_NEAR(before.at("row_noise"), 0.0, 0.2);
+    EXPECT_NEAR(before.at("repeated_frames"), 0.0, 0.01);
+    EXPECT_NEAR(before.at("codes_multiple_of_4"), 0.0, 0.01);
+
+    Codes rows = clean, columns = clean, repeated = clean, lattice = clean, hot = clean, mosaic = clean, steps = clean,
+          slope = clean;
+    std::mt19937 random(9);
+    std::normal_distribution<double> normal(0.0, 2.0);
+    std::vector<int> column_offset(kWidth);
+    for (int &offset : column_offset)
+        offset = int(std::lround(normal(random)));
+    int row_offset = 0;
+    for (std::size_t i = 0; i < clean.size(); ++i) {
+        const std::size_t x = i % kWidth, y = i / kWidth % kHeight;
+        if (x == 0)
+            row_offset = int(std::lround(normal(random)));
+        rows[i] = std::uint16_t(clean[i] + row_offset);
+        columns[i] = std::uint16_t(clean[i] + column_offset[x]);
+        lattice[i] = std::uint16_t((clean[i] + 2) / 4 * 4);
+        hot[i] = std::uint16_t(clean[i] + (i % kPixels % 1000 == 3 ? 120 : 0));
+        mosaic[i] = std::uint16_t(clean[i] + (y % 2 == 0 && x % 2 == 1 ? 3 : 0));
+        steps[i] = std::uint16_t(clean[i] + (x / 8 + y / 8) % 2 * 4);
+        slope[i] = std::uint16_t(clean[i] + (8 * x + kWidth / 2) / kWidth);
+    }
+    std::copy_n(clean.begin() + 3 * kPixels, kPixels, repeated.begin() + 5 * kPixels);
+    EXPECT_GT(named(layout, rows).at("row_noise"), 2.5); // log(1 + 96 * 4 / 16) = 3.2
+    EXPECT_GT(named(layout, columns).at("fixed_pattern_columns"), 2.0);
+    EXPECT_LT(named(layout, columns).at("row_noise"), 0.2);
+    EXPECT_GT(named(layout, repeated).at("repeated_frames"), 1.0);
+    EXPECT_GT(named(layout, lattice).at("codes_multiple_of_4"), 0.7);
+    EXPECT_GT(named(layout, lattice).at("histogram_roughness"), before.at("histogram_roughness") + 3.0);
+    EXPECT_NEAR(named(layout, hot).at("hot_pixels_12_sigma"), std::sqrt(8.0 + 0.375), 0.6); // 7680 pixels: 8 of them
+    EXPECT_NEAR(before.at("hot_pixels_12_sigma"), std::sqrt(0.375), 0.2);
+    EXPECT_NEAR(named(layout, mosaic).at("mosaic_rows"), 1.5, 0.1); // one site in four is 3 DN brighter
+    EXPECT_NEAR(named(layout, mosaic).at("mosaic_checker"), -1.5, 0.1);
+    EXPECT_GT(named(layout, steps).at("block_edges_8"), before.at("block_edges_8") + 0.1);
+    EXPECT_GT(named(layout, slope).at("gradient_x"), before.at("gradient_x") + 4.0);
+}
+
+TEST(GapStatistics, LightEffectsMoveTheirStatistics) {
+    const CaptureLayout flat = make_layout(CaptureScene::kFlat, false),
+                        board = make_layout(CaptureScene::kBoard, false);
+    const Codes even = make_codes(flat, 10), speckle = make_codes(board, 11);
+    const Values flat_before = named(flat, even), board_before = named(board, speckle);
+    EXPECT_NEAR(flat_before.at("temporal_variance"), 0.0, 0.05);
+    EXPECT_NEAR(board_before.at("contrast"), 0.0, 0.1);
+    EXPECT_NEAR(board_before.at("speckle_correlation_x6"), 0.0, 0.1);
+    EXPECT_NEAR(board_before.at("temporal_variance/1_to_2.5_mean"), 0.0, 0.1);
+
+    std::mt19937 random(12);
+    std::normal_distribution<double> normal;
+    Codes shot = even, falloff = even, flicker = speckle, ambient = speckle, clipped = speckle, vibration = speckle;
+    double factor = 1.0;
+    for (std::size_t i = 0; i < even.size(); ++i) {
+        const double x = double(i % kWidth) - 47.5, y = double(i / kWidth % kHeight) - 39.5,
+                     squared = (x * x + y * y) / (47.5 * 47.5 + 39.5 * 39.5);
+        shot[i] = std::uint16_t(std::lround(even[i] + 10.0 * normal(random)));
+        falloff[i] = std::uint16_t(std::lround(kBlack + (even[i] - kBlack) * (1.0 - 0.2 * squared)));
+        if (i % kPixels == 0)
+            factor = 1.0 + 0.05 * normal(random);
+        flicker[i] = std::uint16_t(std::clamp(std::lround(kBlack + (speckle[i] - kBlack) * factor), 0l, 1023l));
+        ambient[i] = std::uint16_t(std::min(speckle[i] + 40, 1023));
+        clipped[i] = std::min<std::uint16_t>(speckle[i], 300);
+        if (i % kWidth + 1 < kWidth && i / kPixels % 2)
+            vibration[i] = std::uint16_t(std::lround(0.8 * speckle[i] + 0.2 * speckle[i + 1]));
+    }
+    EXPECT_NEAR(named(flat, shot).at("temporal_variance"), std::log((16.0 + 100.0) / 16.0), 0.1);
+    EXPECT_NEAR(named(flat, falloff).at("radial_falloff"), -0.2 / (1.0 - 0.2 / 3.0), 0.02);
+    EXPECT_GT(named(board, flicker).at("frame_mean_fluctuation"), board_before.at("frame_mean_fluctuation") + 2.0);
+    EXPECT_LT(named(board, flicker).at("temporal_variance/1_to_2.5_mean"), 0.4); // it is not taken for a living surface
+    EXPECT_LT(named(board, ambient).at("contrast"), std::log(130.0 / 170.0) + 0.15);
+    EXPECT_LT(named(board, clipped).at("share_above_50_percent"), 1e-6);
+    EXPECT_GT(board_before.at("share_above_50_percent"), 0.05);
+    EXPECT_GT(named(board, vibration).at("image_shift_x"), board_before.at("image_shift_x") + 2.0);
+    EXPECT_LT(named(board, vibration).at("image_shift_y"), named(board, vibration).at("image_shift_x") - 1.0);
+}
+
+// Dots without speckle and noise: the shape is known.
+TEST(GapStatistics, DotsAreMeasuredWhereTheyAre) {
+    const CaptureLayout layout = make_layout(CaptureScene::kDots, true, 2);
+    const auto render = [&](double shift, double width, double background) {
+        const std::vector<double> image = ideal(layout, shift, width);
+        Codes codes(2 * kPixels);
+        for (std::size_t i = 0; i < codes.size(); ++i)
+            codes[i] = std::uint16_t(std::lround(kBlack + background + image[i % kPixels]));
+        return named(layout, codes);
+    };
+    const Values centred = render(0.0, kSigma, 0.0), shifted = render(0.4, kSigma, 0.0),
+                 wide = render(0.0, 1.2 * kSigma, 0.0);
+    EXPECT_NEAR(centred.at("dot_shift_x"), 0.0, 0.02);
+    EXPECT_NEAR(shifted.at("dot_shift_x"), 0.4, 0.02);
+    EXPECT_NEAR(shifted.at("dot_shift_y"), 0.0, 0.02);
+    EXPECT_NEAR(centred.at("dot_cubic_displacement"), 0.0, 0.1);
+    // Under a window of twice its width a Gaussian dot looks 1 / sqrt(1 + 1/4) as wide; the radius of the moments cuts
+    // a little more.
+    EXPECT_NEAR(centred.at("dot_width_x"), kSigma / std::sqrt(1.25), 0.1);
+    EXPECT_NEAR(centred.at("dot_width_x"), centred.at("dot_width_y"), 0.03);
+    EXPECT_GT(wide.at("dot_width_x"), centred.at("dot_width_x") + 0.15);
+    EXPECT_NEAR(centred.at("dot_skewness_x"), 0.0, 0.03);
+    EXPECT_NEAR(centred.at("dot_profile/ring_1.0_to_1.5"),
+                (std::exp(-0.5) - std::exp(-1.125)) / 0.625 / (2.0 * (1.0 - std::exp(-0.5))) * 1.0, 0.05);
+    const Values lit = render(0.0, kSigma, 20.0);
+    EXPECT_GT(lit.at("light_between_dots"), centred.at("light_between_dots") + 0.2);
+    EXPECT_NEAR(lit.at("dot_width_x"), centred.at("dot_width_x"), 0.02);
+
+    // Stretched by 1 % from the centre of the image: linear displacement, no cubic one.
+    Codes codes(2 * kPixels);
+    for (std::size_t i = 0; i < codes.size(); ++i) {
+        double light = 0.0;
+        for (const auto &dot : layout.dots->positions_px) {
+            const double dx = double(i % kWidth) - (47.5 + 1.01 * (dot[0] - 47.5)),
+                         dy = double(i % kPixels / kWidth) - (39.5 + 1.01 * (dot[1] - 39.5));
+            light += 300.0 * std::exp(-0.5 * (dx * dx + dy * dy) / (kSigma * kSigma));
+        }
+        codes[i] = std::uint16_t(std::lround(kBlack + light));
+    }
+    const Values stretched = named(layout, codes);
+    EXPECT_NEAR(stretched.at("dot_radial_displacement"), 0.75 * 0.01 * std::hypot(47.5, 39.5), 0.05);
+    EXPECT_NEAR(stretched.at("dot_turn"), 0.0, 0.02);
+}
+
+// 10 frames of 96 x 80: the standard error of the noise is 4 / sqrt(2 * 69120) = 0.011 DN; the margin is four of them.
+// Rounding adds 1/12.
+TEST(GapStatistics, LevelIsRobust) {
+    const CaptureLayout layout = make_layout(CaptureScene::kDark, false);
+    Codes codes = make_codes(layout, 13);
+    const double expected = std::sqrt(kRead * kRead + 1.0 / 12.0);
+    EXPECT_NEAR(clsp::sequence_level(layout, 0, codes.data(), kFrames).temporal_noise_dn, expected, 0.045);
+    EXPECT_NEAR(clsp::sequence_level(layout, 0, codes.data(), kFrames).mean_dn, kBlack, 0.06);
+    EXPECT_EQ(clsp::sequence_level(layout, 0, codes.data(), 1).temporal_noise_dn, 0.0);
+    for (std::size_t i = 0; i < codes.size(); ++i) {
+        const std::size_t frame = i / kPixels, y = i / kWidth % kHeight;
+        codes[i] = std::uint16_t(codes[i] + (y * 7 + frame * 3) % 11 + 5 * frame); // rows and frames go their own ways
+        if (i % kPixels % 640 == 9)
+            codes[i] = std::uint16_t(codes[i] + (frame % 2 ? 600 : 0)); // one pixel in 640 jumps
+    }
+    EXPECT_NEAR(clsp::sequence_level(layout, 0, codes.data(), kFrames).temporal_noise_dn, expected, 0.06);
+}
+
+TEST(GapStatistics, RefusesWhatItCannotMeasure) {
+    const auto message = [](const CaptureLayout &layout, std::size_t sequence, std::uint32_t frames) -> std::string {
+        try {
+            const SequenceStatistics statistics(layout, sequence, frames);
+        } catch (const clsp::Error &error) {
+            EXPECT_EQ(error.status(), clsp::Status::kInvalidArgument);
+            return error.what();
+        }
+        return "";
+    };
+    const CaptureLayout good = make_layout(CaptureScene::kDots, false);
+    EXPECT_EQ(message(good, 0, 3), "");
+    EXPECT_NE(message(good, 1, 3).find("sequence 1"), std::string::npos);
+    EXPECT_NE(message(good, 0, 0).find("no frames"), std::string::npos);
+    CaptureLayout bad = good;
+    bad.dots.reset();
+    EXPECT_NE(message(bad, 0, 3).find("dots"), std::string::npos);
+    bad = good;
+    bad.sequences[0].mask.assign(kPixels - 1, 1);
+    EXPECT_NE(message(bad, 0, 3).find("mask"), std::string::npos);
+    bad.sequences[0].mask.assign(kPixels, 0);
+    EXPECT_NE(message(bad, 0, 3).find("mask"), std::string::npos);
+    bad = good;
+    bad.bits = 17;
+    EXPECT_NE(message(bad, 0, 3).find("bits"), std::string::npos);
+    bad = good;
+    bad.width = 4;
+    EXPECT_NE(message(bad, 0, 3).find("8 x 8"), std::string::npos);
+    bad = good;
+    bad.sequences.clear();
+    EXPECT_NE(message(bad, 0, 3).find("no sequences"), std::string::npos);
+
+    const Codes codes = make_codes(good, 14);
+    const SequenceStatistics statistics(good, 0, kFrames);
+    std::vector<double> values(statistics.list().size());
+    EXPECT_THROW(statistics.compute(nullptr, {kBlack, kRead}, values.data(), 1), clsp::Error);
+    EXPECT_THROW(statistics.compute(codes.data(), {kBlack, kRead}, nullptr, 1), clsp::Error);
+    EXPECT_THROW(statistics.compute(codes.data(), {NAN, kRead}, values.data(), 1), clsp::Error);
+    EXPECT_THROW(statistics.compute(codes.data(), {kBlack, -1.0}, values.data(), 1), clsp::Error);
+    EXPECT_THROW(clsp::sequence_level(good, 0, nullptr, kFrames), clsp::Error);
+}

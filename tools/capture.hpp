@@ -1,0 +1,57 @@
+/**
+ * @file capture.hpp
+ * @brief Arguments of `clspeckle capture`.
+ */
+#ifndef CLSPECKLE_TOOLS_CAPTURE_HPP
+#define CLSPECKLE_TOOLS_CAPTURE_HPP
+
+#include "console.hpp"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+struct CaptureCheckArguments {
+    std::string folder;
+    std::string json; ///< File for the summary, "-" for standard output; empty: none.
+};
+
+struct CaptureMakeArguments {
+    std::string folder;
+    std::uint32_t width = 192;
+    std::uint32_t height = 160;
+    std::uint32_t frames = 16;
+    std::uint32_t bits = 10;
+    double pixel_pitch_um = 2.9;
+    double f_number = 5.6;
+    double wavelength_nm = 940.0;
+    double degree_of_polarization = 1.0;
+    double black_level_dn = 64.0;
+    double read_noise_dn = 4.0;
+    std::string field = "circular_gaussian";
+    std::vector<double> flat_levels = {400.0}; ///< DN above the black level; several: several sequences.
+    std::vector<double> board_levels = {130.0};
+    std::vector<double> dots_levels = {280.0}; ///< At the peak of a dot.
+    std::vector<std::string> sequences = {"dark", "flat", "board_static", "board_moving", "dots_static", "dots_moving"};
+    double dots_pitch_px = 15.0;
+    double dots_jitter_px = 2.0; ///< Each way, along each axis.
+    double dots_sigma_px = 2.2;
+    std::uint32_t dots_count = 0; ///< 0: as many as the pitch gives.
+    std::string dots_file;
+    std::vector<std::string> effects;
+    std::uint64_t seed = 0;
+    std::string device;
+    bool key = false;
+    bool overwrite = false;
+};
+
+/** Says what is in a capture set and what it can tell apart. */
+void run_capture_check(const CaptureCheckArguments &arguments, Console &console);
+/** Writes a capture set from the simulator. */
+void run_capture_make(const CaptureMakeArguments &arguments, Console &console);
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_CAPTURE_HPP

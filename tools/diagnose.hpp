@@ -1,0 +1,39 @@
+/**
+ * @file diagnose.hpp
+ * @brief `clspeckle diagnose`.
+ */
+#ifndef CLSPECKLE_TOOLS_DIAGNOSE_HPP
+#define CLSPECKLE_TOOLS_DIAGNOSE_HPP
+
+#include "console.hpp"
+
+#include <clspeckle/clspeckle.hpp>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+struct DiagnoseArguments {
+    std::string folder;
+    std::string json; ///< File for the report, "-" for standard output; empty: none.
+    std::string html; ///< File for the report for eyes; empty: none.
+    std::vector<std::string> without;
+    std::uint64_t seed = 0;
+    double level = clspeckle::DiagnoseOptions().level;
+    std::uint32_t replicates = clspeckle::DiagnoseOptions().null_replicates;
+    std::uint32_t max_effects = clspeckle::DiagnoseOptions().max_effects;
+    std::uint32_t threads = 0;
+    std::string device;
+};
+
+/** Diagnoses a capture set, writes the reports that are asked for, prints a summary. */
+void run_diagnose(const DiagnoseArguments &arguments, Console &console);
+
+/** The summary for eyes. */
+std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis);
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_DIAGNOSE_HPP

@@ -1,0 +1,190 @@
+#include "diagnose.hpp"
+#include "effects.hpp"
+#include "options.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tools {
+
+namespace {
+
+constexpr std::size_t places_shown = 10;
+constexpr std::size_t ranked_shown = 8;
+constexpr double bar_cells = 40;
+
+std::string joined(const std::vector<std::string> &words, const std::string &last) {
+    std::string text;
+    for (std::size_t i = 0; i < words.size(); ++i)
+        text += (i == 0 ? "" : i + 1 < words.size() ? ", " : " " + last + " ") + words[i];
+    return text;
+}
+
+std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary) {
+    const std::vector<std::string> effects = diagnosis.effects();
+    switch (summary.verdict) {
+    case CLSP_VERDICT_NONE:
+        return fmt::format("NONE: at the level {:g} no gap between camera and simulator is seen.", summary.level);
+    case CLSP_VERDICT_NAMED:
+        return fmt::format("NAMED: the gap between camera and simulator is explained by {} (probability {:.2f}).",
+                           joined(effects, "and"), summary.probability);
+    case CLSP_VERDICT_AMBIGUOUS: {
+        std::string text =
+            fmt::format("AMBIGUOUS: the data cannot tell {} apart.", joined(diagnosis.equivalents(), "and"));
+        if (!effects.empty())
+            text += fmt::format(" The gap is explained with {}.", joined(effects, "and"));
+        return text;
+    }
+    default:
+        break;
+    }
+    std::string text = "UNKNOWN: a significant part of the gap is explained by no effect of the catalogue.";
+    if (!effects.empty())
+        text += fmt::format(" Beside it {} {} found.", joined(effects, "and"), effects.size() == 1 ? "was" : "were");
+    return text;
+}
+
+std::string probability_text(double p) {
+    return p < 1e-3 ? fmt::format("{:.0e}", p) : fmt::format("{:.3f}", p);
+}
+
+std::string unit_text(const char *unit) {
+    return std::string(unit) == "1" ? "" : unit;
+}
+
+std::string places_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary) {
+    std::vector<std::vector<std::string>> rows = {
+        {"stage", "sequence", "statistic", "region", "camera", "simulator", "", "z", "p", "z after"}};
+    const std::vector<ClspDiagnosisPlace> places = diagnosis.places();
+    const auto significant = static_cast<std::size_t>(std::count_if(
+        places.begin(), places.end(), [&](const ClspDiagnosisPlace &p) { return p.p_adjusted <= summary.level; }));
+    for (std::size_t i = 0; i < std::min(places.size(), places_shown); ++i) {
+        const ClspDiagnosisPlace &p = places[i];
+        rows.push_back({p.stage, p.sequence, p.statistic, p.region, fmt::format("{:.5g}", p.real),
+                        fmt::format("{:.5g}", p.sim), unit_text(p.unit), fmt::format("{:+.1f}", p.z),
+                        probability_text(p.p_adjusted), fmt::format("{:+.1f}", p.z_after)});
+    }
+    return fmt::format("Where: {} of {} statistics differ significantly; the largest differences\n{}\n"
+                       "  z: in standard deviations of simulated captures; p: adjusted for the number of statistics\n",
+                       significant, places.size(), table(rows, "  "));
+}
+
+/** Names and units of an effect's parameters; a ranked effect has their values only. */
+std::vector<std::pair<std::string, std::string>> parameter_names(const std::string &id) {
+    std::vector<std::pair<std::string, std::string>> names;
+    for (const ClspEffectInfo &effect : effect_catalogue())
+        if (id == effect.id)
+            for (std::uint32_t i = 0; i < effect.parameter_count; ++i)
+                names.emplace_back(effect.parameters[i].name, unit_text(effect.parameters[i].unit));
+    return names;
+}
+
+std::string parameters_text(const ClspDiagnosisRanked &ranked, const std::vector<ClspDiagnosisParameter> &fitted) {
+    std::string text;
+    const auto add = [&](const std::string &part) { text += (text.empty() ? "" : ", ") + part; };
+    const auto with_unit = [](const std::string &unit) { return unit.empty() ? "" : " " + unit; };
+    for (const ClspDiagnosisParameter &p : fitted)
+        if (std::string(p.effect) == ranked.effect)
+            add(fmt::format("{} = {:.4g}{} ({:.4g} to {:.4g})", p.name, p.value, with_unit(unit_text(p.unit)), p.low,
+                            p.high));
+    if (!text.empty())
+        return text;
+    const auto names = parameter_names(ranked.effect);
+    for (std::size_t i = 0; i < std::min<std::size_t>(ranked.parameter_count, names.size()); ++i)
+        add(fmt::format("{} = {:.4g}{}", names[i].first, ranked.values[i], with_unit(names[i].second)));
+    return text;
+}
+
+std::string ranking_text(const clspeckle::Diagnosis &diagnosis) {
+    const std::vector<ClspDiagnosisParameter> fitted = diagnosis.parameters();
+    const std::vector<std::string> steps = [&] {
+        std::vector<std::string> ids;
+        for (const ClspDiagnosisStep &step : diagnosis.steps())
+            ids.emplace_back(step.effect);
+        return ids;
+    }();
+    std::vector<std::vector<std::string>> rows = {
+        {"", "effect", "stage", "probability", "gap left", "parameters (95 % interval)"}};
+    std::size_t shown = 0;
+    for (const ClspDiagnosisRanked &ranked : diagnosis.ranking()) {
+        const bool found = std::find(steps.begin(), steps.end(), ranked.effect) != steps.end();
+        if (!found && shown >= ranked_shown)
+            continue;
+        ++shown;
+        rows.push_back({found ? "*" : "", ranked.effect, ranked.stage, fmt::format("{:.3f}", ranked.probability),
+                        fmt::format("{:.3g}", ranked.distance_after), parameters_text(ranked, fitted)});
+    }
+    return "Ranking (*: part of the explanation; probabilities are among the effects of one step)\n" +
+           table(rows, "  ") + "\n";
+}
+
+std::string waterfall_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary) {
+    const double whole = std::max(summary.distance_before, 1e-300);
+    const auto bar = [&](double distance) {
+        const double cells = std::clamp(std::round(bar_cells * distance / whole), 0.0, bar_cells);
+        return std::string(static_cast<std::size_t>(cells), '#');
+    };
+    std::vector<std::vector<std::string>> rows = {
+        {"simulator as it is", fmt::format("{:.3g}", summary.distance_before), "", bar(summary.distance_before)}};
+    for (const ClspDiagnosisStep &step : diagnosis.steps())
+        rows.push_back({fmt::format("with {}", step.effect), fmt::format("{:.3g}", step.distance_after),
+                        fmt::format("{:.0f} % gone", 100 * step.fraction), bar(step.distance_after)});
+    return fmt::format(
+        "Shrinkage of the gap, {}\n{}\n  {:.0f} % of the gap is gone (95 % interval {:.0f} to {:.0f} %)\n",
+        summary.held_out ? "on frames that no fit has seen" : "on the frames of the fit: too few to part",
+        table(rows, "  "), 100 * summary.fraction, 100 * summary.fraction_95[0], 100 * summary.fraction_95[1]);
+}
+
+std::string downstream_text(const Json &report) {
+    const Json &shrink = report["shrink"];
+    if (!shrink.contains("downstream") || !shrink["downstream"].contains("dot_centre_rms_px"))
+        return "";
+    const Json &rms = shrink["downstream"]["dot_centre_rms_px"];
+    const auto number = [&](const char *name) {
+        return rms[name].is_number() ? fmt::format("{:.4f}", rms[name].get<double>()) : std::string("-");
+    };
+    return fmt::format(
+        "Error of the dots' centres in single frames: camera {} px, simulator {} px, with the effects {} px\n",
+        number("real"), number("before"), number("after"));
+}
+
+} // namespace
+
+std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
+    const ClspDiagnosisSummary summary = diagnosis.summary();
+    const Json report = Json::parse(diagnosis.report_json());
+    std::string text = verdict_text(diagnosis, summary) + "\n\n";
+    text += fmt::format("Gap: {:.3g} standard deviations beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
+                        summary.distance, summary.null_95, probability_text(summary.p_value));
+    if (summary.detected)
+        text += "\n" + places_text(diagnosis, summary);
+    if (summary.ranked_count > 0)
+        text += "\n" + ranking_text(diagnosis);
+    if (summary.step_count > 0)
+        text += "\n" + waterfall_text(diagnosis, summary);
+    if (summary.detected)
+        text += fmt::format("Residual: {} (p = {})\n",
+                            summary.residual_detected ? "a significant gap remains" : "nothing significant remains",
+                            probability_text(summary.residual_p_value));
+    text += downstream_text(report);
+    if (!report["advice"].empty())
+        text += "\nAdvice\n";
+    for (const Json &advice : report["advice"]) {
+        std::vector<std::string> separates;
+        for (const Json &id : advice["separates"])
+            separates.push_back(id.get<std::string>());
+        text += fmt::format("  {} would be told apart by: {}\n", joined(separates, "and"),
+                            advice["capture"].get<std::string>());
+    }
+    const std::vector<std::string> notes = diagnosis.notes();
+    if (!notes.empty())
+        text += "\nNotes\n";
+    for (const std::string &note : notes)
+        text += "  " + note + "\n";
+    text += fmt::format("\nSeed {}; {:.1f} s", summary.seed, summary.seconds);
+    return text;
+}
+
+} // namespace tools
