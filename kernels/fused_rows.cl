@@ -21,11 +21,11 @@ static inline lanes_complex lanes_product(lanes_complex a, lanes_complex b) {
 #endif
 
 #if SHIFT
-// frequencies: of the position along the row, in cycles per sample times shift_x; row_turns likewise along the column, of each lane.
+// frequencies: of each position along the row, in cycles per sample; row_turns: frequency along the column times shift_y, of each lane.
 #define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_x, lanes_f row_turns
 #define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_x, row_turns
 static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETERS) {
-    const lanes_f turns = -(frequencies[p] / (float)FFT_LENGTH * shift_x + row_turns);
+    const lanes_f turns = -(frequencies[p] * shift_x + row_turns);
     v = lanes_product(v, phasors_from_turns(turns));
 #else
 #define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil
@@ -53,8 +53,7 @@ static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETER
 // pupil: amplitude / samples of the field grid, in the order of positions, for each group of lines.
 __kernel void fused_rows(__global lanes_f *lines, uint groups, __global const float *twiddles, __global const lanes_f *pupil,
 #if SHIFT
-                         __global const float *frequencies, __global const lanes_f *line_frequencies, uint grid_height, float shift_x,
-                         float shift_y,
+                         __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
 #endif
                          __local lanes_f *tiles) {
     const uint group = get_global_id(0);
@@ -63,7 +62,7 @@ __kernel void fused_rows(__global lanes_f *lines, uint groups, __global const fl
     __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
     pupil += (ulong)group * PUPIL_VECTORS * FFT_LENGTH;
 #if SHIFT
-    const lanes_f row_turns = line_frequencies[group] / (float)grid_height * shift_y;
+    const lanes_f row_turns = line_frequencies[group] * shift_y;
 #endif
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)

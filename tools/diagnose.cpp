@@ -43,7 +43,8 @@ template <typename Write> void write_output(Write write) {
 }
 
 void warn_of_capture(const clspeckle::Capture &capture, Console &console) {
-    for (const Json &warning : Json::parse(capture.summary_json())["warnings"]) {
+    const Json summary = Json::parse(capture.summary_json());
+    for (const Json &warning : summary["warnings"]) {
         const std::string sequence = warning["sequence"].is_string() ? warning["sequence"].get<std::string>() : "";
         console.warn((sequence.empty() ? "" : sequence + ": ") + warning["text"].get<std::string>());
     }

@@ -47,6 +47,8 @@ std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagno
 }
 
 std::string probability_text(double p) {
+    if (p < 1e-99)
+        return "below 1e-99";
     return p < 1e-3 ? fmt::format("{:.0e}", p) : fmt::format("{:.3f}", p);
 }
 

@@ -456,7 +456,7 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
     const auto number = [&](const char *name, auto &value, const char *what, const char *type) {
         return app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
     };
-    number("--seed", a.seed, "Seed of the simulated captures", "INTEGER");
+    number("--seed", a.seed, "Seed of the simulated captures", "INTEGER")->check(CLI::NonNegativeNumber);
     number("--level", a.level, "Probability of seeing a gap where there is none, 1e-6 to 0.5", "NUMBER")
         ->check(CLI::Range(1e-6, 0.5));
     number("--replicates", a.replicates, "Simulated captures without effects, 12 to 100000", "INTEGER")

@@ -32,8 +32,9 @@ std::uint32_t prefetch_rows(const Context &context) {
     return context.platform_name().find("Portable Computing Language") != std::string::npos ? 3 : 0;
 }
 
-double signed_frequency(std::uint32_t index, std::uint32_t length) {
-    return double(index) - (2 * index < length ? 0.0 : double(length));
+// In cycles per sample.
+float signed_frequency(std::uint32_t index, std::uint32_t length) {
+    return static_cast<float>((double(index) - (2 * index < length ? 0.0 : double(length))) / double(length));
 }
 
 template <typename T> DeviceBuffer table(const std::shared_ptr<Context> &context, const std::vector<T> &values) {
@@ -111,7 +112,7 @@ void FusedPasses::make_tables(const Pupil &pupil, bool every_line) {
     std::vector<float> line_frequencies(std::size_t{groups_} * lanes_, 0.0f);
     for (std::uint32_t i = 0; i < kept_; ++i) {
         const std::uint32_t row = column_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
-        line_frequencies[i] = static_cast<float>(signed_frequency(row, height));
+        line_frequencies[i] = signed_frequency(row, height);
         for (std::uint32_t position = 0; position < width; ++position) {
             const std::size_t at = std::size_t{row} * width + row_plan_.frequencies[position];
             float *to = &amplitudes[(std::size_t{group} * width + position) * parts * lanes_ + lane];
@@ -127,7 +128,7 @@ void FusedPasses::make_tables(const Pupil &pupil, bool every_line) {
     }
     std::vector<float> frequencies(width);
     for (std::uint32_t position = 0; position < width; ++position)
-        frequencies[position] = static_cast<float>(signed_frequency(row_plan_.frequencies[position], width));
+        frequencies[position] = signed_frequency(row_plan_.frequencies[position], width);
     kept.insert(kept.end(), others.begin(), others.end());
     positions_ = table(context_, kept);
     blocks_ = table(context_, blocks);
@@ -192,7 +193,6 @@ void FusedPasses::add_rows(cl::Kernel &kernel, const cl::Buffer &lines, const do
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
-            .add(cl_uint{grid_.grid_height})
             .add(static_cast<cl_float>(shift[0]))
             .add(static_cast<cl_float>(shift[1]));
     arguments.add(cl::Local(tile_bytes(grid_.grid_width, lanes_)));

@@ -62,6 +62,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &captur
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
     search_options.level = options.level;
+    search_options.residual_level = 0.25 * options.level;
     const SearchResult found = search(experiment, pool, search_options, [&](const std::string &what, double part) {
         doing = what;
         fraction = std::max(fraction, part);
@@ -92,7 +93,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &captur
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
             for (std::size_t i = 0; i < found.models.size(); ++i) {
-                const Shrinkage s = shrinkage(experiment, found.baseline, found.models[i]);
+                const Shrinkage s = shrinkage(experiment, found.baseline, found.models[i], last);
                 result.found.push_back(found.steps[i].ranking.front());
                 result.steps.push_back({found.steps[i].added, s.after, s.fraction});
                 result.distance_before = s.before;

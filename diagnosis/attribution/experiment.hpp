@@ -2,7 +2,7 @@
 #pragma once
 
 #include "simulator/simulator.hpp"
-#include "statistics/statistics.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include <Eigen/Core>
 

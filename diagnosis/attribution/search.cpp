@@ -106,6 +106,7 @@ struct Refined {
     double sign = 1.0;
     double strength = 0.5;
     double gain = 0.0; // screening, then held-out
+    bool fitted = false;
     std::vector<bool> concerned;
     Response response;
 };
@@ -313,7 +314,7 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
     const Eigen::VectorXd tolerance = kModelError * (pool_mean(pool) - pool_mean(baseline_pool_)).cwiseAbs();
     fitted.model = GapModel(experiment_,
                             replicate(settings, levels, options_.model_replicates, from, to, "simulating " + label(settings)),
-                            options_.level, jacobian, tolerance);
+                            options_.residual_level, jacobian, tolerance);
     fitted.jacobian = jacobian;
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());
@@ -373,11 +374,12 @@ SearchResult Search::run() {
             for (Refined &candidate : refined) {
                 // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
                 if (explained > kNearlyAll * excess && candidate.gain < kFirstLook * refined.front().gain) {
-                    candidate.gain = std::min(candidate.gain, 0.0);
+                    candidate.gain = 0.0;
                     continue;
                 }
                 report(progress + 0.2 * share, "fitting " + candidate.candidate->id);
                 refine(candidate, model, *current, pool);
+                candidate.fitted = true;
                 explained = std::max(explained, candidate.gain);
             }
             std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
@@ -410,9 +412,12 @@ SearchResult Search::run() {
             step.residual = fits[best].residual;
             double sum = 0.0;
             for (std::size_t i = 0; i < refined.size(); ++i) {
+                if (!refined[i].fitted)
+                    continue;
                 RankedEffect ranked;
                 ranked.effect = refined[i].candidate->id;
                 ranked.simulated = i < fits.size();
+                // The held-out gain of a fit, put on the scale of the replicates' by the best one's.
                 ranked.gain = ranked.simulated ? current->score - fits[i].score
                                                : std::min(refined[i].gain - refined[best].gain + gain, gain);
                 if (ranked.simulated) {

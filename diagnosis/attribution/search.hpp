@@ -23,7 +23,8 @@ struct SearchOptions {
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     std::uint32_t finalists = 3;
     std::uint32_t max_effects = 6;
-    double level = 0.02; // of a false alarm
+    double level = 0.02;            // of a false alarm
+    double residual_level = 0.005;  // of calling a right model wrong: there are several models to a capture
 };
 
 // A fitted parameter of a model.
@@ -43,7 +44,7 @@ struct FittedModel {
     double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
 };
 
-// An effect that was weighed in a step of the search.
+// An effect that was weighed in a step of the search. Those that a first look put aside are not among them.
 struct RankedEffect {
     std::string effect;
     std::vector<double> values;

@@ -12,39 +12,41 @@ double mean_square(const Covariance &covariance, const Eigen::VectorXd &first, c
 }
 
 // Of a capture from the baseline.
-double before_square(const FittedModel &baseline, const FoldStatistics &s) {
+double before_square(const Covariance &metric, const FittedModel &baseline, const FoldStatistics &s) {
     const GapModel &model = baseline.model;
-    return mean_square(model.fold(), s.first - model.first_mean(), s.second - model.second_mean());
+    return mean_square(metric, s.first - model.first_mean(), s.second - model.second_mean());
 }
 
 // Of a capture from a model, each half after the fit to the other one.
-double after_square(const FittedModel &baseline, const FittedModel &fitted, const FoldStatistics &s) {
+double after_square(const Covariance &metric, const FittedModel &fitted, const FoldStatistics &s) {
     const GapModel &model = fitted.model;
     const Eigen::VectorXd first = s.first - model.first_mean(), second = s.second - model.second_mean();
     const Eigen::VectorXd of_first = model.coefficients(model.fold(), first), of_second = model.coefficients(model.fold(), second);
-    return mean_square(baseline.model.fold(), first - fitted.jacobian * of_second, second - fitted.jacobian * of_first);
+    return mean_square(metric, first - fitted.jacobian * of_second, second - fitted.jacobian * of_first);
 }
 
 double beyond(double square, double chance) { return std::sqrt(std::max(0.0, square - chance)); }
 
 } // namespace
 
-Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &fitted) {
+Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &fitted,
+                    const FittedModel &metric_model) {
+    const Covariance &metric = metric_model.model.fold();
     double chance_before = 0.0, chance_after = 0.0;
     const auto &baseline_draws = baseline.model.replicates().draws;
     const auto &draws = fitted.model.replicates().draws;
     for (const FoldStatistics &draw : baseline_draws)
-        chance_before += before_square(baseline, draw) / static_cast<double>(baseline_draws.size());
+        chance_before += before_square(metric, baseline, draw) / static_cast<double>(baseline_draws.size());
     Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r) {
-        before[r] = before_square(baseline, draws[r]);
-        after[r] = after_square(baseline, fitted, draws[r]);
+        before[r] = before_square(metric, baseline, draws[r]);
+        after[r] = after_square(metric, fitted, draws[r]);
     }
     chance_after = after.mean();
     Shrinkage result;
     const auto fraction = [](double a, double b) { return b > 0.0 ? 1.0 - a / b : 0.0; };
-    result.before = beyond(before_square(baseline, experiment.real()), chance_before);
-    result.after = beyond(after_square(baseline, fitted, experiment.real()), chance_after);
+    result.before = beyond(before_square(metric, baseline, experiment.real()), chance_before);
+    result.after = beyond(after_square(metric, fitted, experiment.real()), chance_after);
     result.fraction = fraction(result.after, result.before);
     Eigen::VectorXd fractions(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r)

@@ -9,14 +9,16 @@
 namespace clsp {
 
 struct Shrinkage {
-    double before = 0.0; // distances beyond chance, in the baseline's standard deviations, root mean square over statistics
+    double before = 0.0; // distances beyond chance, in the standard deviations of metric_model, root mean square over statistics
     double after = 0.0;
     double fraction = 0.0;
     std::array<double, 2> fraction_95{};
 };
 
 // Each half is compared with the model fitted to the other half. The interval comes from the model's replicates: new surfaces and new
-// noise each, as a bootstrap over independent captures.
-Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &model);
+// noise each, as a bootstrap over independent captures. metric_model: whose covariance measures the distances, the best model: the scatter
+// that an effect itself brings (a shaking image, few hot pixels) is no gap.
+Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &model,
+                    const FittedModel &metric_model);
 
 } // namespace clsp

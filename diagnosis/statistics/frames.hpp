@@ -2,7 +2,7 @@
 #pragma once
 
 #include "statistics/geometry.hpp"
-#include "statistics/statistics.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include <cstdint>
 #include <vector>

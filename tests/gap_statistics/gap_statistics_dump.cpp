@@ -3,7 +3,7 @@
 // Black level and read noise come from the dark sequence, or from the data sheet if there is none.
 #include "capture/capture_reader.hpp"
 #include "runtime/error.hpp"
-#include "statistics/statistics.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include <algorithm>
 #include <chrono>

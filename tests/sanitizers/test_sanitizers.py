@@ -40,6 +40,16 @@ WITH_TRANSFORM = {
     "test_safety",
     "test_cpp_binding",
     "test_concurrency",
+    "test_gap_simulator",
+    "test_gap_simulator_physics",
+    "test_attribution",
+    "test_diagnosis_api",
+}
+# Programs of which a part is enough: the same code, hundreds of times.
+FILTERS = {
+    "test_attribution": "-Diagnosis.N*:Diagnosis.S*:Diagnosis.W*:Diagnosis.A*",
+    "test_gap_simulator": "-*HundredsOfCalls*:*EffectsShow*:*AnEffectLeaves*",
+    "test_gap_simulator_physics": "Physics.TheBaseline",
 }
 
 
@@ -89,7 +99,8 @@ def run_sanitized(build: Path, program: str) -> Done:
         variables["LSAN_OPTIONS"] = f"suppressions={HERE / 'leaks.supp'}:print_suppressions=0"
     if program == "test_no_platform":
         variables["OCL_ICD_VENDORS"] = variables["OPENCL_VENDOR_PATH"] = str(build / "tests" / "no_platform")
-    return run(build / "bin" / program, **variables)
+    chosen = [f"--gtest_filter={FILTERS[program]}"] if program in FILTERS else []
+    return run(build / "bin" / program, *chosen, **variables)
 
 
 @pytest.fixture(scope="session")

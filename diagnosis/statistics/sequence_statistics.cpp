@@ -1,4 +1,4 @@
-#include "statistics/statistics.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include "runtime/error.hpp"
 #include "statistics/measures.hpp"

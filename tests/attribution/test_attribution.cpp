@@ -1,0 +1,271 @@
+// The statistics behind a verdict: tail probabilities, shrunk covariances, the gap test's level, candidates' strengths, and verdicts on
+// captures of the simulator itself. Verdicts against an independent generator are the withheld check's (tests/withheld).
+#include "attribution/candidate.hpp"
+#include "attribution/covariance.hpp"
+#include "attribution/diagnosis.hpp"
+#include "attribution/distributions.hpp"
+#include "attribution/response.hpp"
+#include "report/advice.hpp"
+#include "report/report_json.hpp"
+#include "runtime/error.hpp"
+#include "simulator/simulator.hpp"
+
+#include <Eigen/Core>
+#include <cmath>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <random>
+
+namespace {
+
+using namespace clsp;
+
+TEST(Distributions, AgreeWithTables) {
+    // Student's t, 10 degrees of freedom: 2.228 at 5 % two-sided; 30: 2.750 at 1 %.
+    EXPECT_NEAR(student_two_sided(2.228, 10.0), 0.05, 1e-4);
+    EXPECT_NEAR(student_two_sided_quantile(0.01, 30.0), 2.750, 1e-3);
+    EXPECT_DOUBLE_EQ(student_two_sided(0.0, 5.0), 1.0);
+    EXPECT_LT(student_two_sided(1e6, 40.0), 1e-100);
+    EXPECT_GE(student_two_sided(1e300, 40.0), 0.0);
+    // Chi squared of 10 degrees of freedom is a gamma law of mean 10 and variance 20: 18.307 at 5 %.
+    EXPECT_NEAR(gamma_upper(18.307, 10.0, 20.0), 0.05, 1e-4);
+    EXPECT_EQ(gamma_upper(0.0, 1.0, 1.0), 1.0);
+}
+
+// Gaussian replicates of two blocks, correlated within the first by 0.8.
+Eigen::MatrixXd gaussian(Eigen::Index rows, unsigned seed) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    Eigen::MatrixXd result(rows, 12);
+    for (Eigen::Index r = 0; r < rows; ++r) {
+        const double common = normal(random);
+        for (Eigen::Index k = 0; k < 12; ++k)
+            result(r, k) = (k < 6 ? std::sqrt(0.8) * common + std::sqrt(0.2) * normal(random) : normal(random)) * (1.0 + static_cast<double>(k));
+    }
+    return result;
+}
+
+TEST(Covariance, WhitensWhatItHasNotSeen) {
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(12);
+    const Covariance covariance(gaussian(200, 1), {0, 6, 12}, none, none);
+    const Eigen::MatrixXd fresh = gaussian(2000, 2);
+    double sum = 0.0;
+    for (Eigen::Index r = 0; r < fresh.rows(); ++r)
+        sum += covariance.whiten(fresh.row(r).transpose()).squaredNorm() / 12.0;
+    // The mean of 2,000 chi-squared values has a standard deviation of 1 %; 200 replicates and the shrinkage leave up to 10 %.
+    EXPECT_NEAR(sum / 2000.0, 1.0, 0.12);
+}
+
+TEST(Covariance, ToleranceIsAddedToTheSpread) {
+    const Eigen::MatrixXd replicates = gaussian(100, 3);
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(12), tolerance = Eigen::VectorXd::Constant(12, 30.0);
+    const Covariance plain(replicates, {0, 6, 12}, none, none), wide(replicates, {0, 6, 12}, none, tolerance);
+    for (Eigen::Index k = 0; k < 12; ++k)
+        EXPECT_NEAR(wide.deviation()[k], std::hypot(plain.deviation()[k], 30.0), 1e-9);
+    EXPECT_EQ(plain.tolerance_square(), 0.0);
+    EXPECT_GT(wide.tolerance_square(), 6.0);
+}
+
+TEST(Covariance, ConstantStatisticsKeepTheirFloor) {
+    Eigen::MatrixXd replicates = gaussian(20, 4);
+    replicates.col(7).setConstant(3.0);
+    Eigen::VectorXd least = Eigen::VectorXd::Constant(12, 0.25);
+    const Covariance covariance(replicates, {0, 6, 12}, least, Eigen::VectorXd::Zero(12));
+    EXPECT_DOUBLE_EQ(covariance.deviation()[7], 0.25);
+    EXPECT_TRUE(covariance.whiten(Eigen::VectorXd::Ones(12)).allFinite());
+}
+
+TEST(Candidates, StrengthsRunFromWeakToStrong) {
+    const std::vector<Candidate> all = candidates({}, {});
+    EXPECT_EQ(all.size(), 35u);
+    for (const Candidate &candidate : all) {
+        const std::vector<double> weak = candidate.values(0.0), strong = candidate.values(1.0);
+        for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
+            const HypothesisParameter &parameter = candidate.parameters[p];
+            EXPECT_NEAR(weak[p], parameter.weak, 1e-12 * std::abs(parameter.weak)) << candidate.id;
+            EXPECT_NEAR(strong[p], parameter.strong, 1e-12 * std::abs(parameter.strong)) << candidate.id;
+            for (const double u : {-0.5, 0.3, 1.6}) {
+                const double value = candidate.value(p, u);
+                EXPECT_GE(value, parameter.minimum);
+                EXPECT_LE(value, parameter.maximum);
+                if (value > parameter.minimum && value < parameter.maximum) {
+                    EXPECT_NEAR(candidate.strength(p, value), u, 1e-9) << candidate.id << ' ' << parameter.name;
+                }
+            }
+        }
+    }
+    EXPECT_EQ(candidates({}, {"defocus", "gamma"}).size(), 33u);
+    try {
+        candidates({}, {"defokus"});
+        FAIL() << "an unknown id was taken";
+    } catch (const Error &error) {
+        EXPECT_NE(std::string(error.what()).find("defokus"), std::string::npos);
+    }
+}
+
+TEST(Response, ParabolasAreReproduced) {
+    Response response;
+    for (const double u : {0.0, 0.5, 1.0})
+        response.add(u, {Eigen::VectorXd::Constant(3, 1.0 + 2.0 * u + 3.0 * u * u), {}, {}});
+    for (const double u : {-0.4, 0.2, 0.7, 1.5})
+        EXPECT_NEAR(response.at(u)[1], 1.0 + 2.0 * u + 3.0 * u * u, 1e-12);
+    EXPECT_NEAR(response.distance(0.4), 0.1, 1e-12);
+}
+
+TEST(Advice, NamesACaptureForLookAlikes) {
+    EXPECT_TRUE(advice_for({}).empty());
+    EXPECT_TRUE(advice_for({"linewidth"}).empty());
+    const auto advice = advice_for({"depolarization", "linewidth"});
+    ASSERT_EQ(advice.size(), 1u);
+    EXPECT_NE(advice[0].capture.find("analyser"), std::string::npos);
+}
+
+std::shared_ptr<Context> context() {
+    static const std::shared_ptr<Context> shared = Context::create({});
+    return shared;
+}
+
+CaptureLayout small_layout() {
+    CaptureLayout layout;
+    layout.width = 64;
+    layout.height = 48;
+    layout.bits = 10;
+    layout.pixel_pitch_m = 2.9e-6;
+    layout.f_number = 8.0;
+    layout.wavelength_m = 940e-9;
+    layout.black_level_dn = 64.0;
+    layout.read_noise_dn = 4.0;
+    layout.principal_point_px = {31.5, 23.5};
+    const auto add = [&](const char *name, CaptureScene scene, bool moving) {
+        SequenceLayout sequence;
+        sequence.name = name;
+        sequence.scene = scene;
+        sequence.moving = moving;
+        sequence.frame_count = 12;
+        sequence.f_number = 8.0;
+        layout.sequences.push_back(sequence);
+    };
+    add("dark", CaptureScene::kDark, false);
+    add("flat", CaptureScene::kFlat, false);
+    add("board_moving", CaptureScene::kBoard, true);
+    return layout;
+}
+
+Capture simulated(const EffectSettings &effects, std::uint64_t seed) {
+    Simulator simulator(context(), small_layout());
+    Capture capture;
+    capture.layout = small_layout();
+    for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {
+        const SequenceLayout &sequence = capture.layout.sequences[s];
+        std::vector<std::uint16_t> codes(sequence.frame_count * capture.layout.pixel_count());
+        const SimulationLevels levels{sequence.scene == CaptureScene::kFlat ? 300.0 : 120.0, 63.2, 4.3};
+        simulator.codes(s, effects, levels, seed, sequence.frame_count, codes.data());
+        capture.codes.push_back(std::move(codes));
+    }
+    return capture;
+}
+
+DiagnosisOptions quick(std::uint64_t seed) {
+    DiagnosisOptions options;
+    options.seed = seed;
+    options.null_replicates = 24;
+    options.max_effects = 2;
+    options.threads = 2;
+    options.evidence = false;
+    return options;
+}
+
+// Seeds of captures lie above those of replicates.
+constexpr std::uint64_t kCaptureSeed = 1u << 20;
+
+TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
+    // Eight captures at a level of 2 %: two or more alarms happen by chance once in 100.
+    int alarms = 0;
+    for (std::uint64_t i = 0; i < 8; ++i)
+        alarms += diagnose(context(), simulated({}, kCaptureSeed + i), quick(i)).detected;
+    EXPECT_LE(alarms, 1);
+}
+
+TEST(Diagnosis, NamesTheEffectAndItsParameter) {
+    const struct {
+        const char *id;
+        double value;
+    } cases[] = {{"row_noise", 2.0}, {"depolarization", 0.3}, {"vignetting", 0.3}};
+    for (const auto &c : cases) {
+        const DiagnosisResult result = diagnose(context(), simulated({{c.id, {c.value}}}, kCaptureSeed + 100), quick(1));
+        EXPECT_EQ(result.verdict, Verdict::kNamed) << c.id;
+        ASSERT_EQ(result.effects, std::vector<std::string>{c.id});
+        EXPECT_FALSE(result.residual_detected);
+        ASSERT_EQ(result.parameters.size(), 1u);
+        EXPECT_NEAR(result.parameters[0].value, c.value, 0.2 * c.value) << c.id;
+        EXPECT_LT(result.parameters[0].low, result.parameters[0].value);
+        EXPECT_GT(result.parameters[0].high, result.parameters[0].value);
+        EXPECT_GT(result.fraction, 0.8) << c.id;
+        EXPECT_GT(result.fraction_95[1], result.fraction_95[0]);
+    }
+}
+
+TEST(Diagnosis, SameSeedSameReport) {
+    const Capture capture = simulated({{"row_noise", {3.0}}}, kCaptureSeed + 200);
+    auto options = quick(5);
+    options.max_effects = 1;
+    const std::string first = report_json(diagnose(context(), capture, options));
+    options.threads = 1;
+    EXPECT_EQ(first, report_json(diagnose(context(), capture, options)));
+}
+
+TEST(Diagnosis, WithoutTheEffectItIsNotNamed) {
+    auto options = quick(2);
+    options.without = {"row_noise"};
+    const DiagnosisResult result = diagnose(context(), simulated({{"row_noise", {3.0}}}, kCaptureSeed + 300), options);
+    EXPECT_EQ(result.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(result.residual_detected);
+    const auto report = nlohmann::json::parse(report_json(result));
+    EXPECT_EQ(report["cause"]["verdict"], "unknown");
+    EXPECT_EQ(report["where"][0]["stage"], "sensor");
+}
+
+TEST(Diagnosis, AHypothesisJoinsTheRanking) {
+    // Odd rows are brighter: in no catalogue.
+    Hypothesis hypothesis;
+    hypothesis.id = "odd_rows";
+    hypothesis.stage = "sensor";
+    hypothesis.point = HypothesisPoint::kIntensity;
+    hypothesis.parameters = {{"gain", "1", 0.0, 1.0, 0.01, 0.1}};
+    hypothesis.apply = [](const HypothesisFrame &frame) {
+        for (std::size_t i = 0; i < frame.layout->pixel_count(); ++i)
+            if (i / frame.layout->width % 2 == 1)
+                frame.pixels[i] *= static_cast<float>(1.0 + frame.values[0]);
+    };
+    Capture capture = simulated({}, kCaptureSeed + 400);
+    for (std::size_t s = 1; s < capture.codes.size(); ++s)
+        for (std::size_t i = 0; i < capture.codes[s].size(); ++i)
+            if (i / capture.layout.width % 2 == 1)
+                capture.codes[s][i] = static_cast<std::uint16_t>(std::min(1023.0, 63.2 + 1.05 * (capture.codes[s][i] - 63.2) + 0.5));
+    auto options = quick(3);
+    EXPECT_NE(diagnose(context(), capture, options).verdict, Verdict::kNone);
+    options.hypotheses = {hypothesis};
+    const DiagnosisResult result = diagnose(context(), capture, options);
+    EXPECT_EQ(result.effects, std::vector<std::string>{"odd_rows"});
+    ASSERT_EQ(result.parameters.size(), 1u);
+    EXPECT_NEAR(result.parameters[0].value, 0.05, 0.01);
+}
+
+TEST(Diagnosis, CanBeCancelled) {
+    auto options = quick(4);
+    int calls = 0;
+    options.progress = [&](const std::string &, double fraction) {
+        EXPECT_GE(fraction, 0.0);
+        EXPECT_LE(fraction, 1.0);
+        return ++calls < 5;
+    };
+    try {
+        diagnose(context(), simulated({}, kCaptureSeed + 500), options);
+        FAIL() << "it went on";
+    } catch (const Error &error) {
+        EXPECT_EQ(error.status(), Status::kCancelled);
+    }
+    EXPECT_EQ(calls, 5);
+}
+
+} // namespace
