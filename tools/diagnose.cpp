@@ -56,6 +56,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     const bool to_file = !arguments.json.empty() && arguments.json != "-";
     if (to_file)
         check_writable(arguments.json);
+    if (!arguments.html.empty() && arguments.html == arguments.json)
+        throw InputError("--json and --html name the same file; give each its own");
     if (!arguments.html.empty())
         check_writable(arguments.html);
     const auto capture = clspeckle::Capture::open(arguments.folder);

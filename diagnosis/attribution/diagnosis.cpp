@@ -1,6 +1,7 @@
 #include "attribution/diagnosis.hpp"
 
 #include "attribution/shrinkage.hpp"
+#include "capture/capture_check.hpp"
 #include "report/downstream.hpp"
 #include "report/evidence.hpp"
 #include "runtime/error.hpp"
@@ -43,12 +44,56 @@ bool explained(const SearchResult &found, std::size_t step) {
     return count > 0.0 && sum / count < kExplained;
 }
 
+// A lit sequence without light has no level to be simulated at.
+constexpr double kLeastLightDn = 0.5;
+
+// The capture without what cannot be judged; notes say what and why.
+Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<std::string> &notes) {
+    Capture result;
+    result.layout = capture.layout;
+    result.layout.sequences.clear();
+    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
+        const SequenceLayout &sequence = capture.layout.sequences[s];
+        if (sequence.scene != CaptureScene::kDark && summary.sequences[s].level_above_dark_dn < kLeastLightDn) {
+            notes.push_back(fmt::format("{} was left out: its mean is {:.2f} DN above the dark level, so there is no light to judge",
+                                        sequence.name, summary.sequences[s].level_above_dark_dn));
+            continue;
+        }
+        result.layout.sequences.push_back(sequence);
+        result.codes.push_back(capture.codes[s]);
+    }
+    return result;
+}
+
+// What the capture's own check says of it: warnings, questions that it cannot answer, effects that cannot show in it.
+std::vector<std::string> notes_of(const CaptureSummary &summary) {
+    std::vector<std::string> notes;
+    for (const CaptureWarning &warning : summary.warnings)
+        notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
+    for (const CaptureAbility &ability : summary.abilities)
+        if (!ability.can)
+            notes.push_back(fmt::format("cannot be told: {} ({})", ability.topic, ability.reason));
+    std::string unseen;
+    for (const EffectVisibility &effect : summary.effects)
+        if (effect.sequences.empty())
+            unseen += (unseen.empty() ? "" : ", ") + effect.id;
+    if (!unseen.empty())
+        notes.push_back("these effects cannot show in this capture: " + unseen);
+    return notes;
+}
+
 } // namespace
 
-DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &capture, const DiagnosisOptions &options) {
+DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
     const auto start = std::chrono::steady_clock::now();
     const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     const std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    const CaptureSummary summary = summarize_capture(given);
+    std::vector<std::string> notes = notes_of(summary);
+    const Capture capture = judgeable(given, summary, notes);
+    if (capture.codes.empty())
+        throw Error(Status::kInvalidData, "no sequence of the capture can be judged: none is dark, and none has light; check "
+                                          "that the files belong to the scenes that capture.json names");
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
     std::string doing;
     double fraction = 0.0;
@@ -71,6 +116,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &captur
 
     DiagnosisResult result;
     result.seed = options.seed;
+    result.notes = std::move(notes);
     result.level = options.level;
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;

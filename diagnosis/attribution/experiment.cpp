@@ -65,7 +65,8 @@ Calibration Experiment::measured_calibration(const Codes &codes, const std::vect
         const SequenceLevel level = sequence_level(layout_, s, codes[s].data(), frame_counts[s]);
         mean += level.mean_dn;
         ++means;
-        if (frame_counts[s] >= 2) {
+        // Frames that are all alike are a damaged recording, no noiseless camera: then the data sheet's noise counts.
+        if (frame_counts[s] >= 2 && level.temporal_noise_dn > 0.0) {
             variance += level.temporal_noise_dn * level.temporal_noise_dn;
             ++variances;
         }

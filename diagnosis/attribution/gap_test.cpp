@@ -71,6 +71,16 @@ Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }
 
+Eigen::MatrixXd GapModel::strays() const {
+    const Eigen::Index n = static_cast<Eigen::Index>(replicates_.draws.size());
+    Eigen::MatrixXd result(n, directions_.cols());
+    for (Eigen::Index r = 0; r < n; ++r) {
+        const Covariance &other = part_[r < n / 2 ? 1 : 0];
+        result.row(r) = coefficients(other, replicates_.draws[static_cast<std::size_t>(r)].mean() - other.mean());
+    }
+    return result;
+}
+
 Eigen::VectorXd GapModel::projected(const Eigen::VectorXd &difference) const {
     if (directions_.cols() == 0)
         return difference;

@@ -45,6 +45,10 @@ class GapModel {
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 
+    // The coefficients that the same fit finds in each replicate's difference from the others' mean, by the covariance of the other half of
+    // the replicates: how far a fit strays by chance. One row a replicate.
+    Eigen::MatrixXd strays() const;
+
   private:
     // Without what lies along the directions.
     Eigen::VectorXd projected(const Eigen::VectorXd &difference) const;

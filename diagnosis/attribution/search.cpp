@@ -2,6 +2,7 @@
 
 #include "attribution/distributions.hpp"
 #include "attribution/least_squares.hpp"
+#include "runtime/error.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -43,14 +44,27 @@ Eigen::VectorXd pool_mean(const Pool &pool) {
     return sum / static_cast<double>(pool.statistics.size());
 }
 
-// Variance of each coefficient of the directions that errors of the model cause.
-Eigen::VectorXd fit_of_errors(const GapModel &model, const Eigen::MatrixXd &jacobian) {
+// Variance of each coefficient of the directions that errors of the model cause: of the size of all changes together, and of each
+// statistic on its own. change: of the mean statistics by the effects.
+Eigen::VectorXd fit_of_errors(const GapModel &model, const Eigen::MatrixXd &jacobian, const Eigen::VectorXd &change) {
     const Covariance &covariance = model.full();
-    Eigen::VectorXd result = Eigen::VectorXd::Zero(jacobian.cols());
+    Eigen::VectorXd result = model.coefficients(covariance, kModelError * change).cwiseAbs2();
     for (Eigen::Index k = 0; k < jacobian.rows(); ++k)
         if (covariance.tolerance()[k] > 0.0)
             result += model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(jacobian.rows(), k)).cwiseAbs2();
     return result;
+}
+
+// False if the simulator refuses what it was asked for: an effect beyond what this capture's geometry allows is no candidate.
+template <typename Work> bool possible(const Work &work) {
+    try {
+        work();
+    } catch (const Error &error) {
+        if (error.status() != Status::kInvalidArgument)
+            throw;
+        return false;
+    }
+    return true;
 }
 
 std::string label(const EffectSettings &effects) {
@@ -226,7 +240,11 @@ std::vector<Refined> Search::screen(const Model &model, const FittedModel &fitte
         report(0.0, "screening " + candidate.id);
         Model with = model;
         with.add(candidate, 1.0, 0.5);
-        Change change = simulate_change(experiment_, pool, with.settings(), refined.concerned, options_.seed, kSearchSeeds);
+        Change change;
+        if (!possible([&] {
+                change = simulate_change(experiment_, pool, with.settings(), refined.concerned, options_.seed, kSearchSeeds);
+            }))
+            continue;
         Eigen::MatrixXd columns(jacobian.rows(), jacobian.cols() + 1);
         columns << covariance.whiten(change.mean), jacobian;
         const Eigen::VectorXd coefficients = solve_least_squares(columns, target);
@@ -311,7 +329,8 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
     FittedModel fitted;
     fitted.effects = settings;
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
-    const Eigen::VectorXd tolerance = kModelError * (pool_mean(pool) - pool_mean(baseline_pool_)).cwiseAbs();
+    const Eigen::VectorXd change = pool_mean(pool) - pool_mean(baseline_pool_);
+    const Eigen::VectorXd tolerance = kModelError * change.cwiseAbs();
     fitted.model = GapModel(experiment_,
                             replicate(settings, levels, options_.model_replicates, from, to, "simulating " + label(settings)),
                             options_.residual_level, jacobian, tolerance);
@@ -321,14 +340,11 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
     step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
     fitted.correction = jacobian * step;
     fitted.residual = fitted.model.test(experiment_.real());
-    // Intervals: how far the same fit strays on the replicates.
-    const auto &draws = fitted.model.replicates().draws;
-    Eigen::MatrixXd strays(static_cast<Eigen::Index>(draws.size()), parameters);
-    for (Eigen::Index r = 0; r < strays.rows(); ++r)
-        strays.row(r) = fitted.model.coefficients(covariance, draws[r].mean() - covariance.mean());
+    // Intervals: how far the same fit strays on replicates that its covariance has not seen.
+    const Eigen::MatrixXd strays = fitted.model.strays();
     const double n = static_cast<double>(strays.rows());
     // And what the model's error does to it.
-    const Eigen::VectorXd of_error = fit_of_errors(fitted.model, jacobian);
+    const Eigen::VectorXd of_error = fit_of_errors(fitted.model, jacobian, change);
     const double factor = student_two_sided_quantile(0.05, n - 1.0) * std::sqrt(1.0 + 1.0 / n);
     for (Eigen::Index p = 0; p < parameters; ++p) {
         const Strength &s = model.strengths[p];
@@ -378,8 +394,9 @@ SearchResult Search::run() {
                     continue;
                 }
                 report(progress + 0.2 * share, "fitting " + candidate.candidate->id);
-                refine(candidate, model, *current, pool);
-                candidate.fitted = true;
+                candidate.fitted = possible([&] { refine(candidate, model, *current, pool); });
+                if (!candidate.fitted)
+                    candidate.gain = 0.0;
                 explained = std::max(explained, candidate.gain);
             }
             std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
@@ -387,15 +404,22 @@ SearchResult Search::run() {
             std::vector<Model> models;
             std::vector<Pool> pools;
             std::vector<FittedModel> fits;
+            std::vector<const Refined *> finalists;
             for (const Refined &candidate : refined) {
                 const double margin = std::max(kFinalMargin, kFinalMarginShare * refined.front().gain);
                 if (models.size() == options_.finalists || candidate.gain < kLeastGain || candidate.gain < refined.front().gain - margin)
                     break;
-                models.push_back(model);
-                models.back().add(*candidate.candidate, candidate.sign, candidate.strength);
-                pools.emplace_back();
-                const double from = progress + share * (0.4 + 0.6 * static_cast<double>(models.size() - 1) / options_.finalists);
-                fits.push_back(fit(models.back(), pools.back(), from, from + 0.6 * share / options_.finalists));
+                const double from = progress + share * (0.4 + 0.6 * static_cast<double>(models.size()) / options_.finalists);
+                Model with = model;
+                with.add(*candidate.candidate, candidate.sign, candidate.strength);
+                Pool own;
+                FittedModel fitted;
+                if (!possible([&] { fitted = fit(with, own, from, from + 0.6 * share / options_.finalists); }))
+                    continue;
+                finalists.push_back(&candidate);
+                models.push_back(std::move(with));
+                pools.push_back(std::move(own));
+                fits.push_back(std::move(fitted));
             }
             progress += share;
             if (fits.empty())
@@ -416,13 +440,14 @@ SearchResult Search::run() {
                     continue;
                 RankedEffect ranked;
                 ranked.effect = refined[i].candidate->id;
-                ranked.simulated = i < fits.size();
+                const std::size_t place = std::find(finalists.begin(), finalists.end(), &refined[i]) - finalists.begin();
+                ranked.simulated = place < finalists.size();
                 // The held-out gain of a fit, put on the scale of the replicates' by the best one's.
-                ranked.gain = ranked.simulated ? current->score - fits[i].score
-                                               : std::min(refined[i].gain - refined[best].gain + gain, gain);
+                ranked.gain = ranked.simulated ? current->score - fits[place].score
+                                               : std::min(refined[i].gain - finalists[best]->gain + gain, gain);
                 if (ranked.simulated) {
-                    ranked.values = fits[i].effects.back().values;
-                    ranked.distance_after = fits[i].residual.distance;
+                    ranked.values = fits[place].effects.back().values;
+                    ranked.distance_after = fits[place].residual.distance;
                 } else {
                     Model with;
                     with.add(*refined[i].candidate, refined[i].sign, refined[i].strength);

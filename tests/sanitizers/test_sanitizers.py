@@ -40,6 +40,7 @@ WITH_TRANSFORM = {
     "test_safety",
     "test_cpp_binding",
     "test_concurrency",
+    "test_gap_report",
     "test_gap_simulator",
     "test_gap_simulator_physics",
     "test_attribution",
