@@ -22,7 +22,7 @@ double excess_distance(double mean_square, double expected) { return std::sqrt(s
 
 } // namespace
 
-Eigen::VectorXd least_deviations(const std::vector<FoldStatistics> &draws) {
+Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws) {
     // A statistic that is the same in all replicates (a count of what never happens) may take another value by chance about once in as
     // many captures; a quarter of its unit keeps that from being a certainty.
     const Eigen::Index count = draws.front().first.size();
@@ -33,7 +33,7 @@ Eigen::VectorXd least_deviations(const std::vector<FoldStatistics> &draws) {
             return std::abs(draw.first[k] - value) <= 1e-9 * (1.0 + std::abs(value)) &&
                    std::abs(draw.second[k] - value) <= 1e-9 * (1.0 + std::abs(value));
         });
-        result[k] = constant ? 0.25 : 1e-9 * (1.0 + std::abs(value));
+        result[k] = std::max(list[static_cast<std::size_t>(k)].least_deviation, constant ? 0.25 : 1e-9 * (1.0 + std::abs(value)));
     }
     return result;
 }
@@ -43,7 +43,7 @@ GapModel::GapModel(const Experiment &experiment, Replicates replicates, double l
     : replicates_(std::move(replicates)), level_(level), directions_(std::move(directions)) {
     const auto &draws = replicates_.draws;
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(experiment.count());
-    const Eigen::VectorXd least = least_deviations(draws);
+    const Eigen::VectorXd least = least_deviations(experiment.list(), draws);
     const std::vector<std::size_t> blocks = blocks_of(experiment);
     Eigen::MatrixXd full(n, count), folds(2 * n, count);
     for (Eigen::Index r = 0; r < n; ++r) {

@@ -63,6 +63,6 @@ class GapModel {
 };
 
 // Standard deviations below which no statistic is trusted.
-Eigen::VectorXd least_deviations(const std::vector<FoldStatistics> &draws);
+Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws);
 
 } // namespace clsp

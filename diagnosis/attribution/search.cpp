@@ -31,6 +31,8 @@ constexpr double kLeastShare = 0.12;
 // Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
 constexpr double kTemperature = 2.0;
 
+// Where the squared distance fell below that part and is still too large, effects are exchanged.
+constexpr double kExchangeBelow = 0.02;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 constexpr int kGaussNewtonRounds = 2;
@@ -99,6 +101,23 @@ struct Model {
             result[s.effect].values[s.parameter] = effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
         return result;
     }
+    Model without(std::size_t effect) const {
+        Model result = *this;
+        result.effects.erase(result.effects.begin() + static_cast<std::ptrdiff_t>(effect));
+        result.strengths.clear();
+        for (Strength s : strengths)
+            if (s.effect != effect) {
+                s.effect -= s.effect > effect ? 1 : 0;
+                result.strengths.push_back(s);
+            }
+        return result;
+    }
+    Model first(std::size_t count) const {
+        Model result = *this;
+        while (result.effects.size() > count)
+            result = result.without(count);
+        return result;
+    }
     void add(const Candidate &candidate, double sign, double strength) {
         effects.push_back({&candidate, sign});
         for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
@@ -125,6 +144,14 @@ struct Refined {
     Response response;
 };
 
+// Effects in the order in which they were found.
+struct Path {
+    Model model;
+    Pool pool; // of the whole model
+    std::vector<SearchStep> steps;
+    std::vector<FittedModel> models; // after each step
+};
+
 class Search {
   public:
     Search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
@@ -142,6 +169,11 @@ class Search {
     void refine(Refined &refined, const Model &model, const FittedModel &fitted, const Pool &pool);
     double held_out(const FittedModel &fitted, const Response *response, double *strength) const;
     FittedModel fit(Model &model, Pool &pool, double from, double to);
+    SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
+                         const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
+    // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
+    bool grow(Path &path, const FittedModel &current, double from, double share);
+    void exchange(Path &path, double from);
     // What the squared distance of both halves has beyond chance.
     double excess_square(const FittedModel &fitted) const {
         return held_out(fitted, nullptr, nullptr) - 2.0 * static_cast<double>(experiment_.count());
@@ -360,6 +392,139 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
     return fitted;
 }
 
+SearchStep Search::described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
+                             const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const {
+    const double gain = current.score - fits[best].score, excess = excess_square(current);
+    SearchStep step;
+    step.added = finalists[best]->candidate->id;
+    step.residual = fits[best].residual;
+    double sum = 0.0;
+    for (const Refined &candidate : refined) {
+        if (!candidate.fitted)
+            continue;
+        RankedEffect ranked;
+        ranked.effect = candidate.candidate->id;
+        const std::size_t place = std::find(finalists.begin(), finalists.end(), &candidate) - finalists.begin();
+        ranked.simulated = place < finalists.size();
+        // The held-out gain of a fit, put on the scale of the replicates' by the best one's.
+        ranked.gain = ranked.simulated ? current.score - fits[place].score
+                                       : std::min(candidate.gain - finalists[best]->gain + gain, gain);
+        if (ranked.simulated) {
+            ranked.values = fits[place].effects.back().values;
+            ranked.distance_after = fits[place].residual.distance;
+        } else {
+            Model with;
+            with.add(*candidate.candidate, candidate.sign, candidate.strength);
+            ranked.values = with.settings().back().values;
+            ranked.distance_after = std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
+        }
+        ranked.probability = std::exp(-(gain - ranked.gain) / (2.0 * kTemperature));
+        sum += ranked.probability;
+        step.ranking.push_back(ranked);
+    }
+    for (RankedEffect &ranked : step.ranking)
+        ranked.probability /= sum;
+    std::stable_sort(step.ranking.begin(), step.ranking.end(),
+                     [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
+    return step;
+}
+
+bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
+    std::vector<Refined> refined = screen(path.model, current, path.pool);
+    if (refined.size() > options_.refined)
+        refined.resize(options_.refined);
+    const double excess = excess_square(current);
+    double explained = 0.0;
+    for (Refined &candidate : refined) {
+        // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
+        if (explained > kNearlyAll * excess && candidate.gain < kFirstLook * refined.front().gain) {
+            candidate.gain = 0.0;
+            continue;
+        }
+        report(from + 0.2 * share, "fitting " + candidate.candidate->id);
+        candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
+        if (!candidate.fitted)
+            candidate.gain = 0.0;
+        explained = std::max(explained, candidate.gain);
+    }
+    std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    // Those that the last comparison must decide between: by replicates of their own.
+    std::vector<Model> models;
+    std::vector<Pool> pools;
+    std::vector<FittedModel> fits;
+    std::vector<const Refined *> finalists;
+    for (const Refined &candidate : refined) {
+        const double margin = std::max(kFinalMargin, kFinalMarginShare * refined.front().gain);
+        if (models.size() == options_.finalists || candidate.gain < kLeastGain || candidate.gain < refined.front().gain - margin)
+            break;
+        const double begin = from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / options_.finalists);
+        Model with = path.model;
+        with.add(*candidate.candidate, candidate.sign, candidate.strength);
+        Pool own;
+        FittedModel fitted;
+        if (!possible([&] { fitted = fit(with, own, begin, begin + 0.6 * share / options_.finalists); }))
+            continue;
+        finalists.push_back(&candidate);
+        models.push_back(std::move(with));
+        pools.push_back(std::move(own));
+        fits.push_back(std::move(fitted));
+    }
+    if (fits.empty())
+        return false;
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < fits.size(); ++i)
+        if (fits[i].score < fits[best].score)
+            best = i;
+    const double gain = current.score - fits[best].score;
+    if (gain < kLeastGain || (fits[best].residual.detected && gain < kLeastShare * excess))
+        return false;
+    path.steps.push_back(described(refined, finalists, fits, best, current));
+    path.model = std::move(models[best]);
+    path.pool = std::move(pools[best]);
+    path.models.push_back(std::move(fits[best]));
+    return true;
+}
+
+// Several effects may share what a missing one causes: the earlier ones were chosen without those that came later. Each in turn is taken out,
+// and the search goes on from the others.
+void Search::exchange(Path &path, double from) {
+    const std::size_t count = path.model.effects.size();
+    for (std::size_t out = 0; out + 1 < count; ++out) {
+        Path other;
+        other.model = path.model.without(out);
+        other.steps = path.steps;
+        other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(out));
+        FittedModel current;
+        if (!possible([&] { current = fit(other.model, other.pool, from, from); }))
+            continue;
+        while (other.model.effects.size() < options_.max_effects && current.residual.detected) {
+            if (!grow(other, current, from, 0.0) || other.steps.back().added == path.steps[out].added)
+                break;
+            current = other.models.back();
+        }
+        if (other.models.empty() || current.score > path.models.back().score - kLeastGain)
+            continue;
+        // The models on the way, for what each effect takes away.
+        const std::size_t kept = count - 1;
+        std::vector<FittedModel> models(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(out));
+        bool complete = true;
+        for (std::size_t n = out + 1; n <= kept && complete; ++n) {
+            Model part = other.model.first(n);
+            Pool pool;
+            FittedModel fitted;
+            complete = possible([&] { fitted = fit(part, pool, from, from); });
+            other.steps[n - 1].residual = fitted.residual;
+            models.push_back(std::move(fitted));
+        }
+        if (!complete)
+            continue;
+        models.insert(models.end(), other.models.begin(), other.models.end());
+        other.models = std::move(models);
+        path = std::move(other);
+        return;
+    }
+}
+
 SearchResult Search::run() {
     SearchResult result;
     const std::vector<bool> all(experiment_.layout().sequences.size(), true);
@@ -374,102 +539,23 @@ SearchResult Search::run() {
     baseline.score = held_out(baseline, nullptr, nullptr) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = &baseline;
     if (baseline.residual.detected) {
-        Pool pool = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
-        baseline_pool_ = pool;
-        Model model;
-        result.models.reserve(options_.max_effects); // pointers into it stay
-        const FittedModel *current = &baseline;
+        Path path;
+        path.pool = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
+        baseline_pool_ = path.pool;
         double progress = 0.3;
-        while (model.effects.size() < options_.max_effects) {
+        bool explained = false;
+        while (!explained && path.model.effects.size() < options_.max_effects) {
             const double share = 0.5 * (1.0 - progress);
-            std::vector<Refined> refined = screen(model, *current, pool);
-            if (refined.size() > options_.refined)
-                refined.resize(options_.refined);
-            const double excess = excess_square(*current);
-            double explained = 0.0;
-            for (Refined &candidate : refined) {
-                // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
-                if (explained > kNearlyAll * excess && candidate.gain < kFirstLook * refined.front().gain) {
-                    candidate.gain = 0.0;
-                    continue;
-                }
-                report(progress + 0.2 * share, "fitting " + candidate.candidate->id);
-                candidate.fitted = possible([&] { refine(candidate, model, *current, pool); });
-                if (!candidate.fitted)
-                    candidate.gain = 0.0;
-                explained = std::max(explained, candidate.gain);
-            }
-            std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
-            // Those that the last comparison must decide between: by replicates of their own.
-            std::vector<Model> models;
-            std::vector<Pool> pools;
-            std::vector<FittedModel> fits;
-            std::vector<const Refined *> finalists;
-            for (const Refined &candidate : refined) {
-                const double margin = std::max(kFinalMargin, kFinalMarginShare * refined.front().gain);
-                if (models.size() == options_.finalists || candidate.gain < kLeastGain || candidate.gain < refined.front().gain - margin)
-                    break;
-                const double from = progress + share * (0.4 + 0.6 * static_cast<double>(models.size()) / options_.finalists);
-                Model with = model;
-                with.add(*candidate.candidate, candidate.sign, candidate.strength);
-                Pool own;
-                FittedModel fitted;
-                if (!possible([&] { fitted = fit(with, own, from, from + 0.6 * share / options_.finalists); }))
-                    continue;
-                finalists.push_back(&candidate);
-                models.push_back(std::move(with));
-                pools.push_back(std::move(own));
-                fits.push_back(std::move(fitted));
-            }
+            const FittedModel current = path.models.empty() ? baseline : path.models.back();
+            if (!grow(path, current, progress, share))
+                break;
             progress += share;
-            if (fits.empty())
-                break;
-            std::size_t best = 0;
-            for (std::size_t i = 1; i < fits.size(); ++i)
-                if (fits[i].score < fits[best].score)
-                    best = i;
-            const double gain = current->score - fits[best].score;
-            if (gain < kLeastGain || (fits[best].residual.detected && gain < kLeastShare * excess))
-                break;
-            SearchStep step;
-            step.added = models[best].effects.back().candidate->id;
-            step.residual = fits[best].residual;
-            double sum = 0.0;
-            for (std::size_t i = 0; i < refined.size(); ++i) {
-                if (!refined[i].fitted)
-                    continue;
-                RankedEffect ranked;
-                ranked.effect = refined[i].candidate->id;
-                const std::size_t place = std::find(finalists.begin(), finalists.end(), &refined[i]) - finalists.begin();
-                ranked.simulated = place < finalists.size();
-                // The held-out gain of a fit, put on the scale of the replicates' by the best one's.
-                ranked.gain = ranked.simulated ? current->score - fits[place].score
-                                               : std::min(refined[i].gain - finalists[best]->gain + gain, gain);
-                if (ranked.simulated) {
-                    ranked.values = fits[place].effects.back().values;
-                    ranked.distance_after = fits[place].residual.distance;
-                } else {
-                    Model with;
-                    with.add(*refined[i].candidate, refined[i].sign, refined[i].strength);
-                    ranked.values = with.settings().back().values;
-                    ranked.distance_after = std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
-                }
-                ranked.probability = std::exp(-(gain - ranked.gain) / (2.0 * kTemperature));
-                sum += ranked.probability;
-                step.ranking.push_back(ranked);
-            }
-            for (RankedEffect &ranked : step.ranking)
-                ranked.probability /= sum;
-            std::stable_sort(step.ranking.begin(), step.ranking.end(),
-                             [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
-            result.steps.push_back(std::move(step));
-            model = models[best];
-            pool = std::move(pools[best]);
-            result.models.push_back(std::move(fits[best]));
-            current = &result.models.back();
-            if (!current->residual.detected)
-                break;
+            explained = !path.models.back().residual.detected;
         }
+        if (!explained && path.models.size() > 1 && excess_square(path.models.back()) < kExchangeBelow * excess_square(baseline))
+            exchange(path, progress);
+        result.steps = std::move(path.steps);
+        result.models = std::move(path.models);
     }
     report(1.0, "done");
     baseline_ = nullptr;

@@ -2,6 +2,7 @@
 
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "simulator/exposure_modes.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
@@ -79,7 +80,7 @@ Optics::Stages &Optics::stages_for(const PipelineModel &model, std::uint64_t see
     if (key(field) != key(stages.field->parameters()))
         stages.field->configure(field);
     if (p.exposure_path != exposure_path_) {
-        exposure_steps_ = exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics);
+        exposure_modes_ = exposure_modes(p.exposure_path);
         exposure_path_ = p.exposure_path;
     }
     return stages;
@@ -132,10 +133,9 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
         advance.uniform_correlation = std::exp(-1.0 / p.boiling_correlation_frames);
         phase.enqueue_advance(chain, counter, advance);
     }
-    const std::uint32_t count = moving ? exposure_steps_.count : 1;
+    const std::size_t count = moving ? exposure_modes_.size() : 1;
     Exposure exposure;
     exposure.field = stages.field.get();
-    exposure.gain = 1.0 / count;
     if (airflow) {
         airflow->enqueue_advance(chain, counter);
         exposure.screen = &airflow->screen();
@@ -147,14 +147,12 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
         exposure.moves_image = true;
     }
     stages.aperture->prepare(phase, exposure);
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
         if (i > 0) {
-            PhaseAdvance step;
-            step.uniform_correlation = exposure_steps_.correlation;
-            step.substep = i;
-            phase.enqueue_advance(chain, counter, step);
+            phase.enqueue_refresh(chain, mode_counter(counter, i), {});
             exposure.adds = true;
         }
+        exposure.gain = moving ? exposure_modes_[i] : 1.0;
         stages.aperture->enqueue_intensity(chain, phase, irradiance, intensity, exposure);
     }
 }

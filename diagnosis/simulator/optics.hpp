@@ -18,6 +18,11 @@ inline std::uint64_t frame_counter(std::size_t sequence, std::uint32_t frame) {
     return (std::uint64_t{sequence} << 32) | frame;
 }
 
+// And every one of an exposure's independent patterns: numbers of frames have 48 bits.
+inline std::uint64_t mode_counter(std::uint64_t frame_counter, std::size_t mode) {
+    return frame_counter | (std::uint64_t{mode} << 42);
+}
+
 // Intensities of sequences. Keeps the stages between calls, and makes anew only what the model changes.
 class Optics {
   public:
@@ -52,7 +57,7 @@ class Optics {
     double subsurface_length_px_ = 0.0;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     DeviceBuffer irradiance_, distorted_, uniform_, shaped_;
-    ExposureSteps exposure_steps_;
+    std::vector<double> exposure_modes_{1.0};
     double exposure_path_ = 0.0;
     cl::Kernel dark_;
 };

@@ -38,10 +38,6 @@ void check_values(const Hypothesis &hypothesis, const std::vector<double> &value
     }
 }
 
-// Sub-exposures of a moving scene. A pipeline's few have the contrast of the continuous exposure; the share of nearly dark pixels, which
-// the statistics see, comes within 10 % of its law with these many.
-constexpr double kExposuresAtRest = 8.0, kExposuresPerLag = 4.0;
-
 // The baseline camera's parameters.
 PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequence) {
     PipelineModel model;
@@ -175,9 +171,6 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
             continue;
         }
         effect.apply(result.model, values.data());
-        if (id == "motion_decorrelation")
-            result.model.pipeline.sub_exposures = std::min<std::uint32_t>(
-                kMaxSubstep, static_cast<std::uint32_t>(std::ceil(kExposuresAtRest + kExposuresPerLag * values[0])));
         const EffectPart part = effect_part(id);
         if (part == EffectPart::kOptics)
             result.optical.push_back({id, values});

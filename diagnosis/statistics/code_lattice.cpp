@@ -40,6 +40,9 @@ void measure_levels(const Measurement &m, Sink &sink) {
             above += double(histogram[code]) * std::min(1.0, double(code) + 0.5 - level);
         sink.put("sensor", "share_above_" + std::to_string(percent) + "_percent", "sqrt", std::sqrt(above / total));
     }
+    // One speckle pattern's brightest grain is an accident of the pattern.
+    if (m.geometry.scene != CaptureScene::kFlat && !m.geometry.moving)
+        return;
     // The bright end without a maximum: the ratio of the 16th to the 8th moment comes near it, and is smooth.
     double eighth = 0.0, sixteenth = 0.0;
     for (std::size_t code = 0; code < histogram.size(); ++code) {

@@ -96,16 +96,15 @@ void measure_fixed_pattern(const Measurement &m, Sink &sink) {
     // Hot pixels: a count that begins softly, so that it is never exactly nothing.
     const double deviation = bulk_deviation(geometry, pattern);
     const auto count = [&](double threshold, double step) {
-        return std::sqrt(soft_count(geometry, pattern, threshold * deviation, step * deviation) + 0.375);
+        return soft_count(geometry, pattern, threshold * deviation, step * deviation);
     };
-    sink.put("sensor", "hot_pixels_6_sigma", "sqrt", count(6.0, 0.5));
-    sink.put("sensor", "hot_pixels_12_sigma", "sqrt", count(12.0, 1.0));
+    sink.put_count("sensor", "hot_pixels_6_sigma", count(6.0, 0.5));
+    sink.put_count("sensor", "hot_pixels_12_sigma", count(12.0, 1.0));
     if (is_flat) {
         std::vector<float> negative(pattern);
         for (float &value : negative)
             value = -value;
-        sink.put("sensor", "cold_pixels_6_sigma", "sqrt",
-                 std::sqrt(soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation) + 0.375));
+        sink.put_count("sensor", "cold_pixels_6_sigma", soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation));
     }
 
     const char *names[] = {"fixed_pattern_correlation_x1", "fixed_pattern_correlation_y1"};

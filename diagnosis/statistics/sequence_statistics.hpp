@@ -22,6 +22,8 @@ struct StatisticInfo {
     std::string name;     // for example "dot_width_x"
     std::string region;   // "all", "r0c2" (of 3 x 3), "ring1" ...
     std::string unit;     // "DN", "px", "1" ...
+    // Its standard deviation is never taken as less: replicates without any of a rare thing say little of how often one comes.
+    double least_deviation = 0.0;
 };
 
 // What was calibrated before any statistic is spoken of.

@@ -20,13 +20,20 @@ class Sink {
 
     void put(const char *stage, const std::string &name, const std::string &region, const char *unit, double value) {
         if (list_)
-            list_->push_back({stage, sequence_, name, region, unit});
+            list_->push_back({stage, sequence_, name, region, unit, 0.0});
         if (values_)
             values_[count_] = std::isfinite(value) ? value : 0.0;
         ++count_;
     }
     void put(const char *stage, const std::string &name, const char *unit, double value) {
         put(stage, name, "all", unit, value);
+    }
+
+    // The root of a count of rare things; half is the standard deviation of a large one.
+    void put_count(const char *stage, const std::string &name, double count) {
+        put(stage, name, "sqrt", std::sqrt(count + 0.375));
+        if (list_)
+            list_->back().least_deviation = 0.25;
     }
 
     std::size_t count() const { return count_; }

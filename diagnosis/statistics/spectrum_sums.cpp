@@ -23,8 +23,13 @@ std::vector<float> hann(std::size_t count) {
     return window;
 }
 
+// Rings of |f| up to the corner of the frequency plane, narrow enough for the spectrum to be flat in each.
+constexpr std::size_t kPeakRings = 48;
+constexpr double kCorner = 0.7072;
+
 struct PowerSums {
-    std::array<double, kBands + 1> power{}, square{}, count{};
+    std::array<double, kBands + 1> power{}, count{};
+    std::array<double, kPeakRings> ring_power{}, ring_square{}, ring_count{};
     double along_x = 0.0, along_y = 0.0;
 };
 
@@ -53,11 +58,14 @@ PowerSums sum_power(const Geometry &geometry, double cutoff, const float *image)
             if (kx <= 1 && ky <= 1)
                 continue; // what the window makes of the mean
             const double fy = double(ky) / double(height), power = double(std::norm(line[y]));
-            const double position = std::sqrt(fx * fx + fy * fy) / cutoff * double(kBands);
+            const double frequency = std::sqrt(fx * fx + fy * fy), position = frequency / cutoff * double(kBands);
             const std::size_t band = position < double(kBands) ? std::size_t(position) : kBands;
             sums.power[band] += multiplicity * power;
-            sums.square[band] += multiplicity * power * power;
             sums.count[band] += multiplicity;
+            const std::size_t ring = std::min(std::size_t(frequency / kCorner * double(kPeakRings)), kPeakRings - 1);
+            sums.ring_power[ring] += multiplicity * power;
+            sums.ring_square[ring] += multiplicity * power * power;
+            sums.ring_count[ring] += multiplicity;
             if (fx > fy)
                 sums.along_x += multiplicity * power;
             else if (fx < fy)
@@ -82,31 +90,35 @@ SpectrumSums sum_spectrum(const Geometry &geometry, double cutoff, const std::ve
     for (const PowerSums &part : parts) {
         for (std::size_t k = 0; k <= kBands; ++k) {
             total.power[k] += part.power[k];
-            total.square[k] += part.square[k];
             total.count[k] += part.count[k];
+        }
+        for (std::size_t k = 0; k < kPeakRings; ++k) {
+            total.ring_power[k] += part.ring_power[k];
+            total.ring_square[k] += part.ring_square[k];
+            total.ring_count[k] += part.ring_count[k];
         }
         total.along_x += part.along_x;
         total.along_y += part.along_y;
     }
     SpectrumSums sums;
-    double power = 0.0, count = 0.0, peaks = 0.0, bands = 0.0;
+    double power = 0.0, count = 0.0, peaks = 0.0;
     for (std::size_t k = 0; k <= kBands; ++k) {
         power += total.power[k];
         count += total.count[k];
-        if (total.power[k] > 0.0) {
-            const double mean = total.power[k] / total.count[k];
-            peaks += 0.5 * total.square[k] / total.count[k] / (mean * mean);
-            bands += 1.0;
-        }
     }
+    for (std::size_t k = 0; k < kPeakRings; ++k)
+        if (total.ring_power[k] > 0.0) {
+            const double mean = total.ring_power[k] / total.ring_count[k];
+            peaks += 0.5 * total.ring_square[k] / (mean * mean);
+        }
     const double mean_density = ratio(power, count);
     for (std::size_t k = 0; k < kBands; ++k)
         sums.band[k] = ratio(ratio(total.power[k], total.count[k]), mean_density);
     sums.outside = ratio(ratio(total.power[kBands], total.count[kBands]), mean_density);
     if (total.along_x > 0.0 && total.along_y > 0.0)
         sums.direction = total.along_x / total.along_y;
-    if (bands > 0.0)
-        sums.peaks = peaks / bands;
+    if (count > 0.0)
+        sums.peaks = peaks / count;
     return sums;
 }
 

@@ -233,7 +233,8 @@ def levels(s: Sequence) -> Values:
         above = 1.0 - share_below(s, s.black + full * percent / 100)
         values[f"share_above_{percent}_percent", "all"] = float(np.sqrt(max(above, 0.0)))
     signal = np.maximum(s.signal[:, s.mask], 0.0) / full
-    values["bright_end", "all"] = float(np.log((signal**16).mean() / (signal**8).mean()) / 8)
+    if s.scene == "flat" or s.moving:
+        values["bright_end", "all"] = float(np.log((signal**16).mean() / (signal**8).mean()) / 8)
     return values
 
 
@@ -327,12 +328,14 @@ def spectrum(s: Sequence, images: Array) -> Values:
         values["power_beyond_cutoff", "all"] = float(np.log(power[:, usable & (band == 6)].mean() / whole + 1e-6))
     direction = power[:, usable & (fx > fy)].sum() / power[:, usable & (fx < fy)].sum()
     values["power_direction", "all"] = float(np.log(direction))
-    peaks = []
-    for k in range(7):
-        part = power[:, usable & (band == k)]
+    peaks, modes = 0.0, 0
+    ring = np.minimum(np.floor(np.hypot(fx, fy) / 0.7072 * 48), 47)
+    for k in range(48):
+        part = power[:, usable & (ring == k)]
         if part.size:
-            peaks.append((part**2).mean() / part.mean() ** 2 / 2)
-    values["power_lines", "all"] = float(np.log(np.mean(peaks)))
+            peaks += (part**2).sum() / part.mean() ** 2 / 2
+            modes += part.size
+    values["power_lines", "all"] = float(np.log(peaks / modes))
     return values
 
 
