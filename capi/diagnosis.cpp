@@ -3,6 +3,7 @@
 #include "attribution/diagnosis.hpp"
 #include "capture/capture_validation.hpp"
 #include "capture_handle.hpp"
+#include "comparison/comparison.hpp"
 #include "image_io/image_io.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
@@ -272,6 +273,32 @@ CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const
         const DiagnosisOptions options = diagnosis_options(desc);
         validate_capture(*real);
         give(diagnosis, std::make_shared<const DiagnosisResult>(diagnose(device, *real, options)));
+    });
+}
+
+CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCapture sim, const ClspDiagnoseDesc *desc,
+                                ClspDiagnosis *diagnosis) {
+    return guarded("clspCompare", [&] {
+        const auto device = object(context);
+        const auto camera = object(real);
+        const auto simulator = object(sim);
+        required(diagnosis, "diagnosis");
+        const DiagnosisOptions options = diagnosis_options(desc);
+        if (!options.hypotheses.empty())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("desc->hypothesis_count is {}, a comparison takes none: hypotheses are functions on "
+                                    "frames that the library's own simulator draws",
+                                    options.hypotheses.size()));
+        const auto validate = [](const Capture &capture, const char *what) {
+            try {
+                validate_capture(capture);
+            } catch (const Error &error) {
+                throw Error(error.status(), fmt::format("the {} capture: {}", what, error.what()));
+            }
+        };
+        validate(*camera, "real");
+        validate(*simulator, "simulated");
+        give(diagnosis, std::make_shared<const DiagnosisResult>(compare(device, *camera, *simulator, options)));
     });
 }
 

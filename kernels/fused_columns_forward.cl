@@ -74,16 +74,18 @@ static inline lanes_u load_words(const source_t *s, __global const uint *from) {
     return vload_lanes(0, values);
 }
 
-static inline lanes_complex load_numbers(const source_t *s, __global const float *from) {
-    if (s->whole)
-        return load_interleaved(from);
+static inline void load_numbers(const source_t *s, __global const float *from, lanes_complex *z) {
+    if (s->whole) {
+        load_interleaved(from, z);
+        return;
+    }
     float re[LANES], im[LANES];
     for (uint lane = 0; lane < LANES; ++lane) {
         re[lane] = lane < s->count ? from[2u * lane] : 0.0f;
         im[lane] = lane < s->count ? from[2u * lane + 1u] : 0.0f;
     }
-    const lanes_complex z = {vload_lanes(0, re), vload_lanes(0, im)};
-    return z;
+    z->re = vload_lanes(0, re);
+    z->im = vload_lanes(0, im);
 }
 
 #if FIELD_UNIT_PHASOR
@@ -98,17 +100,18 @@ static inline lanes_complex load_numbers(const source_t *s, __global const float
 #endif
 
 // unit_field() of LANES samples from sample i on.
-static inline lanes_complex unit_fields(const source_t *s, ulong i) {
+static inline void unit_fields(const source_t *s, ulong i, lanes_complex *z) {
 #if FIELD_UNIT_PHASOR
-    return phasors_from_words(load_words(s, s->state + s->first + i));
+    phasors_from_words(load_words(s, s->state + s->first + i), z);
 #elif PHASE_CONTINUOUS
-    const lanes_complex turn = phasors_from_words(load_words(s, (__global const uint *)s->state + i) >> 2);
-    const lanes_complex a = load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i);
-    const lanes_complex b = load_numbers(s, s->state + knot_offset(s->samples, s->first, 1) + 2 * i);
-    const lanes_complex z = {fma(turn.im, b.re, turn.re * a.re), fma(turn.im, b.im, turn.re * a.im)};
-    return z;
+    lanes_complex turn, a, b;
+    phasors_from_words(load_words(s, (__global const uint *)s->state + i) >> 2, &turn);
+    load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i, &a);
+    load_numbers(s, s->state + knot_offset(s->samples, s->first, 1) + 2 * i, &b);
+    z->re = fma(turn.im, b.re, turn.re * a.re);
+    z->im = fma(turn.im, b.im, turn.re * a.im);
 #else
-    return load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i);
+    load_numbers(s, s->state + knot_offset(s->samples, s->first, 0) + 2 * i, z);
 #endif
 }
 
@@ -132,7 +135,8 @@ static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *i
     }
     if (!all((i0 >= 0.0f) & (i0 <= FLT_MAX)))
         i0 = sanitized_lanes(s, i0, y, pixel_y);
-    lanes_complex z = unit_fields(s, i);
+    lanes_complex z;
+    unit_fields(s, i, &z);
     lanes_f amplitude = sqrt(i0);
 #if MATERIALS
     float random[LANES], coherent[LANES], share[LANES];
@@ -163,13 +167,15 @@ static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *i
 #if LINES
     // Heights of the samples in standard deviations: they belong to the surface that `epoch` drew.
     const uint j = y / s->quarter;
-    turns += s->line_turns *
-             normals_of_blocks(image_blocks(s->x, y - j * s->quarter, s->epoch_low, s->epoch_high, STREAM_SURFACE_HEIGHT, s->key), j);
+    lanes_words4 blocks;
+    image_blocks(s->x, y - j * s->quarter, s->epoch_low, s->epoch_high, STREAM_SURFACE_HEIGHT, s->key, &blocks);
+    turns += s->line_turns * normals_of_blocks(&blocks, j);
 #endif
 #if SCREEN
     turns += as_lanes_f(load_words(s, (__global const uint *)(s->screen + i)));
 #endif
-    const lanes_complex p = phasors_from_turns(turns);
+    lanes_complex p;
+    phasors_from_turns(turns, &p);
     const lanes_complex turned = {u.re * p.re - u.im * p.im, u.re * p.im + u.im * p.re};
     u = turned;
 #endif

@@ -1,5 +1,6 @@
 // Explicit vectors for CPU devices: one work-item works on LANES columns or rows at once, lane l on the l-th. The same numbers as the scalar
-// functions of philox.h, bit for bit: the same operations in the same order.
+// functions of philox.h, bit for bit: the same operations in the same order. Pairs go to out-parameters: inlining a function that returns
+// a structure leaves an intrinsic behind (llvm.experimental.noalias.scope.decl) that oclgrind 21.10 cannot run.
 //   LANES  4, 8 or 16
 #ifndef CLSP_FUSED_LANES_H
 #define CLSP_FUSED_LANES_H
@@ -37,14 +38,14 @@ static inline lanes_u lane_numbers(void) {
 }
 
 // Complex numbers that lie in memory as re, im, re, im ..
-static inline lanes_complex load_interleaved(__global const float *from) {
+static inline void load_interleaved(__global const float *from, lanes_complex *z) {
     const lanes_f a = vload_lanes(0, from), b = vload_lanes(1, from);
-    const lanes_complex z = {(lanes_f)(a.even, b.even), (lanes_f)(a.odd, b.odd)};
-    return z;
+    z->re = (lanes_f)(a.even, b.even);
+    z->im = (lanes_f)(a.odd, b.odd);
 }
 
 // exp(2 pi i word / 2^32), as phasor_from_word().
-static inline lanes_complex phasors_from_words(lanes_u word) {
+static inline void phasors_from_words(lanes_u word, lanes_complex *phasors) {
     const lanes_u quadrant = (word + 0x20000000u) >> 30;
     const lanes_f f = convert_lanes_f(as_lanes_i(word - (quadrant << 30))) * 0x1p-32f;
     const lanes_f g = f * f;
@@ -60,15 +61,14 @@ static inline lanes_complex phasors_from_words(lanes_u word) {
     const lanes_i odd = as_lanes_i(quadrant << 31) >> 31;
     const lanes_i sine = as_lanes_i(s), cosine = as_lanes_i(c);
     const lanes_i re = (odd & sine) | (~odd & cosine), im = (odd & cosine) | (~odd & sine);
-    const lanes_complex phasor = {as_lanes_f(re ^ as_lanes_i((quadrant ^ (quadrant << 1)) << 30 & 0x80000000u)),
-                                  as_lanes_f(im ^ as_lanes_i(quadrant << 30 & 0x80000000u))};
-    return phasor;
+    phasors->re = as_lanes_f(re ^ as_lanes_i((quadrant ^ (quadrant << 1)) << 30 & 0x80000000u));
+    phasors->im = as_lanes_f(im ^ as_lanes_i(quadrant << 30 & 0x80000000u));
 }
 
 // exp(2 pi i turns) of |turns| up to some thousands.
-static inline lanes_complex phasors_from_turns(lanes_f turns) {
+static inline void phasors_from_turns(lanes_f turns, lanes_complex *phasors) {
     const lanes_f fraction = turns - rint(turns);
-    return phasors_from_words(as_lanes_u(convert_lanes_i(fraction * 0x1p31f)) << 1);
+    phasors_from_words(as_lanes_u(convert_lanes_i(fraction * 0x1p31f)) << 1, phasors);
 }
 
 static inline lanes_f uniforms_from_words(lanes_u word) { return fma(convert_lanes_f(word), SPREAD(0x1p-32f), SPREAD(0x1p-33f)); }
@@ -93,7 +93,7 @@ static inline lanes_f minus_logs(lanes_f u) {
 }
 
 // image_block() of the columns x, x + 1 ..
-static inline lanes_words4 image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key, lanes_words4 *blocks) {
     lanes_u c0 = x + lane_numbers(), c1 = (lanes_u)(row), c2 = (lanes_u)(frame_low), c3 = (lanes_u)(stream | frame_high << 16);
     uint k0 = key.x, k1 = key.y;
     for (int round = 0; round < 10; ++round) {
@@ -106,14 +106,17 @@ static inline lanes_words4 image_blocks(uint x, uint row, uint frame_low, uint f
         k0 += 0x9E3779B9u;
         k1 += 0xBB67AE85u;
     }
-    const lanes_words4 words = {c0, c1, c2, c3};
-    return words;
+    blocks->w0 = c0;
+    blocks->w1 = c1;
+    blocks->w2 = c2;
+    blocks->w3 = c3;
 }
 
 // The j-th of the four normals that normals_from_block() makes of each block.
-static inline lanes_f normals_of_blocks(lanes_words4 blocks, uint j) {
-    const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(j < 2u ? blocks.w0 : blocks.w2)));
-    const lanes_complex p = phasors_from_words(j < 2u ? blocks.w1 : blocks.w3);
+static inline lanes_f normals_of_blocks(const lanes_words4 *blocks, uint j) {
+    const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(j < 2u ? blocks->w0 : blocks->w2)));
+    lanes_complex p;
+    phasors_from_words(j < 2u ? blocks->w1 : blocks->w3, &p);
     return r * ((j & 1u) ? p.im : p.re);
 }
 

@@ -4,22 +4,17 @@
 #include "phase_state.h"
 #include "fused_lanes.h"
 
-static inline lanes_u words_of(lanes_words4 blocks, uint j) { return j == 0 ? blocks.w0 : j == 1 ? blocks.w1 : j == 2 ? blocks.w2 : blocks.w3; }
-
-static inline lanes_complex gaussians_from_words(lanes_words4 phase, lanes_words4 magnitude, uint j) {
-    const lanes_f r = sqrt(minus_logs(uniforms_from_words(words_of(magnitude, j))));
-    const lanes_complex p = phasors_from_words(words_of(phase, j));
-    const lanes_complex z = {r * p.re, r * p.im};
-    return z;
+static inline lanes_u words_of(const lanes_words4 *blocks, uint j) {
+    return j == 0 ? blocks->w0 : j == 1 ? blocks->w1 : j == 2 ? blocks->w2 : blocks->w3;
 }
 
 // count of LANES complex numbers, re and im side by side.
-static inline void store_interleaved(lanes_complex z, __global float *to, uint count) {
+static inline void store_interleaved(lanes_f re, lanes_f im, __global float *to, uint count) {
     lanes_f low, high;
-    low.even = z.re.lo;
-    low.odd = z.im.lo;
-    high.even = z.re.hi;
-    high.odd = z.im.hi;
+    low.even = re.lo;
+    low.odd = im.lo;
+    high.even = re.hi;
+    high.odd = im.hi;
     if (count == LANES) {
         vstore_lanes(low, 0, to);
         vstore_lanes(high, 1, to);
@@ -30,6 +25,13 @@ static inline void store_interleaved(lanes_complex z, __global float *to, uint c
     vstore_lanes(high, 1, values);
     for (uint i = 0; i < 2u * count; ++i)
         to[i] = values[i];
+}
+
+static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4 *magnitude, uint j, __global float *to, uint count) {
+    const lanes_f r = sqrt(minus_logs(uniforms_from_words(words_of(magnitude, j))));
+    lanes_complex p;
+    phasors_from_words(words_of(phase, j), &p);
+    store_interleaved(r * p.re, r * p.im, to, count);
 }
 
 static inline void store_words(lanes_u words, __global uint *to, uint count) {
@@ -51,14 +53,17 @@ __kernel void fused_phase_refresh(__global state_word *state, uint grid_width, u
     const ulong samples = (ulong)grid_width * grid_height, first = polarization * samples;
     for (uint x = 0; x < grid_width; x += LANES) {
         const uint count = min((uint)LANES, grid_width - x);
-        const lanes_words4 phase = image_blocks(x, row, frame_low, frame_high, STREAM_PHASE + polarization, key);
+        lanes_words4 phase;
+        image_blocks(x, row, frame_low, frame_high, STREAM_PHASE + polarization, key, &phase);
 #if !FIELD_UNIT_PHASOR
-        const lanes_words4 magnitude = image_blocks(x, row, frame_low, frame_high, STREAM_MAGNITUDE + polarization, key);
+        lanes_words4 magnitude;
+        image_blocks(x, row, frame_low, frame_high, STREAM_MAGNITUDE + polarization, key, &magnitude);
 #endif
 #if PHASE_CONTINUOUS
-        const lanes_words4 next_phase = image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_PHASE + polarization, key);
-        const lanes_words4 next_magnitude = image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_MAGNITUDE + polarization, key);
-        const lanes_words4 start = image_blocks(x, row, frame_low, frame_high, STREAM_PATH_START, key);
+        lanes_words4 next_phase, next_magnitude, start;
+        image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_PHASE + polarization, key, &next_phase);
+        image_blocks(x, row, frame_low, frame_high, STREAM_NEXT_MAGNITUDE + polarization, key, &next_magnitude);
+        image_blocks(x, row, frame_low, frame_high, STREAM_PATH_START, key, &start);
 #endif
         for (uint j = 0; j < 4; ++j) {
             const uint y = row + j * quarter;
@@ -66,14 +71,14 @@ __kernel void fused_phase_refresh(__global state_word *state, uint grid_width, u
                 break;
             const ulong i = (ulong)y * grid_width + x;
 #if FIELD_UNIT_PHASOR
-            store_words(words_of(phase, j), state + first + i, count);
+            store_words(words_of(&phase, j), state + first + i, count);
 #else
-            store_interleaved(gaussians_from_words(phase, magnitude, j), state + knot_offset(samples, first, 0) + 2 * i, count);
+            store_gaussians(&phase, &magnitude, j, state + knot_offset(samples, first, 0) + 2 * i, count);
 #endif
 #if PHASE_CONTINUOUS
-            store_interleaved(gaussians_from_words(next_phase, next_magnitude, j), state + knot_offset(samples, first, 1) + 2 * i, count);
+            store_gaussians(&next_phase, &next_magnitude, j, state + knot_offset(samples, first, 1) + 2 * i, count);
             if (polarization == 0)
-                store_words(words_of(start, j), (__global uint *)state + i, count);
+                store_words(words_of(&start, j), (__global uint *)state + i, count);
 #endif
 #if PHASE_TRANSLATE
             if (polarization == 0) {

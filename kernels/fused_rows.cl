@@ -9,9 +9,11 @@
 #define FFT_INPUT(strip, p, re, im) re = line[2u * (p)], im = line[2u * (p) + 1u]
 #define FFT_OUTPUT(strip, p, re, im) line[2u * (p)] = re, line[2u * (p) + 1u] = im
 
-static inline lanes_complex lanes_product(lanes_complex a, lanes_complex b) {
-    const lanes_complex c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-    return c;
+// *a times b.
+static inline void multiply_lanes(lanes_complex *a, const lanes_complex *b) {
+    const lanes_f re = a->re * b->re - a->im * b->im, im = a->re * b->im + a->im * b->re;
+    a->re = re;
+    a->im = im;
 }
 
 #if COMPLEX_PUPIL
@@ -24,28 +26,30 @@ static inline lanes_complex lanes_product(lanes_complex a, lanes_complex b) {
 // frequencies: of each position along the row, in cycles per sample; row_turns: frequency along the column times shift_y, of each lane.
 #define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_x, lanes_f row_turns
 #define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_x, row_turns
-static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETERS) {
+static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
     const lanes_f turns = -(frequencies[p] * shift_x + row_turns);
-    v = lanes_product(v, phasors_from_turns(turns));
+    lanes_complex ramp;
+    phasors_from_turns(turns, &ramp);
+    multiply_lanes(v, &ramp);
 #else
 #define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil
 #define FFT_PUPIL_ARGUMENTS , pupil
-static inline lanes_complex filtered(lanes_complex v, uint p FFT_PUPIL_PARAMETERS) {
+static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 #endif
 #if COMPLEX_PUPIL
     const lanes_complex t = {pupil[2u * p], pupil[2u * p + 1u]};
-    return lanes_product(v, t);
+    multiply_lanes(v, &t);
 #else
-    const lanes_complex result = {v.re * pupil[p], v.im * pupil[p]};
-    return result;
+    v->re *= pupil[p];
+    v->im *= pupil[p];
 #endif
 }
 #define FFT_PUPIL(p, real, imaginary)                                                                                                      \
     {                                                                                                                                      \
-        const lanes_complex v = {real, imaginary};                                                                                         \
-        const lanes_complex result = filtered(v, p FFT_PUPIL_ARGUMENTS);                                                                   \
-        real = result.re;                                                                                                                  \
-        imaginary = result.im;                                                                                                             \
+        lanes_complex v = {real, imaginary};                                                                                               \
+        filter_lanes(&v, p FFT_PUPIL_ARGUMENTS);                                                                                           \
+        real = v.re;                                                                                                                       \
+        imaginary = v.im;                                                                                                                  \
     }
 
 #include "fused_codelets.h"

@@ -13,29 +13,12 @@
 #include <cstring>
 #include <filesystem>
 #include <random>
-#include <sstream>
 
 namespace tools {
 
 namespace {
 
 namespace fs = std::filesystem;
-
-/** Words broken into lines that begin with an indent. */
-std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110) {
-    std::istringstream words(text);
-    std::string result;
-    std::size_t used = 0;
-    for (std::string word; words >> word;) {
-        if (used > 0 && indent.size() + used + 1 + word.size() > width) {
-            result += "\n";
-            used = 0;
-        }
-        result += (used == 0 ? indent : " ") + word;
-        used += word.size() + (used == 0 ? 0 : 1);
-    }
-    return result;
-}
 
 std::string number_or_dash(const Json &value, const char *format) {
     return value.is_null() ? "-" : fmt::format(fmt::runtime(format), value.get<double>());
@@ -157,14 +140,15 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
         std::uint32_t scene;
         bool moving;
         const std::vector<double> *levels;
+        const char *option;
     };
     static const std::vector<double> no_light = {0.0};
-    const std::vector<Known> known = {{"dark", CLSP_SCENE_DARK, false, &no_light},
-                                      {"flat", CLSP_SCENE_FLAT, false, &a.flat_levels},
-                                      {"board_static", CLSP_SCENE_BOARD, false, &a.board_levels},
-                                      {"board_moving", CLSP_SCENE_BOARD, true, &a.board_levels},
-                                      {"dots_static", CLSP_SCENE_DOTS, false, &a.dots_levels},
-                                      {"dots_moving", CLSP_SCENE_DOTS, true, &a.dots_levels}};
+    const std::vector<Known> known = {{"dark", CLSP_SCENE_DARK, false, &no_light, ""},
+                                      {"flat", CLSP_SCENE_FLAT, false, &a.flat_levels, "--flat-level"},
+                                      {"board_static", CLSP_SCENE_BOARD, false, &a.board_levels, "--board-level"},
+                                      {"board_moving", CLSP_SCENE_BOARD, true, &a.board_levels, "--board-level"},
+                                      {"dots_static", CLSP_SCENE_DOTS, false, &a.dots_levels, "--dots-level"},
+                                      {"dots_moving", CLSP_SCENE_DOTS, true, &a.dots_levels, "--dots-level"}};
     for (const std::string &name : a.sequences)
         if (std::none_of(known.begin(), known.end(), [&](const Known &k) { return name == k.name; }))
             throw InputError(fmt::format(
@@ -178,8 +162,8 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
         const std::vector<double> &levels = *k.levels;
         for (std::size_t i = 0; i < levels.size(); ++i) {
             if (k.scene != CLSP_SCENE_DARK && !(levels[i] > 0.0 && levels[i] <= 1e6))
-                throw InputError(
-                    fmt::format("the level of {} is {:g} DN; a level above 0 is needed", k.name, levels[i]));
+                throw InputError(fmt::format("{}: the level of {} is {:g} DN; above 0 to 1e6 are taken", k.option,
+                                             k.name, levels[i]));
             const bool several = levels.size() > 1;
             // Light is proportional to the time: 10 ms for the first level.
             plans.push_back({several ? fmt::format("{}_{}", k.name, i + 1) : k.name, k.scene, k.moving, levels[i],
@@ -325,8 +309,6 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
     if (fs::exists(a.folder, code) && !a.overwrite)
         throw InputError(
             fmt::format("{}: exists; choose another folder, or replace a capture set with --overwrite", a.folder));
-    if (a.frames == 0 || a.frames > 65535)
-        throw InputError(fmt::format("--frames: a sequence has 1 to 65535 frames, not {}", a.frames));
     std::vector<EffectSetting> effects;
     for (const std::string &text : a.effects)
         effects.push_back(parse_effect(text));

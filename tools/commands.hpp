@@ -8,6 +8,7 @@
 #include "capture.hpp"
 #include "console.hpp"
 #include "diagnose.hpp"
+#include "gap_check.hpp"
 #include "input.hpp"
 #include "options.hpp"
 

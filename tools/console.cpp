@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <sstream>
 
 namespace tools {
 
@@ -121,6 +122,21 @@ std::string table(const std::vector<std::vector<std::string>> &rows, const std::
         text += (text.empty() ? "" : "\n") + line;
     }
     return text;
+}
+
+std::string wrapped(const std::string &text, const std::string &indent, std::size_t width) {
+    std::istringstream words(text);
+    std::string result;
+    std::size_t used = 0;
+    for (std::string word; words >> word;) {
+        if (used > 0 && indent.size() + used + 1 + word.size() > width) {
+            result += "\n";
+            used = 0;
+        }
+        result += (used == 0 ? indent : " ") + word;
+        used += word.size() + (used == 0 ? 0 : 1);
+    }
+    return result;
 }
 
 double now() {

@@ -26,6 +26,7 @@ class Console {
     Console &operator=(const Console &) = delete;
 
     bool json() const { return json_; }
+    bool quiet() const { return quiet_; }
     /** Lines for eyes: on standard output, nothing with --quiet or --json. */
     void print(const std::string &text);
     /** A line on standard error that --quiet does not silence. Repeated ones are shown once. */
@@ -57,6 +58,9 @@ class Console {
 
 /** Columns of text, left-aligned, the first row as header. */
 std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent = "");
+
+/** Words broken into lines that begin with an indent. */
+std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110);
 
 /** Seconds on a steady clock. */
 double now();

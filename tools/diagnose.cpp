@@ -1,6 +1,7 @@
 #include "diagnose.hpp"
 
 #include "commands.hpp"
+#include "effects.hpp"
 #include "errors.hpp"
 #include "options.hpp"
 
@@ -8,6 +9,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -42,6 +44,30 @@ template <typename Write> void write_output(Write write) {
     }
 }
 
+/** Ids of "a, b", each a known effect. */
+std::vector<std::string> effect_ids(const std::vector<std::string> &texts) {
+    std::vector<std::string> known, result;
+    for (const ClspEffectInfo &effect : effect_catalogue())
+        known.emplace_back(effect.id);
+    for (const std::string &text : texts)
+        for (std::size_t start = 0; start <= text.size();) {
+            const std::size_t end = std::min(text.find(',', start), text.size());
+            std::string id = text.substr(start, end - start);
+            start = end + 1;
+            id.erase(0, std::min(id.find_first_not_of(" \t"), id.size()));
+            id.erase(id.find_last_not_of(" \t") + 1);
+            if (id.empty())
+                throw InputError(fmt::format("--without {}: one of the names is empty; the effects are {}",
+                                             text.empty() ? "\"\"" : text, fmt::join(known, ", ")));
+            if (std::find(known.begin(), known.end(), id) == known.end())
+                throw InputError(
+                    fmt::format("--without: there is no effect \"{}\"; the nearest one is \"{}\". The effects are {}",
+                                id, nearest(id, known), fmt::join(known, ", ")));
+            result.push_back(std::move(id));
+        }
+    return result;
+}
+
 void warn_of_capture(const clspeckle::Capture &capture, Console &console) {
     const Json summary = Json::parse(capture.summary_json());
     for (const Json &warning : summary["warnings"]) {
@@ -58,10 +84,19 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
         check_writable(arguments.json);
     if (!arguments.html.empty() && arguments.html == arguments.json)
         throw InputError("--json and --html name the same file; give each its own");
+    if (arguments.html == "-")
+        throw InputError(
+            "--html -: the page is written to a file, for a browser to open; name one, for example --html report.html");
     if (!arguments.html.empty())
         check_writable(arguments.html);
+    std::vector<std::string> without = effect_ids(arguments.without);
     const auto capture = clspeckle::Capture::open(arguments.folder);
     warn_of_capture(capture, console);
+    clspeckle::Capture sim;
+    if (!arguments.sim.empty()) {
+        sim = clspeckle::Capture::open(arguments.sim);
+        warn_of_capture(sim, console);
+    }
     check_interrupt();
     clspeckle::DiagnoseOptions options;
     options.seed = arguments.seed;
@@ -70,15 +105,15 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     options.max_effects = arguments.max_effects;
     options.threads = arguments.threads;
     options.evidence = !arguments.html.empty();
-    for (const std::string &id : arguments.without)
-        if (!id.empty())
-            options.without.push_back(id);
+    options.without = std::move(without);
     options.progress = [&](const std::string &what, double fraction) {
         check_interrupt();
         console.progress(fraction, what);
         return true;
     };
-    const auto diagnosis = clspeckle::diagnose(make_context(arguments.device), capture, options);
+    const clspeckle::Context context = make_context(arguments.device);
+    const auto diagnosis =
+        sim ? clspeckle::compare(context, capture, sim, options) : clspeckle::diagnose(context, capture, options);
     if (to_file)
         write_output([&] { diagnosis.write_report(arguments.json); });
     if (!arguments.html.empty())

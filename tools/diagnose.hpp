@@ -17,6 +17,7 @@ namespace tools {
 
 struct DiagnoseArguments {
     std::string folder;
+    std::string sim;  ///< The set of another simulator that it is compared with (`gap compare`); empty: our own simulator.
     std::string json; ///< File for the report, "-" for standard output; empty: none.
     std::string html; ///< File for the report for eyes; empty: none.
     std::vector<std::string> without;
@@ -28,7 +29,7 @@ struct DiagnoseArguments {
     std::string device;
 };
 
-/** Diagnoses a capture set, writes the reports that are asked for, prints a summary. */
+/** Diagnoses a capture set, or compares it with another, writes the reports that are asked for, prints a summary. */
 void run_diagnose(const DiagnoseArguments &arguments, Console &console);
 
 /** The summary for eyes. */

@@ -22,11 +22,41 @@ std::string joined(const std::vector<std::string> &words, const std::string &las
     return text;
 }
 
-std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary) {
+std::vector<std::string> words(const Json &list) {
+    std::vector<std::string> result;
+    for (const Json &word : list)
+        result.push_back(word.get<std::string>());
+    return result;
+}
+
+/** What the verdict does not reach. */
+std::string reach_text(const Json &coverage) {
+    std::string text;
+    const auto add = [&](const char *what, const char *key) {
+        if (!coverage[key].empty())
+            text += wrapped(fmt::format("{} {}", what, joined(words(coverage[key]), "and")), "  ") + "\n";
+    };
+    add("not judged:", "left_out");
+    add("effects that cannot show in these sequences:", "effects_not_visible");
+    add("questions that they leave open:", "questions_open");
+    return text.empty() ? "Every effect of the catalogue could have shown.\n"
+                        : "Not tested, so not shown to be right\n" + text;
+}
+
+std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary,
+                         const Json &coverage) {
     const std::vector<std::string> effects = diagnosis.effects();
     switch (summary.verdict) {
-    case CLSP_VERDICT_NONE:
-        return fmt::format("NONE: at the level {:g} no gap between camera and simulator is seen.", summary.level);
+    case CLSP_VERDICT_NONE: {
+        const std::vector<std::string> sequences = words(coverage["sequences"]);
+        return wrapped(fmt::format("NONE: no gap in what could be tested: at the level {:g}, none of {} statistics{} "
+                                   "tells camera and "
+                                   "simulator apart.",
+                                   summary.level, coverage["statistics"].get<std::uint64_t>(),
+                                   sequences.empty() ? "" : " of " + joined(sequences, "and")),
+                       "") +
+               "\n\n" + reach_text(coverage);
+    }
     case CLSP_VERDICT_NAMED:
         return fmt::format("NAMED: the gap between camera and simulator is explained by {} (probability {:.2f}).",
                            joined(effects, "and"), summary.probability);
@@ -48,7 +78,7 @@ std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagno
 
 std::string probability_text(double p) {
     if (p < 1e-99)
-        return "below 1e-99";
+        return "<1e-99";
     return p < 1e-3 ? fmt::format("{:.0e}", p) : fmt::format("{:.3f}", p);
 }
 
@@ -108,7 +138,7 @@ std::string ranking_text(const clspeckle::Diagnosis &diagnosis) {
         return ids;
     }();
     std::vector<std::vector<std::string>> rows = {
-        {"", "effect", "stage", "probability", "gap left", "parameters (95 % interval)"}};
+        {"", "effect", "stage", "probability", "left [1]", "parameters (95 % interval)"}};
     std::size_t shown = 0;
     for (const ClspDiagnosisRanked &ranked : diagnosis.ranking()) {
         const bool found = std::find(steps.begin(), steps.end(), ranked.effect) != steps.end();
@@ -119,7 +149,8 @@ std::string ranking_text(const clspeckle::Diagnosis &diagnosis) {
                         fmt::format("{:.3g}", ranked.distance_after), parameters_text(ranked, fitted)});
     }
     return "Ranking (*: part of the explanation; probabilities are among the effects of one step)\n" +
-           table(rows, "  ") + "\n";
+           table(rows, "  ") +
+           "\n  [1] beyond chance, in standard deviations of the simulator with the effect; 0: no more than chance\n";
 }
 
 std::string waterfall_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagnosisSummary &summary) {
@@ -133,10 +164,18 @@ std::string waterfall_text(const clspeckle::Diagnosis &diagnosis, const ClspDiag
     for (const ClspDiagnosisStep &step : diagnosis.steps())
         rows.push_back({fmt::format("with {}", step.effect), fmt::format("{:.3g}", step.distance_after),
                         fmt::format("{:.0f} % gone", 100 * step.fraction), bar(step.distance_after)});
-    return fmt::format(
-        "Shrinkage of the gap, {}\n{}\n  {:.0f} % of the gap is gone (95 % interval {:.0f} to {:.0f} %)\n",
+    std::string text = fmt::format(
+        "Shrinkage of the gap, {}\n{}\n  {:.0f} % of the gap is gone (95 % interval {:.0f} to {:.0f} %)\n"
+        "  distances here: in standard deviations of half captures simulated with all effects found\n",
         summary.held_out ? "on frames that no fit has seen" : "on the frames of the fit: too few to part",
         table(rows, "  "), 100 * summary.fraction, 100 * summary.fraction_95[0], 100 * summary.fraction_95[1]);
+    if (!summary.residual_detected && summary.fraction < 0.95)
+        text += wrapped("nothing significant is left, though less than all is gone: distances are what lies beyond the "
+                        "mean of chance, "
+                        "which chance exceeds in about half of all captures; the interval covers it",
+                        "  ") +
+                "\n";
+    return text;
 }
 
 std::string downstream_text(const Json &report) {
@@ -152,14 +191,43 @@ std::string downstream_text(const Json &report) {
         number("real"), number("before"), number("after"));
 }
 
+/** Of a comparison of two sets: what was compared, and what could not be. */
+std::string comparison_text(const Json &compare) {
+    std::vector<std::vector<std::string>> rows = {
+        {"camera", "simulator", "frames", "light of both in DN", "compared at"}};
+    const auto number = [](const Json &value) { return value.is_number() ? value.get<double>() : 0.0; };
+    for (const Json &pair : compare["pairs"]) {
+        const double real = number(pair["real_light_dn"]), sim = number(pair["sim_light_dn"]);
+        rows.push_back({pair["real"].get<std::string>(), pair["sim"].get<std::string>(),
+                        fmt::format("{}", pair["frames"].get<std::uint32_t>()),
+                        real > 0.0 ? fmt::format("{:.1f}, {:.1f}", real, sim) : "",
+                        real > 0.0 ? fmt::format("{:.1f}, {:.1f}", real * number(pair["real_scale"]),
+                                                 sim * number(pair["sim_scale"]))
+                                   : ""});
+    }
+    std::vector<std::string> refused;
+    for (const Json &entry : compare["cannot_be_applied"])
+        refused.push_back(entry["effect"].get<std::string>());
+    std::string text = "Compared\n" + table(rows, "  ") + "\n";
+    if (!refused.empty())
+        text += wrapped("Effects that cannot be put on finished frames, and are no candidates (--json says why): " +
+                            joined(refused, "and"),
+                        "") +
+                "\n";
+    return text;
+}
+
 } // namespace
 
 std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     const ClspDiagnosisSummary summary = diagnosis.summary();
     const Json report = Json::parse(diagnosis.report_json());
-    std::string text = verdict_text(diagnosis, summary) + "\n\n";
-    text += fmt::format("Gap: {:.3g} standard deviations beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
-                        summary.distance, summary.null_95, probability_text(summary.p_value));
+    std::string text = verdict_text(diagnosis, summary, report["coverage"]) + "\n";
+    if (summary.verdict != CLSP_VERDICT_NONE)
+        text += "\n";
+    text += fmt::format(
+        "Gap: {:.3g} standard deviations of the baseline beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
+        summary.distance, summary.null_95, probability_text(summary.p_value));
     if (summary.detected)
         text += "\n" + places_text(diagnosis, summary);
     if (summary.ranked_count > 0)
@@ -171,6 +239,8 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
                             summary.residual_detected ? "a significant gap remains" : "nothing significant remains",
                             probability_text(summary.residual_p_value));
     text += downstream_text(report);
+    if (report.contains("compare"))
+        text += "\n" + comparison_text(report["compare"]);
     if (!report["advice"].empty())
         text += "\nAdvice\n";
     for (const Json &advice : report["advice"]) {
@@ -184,7 +254,7 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     if (!notes.empty())
         text += "\nNotes\n";
     for (const std::string &note : notes)
-        text += "  " + note + "\n";
+        text += wrapped(note, "  ") + "\n";
     text += fmt::format("\nSeed {}; {:.1f} s", summary.seed, summary.seconds);
     return text;
 }

@@ -9,11 +9,16 @@
 
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <new>
 #include <sstream>
+#include <thread>
+#include <type_traits>
 
 namespace {
 
@@ -30,6 +35,19 @@ void handle_signals() {
     action.sa_flags = static_cast<int>(SA_RESETHAND);
     ::sigaction(SIGINT, &action, nullptr);
     ::sigaction(SIGTERM, &action, nullptr);
+    // Ctrl-C goes to all processes of the terminal, also to the linker that a driver runs, whose failure makes PoCL end
+    // this program. What is blocked stays blocked in processes that are started: every thread blocks the signals but
+    // one, which does nothing else.
+    sigset_t stops;
+    ::sigemptyset(&stops);
+    ::sigaddset(&stops, SIGINT);
+    ::sigaddset(&stops, SIGTERM);
+    ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
+    std::thread([stops] {
+        ::pthread_sigmask(SIG_UNBLOCK, &stops, nullptr);
+        for (;;)
+            ::pause();
+    }).detach();
     // A file that grows over the user's limit is then an error that can be reported and cleaned up after.
     std::signal(SIGXFSZ, SIG_IGN);
 }
@@ -160,6 +178,36 @@ Examples:
   clspeckle diagnose my-camera --json - --quiet > report.json
 )";
 
+constexpr const char *gap_examples =
+    R"(Examples:
+  clspeckle gap compare my-camera my-simulator
+  clspeckle gap check --plan small --out check
+
+Help on a command: clspeckle gap compare --help
+)";
+
+constexpr const char *gap_compare_examples =
+    R"(REAL and SIM are the folders of two capture sets (docs/captures.md), the second from any simulator. Sequences are
+paired by name, else by scene and motion, brought to the same light, and compared with the statistics of clspeckle
+diagnose. Then the catalogue's effects are put on SIM's frames, as far as that can be done with finished frames, to say
+which of them would close how much. Verdicts and exit code are those of diagnose; docs/gap-compare.md has the method.
+
+Examples:
+  clspeckle gap compare my-camera my-simulator
+  clspeckle gap compare my-camera my-simulator --json report.json --html report.html
+)";
+
+constexpr const char *gap_check_examples =
+    R"(How often is the diagnosis right? An independent generator, Python with NumPy and SciPy, draws capture sets with
+known gaps; this program diagnoses them without the keys; a scorer counts (docs/gap-check.md). A stopped run goes on
+where it was. The table, the wrong sets and, with Matplotlib, figures lie in FOLDER/score.
+
+Examples:
+  clspeckle gap check --plan small --out check
+  clspeckle gap check --plan full --out full --jobs 2
+  clspeckle gap check --plan small --out check --command "other-tool --fast"
+)";
+
 constexpr const char *devices_examples =
     R"(Lists the OpenCL devices, best first, says which one is taken and why, why others are refused, and how to install one.
 
@@ -259,6 +307,26 @@ class Formatter final : public CLI::Formatter {
     }
 };
 
+/** Refuses what is no number of the range; CLI11 puts the option's name in front. */
+template <typename T> CLI::Validator within(T low, T high) {
+    const auto check = [low, high](const std::string &text) -> std::string {
+        const char *first = text.data(), *last = text.data() + text.size();
+        T value{};
+        const auto result = std::from_chars(first, last, value);
+        if (result.ec == std::errc() && result.ptr == last && value >= low && value <= high) // NaN is neither
+            return {};
+        return fmt::format("is \"{}\"; expected {} from {} to {}", text,
+                           std::is_integral_v<T> ? "an integer" : "a number", low, high);
+    };
+    return CLI::Validator([check](std::string &text) { return check(text); }, "");
+}
+
+/** Refuses an empty name of a file. */
+CLI::Validator named() {
+    return CLI::Validator(
+        [](std::string &text) { return text.empty() ? std::string("is empty; name a file") : std::string(); }, "");
+}
+
 /** The options of the table on the command line; what was given is collected as text. */
 void add_table(CLI::App &app, std::map<std::string, std::string> &given) {
     for (const tools::Option &option : tools::option_table()) {
@@ -355,8 +423,10 @@ struct Arguments {
     // capture
     tools::CaptureCheckArguments capture_check;
     tools::CaptureMakeArguments capture_make;
-    // diagnose
+    // diagnose, gap compare
     tools::DiagnoseArguments diagnose;
+    // gap check
+    tools::GapCheckArguments gap_check;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -392,29 +462,38 @@ int render(Arguments &arguments, tools::Console &console) {
 }
 
 void add_capture_check(CLI::App &app, tools::CaptureCheckArguments &a, bool &quiet) {
-    app.footer(capture_check_examples);
+    app.footer(std::string(capture_check_examples) + "\n" + exit_codes);
     app.add_option("FOLDER", a.folder, "Capture set: its folder or its capture.json")->required()->type_name("");
-    app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")->type_name("FILE");
+    app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")
+        ->type_name("FILE")
+        ->check(named());
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
 void add_capture_make(CLI::App &app, tools::CaptureMakeArguments &a, bool &quiet) {
-    app.footer(capture_make_examples);
+    app.footer(std::string(capture_make_examples) + "\n" + exit_codes);
     app.add_option("FOLDER", a.folder, "Folder of the set; made, and refused if it exists")->required()->type_name("");
     const auto number = [&](const char *name, auto &value, const char *what, const char *type) {
-        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+        return app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
     };
-    number("--width", a.width, "Columns", "INTEGER");
-    number("--height", a.height, "Rows", "INTEGER");
-    number("--frames", a.frames, "Frames of each sequence", "INTEGER");
-    number("--bits", a.bits, "Bits of a code, 8 to 16", "INTEGER");
-    number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um", "NUMBER");
-    number("--f-number", a.f_number, "f-number of the lens", "NUMBER");
-    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm", "NUMBER");
-    number("--degree-of-polarization", a.degree_of_polarization, "Of the returned light, 0 to 1", "NUMBER");
-    number("--black-level-dn", a.black_level_dn, "Black level in DN", "NUMBER");
-    number("--read-noise-dn", a.read_noise_dn, "Standard deviation of the read noise in DN", "NUMBER");
-    number("--field", a.field, "circular_gaussian or unit_phasor", "WORD");
+    constexpr std::uint32_t no = 0;
+    number("--width", a.width, "Columns, 8 to 16384", "INTEGER")->check(within(8u, 16384u));
+    number("--height", a.height, "Rows, 8 to 16384", "INTEGER")->check(within(8u, 16384u));
+    number("--frames", a.frames, "Frames of each sequence, 1 to 65535", "INTEGER")->check(within(1u, 65535u));
+    number("--bits", a.bits, "Bits of a code, 8 to 16", "INTEGER")->check(within(8u, 16u));
+    number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um, 0.01 to 1000", "NUMBER")
+        ->check(within(0.01, 1000.0));
+    number("--f-number", a.f_number, "f-number of the lens, 0.1 to 1000", "NUMBER")->check(within(0.1, 1000.0));
+    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm, 100 to 20000", "NUMBER")
+        ->check(within(100.0, 20000.0));
+    number("--degree-of-polarization", a.degree_of_polarization, "Of the returned light, 0 to 1", "NUMBER")
+        ->check(within(0.0, 1.0));
+    number("--black-level-dn", a.black_level_dn, "Black level in DN, 0 to below the top code", "NUMBER")
+        ->check(within(0.0, 65535.0));
+    number("--read-noise-dn", a.read_noise_dn, "Standard deviation of the read noise in DN, 0 to 65535", "NUMBER")
+        ->check(within(0.0, 65535.0));
+    number("--field", a.field, "circular_gaussian or unit_phasor", "WORD")
+        ->check(CLI::IsMember({"circular_gaussian", "unit_phasor"}));
     const auto levels = [&](const char *name, std::vector<double> &value, const char *what) {
         app.add_option(name, value,
                        fmt::format("{} in DN above the black level; several give several sequences, with exposure_ms in "
@@ -429,10 +508,17 @@ void add_capture_make(CLI::App &app, tools::CaptureMakeArguments &a, bool &quiet
     app.add_option("--sequences", a.sequences, fmt::format("Which of {} to draw (default all)", fmt::join(a.sequences, ", ")))
         ->delimiter(',')
         ->type_name("NAME,...");
-    number("--dots-pitch", a.dots_pitch_px, "Distance between the dots of the jittered lattice in px", "NUMBER");
-    app.add_option("--dots-count", a.dots_count, "Instead of the pitch: about so many dots")->type_name("INTEGER");
-    number("--dots-jitter", a.dots_jitter_px, "Dots are moved by up to so many px along each axis", "NUMBER");
-    number("--dots-sigma", a.dots_sigma_px, "Width of a dot in px", "NUMBER");
+    number("--dots-pitch", a.dots_pitch_px, "Distance between the dots of the jittered lattice in px, 2 to 16384",
+           "NUMBER")
+        ->check(within(2.0, 16384.0));
+    app.add_option("--dots-count", a.dots_count, "Instead of the pitch: about so many dots, at most 1000000")
+        ->type_name("INTEGER")
+        ->check(within(no, 1000000u));
+    number("--dots-jitter", a.dots_jitter_px, "Dots are moved by up to so many px along each axis, 0 to 16384",
+           "NUMBER")
+        ->check(within(0.0, 16384.0));
+    number("--dots-sigma", a.dots_sigma_px, "Width of a dot in px, 0.01 to 16384", "NUMBER")
+        ->check(within(0.01, 16384.0));
     app.add_option("--dots", a.dots_file, "JSON with sigma_px and positions_px, or a capture.json, instead of a lattice")
         ->type_name("FILE");
     app.add_option("--effect", a.effects,
@@ -440,32 +526,83 @@ void add_capture_make(CLI::App &app, tools::CaptureMakeArguments &a, bool &quiet
                    "times")
         ->allow_extra_args(false)
         ->type_name("EFFECT");
-    number("--seed", a.seed, "Seed of everything random", "INTEGER");
+    number("--seed", a.seed, "Seed of everything random, 0 to 2^64 - 1", "INTEGER")
+        ->check(within(std::uint64_t{0}, std::numeric_limits<std::uint64_t>::max()));
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
     app.add_flag("--key", a.key, "Write the effects to key.json beside the set");
     app.add_flag("--overwrite", a.overwrite, "Replace a folder that holds nothing but a capture set");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
-void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
-    app.footer(diagnose_examples);
-    app.add_option("CAPTURE", a.folder, "Folder of the capture set, or its capture.json")->required()->type_name("");
-    app.add_option("--json", a.json, "Write the report as JSON; - writes it to standard output")->type_name("FILE");
-    app.add_option("--html", a.html, "Write the report with pictures and plots, for a browser")->type_name("FILE");
-    app.add_option("--without", a.without, "Effects that are no candidates")->delimiter(',')->type_name("ID,...");
+void add_diagnose_options(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
+    app.add_option("--json", a.json, "Write the report as JSON; - writes it to standard output")
+        ->type_name("FILE")
+        ->check(named());
+    app.add_option("--html", a.html, "Write the report with pictures and plots, for a browser")
+        ->type_name("FILE")
+        ->check(named());
+    app.add_option("--without", a.without, "Effects that are no candidates; may be given several times")
+        ->allow_extra_args(false)
+        ->type_name("ID,...");
     const auto number = [&](const char *name, auto &value, const char *what, const char *type) {
         return app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
     };
-    number("--seed", a.seed, "Seed of the simulated captures", "INTEGER")->check(CLI::NonNegativeNumber);
+    number("--seed", a.seed, "Seed of the simulated captures, 0 to 2^64 - 1", "INTEGER")
+        ->check(within(std::uint64_t{0}, std::numeric_limits<std::uint64_t>::max()));
     number("--level", a.level, "Probability of seeing a gap where there is none, 1e-6 to 0.5", "NUMBER")
-        ->check(CLI::Range(1e-6, 0.5));
-    number("--replicates", a.replicates, "Simulated captures without effects, 12 to 100000", "INTEGER")
-        ->check(CLI::Range(12, 100000));
+        ->check(within(1e-6, 0.5));
+    number("--null-replicates,--replicates", a.replicates, "Simulated captures without effects, 12 to 100000",
+           "INTEGER")
+        ->check(within(12u, 100000u));
     number("--max-effects", a.max_effects, "Effects in one explanation at most, 1 to 64", "INTEGER")
-        ->check(CLI::Range(1, 64));
+        ->check(within(1u, 64u));
     number("--threads", a.threads, "Of the host, at most 1024; 0: as many as the machine has", "INTEGER")
-        ->check(CLI::Range(0, 1024));
+        ->check(within(0u, 1024u));
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
+    app.footer(std::string(diagnose_examples) + "\n" + exit_codes);
+    app.add_option("CAPTURE", a.folder, "Folder of the capture set, or its capture.json")->required()->type_name("");
+    add_diagnose_options(app, a, quiet);
+}
+
+void add_gap_compare(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
+    app.footer(std::string(gap_compare_examples) + "\n" + exit_codes);
+    app.add_option("REAL", a.folder, "Folder of the camera's capture set, or its capture.json")
+        ->required()
+        ->type_name("");
+    app.add_option("SIM", a.sim, "Folder of the simulator's set, or its capture.json")->required()->type_name("");
+    add_diagnose_options(app, a, quiet);
+}
+
+void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
+    app.footer(std::string(gap_check_examples) + "\n" + exit_codes);
+    app.add_option("--out", a.folder, "Folder of sets, reports and score; made if it does not exist")
+        ->required()
+        ->type_name("FOLDER");
+    const auto text = [&](const char *name, std::string &value, const char *what, const char *type) {
+        app.add_option(name, value, what)->type_name(type)->take_last();
+    };
+    text("--plan", a.plan,
+         "small (12 sets), medium, full (559 sets), or a JSON file with the members of a plan (default small)", "PLAN");
+    text("--generator", a.generator,
+         "Folder of the generator; default: tests/withheld of the checkout, or what was installed", "FOLDER");
+    text("--python", a.python, "Python that runs the generator (default python3)", "PROGRAM");
+    text("--command", a.command,
+         "The diagnosis that is checked, to which CAPTURE --json REPORT [--without IDS] is appended (default: this "
+         "program's)",
+         "TEXT");
+    text("--device", a.device, "OpenCL device, as for render", "TEXT");
+    text("--json", a.json, "Write the score as JSON; - writes it to standard output", "FILE");
+    const auto number = [&](const char *name, auto &value, const char *what) {
+        return app.add_option(name, value, what)->type_name("INTEGER")->take_last();
+    };
+    number("--jobs", a.jobs, "Diagnoses at once, 1 to 256 (default 1)")->check(within<std::uint32_t>(1, 256));
+    number("--frames", a.frames, "Another number of frames than the plan's")->check(within<std::uint32_t>(2, 65535));
+    number("--seed", a.seed, "Another seed than the plan's")
+        ->check(within<std::uint64_t>(0, std::numeric_limits<std::uint64_t>::max()));
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
@@ -569,6 +706,16 @@ int run(int argc, char **argv) {
     CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
     add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
 
+    CLI::App &gap = *app.add_subcommand("gap", "Compare other simulators with a camera; check the diagnosis");
+    gap.footer(std::string(gap_examples) + "\n" + exit_codes);
+    gap.require_subcommand(1);
+    CLI::App &gap_compare =
+        *gap.add_subcommand("compare", "Find where a simulator's frames differ from a camera's, and what would help");
+    add_gap_compare(gap_compare, arguments.diagnose, arguments.quiet);
+    CLI::App &gap_check =
+        *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
+    add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
+
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &success) {
@@ -584,7 +731,7 @@ int run(int argc, char **argv) {
 
     int code = tools::exit_ok;
     const bool json = (arguments.json && !arguments.dump_config) || arguments.capture_check.json == "-" ||
-                      arguments.diagnose.json == "-";
+                      arguments.diagnose.json == "-" || arguments.gap_check.json == "-";
     tools::Console console(json, arguments.quiet);
     if (devices.parsed())
         code = tools::run_devices(arguments.device, console);
@@ -596,8 +743,10 @@ int run(int argc, char **argv) {
         tools::run_capture_check(arguments.capture_check, console);
     else if (capture_make.parsed())
         tools::run_capture_make(arguments.capture_make, console);
-    else if (diagnose.parsed())
+    else if (diagnose.parsed() || gap_compare.parsed())
         tools::run_diagnose(arguments.diagnose, console);
+    else if (gap_check.parsed())
+        tools::run_gap_check(arguments.gap_check, console);
     else
         tools::run_statistics(stats, console);
     console.finish();
@@ -613,11 +762,10 @@ void tools::check_interrupt() {
 
 namespace {
 
-int run_guarded(int argc, char **argv) {
+/** The message and the exit code of what ended the program. The library's errors without the names of C functions. */
+int explain(const std::exception &ended) {
     try {
-        return run(argc, argv);
-    } catch (const tools::Interrupted &error) {
-        return complain(tools::exit_interrupted, error.what());
+        throw;
     } catch (const tools::OutputError &error) {
         return complain(tools::exit_output, error.what());
     } catch (const image_io::WriteError &error) {
@@ -628,11 +776,22 @@ int run_guarded(int argc, char **argv) {
         return complain(tools::exit_input, error.what());
     } catch (const clspeckle::Error &error) {
         const std::string log = error.build_log().empty() ? "" : "\n" + error.build_log();
-        return complain(exit_code_of(error.status()), error.what() + log);
+        return complain(exit_code_of(error.status()), error.message() + log);
     } catch (const std::bad_alloc &) {
         return complain(tools::exit_device, "there is not enough memory");
+    } catch (const std::exception &) {
+        return complain(tools::exit_device, ended.what());
+    }
+}
+
+int run_guarded(int argc, char **argv) {
+    try {
+        return run(argc, argv);
+    } catch (const tools::Interrupted &error) {
+        return complain(tools::exit_interrupted, error.what());
     } catch (const std::exception &error) {
-        return complain(tools::exit_device, error.what());
+        // Ctrl-C also reaches the compiler that a driver runs: what fails then fails because of it.
+        return stop_requested ? complain(tools::exit_interrupted, tools::Interrupted().what()) : explain(error);
     }
 }
 

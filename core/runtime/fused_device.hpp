@@ -17,8 +17,9 @@ inline std::uint32_t fused_lanes(const Context &context) {
 inline std::string fused_engine_refusal(const Context &context) {
     if (context.fft_choice() == FftChoice::kClfft)
         return "CLSPECKLE_FFT is clfft";
-    if (context.fft_choice() == FftChoice::kAuto)
-        return "CLSPECKLE_FFT is not fused";
+    // Its work-groups are single work-items, which leave most of a GPU idle.
+    if (context.fft_choice() == FftChoice::kAuto && !(context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU))
+        return "the fused engine is made for CPUs, and the device is none; CLSPECKLE_FFT=fused takes it nevertheless";
     return {};
 }
 

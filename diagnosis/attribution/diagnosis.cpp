@@ -1,5 +1,6 @@
 #include "attribution/diagnosis.hpp"
 
+#include "attribution/gap_stages.hpp"
 #include "attribution/shrinkage.hpp"
 #include "capture/capture_check.hpp"
 #include "report/downstream.hpp"
@@ -21,6 +22,8 @@ constexpr double kLeastProbability = 0.05;
 constexpr double kOwnDeviations = 4.0;
 // Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
 constexpr double kExplained = 3.0;
+// So do several that together take away that part of the gap: what is left is small beside each of them.
+constexpr double kNearlyWhole = 0.97;
 
 std::vector<std::string> ids(const EffectSettings &effects) {
     std::vector<std::string> result;
@@ -46,40 +49,62 @@ bool explained(const SearchResult &found, std::size_t step) {
 
 // A lit sequence without light has no level to be simulated at.
 constexpr double kLeastLightDn = 0.5;
+// Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to it.
+constexpr double kMostClipped = 0.2;
+// Of a sequence, without those that its mask takes out: as the statistics ask for.
+constexpr int kLeastPixels = 64;
+// The tails of Student's and of the Gamma law underflow; no probability is 0.
+constexpr double kLeastPValue = 1e-300;
 
-// The capture without what cannot be judged; notes say what and why.
-Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<std::string> &notes) {
-    Capture result;
-    result.layout = capture.layout;
-    result.layout.sequences.clear();
+double p_value(double p) { return std::max(p, kLeastPValue); }
+
+// The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
+Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept, DiagnosisResult &result) {
+    Capture judged;
+    judged.layout = capture.layout;
+    judged.layout.sequences.clear();
     for (std::size_t s = 0; s < capture.codes.size(); ++s) {
         const SequenceLayout &sequence = capture.layout.sequences[s];
-        if (sequence.scene != CaptureScene::kDark && summary.sequences[s].level_above_dark_dn < kLeastLightDn) {
-            notes.push_back(fmt::format("{} was left out: its mean is {:.2f} DN above the dark level, so there is no light to judge",
-                                        sequence.name, summary.sequences[s].level_above_dark_dn));
+        const SequenceSummary &seen = summary.sequences[s];
+        std::string reason;
+        const double unmasked = std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
+        if (unmasked < kLeastPixels)
+            reason = fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kLeastPixels);
+        else if (seen.saturated_fraction > kMostClipped)
+            reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known", 100.0 * seen.saturated_fraction);
+        else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
+            reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge", seen.level_above_dark_dn);
+        if (!reason.empty()) {
+            result.left_out.push_back(sequence.name);
+            result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));
             continue;
         }
-        result.layout.sequences.push_back(sequence);
-        result.codes.push_back(capture.codes[s]);
+        result.judged.push_back(sequence.name);
+        judged.layout.sequences.push_back(sequence);
+        judged.codes.push_back(capture.codes[s]);
+        kept.push_back(seen);
     }
-    return result;
+    return judged;
 }
 
-// What the capture's own check says of it: warnings, questions that it cannot answer, effects that cannot show in it.
-std::vector<std::string> notes_of(const CaptureSummary &summary) {
-    std::vector<std::string> notes;
-    for (const CaptureWarning &warning : summary.warnings)
-        notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
-    for (const CaptureAbility &ability : summary.abilities)
-        if (!ability.can)
-            notes.push_back(fmt::format("cannot be told: {} ({})", ability.topic, ability.reason));
+// What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in them.
+void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences, const std::vector<Candidate> &pool,
+                   DiagnosisResult &result) {
+    for (const CaptureAbility &ability : capture_abilities(layout, sequences))
+        if (!ability.can) {
+            result.untested_topics.push_back(ability.topic);
+            result.notes.push_back(fmt::format("cannot be told: {} ({})", ability.topic, ability.reason));
+        }
     std::string unseen;
-    for (const EffectVisibility &effect : summary.effects)
-        if (effect.sequences.empty())
-            unseen += (unseen.empty() ? "" : ", ") + effect.id;
+    for (const EffectVisibility &effect : effect_visibilities(layout)) {
+        const bool candidate = std::any_of(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
+        if (!candidate || !effect.sequences.empty())
+            continue;
+        result.untested_effects.push_back(effect.id);
+        unseen += (unseen.empty() ? "" : ", ") + effect.id;
+    }
     if (!unseen.empty())
-        notes.push_back("these effects cannot show in this capture: " + unseen);
-    return notes;
+        result.notes.push_back("these effects cannot show in this capture: " + unseen);
 }
 
 } // namespace
@@ -89,11 +114,21 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     const std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
     const CaptureSummary summary = summarize_capture(given);
-    std::vector<std::string> notes = notes_of(summary);
-    const Capture capture = judgeable(given, summary, notes);
-    if (capture.codes.empty())
-        throw Error(Status::kInvalidData, "no sequence of the capture can be judged: none is dark, and none has light; check "
-                                          "that the files belong to the scenes that capture.json names");
+    DiagnosisResult result;
+    for (const CaptureWarning &warning : summary.warnings)
+        result.notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
+    std::vector<SequenceSummary> kept;
+    const Capture capture = judgeable(given, summary, kept, result);
+    if (capture.codes.empty()) {
+        std::string reasons;
+        for (const std::string &note : result.notes)
+            if (note.find(" was left out: ") != std::string::npos)
+                reasons += (reasons.empty() ? "" : "; ") + note;
+        throw Error(Status::kInvalidData, fmt::format("no sequence of the capture can be judged: {}. Check that the files belong to the "
+                                                      "scenes that capture.json names, and record again with another exposure",
+                                                      reasons));
+    }
+    note_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
     std::string doing;
     double fraction = 0.0;
@@ -114,27 +149,25 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         tell();
     });
 
-    DiagnosisResult result;
     result.seed = options.seed;
-    result.notes = std::move(notes);
     result.level = options.level;
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;
     result.detected = test.detected;
-    result.p_value = test.p_value;
+    result.p_value = p_value(test.p_value);
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
     const Eigen::VectorXd real = experiment.real().mean();
     for (std::size_t k = 0; k < experiment.count(); ++k)
-        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], test.p_adjusted[k],
+        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], p_value(test.p_adjusted[k]),
                                  last.residual.z[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
     if (result.detected) {
         result.residual_detected = last.residual.detected;
-        result.residual_p_value = last.residual.p_value;
+        result.residual_p_value = p_value(last.residual.p_value);
         if (!found.models.empty()) {
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
@@ -150,9 +183,11 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         }
         if (last.residual.detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
+            const bool nearly_whole = found.models.size() > 1 && result.fraction >= kNearlyWhole;
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (explained(found, i))
+                if (nearly_whole || explained(found, i))
                     result.effects.push_back(found.steps[i].added);
+            place_stages(experiment.layout(), result.places);
         } else {
             result.verdict = Verdict::kNamed;
             result.effects = ids(last.effects);

@@ -13,6 +13,7 @@
 namespace clsp {
 
 struct Evidence;
+struct Comparison;
 
 struct DiagnosisOptions {
     std::uint64_t seed = 0;
@@ -72,7 +73,11 @@ struct DiagnosisResult {
     std::vector<ShrinkStep> steps;
     Downstream downstream;
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
+    std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why
+    // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot
+    // show in them.
+    std::vector<std::string> judged, left_out, untested_topics, untested_effects;
     double seconds = 0.0;
 };
 

@@ -89,7 +89,8 @@ SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const Ef
     const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn);
     const double intensity = simulator_->mean_intensity(sequence, effects, seed, frame_count);
     if (!(intensity > 0.0))
-        throw Error(Status::kInvalidData,
+        // With effects that together block all light the simulator is asked for too much, which is no fault of the capture.
+        throw Error(effects.empty() ? Status::kInvalidData : Status::kInvalidArgument,
                     fmt::format("no light reaches the pixels of the sequence {} in the simulation; are its dots inside the "
                                 "image and its mask open?",
                                 layout_.sequences[sequence].name));
@@ -179,6 +180,22 @@ FoldStatistics Experiment::replicate(const EffectSettings &effects, const Calibr
         statistics_[s].compute(codes[s].data() + step, calibration, result.second.data() + begin(s), threads_);
     }
     return result;
+}
+
+Calibration Experiment::calibration_of(const Codes &codes) const {
+    std::vector<std::uint32_t> frame_counts;
+    std::vector<bool> present;
+    for (std::size_t s = 0; s < codes.size(); ++s) {
+        frame_counts.push_back(layout_.sequences[s].frame_count);
+        present.push_back(!codes[s].empty());
+    }
+    return measured_calibration(codes, frame_counts, present);
+}
+
+void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into) const {
+    const std::size_t step = (layout_.sequences[sequence].frame_count - half_count(sequence)) * layout_.pixel_count();
+    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads_);
+    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads_);
 }
 
 Eigen::VectorXd Experiment::half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,

@@ -57,6 +57,10 @@ class Experiment {
     // A simulated capture of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise` (no values: all concerned).
     Eigen::VectorXd half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
                          const std::vector<bool> &concerned, const Eigen::VectorXd &otherwise);
+    // Frames from elsewhere, measured as the real ones: what the dark sequences among them say (an empty one is left out; the layout's levels
+    // where there is none), and both halves of one sequence.
+    Calibration calibration_of(const std::vector<std::vector<std::uint16_t>> &codes) const;
+    void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into) const;
     // Frames as they are simulated, of one sequence.
     std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated, std::size_t sequence,
                                       std::uint64_t seed, std::uint32_t frame_count);

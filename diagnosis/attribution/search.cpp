@@ -33,6 +33,7 @@ constexpr double kTemperature = 2.0;
 
 // Where the squared distance fell below that part and is still too large, effects are exchanged.
 constexpr double kExchangeBelow = 0.02;
+constexpr std::size_t kEarliest = 2;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 constexpr int kGaussNewtonRounds = 2;
@@ -485,11 +486,11 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     return true;
 }
 
-// Several effects may share what a missing one causes: the earlier ones were chosen without those that came later. Each in turn is taken out,
-// and the search goes on from the others.
+// Several effects may share what a missing one causes: the earliest ones were chosen without those that came later. Each of them in turn is
+// taken out, and the search goes on from the others.
 void Search::exchange(Path &path, double from) {
     const std::size_t count = path.model.effects.size();
-    for (std::size_t out = 0; out + 1 < count; ++out) {
+    for (std::size_t out = 0; out < std::min(kEarliest, count - 1); ++out) {
         Path other;
         other.model = path.model.without(out);
         other.steps = path.steps;
@@ -497,10 +498,10 @@ void Search::exchange(Path &path, double from) {
         FittedModel current;
         if (!possible([&] { current = fit(other.model, other.pool, from, from); }))
             continue;
-        while (other.model.effects.size() < options_.max_effects && current.residual.detected) {
-            if (!grow(other, current, from, 0.0) || other.steps.back().added == path.steps[out].added)
-                break;
+        while (other.model.effects.size() < options_.max_effects && current.residual.detected && grow(other, current, from, 0.0)) {
             current = other.models.back();
+            if (other.models.size() == 1 && other.steps.back().added == path.steps[out].added)
+                break; // as before
         }
         if (other.models.empty() || current.score > path.models.back().score - kLeastGain)
             continue;

@@ -109,7 +109,7 @@ CaptureSummary summarize_capture(const Capture &capture) {
         summary.sequences.push_back(summarize_sequence(capture, i, summary.dark));
     summary.abilities = capture_abilities(capture.layout, summary.sequences);
     summary.effects = effect_visibilities(capture.layout);
-    summary.warnings = capture_warnings(capture);
+    summary.warnings = capture_warnings(capture, summary.dark, summary.sequences);
     return summary;
 }
 

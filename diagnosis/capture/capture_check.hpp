@@ -64,6 +64,12 @@ struct CaptureSummary {
 };
 CaptureSummary summarize_capture(const Capture &capture);
 
+// What is odd about a valid capture: frames that are all alike or repeated, saturated or black sequences, single frames, light that is not
+// there, dots outside the image, a pupil that the pixels cannot sample, and what contradicts its description (metadata_warnings.hpp). The
+// reader's own warnings come first. summaries: by sequence.
+std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
+                                             const std::vector<SequenceSummary> &summaries);
+
 // Of the layout alone.
 std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
                                               const std::vector<SequenceSummary> &sequences);

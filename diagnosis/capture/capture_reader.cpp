@@ -49,6 +49,8 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress)
         const std::uint64_t frames = files.back().check(capture.layout);
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
         origin.files.push_back(files.back().name());
+        for (std::string &oddity : files.back().oddities())
+            capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity)});
         total += frames;
         if (!described.masks[i].empty())
             capture.layout.sequences[i].mask = read_mask((root / described.masks[i]).string(), capture.layout);

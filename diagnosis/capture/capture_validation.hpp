@@ -1,4 +1,4 @@
-// Whether a capture can be used at all, and what about it is odd.
+// Whether a capture can be used at all.
 #pragma once
 
 #include "capture/capture.hpp"
@@ -39,9 +39,5 @@ void validate_codes(const CaptureLayout &layout, std::size_t sequence, const std
                     const CaptureOrigin &origin = {});
 // Everything.
 void validate_capture(const Capture &capture, const CaptureOrigin &origin = {});
-
-// What is odd about a valid capture: frames that are all alike or repeated, saturated or black sequences, single frames, light that is not
-// there, dots outside the image, a pupil that the pixels cannot sample. The reader's own warnings come first.
-std::vector<CaptureWarning> capture_warnings(const Capture &capture);
 
 } // namespace clsp

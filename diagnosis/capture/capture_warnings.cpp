@@ -1,6 +1,6 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
-#include "capture/capture_validation.hpp"
+#include "capture/metadata_warnings.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -86,11 +86,17 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
     const auto warn = [&](std::string text) { warnings.push_back({s.name, std::move(text)}); };
     const bool lit = s.scene != CaptureScene::kDark;
     if (summary.minimum == summary.maximum)
-        warn(fmt::format("every pixel of every frame has the code {}: the sensor delivered nothing, or the codes were "
-                         "lost on the way",
-                         summary.minimum));
+        warn(summary.minimum == layout.maximum_code()
+                 ? fmt::format("every pixel of every frame is at the top code, {}: the sequence is saturated",
+                               summary.minimum)
+                 : fmt::format("every pixel of every frame has the code {}: the sensor delivered nothing, or the codes "
+                               "were lost "
+                               "on the way",
+                               summary.minimum));
     if (s.frame_count == 1) {
         warn("has one frame only: nothing can be said about noise or change in time");
+    } else if (summary.minimum == summary.maximum) {
+        // That all frames are the same needs no word of its own then.
     } else if (const Repeats repeats = repeated_frames(codes, s.frame_count, layout.pixel_count());
                repeats.count + 1 == s.frame_count) {
         warn(fmt::format("all {} frames are the same, bit for bit: there is no temporal noise; a real camera has some, "
@@ -102,10 +108,9 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
                          "dropped frames",
                          repeats.count, s.frame_count, repeats.again, repeats.first));
     }
-    if (summary.saturated_fraction > 0.5)
-        warn(fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says nothing "
-                         "about the light; expose "
-                         "less",
+    if (summary.saturated_fraction > 0.2 && summary.minimum != summary.maximum)
+        warn(fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says little "
+                         "about the light; expose less",
                          100.0 * summary.saturated_fraction, layout.maximum_code()));
     if (summary.minimum != summary.maximum && summary.zero_fraction > (lit ? 0.5 : 0.01))
         warn(fmt::format("{:.1f} % of the pixels have the code 0: {}", 100.0 * summary.zero_fraction,
@@ -118,23 +123,20 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
         warn(fmt::format(
             "its mean, {:.2f} DN, is not above the dark level, {:.2f} DN ({}): there is hardly any light in it",
             summary.mean_dn, dark.level_dn, dark.measured ? "of the dark sequences" : "the data sheet's black level"));
-    if (!lit && summary.level_above_dark_dn > std::max(8.0, 4.0 * layout.read_noise_dn))
-        warn(fmt::format("its mean, {:.2f} DN, is far above the data sheet's black level, {:.2f} DN: light may have "
-                         "come in, or the exposure was "
-                         "long",
-                         summary.mean_dn, layout.black_level_dn));
 }
 
 } // namespace
 
-std::vector<CaptureWarning> capture_warnings(const Capture &capture) {
+std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
+                                             const std::vector<SequenceSummary> &summaries) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
-    const DarkLevel dark = dark_level(capture);
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
-        warn_of_codes(capture, i, summarize_sequence(capture, i, dark), dark, warnings);
+        warn_of_codes(capture, i, summaries[i], dark, warnings);
     }
+    for (CaptureWarning &warning : metadata_warnings(capture, summaries, dark))
+        warnings.push_back(std::move(warning));
     return warnings;
 }
 

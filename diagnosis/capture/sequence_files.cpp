@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <glob.h>
+#include <optional>
 #include <set>
 
 namespace clsp {
@@ -58,6 +59,43 @@ std::vector<std::string> frames_of_folder(const std::string &folder) {
                                 "\"file\": \"{}/*.png\"",
                                 folder, fs::path(folder).filename().string()));
     return files;
+}
+
+// The last number in a file's name.
+std::optional<std::uint64_t> frame_number(const std::string &path) {
+    const std::string stem = fs::path(path).stem().string();
+    std::size_t end = stem.size();
+    while (end > 0 && !is_digit(stem[end - 1]))
+        --end;
+    std::size_t begin = end;
+    while (begin > 0 && is_digit(stem[begin - 1]))
+        --begin;
+    if (begin == end || end - begin > 18)
+        return {};
+    return std::stoull(stem.substr(begin, end - begin));
+}
+
+// Numbers that the files' names skip, in words: a grabber has dropped frames, or a file was lost. Empty where all are
+// there, and where names are no numbering (time stamps skip more than half).
+template <typename Parts> std::string missing_numbers(const Parts &parts) {
+    std::vector<std::uint64_t> numbers;
+    for (const auto &part : parts) {
+        const auto number = frame_number(part.path);
+        if (!number || (!numbers.empty() && *number <= numbers.back()))
+            return {};
+        numbers.push_back(*number);
+    }
+    if (numbers.size() < 2)
+        return {};
+    const std::uint64_t missing = numbers.back() - numbers.front() + 1 - numbers.size();
+    if (missing == 0 || missing > numbers.size())
+        return {};
+    std::uint64_t first = numbers.front();
+    for (const std::uint64_t number : numbers)
+        if (number == first)
+            ++first;
+    return fmt::format("{} of the numbers {} to {} {} missing, the first one is {}", missing, numbers.front(),
+                       numbers.back(), missing == 1 ? "is" : "are", first);
 }
 
 // The folder's own name may hold what a pattern gives a meaning.
@@ -171,6 +209,34 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
                         fmt::format("{}: has more than {} frames; use fewer", name_, kMaxCaptureFrames));
     }
     return frames;
+}
+
+std::vector<std::string> SequenceFiles::oddities() const {
+    std::vector<std::string> result;
+    if (const std::string missing = missing_numbers(parts_); !missing.empty())
+        result.push_back(
+            fmt::format("{}: {}; the frames before and after are taken as neighbours in time", name_, missing));
+    for (const Part &part : parts_) {
+        if (part.info.format != "NPY")
+            continue;
+        // "\x93NUMPY", the version, the header's length in 2 bytes (version 1) or 4, the header, the samples.
+        std::uint64_t end =
+            part.info.frame_count * part.info.height * part.info.width * (part.info.sample == "uint8" ? 1 : 2);
+        const std::uint64_t size = reading([&] {
+            image_io::detail::InputFile file(part.path);
+            unsigned char start[12] = {};
+            file.read(start, sizeof start);
+            end += start[6] == 1 ? 10u + (start[8] | start[9] << 8u)
+                                 : 12u + (start[8] | start[9] << 8u | start[10] << 16u | unsigned{start[11]} << 24u);
+            return file.size();
+        });
+        if (size > end)
+            result.push_back(
+                fmt::format("{}: {} bytes follow the array of {} frames and are not read; was a second array, or "
+                            "something else, appended?",
+                            part.path, size - end, part.info.frame_count));
+    }
+    return result;
 }
 
 std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,

@@ -27,6 +27,8 @@ class SequenceFiles {
     const std::string &name() const { return name_; }
     // Checks size and type against the camera; throws kInvalidData naming the file. Gives the number of frames.
     std::uint64_t check(const CaptureLayout &layout) const;
+    // After check(): what is odd about the files, for example bytes behind an array.
+    std::vector<std::string> oddities() const;
     // After check(): all frames. Throws kIo for damaged data, kInvalidData for values that are no codes.
     std::vector<std::uint16_t> read(const CaptureLayout &layout, const std::function<void()> &frame_read = {}) const;
 

@@ -154,6 +154,13 @@ std::vector<std::uint16_t> evidence_frames(Experiment &experiment, const Capture
 
 Evidence collect_evidence(Experiment &experiment, const Capture &real, const FittedModel &baseline,
                           const FittedModel *final, std::uint64_t seed) {
+    const FittedModel *models[] = {nullptr, &baseline, final};
+    return collect_evidence(experiment, final ? 3 : 2, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+        return evidence_frames(experiment, real, models[version], s, frame_count, seed);
+    });
+}
+
+Evidence collect_evidence(Experiment &experiment, std::size_t version_count, const EvidenceFrames &frames_of) {
     const CaptureLayout &layout = experiment.layout();
     Evidence result;
     result.width = layout.width;
@@ -163,10 +170,9 @@ Evidence collect_evidence(Experiment &experiment, const Capture &real, const Fit
         if (experiment.checkpoint)
             experiment.checkpoint();
         const std::uint32_t frame_count = std::min(kEvidenceFrames, layout.sequences[s].frame_count);
-        std::vector<Draft> drafts(final ? 3 : 2);
-        const FittedModel *models[] = {nullptr, &baseline, final};
+        std::vector<Draft> drafts(version_count);
         for (std::size_t v = 0; v < drafts.size(); ++v)
-            drafts[v].codes = evidence_frames(experiment, real, models[v], s, frame_count, seed);
+            drafts[v].codes = frames_of(v, s, frame_count);
         result.sequences.push_back(sequence_evidence(experiment, s, frame_count, drafts));
     }
     return result;

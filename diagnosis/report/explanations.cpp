@@ -211,12 +211,27 @@ std::string effect_with_values(const DiagnosisResult &result, const RankedEffect
     return text;
 }
 
+std::string explain_reach(const DiagnosisResult &result) {
+    std::string text;
+    if (!result.left_out.empty())
+        text += fmt::format("Not judged: {}. ", joined(result.left_out));
+    if (!result.untested_effects.empty())
+        text +=
+            fmt::format("Not tested, since they cannot show in these sequences: {}. ", joined(result.untested_effects));
+    if (!result.untested_topics.empty())
+        text += fmt::format("Left open: {}. ", joined(result.untested_topics));
+    return text.empty() ? "Every effect of the catalogue could have shown."
+                        : text + "None of this is shown to be right.";
+}
+
 std::string verdict_sentence(const DiagnosisResult &result) {
     switch (result.verdict) {
     case Verdict::kNone:
-        return "No gap: with its light levels, black level and read noise adjusted, the simulator's frames cannot be "
-               "told from the real "
-               "ones by any of the statistics below, given so many frames.";
+        return fmt::format(
+            "No gap in what could be tested: with its light levels, black level and read noise adjusted, the "
+            "simulator's "
+            "frames cannot be told from the real ones{} by any of {} statistics, given so many frames. {}",
+            result.judged.empty() ? "" : " of " + joined(result.judged), result.places.size(), explain_reach(result));
     case Verdict::kNamed:
         return fmt::format("There is a gap, and its cause is named: {}. With {} in the simulator its frames {}.",
                            joined(result.effects), result.effects.size() > 1 ? "these effects" : "this effect",

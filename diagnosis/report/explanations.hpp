@@ -18,6 +18,8 @@ std::string explain_sequence(CaptureScene scene, bool moving);
 // An effect with the values of its parameters and their units.
 std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked);
 
+// What the verdict does not reach: sequences, effects and questions that could not be judged.
+std::string explain_reach(const DiagnosisResult &result);
 // The verdict in a sentence or two.
 std::string verdict_sentence(const DiagnosisResult &result);
 

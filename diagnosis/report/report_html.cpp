@@ -1,5 +1,6 @@
 #include "report/report_html.hpp"
 
+#include "comparison/comparison_report.hpp"
 #include "report/html_page.hpp"
 #include "report/report_json.hpp"
 #include "report/report_script.hpp"
@@ -62,6 +63,7 @@ std::string report_html(const DiagnosisResult &result) {
     write_shrinkage(result, page);
     write_downstream(result, page);
     write_advice(result, page);
+    write_comparison(result, page);
     write_evidence(result, page);
     write_notes(result, page);
     write_explanation(result, page);

@@ -1,5 +1,6 @@
 #include "report/report_json.hpp"
 
+#include "comparison/comparison_report.hpp"
 #include "report/advice.hpp"
 
 #include <algorithm>
@@ -37,6 +38,21 @@ Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, 
             {"probability", number(ranked.probability)},
             {"distance_after", number(ranked.distance_after)},
             {"gain", number(ranked.gain)}};
+}
+
+// Which distance is measured in what: they differ, so that one must not be subtracted from another.
+Json scales() {
+    return {{"gap.distance", "root of the mean square of all statistics' deviations beyond what chance gives; whole capture against the "
+                             "baseline, in standard deviations of the baseline"},
+            {"cause.ranking.distance_after", "the same of the whole capture against the baseline with the effect, in standard deviations of "
+                                             "that model, along no fitted direction; 0: not beyond chance"},
+            {"shrink.distance_before", "of halves of the capture against the baseline, in standard deviations of halves simulated with all "
+                                       "effects found, which are the scale of distance_after too"},
+            {"shrink.fraction", "1 - distance_after / distance_before. A right model keeps a distance_after above 0 in about half of all "
+                                "captures, since chance fluctuates about its mean: less than 1 is no defect where residual_detected is "
+                                "false, and ci95 covers it"},
+            {"p", "p_value, p_adjusted and residual_p_value are never 0: tails are those of Student's and of a Gamma law, and what is below "
+                  "1e-300 is given as 1e-300"}};
 }
 
 } // namespace
@@ -118,6 +134,14 @@ std::string report_json(const DiagnosisResult &result) {
     for (const Advice &item : advice_for(result.equivalent))
         advice.push_back({{"separates", item.separates}, {"capture", item.capture}});
     report["advice"] = advice;
+    report["coverage"] = {{"statistics", result.places.size()},
+                          {"sequences", result.judged},
+                          {"left_out", result.left_out},
+                          {"effects_not_visible", result.untested_effects},
+                          {"questions_open", result.untested_topics}};
+    report["scales"] = scales();
+    if (result.comparison)
+        report["compare"] = comparison_json(*result.comparison);
     report["notes"] = result.notes;
     report["seed"] = result.seed;
     return report.dump(1);

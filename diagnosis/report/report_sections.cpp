@@ -14,6 +14,10 @@ namespace {
 
 constexpr std::size_t kWorstStatistics = 25;
 constexpr std::size_t kMapRows = 40;
+constexpr const char *kChanceRemains =
+    "Nothing significant is left, though less than all of the distance is gone: distances are what lies beyond the "
+    "mean of chance, and "
+    "chance exceeds its own mean in about half of all captures. The interval covers it.";
 
 std::string percent(double share) {
     return std::isfinite(share) ? fmt::format("{:.0f} %", 100.0 * share) : "–";
@@ -51,18 +55,19 @@ void write_summary(const DiagnosisResult &result, HtmlPage &page) {
          fmt::format(
              "a simulator that is right would look at least so different with probability {} (the alarm is set to {})",
              probability(result.p_value), figure(result.level))});
-    rows.push_back(
-        {"How large is it?", figure(result.distance),
-         fmt::format(
-             "in standard deviations of chance, averaged over all statistics, beyond what chance gives; chance alone "
-             "exceeds {} once in twenty times",
-             figure(result.null_95))});
+    rows.push_back({"How large is it?", figure(result.distance),
+                    fmt::format("distance of the whole capture in standard deviations of the baseline, averaged over "
+                                "all statistics, beyond "
+                                "what chance gives; chance alone exceeds {} once in twenty times",
+                                figure(result.null_95))});
     if (!result.steps.empty())
-        rows.push_back(
-            {"How far does it shrink?", percent(result.fraction),
-             fmt::format("from {} to {}; 95 % interval {} to {}{}", figure(result.distance_before),
-                         figure(result.distance_after), percent(result.fraction_95[0]), percent(result.fraction_95[1]),
-                         result.held_out ? "; measured on frames that the fit has not seen" : "")});
+        rows.push_back({"How far does it shrink?", percent(result.fraction),
+                        fmt::format("from {} to {}, in standard deviations of half captures simulated with the effects "
+                                    "(another scale than the "
+                                    "line above); 95 % interval {} to {}{}",
+                                    figure(result.distance_before), figure(result.distance_after),
+                                    percent(result.fraction_95[0]), percent(result.fraction_95[1]),
+                                    result.held_out ? "; measured on frames that the fit has not seen" : "")});
     if (result.detected)
         rows.push_back(
             {"Is something left?", result.residual_detected ? "yes" : "no",
@@ -139,7 +144,10 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
         page.paragraph(
             "Each effect was put into the simulator, its parameters were fitted to one half of the frames, and the "
             "other half judged "
-            "it. With several effects this is the ranking of the first step; the later ones are listed below.");
+            "it. With several effects this is the ranking of the first step; the later ones are listed below. The "
+            "distance left is "
+            "that of the whole capture, in standard deviations of the simulator with the effect; 0: no more than "
+            "chance gives.");
         page.plot(ranking_figure(result), "Probability of each effect among those compared.");
         std::vector<std::vector<std::string>> rows;
         for (const RankedEffect &ranked : result.ranking)
@@ -173,6 +181,11 @@ void write_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
         percent(result.fraction_95[0]), percent(result.fraction_95[1]),
         result.held_out ? "Each half of the frames was judged by a fit to the other half."
                         : "There were too few frames for a part that no fit has seen: the figure is optimistic."));
+    page.paragraph("These distances are in standard deviations of half captures simulated with all effects found: a "
+                   "scale of their own, to be "
+                   "compared with one another only.");
+    if (!result.residual_detected && result.fraction < 0.95)
+        page.paragraph(kChanceRemains);
     page.plot(waterfall_figure(result),
               "What each effect takes off the distance, in the order in which the effects were added.");
     std::vector<std::vector<std::string>> rows;
@@ -232,7 +245,7 @@ void write_advice(const DiagnosisResult &result, HtmlPage &page) {
                        "sequences. An effect of your "
                        "own can be added to the comparison as a hypothesis.");
     } else if (result.verdict == Verdict::kNone) {
-        page.paragraph("More frames would show smaller gaps.");
+        page.paragraph("More frames would show smaller gaps. " + explain_reach(result));
     } else {
         page.paragraph("Put the effects with these parameters into the simulator.");
     }
@@ -262,7 +275,10 @@ void write_explanation(const DiagnosisResult &result, HtmlPage &page) {
         "z: how far a real value lies from the simulator's, in standard deviations of what chance alone gives. "
         "Positive: the real value is larger.",
         "p: the probability of a difference at least so large if the simulator were right.",
-        "Distance: root mean square of z over all statistics, their correlations taken out, less what chance gives.",
+        "Distance: root mean square of z over all statistics, their correlations taken out, less what chance gives. "
+        "Its standard "
+        "deviations are those of the simulator that the frames are compared with, so that only distances of one "
+        "section compare.",
         fmt::format("Verdicts: none (no difference at the level of {}), named (the effects explain the difference), "
                     "ambiguous (several effects "
                     "explain it equally well), unknown (something is left that no known effect explains).",

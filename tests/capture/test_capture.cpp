@@ -419,9 +419,15 @@ TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {
     std::vector<std::uint16_t> repeated = noise(3, 300, 6);
     std::copy_n(repeated.begin(), kPixels, repeated.begin() + 2 * kPixels);
     capture.add_sequence("repeated", CLSP_SCENE_BOARD, true, repeated);
+    // Multiples of 8, which nothing else is; "moving", which lamp light does not show.
+    std::vector<std::uint16_t> coarse = noise(3, 300, 8);
+    for (std::uint16_t &code : coarse)
+        code = static_cast<std::uint16_t>(code / 8 * 8);
+    capture.add_sequence("coarse", CLSP_SCENE_FLAT, true, coarse);
     const std::string json = capture.summary_json();
     for (const char *words : {"1 of 2 dots lie outside", "all 3 frames are the same", "the sequence is saturated",
-                              "hardly any light", "one frame only", "frame 2 is frame 0 again"})
+                              "hardly any light", "one frame only", "frame 2 is frame 0 again",
+                              "all codes are multiples of 8", "even lamp light shows no motion"})
         EXPECT_NE(json.find(words), std::string::npos) << words << " is not in " << json;
     std::uint64_t length = 0;
     ASSERT_EQ(clspCaptureGetSummaryJson(capture, 0, nullptr, &length), CLSP_SUCCESS);

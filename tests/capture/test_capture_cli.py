@@ -78,17 +78,42 @@ def test_check_explains(cli: Cli, tmp_path: Path) -> None:
     assert written == clspeckle.Capture.open(tmp_path / "set").summary()
 
 
+def test_help_tells_the_exit_codes(cli: Cli) -> None:
+    for command in ("check", "make"):
+        assert "Exit codes:" in cli("capture", command, "--help").stdout
+
+
 def test_bad_input(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     assert "exists" in cli("capture", "make", "there", code=1).stderr
     assert "no effect" in cli("capture", "make", "new", "--effect", "nonsense", code=1).stderr
     assert "must be" in cli("capture", "make", "new", "--effect", "dsnu:sigma_dn=-1", code=1).stderr
     assert "there is no \"moon\"" in cli("capture", "make", "new", "--sequences", "moon", code=1).stderr
-    assert "/camera/bits" in cli("capture", "make", "new", "--bits", 20, code=1).stderr
-    assert "level" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
-    assert "--frames" in cli("capture", "make", "new", "--frames", 0, code=1).stderr
+    assert "--flat-level: the level of flat is -3 DN" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
+    for option, value, expected in (
+        ("--bits", 20, "an integer from 8 to 16"),
+        ("--frames", 0, "an integer from 1 to 65535"),
+        ("--frames", 2**32 + 1, "an integer from 1 to 65535"),
+        ("--width", -64, "an integer from 8 to 16384"),
+        ("--height", "many", "an integer from 8 to 16384"),
+        ("--seed", -1, "an integer from 0 to 18446744073709551615"),
+        ("--f-number", "nan", "a number from 0.1 to 1000"),
+        ("--wavelength-nm", 0, "a number from 100 to 20000"),
+        ("--degree-of-polarization", 1.5, "a number from 0 to 1"),
+        ("--read-noise-dn", -4, "a number from 0 to 65535"),
+        ("--black-level-dn", "inf", "a number from 0 to 65535"),
+        ("--dots-pitch", 0, "a number from 2 to 16384"),
+        ("--dots-sigma", -1, "a number from 0.01 to 16384"),
+        ("--dots-count", -5, "an integer from 0 to 1000000"),
+    ):
+        shown = cli("capture", "make", "new", option, value, code=1).stderr
+        assert f'{option}: is "{value}"; expected {expected}' in shown
+    assert "unit_phasor" in cli("capture", "make", "new", "--field", "gaussian", code=1).stderr
+    shown = cli("capture", "make", "new", "--black-level-dn", 2000, code=1).stderr
+    assert "/camera/black_level_dn is 2000" in shown and "CLSP_" not in shown and "clspCapture" not in shown
     assert "nearest one is --frames (see clspeckle capture make --help)" in cli("capture", "make", "x", "--frame", 3, code=1).stderr
     assert "nearest one is \"check\"" in cli("capture", "chek", code=1).stderr
     assert "does not exist" in cli("capture", "check", "nowhere", code=1).stderr
+    assert "name a file" in cli("capture", "check", "there", "--json", "", code=1).stderr
     assert "no capture.json" in cli("capture", "check", "there", code=1).stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there"], "something was left behind"

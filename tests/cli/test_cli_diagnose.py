@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import re
 import signal
 import subprocess
@@ -34,9 +36,20 @@ def write_set(folder: Path, ramp_dn: float, bits: int = 10) -> Path:
 def test_no_gap(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 0)
     run = ok("diagnose", "set", "--json", "report.json", *QUICK)
-    assert run.out.startswith("NONE: at the level 0.02 no gap")
+    assert run.out.startswith("NONE: no gap in what could be tested: at the level 0.02, none of ")
+    assert "statistics of dark and flat tells camera and simulator apart" in " ".join(run.out.split())
+    shown = run.out[run.out.index("Not tested, so not shown to be right") : run.out.index("Gap: ")]
+    assert "defocus" in shown and "motion during the exposure" in " ".join(shown.split())
+    assert "dsnu" not in shown, "dark frames show it"
     assert "Report: report.json" in run.out
     report = json.loads((tmp_path / "report.json").read_text())
+    coverage = report["coverage"]
+    assert (coverage["sequences"], coverage["left_out"]) == (["dark", "flat"], [])
+    assert coverage["statistics"] == len(report["shrink"]["per_statistic"])
+    assert {"defocus", "zero_order", "surface_boiling"} <= set(coverage["effects_not_visible"])
+    assert not {"prnu", "dsnu", "vignetting"} & set(coverage["effects_not_visible"])
+    assert "beam and diffractive element" in coverage["questions_open"]
+    assert {"gap.distance", "cause.ranking.distance_after", "shrink.distance_before", "shrink.fraction"} <= set(report["scales"])
     assert (report["format"], report["version"]) == ("clspeckle-gap-report", 1)
     assert report["cause"]["verdict"] == "none"
     assert report["cause"]["effects"] == []
@@ -59,8 +72,11 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     worst = report["where"][0]
     assert worst["sequence"] == "flat"
     assert re.search(rf"{worst['stage']} +flat +{worst['statistic']} ", run.out)
-    for words in ("Gap: ", "Where: ", "Residual: a significant gap remains", "Seed 0"):
+    for words in ("Gap: ", "standard deviations of the baseline", "Where: ", "Residual: a significant gap remains", "Seed 0"):
         assert words in run.out
+    probabilities = [report["gap"]["p_value"], report["shrink"]["residual_p_value"], *(place["p_adjusted"] for place in report["where"])]
+    assert all(1e-300 <= p <= 1 for p in probabilities), "never 0: tails are extrapolated"
+    assert "NONE" not in run.out and "Not tested" not in run.out
     assert max(map(len, run.out.splitlines())) <= 140
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
@@ -81,6 +97,8 @@ def test_an_effect_is_named_with_a_waterfall(ok, tmp_path: Path) -> None:
     assert re.search(r"\* +row_noise +sensor ", run.out)
     assert re.search(r"simulator as it is +[\d.]+ +#+", run.out)
     assert re.search(r"with row_noise +[\d.]+ +\d+ % gone", run.out)
+    assert "in standard deviations of the simulator with the effect" in run.out
+    assert "in standard deviations of half captures simulated with all effects found" in run.out
     withheld = ok("diagnose", "set", "--json", "-", "--without", "row_noise,gamma", *QUICK).json()
     ranked = {entry["effect"] for entry in withheld["cause"]["ranking"]}
     assert not ranked & {"row_noise", "gamma"}
@@ -91,11 +109,24 @@ def test_an_effect_is_named_with_a_waterfall(ok, tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (["missing"], "missing"),
-        (["set", "--without", "defokus"], "defokus"),
-        (["set", "--level", 0.9], "--level"),
-        (["set", "--replicates", 3], "--replicates"),
-        (["set", "--max-effects", 0], "--max-effects"),
-        (["set", "--seed", -1], "--seed"),
+        (["set", "--without", "defokus"], "--without: there is no effect \"defokus\"; the nearest one is \"defocus\""),
+        (["set", "--without", "gamma,,defocus"], "--without gamma,,defocus: one of the names is empty; the effects are linewidth, "),
+        (["set", "--without", " "], "one of the names is empty"),
+        (["set", "--without", ""], "one of the names is empty"),
+        (["set", "--level", 0.9], "--level: is \"0.9\"; expected a number from 1e-06 to 0.5"),
+        (["set", "--level", 2], "--level: is \"2\""),
+        (["set", "--level", "nan"], "--level: is \"nan\""),
+        (["set", "--level", "low"], "--level: is \"low\""),
+        (["set", "--replicates", 3], "expected an integer from 12 to 100000"),
+        (["set", "--null-replicates", 3.5], "--null-replicates: is \"3.5\""),
+        (["set", "--max-effects", 0], "--max-effects: is \"0\"; expected an integer from 1 to 64"),
+        (["set", "--threads", 2000], "--threads: is \"2000\"; expected an integer from 0 to 1024"),
+        (["set", "--seed", -1], "--seed: is \"-1\"; expected an integer from 0 to 18446744073709551615"),
+        (["set", "--seed", 2**64], "--seed: is \"18446744073709551616\""),
+        (["set", "--html", "-"], "--html -: the page is written to a file"),
+        (["set", "--html", ""], "--html: is empty; name a file"),
+        (["set", "--json", ""], "--json: is empty; name a file"),
+        (["set", "--json", "a", "--html", "a"], "name the same file"),
         (["set", "--jsn", "x"], "the nearest one is --json"),
         ([], "CAPTURE"),
     ],
@@ -103,7 +134,16 @@ def test_an_effect_is_named_with_a_waterfall(ok, tmp_path: Path) -> None:
 )
 def test_bad_usage(refused, tmp_path: Path, arguments: list[object], words: str) -> None:
     write_set(tmp_path / "set", 0)
-    assert words in refused("diagnose", *arguments)
+    message = refused("diagnose", *arguments)
+    assert words in message
+    assert not re.search(r"CLSP_|clsp[A-Z]|desc->", message), "names of the C interface mean nothing here"
+    assert [path.name for path in tmp_path.iterdir()] == ["set"]
+
+
+def test_names_of_effects_may_have_blanks(ok, tmp_path: Path) -> None:
+    write_set(tmp_path / "set", 20)
+    plain = ok("diagnose", "set", "--json", "-", "--without", "gamma,vignetting", *QUICK).json()
+    assert ok("diagnose", "--without", " vignetting ", "--without", "gamma", "set", "--json", "-", *QUICK).json() == plain
 
 
 @pytest.mark.parametrize("path", ["nowhere/report.json", "set"])
@@ -126,17 +166,67 @@ def test_interrupt(program: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "report.json").exists()
 
 
+def children(pid: int) -> str:
+    """Ids of the processes that a process has started."""
+    with contextlib.suppress(OSError):
+        return "".join(path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children"))
+    return ""
+
+
+def test_interrupt_while_the_driver_compiles(program: Path, tmp_path: Path) -> None:
+    """PoCL links its kernels with a program of its own, which Ctrl-C ends as well: the build error is no news. An empty cache makes
+    it compile."""
+    write_set(tmp_path / "set", 0)
+    (tmp_path / "cache").mkdir()
+    environment = {**os.environ, "POCL_CACHE_DIR": str(tmp_path / "cache"), "CLSPECKLE_CACHE_DIR": str(tmp_path / "own")}
+    command = [program, "diagnose", "set", "--replicates", "100000", "--quiet"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    ) as running:
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline and not children(running.pid):
+            time.sleep(0.001)
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+        out, err = running.communicate(timeout=120)
+    assert running.returncode == 130, err
+    assert "clspeckle: interrupted" in err and out == ""
+    assert "does not build" not in err
+
+
+def test_what_cannot_be_judged_is_left_out(ok, refused, tmp_path: Path) -> None:
+    """A quarter of the flat is saturated: its light is not known. Without it the set is dark; saturated dark frames leave nothing."""
+    folder = write_set(tmp_path / "set", 0)
+    codes = np.load(folder / "flat.npy")
+    codes[:, :, :16] = 1023
+    np.save(folder / "flat.npy", codes)
+    report = ok("diagnose", "set", "--json", "-", *QUICK).json()
+    assert report["cause"]["verdict"] == "none"
+    assert (report["coverage"]["sequences"], report["coverage"]["left_out"]) == (["dark"], ["flat"])
+    assert "vignetting" in report["coverage"]["effects_not_visible"], "it shows in the flat only"
+    assert any(note.startswith("flat was left out: 25 % of its pixels are at the top code") for note in report["notes"])
+    np.save(folder / "dark.npy", np.full_like(codes, 1023))
+    message = refused("diagnose", "set", "--json", "-", *QUICK)
+    assert "no sequence of the capture can be judged: dark was left out: 100 % of its pixels" in message
+
+
 def test_warnings_of_the_capture_are_told(ok, tmp_path: Path) -> None:
     folder = write_set(tmp_path / "set", 0)
     text = json.loads((folder / "capture.json").read_text())
     text["camera"]["shutter"] = "rolling"
     (folder / "capture.json").write_text(json.dumps(text))
-    assert "shutter" in ok("diagnose", "set", "--quiet", *QUICK).err
+    text["camera"]["read_noise_dn"] = 100.0
+    (folder / "capture.json").write_text(json.dumps(text))
+    run = ok("diagnose", "set", "--quiet", "--json", "report.json", "--html", "report.html", *QUICK)
+    notes = " ".join(json.loads((tmp_path / "report.json").read_text())["notes"])
+    for words in ("shutter", "/camera/read_noise_dn is 100, but the dark frames"):
+        assert words in run.err
+        assert words in notes
+        assert words in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_help(ok) -> None:
     text = ok("diagnose", "--help").out
     assert "Usage: clspeckle" in text and "Examples:" in text
     assert max(map(len, text.splitlines())) <= 120, "it fits a terminal"
-    for words in ("none", "named", "ambiguous", "unknown", "--without", "--level"):
+    for words in ("none", "named", "ambiguous", "unknown", "--without", "--level", "Exit codes:", "130  interrupted"):
         assert words in text

@@ -247,6 +247,8 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_EQ(summary.seed, 5u);
     EXPECT_EQ(summary.level, 0.02);
     EXPECT_LT(summary.p_value, 0.001);
+    EXPECT_GE(summary.p_value, 1e-300) << "never 0";
+    EXPECT_GE(summary.residual_p_value, 1e-300);
     EXPECT_GT(summary.distance, 10.0 * summary.null_95);
     EXPECT_GT(summary.fraction, 0.9) << "the hypothesis is the cause";
     EXPECT_LE(summary.fraction_95[0], summary.fraction_95[1]);
@@ -283,6 +285,7 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_STREQ(place.sequence, "flat");
     EXPECT_GT(std::abs(place.z), 50.0);
     EXPECT_LT(place.p_adjusted, 0.02);
+    EXPECT_GE(place.p_adjusted, 1e-300);
     EXPECT_NE(place.real, place.sim);
     const std::vector<ClspDiagnosisPlace> places = diagnosis.places();
     ASSERT_EQ(places.size(), summary.place_count);
@@ -376,12 +379,66 @@ TEST_F(Diagnosis, NoGapIsSeenWhereThereIsNone) {
     EXPECT_TRUE(diagnosis.parameters().empty());
     EXPECT_TRUE(diagnosis.steps().empty());
     EXPECT_TRUE(diagnosis.ranking().empty());
+    // What the verdict does not reach is said.
+    const std::string json = diagnosis.report_json();
+    for (const char *words :
+         {"\"coverage\"", "\"effects_not_visible\"", "\"defocus\"", "\"left_out\": []", "\"scales\""})
+        EXPECT_NE(json.find(words), std::string::npos) << words;
+    const std::vector<std::string> notes = diagnosis.notes();
+    EXPECT_TRUE(std::any_of(notes.begin(), notes.end(), [](const std::string &note) {
+        return note.find("these effects cannot show in this capture: ") == 0 &&
+               note.find("defocus") != std::string::npos;
+    }));
     // The same seed, the same report; threads do not matter.
     auto options = quick_options();
     options.threads = 1;
     EXPECT_EQ(clspeckle::diagnose(context, make_capture(0.0), options).report_json(), diagnosis.report_json());
     options.seed = 1;
     EXPECT_NE(clspeckle::diagnose(context, make_capture(0.0), options).report_json(), diagnosis.report_json());
+}
+
+TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
+    auto desc = clspeckle::make<ClspCaptureDesc>();
+    desc.width = kWidth;
+    desc.height = kHeight;
+    clspeckle::Capture clipped(desc);
+    clipped.add_sequence("dark", CLSP_SCENE_DARK, false, capture.codes(0));
+    std::vector<std::uint16_t> codes = capture.codes(1);
+    for (std::size_t i = 0; i < codes.size(); ++i)
+        if (i % 4 == 0) // 25 % of the pixels: the level of the light is not known
+            codes[i] = 1023;
+    clipped.add_sequence("flat", CLSP_SCENE_FLAT, false, codes);
+    const auto diagnosis = clspeckle::diagnose(context, clipped, quick_options());
+    EXPECT_EQ(diagnosis.summary().verdict, CLSP_VERDICT_NONE) << "the ramp is in what was left out";
+    EXPECT_NE(diagnosis.report_json().find("\"left_out\": [\n   \"flat\"\n  ]"), std::string::npos)
+        << diagnosis.report_json();
+    for (const ClspDiagnosisPlace &place : diagnosis.places())
+        EXPECT_STREQ(place.sequence, "dark");
+
+    clspeckle::Capture hidden(desc);
+    hidden.add_sequence("dark", CLSP_SCENE_DARK, false, capture.codes(0));
+    std::vector<std::uint8_t> mask(std::size_t{kWidth} * kHeight, 0);
+    std::fill_n(mask.begin(), 63, std::uint8_t{1});
+    auto masked = clspeckle::make<ClspCaptureSequence>();
+    masked.name = "flat";
+    masked.scene = CLSP_SCENE_FLAT;
+    masked.frame_count = kFrames;
+    const std::vector<std::uint16_t> flat = capture.codes(1);
+    masked.codes = flat.data();
+    masked.mask = mask.data();
+    ASSERT_CLSP_OK(clspCaptureAddSequence(hidden, &masked));
+    const std::vector<std::string> notes = clspeckle::diagnose(context, hidden, quick_options()).notes();
+    EXPECT_NE(
+        std::find(notes.begin(), notes.end(), "flat was left out: its mask leaves 63 pixels; at least 64 are needed"),
+        notes.end());
+
+    clspeckle::Capture nothing(desc);
+    nothing.add_sequence("flat", CLSP_SCENE_FLAT, false, codes);
+    ClspDiagnosis made = nullptr;
+    const ClspDiagnoseDesc quick = quick_desc();
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "flat was left out: 25 % of its pixels are at the top code",
+                      clspDiagnose(context, nothing, &quick, &made));
+    EXPECT_EQ(made, nullptr);
 }
 
 TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {

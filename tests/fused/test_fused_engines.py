@@ -194,6 +194,19 @@ def test_what_the_engine_does_not_take_goes_to_clfft(fused):
     assert "40 x 1" in info.fft_reason
 
 
+@pytest.mark.parametrize("choice", ["auto", ""])
+def test_cpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
+    monkeypatch.setenv("CLSPECKLE_FFT", choice)
+    with clspeckle.Context() as context:
+        info = clspeckle.Aperture((32, 32), relative_diameter=0.5, context=context).info()
+        (device,) = {d.type for d in clspeckle.devices() if d.name == context.info().device_name}
+        if "cpu" in device:
+            assert (info.fft_backend, info.fft_reason) == ("fused", "")
+        else:
+            assert info.fft_backend == "clFFT"
+            assert "made for CPUs" in info.fft_reason
+
+
 def test_the_choice_must_be_one(monkeypatch):
     monkeypatch.setenv("CLSPECKLE_FFT", "fftw")
     with pytest.raises(errors.InvalidArgumentError, match=r"fftw.*auto, clfft or fused"):

@@ -169,6 +169,10 @@ reports(const std::shared_ptr<clsp::Context> &context) {
     all.emplace_back("ambiguous", ambiguous);
 
     clsp::DiagnosisResult none = with_evidence(context, {{"board", CaptureScene::kBoard, false, 4}}, false).result;
+    none.judged = {"dark", "flat"};
+    none.left_out = {"board_static"};
+    none.untested_effects = {"defocus", "glare"};
+    none.untested_topics = {"motion during the exposure"};
     all.emplace_back("none_without_dots", none);
 
     clsp::DiagnosisResult unknown = none;

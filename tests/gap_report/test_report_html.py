@@ -163,7 +163,11 @@ def test_kinds_of_captures(sources):
         return " ".join(" ".join(page.text).split())
 
     assert "no frames of dots" in text("none_without_dots")
-    assert "No gap:" in text("none_without_dots")
+    assert "No gap in what could be tested" in text("none_without_dots")
+    assert "real ones of dark and flat by any of" in text("none_without_dots")
+    assert "Not judged: board_static. Not tested, since they cannot show in these sequences: defocus and glare." in text("none_without_dots")
+    assert "Left open: motion during the exposure. None of this is shown to be right." in text("none_without_dots")
+    assert "in standard deviations of half captures simulated with the effects" in text("named"), "scales are told apart"
     assert "cannot tell which of several effects causes it" in text("ambiguous")
     assert "metallic diffuser" in text("ambiguous"), "the advice for the pair"
     assert "explained by no effect that the simulator knows" in text("single_frames")

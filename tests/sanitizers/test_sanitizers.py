@@ -27,19 +27,17 @@ GTEST_PROGRAMS = (BUILD / "tests" / "gtest_programs.txt").read_text().split()
 # What cannot run: the reason.
 EXCLUDED = {"test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory"}
 PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
+# Programs that run once more with clFFT, whose plans several apertures and threads share.
+RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft"]
 Done = subprocess.CompletedProcess[str]
 # Those that use clFFT, whose own leaks are known (leaks.supp). In all others every leak counts.
 WITH_TRANSFORM = {
-    "test_aperture",
-    "test_pipeline",
     "test_statistics",
     "test_effects",
     "test_lens",
     "test_filter",
     "test_airflow",
-    "test_safety",
     "test_cpp_binding",
-    "test_concurrency",
     "test_gap_report",
     "test_gap_simulator",
     "test_gap_simulator_physics",
@@ -94,14 +92,22 @@ ADDRESS_OPTIONS = {
 }
 
 
-def run_sanitized(build: Path, program: str) -> Done:
+def run_sanitized(build: Path, name: str) -> Done:
     variables = dict(ADDRESS_OPTIONS)
-    if program in WITH_TRANSFORM:
+    program, _, engine = name.partition("-")
+    if engine:
+        variables["CLSPECKLE_FFT"] = engine
+    if engine or program in WITH_TRANSFORM:
         variables["LSAN_OPTIONS"] = f"suppressions={HERE / 'leaks.supp'}:print_suppressions=0"
     if program == "test_no_platform":
         variables["OCL_ICD_VENDORS"] = variables["OPENCL_VENDOR_PATH"] = str(build / "tests" / "no_platform")
     chosen = [f"--gtest_filter={FILTERS[program]}"] if program in FILTERS else []
-    return run(build / "bin" / program, *chosen, **variables)
+    done = run(build / "bin" / program, *chosen, **variables)
+    # PoCL 3.1 loses the passes of its compiler at the end of a process that compiled with them, and no name in the stack tells that from
+    # an OpenCL object that clSpeckle lost. The kernels are in PoCL's cache now: what is lost once more was not PoCL's.
+    if re.search(r"SUMMARY: AddressSanitizer: \d+ byte\(s\) leaked", done.stdout):
+        done = run(build / "bin" / program, *chosen, **variables)
+    return done
 
 
 @pytest.fixture(scope="session")
@@ -125,7 +131,7 @@ def sanitized_runs(request: pytest.FixtureRequest, pool: ThreadPoolExecutor, add
     return {program: pool.submit(run_sanitized, address_build, program) for program in selected}
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("program", RUNS)
 def test_address_and_undefined(sanitized_runs: dict[str, Future[Done]], program: str) -> None:
     done = sanitized_runs[program].result()
     assert done.returncode == 0, done.stdout[-20000:]
@@ -162,11 +168,13 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
 @pytest.mark.nightly
 def test_threads() -> None:
     build = sanitized_build("sanitizers/thread", "thread", ["test_concurrency"])
-    done = run(
-        build / "bin" / "test_concurrency",
-        TSAN_OPTIONS=f"suppressions={HERE / 'threads.supp'}:exitcode=99",
-    )
-    assert done.returncode == 0, done.stdout[-20000:]
+    for engine in ("auto", "clfft"):
+        done = run(
+            build / "bin" / "test_concurrency",
+            TSAN_OPTIONS=f"suppressions={HERE / 'threads.supp'}:exitcode=99",
+            CLSPECKLE_FFT=engine,
+        )
+        assert done.returncode == 0, done.stdout[-20000:]
 
 
 def oclgrind(log: Path, *arguments: str, **variables: str) -> tuple[Done, str]:
@@ -198,8 +206,6 @@ def test_every_kernel_ran(watched: tuple[Done, str]) -> None:
     for path in (ROOT / "kernels").glob("*.cl"):
         kernels |= set(re.findall(r"__kernel\s+void\s+(\w+)", path.read_text()))
     assert kernels
-    # oclgrind 21.10 cannot load the fused engine's kernels (all_stages.cpp says why); tests/fused holds them against clFFT's and NumPy's results.
-    kernels = {name for name in kernels if not name.startswith("fused_")}
     assert not kernels - ran, f"all_stages.cpp does not run {sorted(kernels - ran)}"
 
 

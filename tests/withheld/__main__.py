@@ -13,6 +13,8 @@ from pathlib import Path
 from .effects import EFFECTS
 from .outcome import read_outcomes
 from .plan import PLANS, Plan, SetPlan, load_plan, set_name, write_drawn, write_plan
+from .power import EFFECTS as POWER_EFFECTS
+from .power import FRAMES, power
 from .runner import DEFAULT_COMMAND, find_sets, progress, run_sets
 from .scorer import score
 from .tables import markdown
@@ -27,6 +29,7 @@ prints how often it was right.
   all        the three in turn; without --keep, a capture set exists only while it is diagnosed (a set of 40 frames
              takes 15 MB, the full plan 8 GB)
   one        a single capture set with chosen effects, for looking at
+  power      effects below their weakest strength, for 4, 8, 16 and 32 frames: what can be seen; OUT/power.{json,md,png}
   effects    lists what the generator can switch on
 
 Examples (with the folder `tests` on PYTHONPATH):
@@ -41,17 +44,17 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
         prog="python -m withheld", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     commands = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    made = {name: commands.add_parser(name) for name in ("generate", "run", "score", "all", "one", "effects")}
-    for name in ("generate", "run", "score", "all", "one"):
+    made = {name: commands.add_parser(name) for name in ("generate", "run", "score", "all", "power", "one", "effects")}
+    for name in ("generate", "run", "score", "all", "power", "one"):
         made[name].add_argument("--out", type=Path, required=True, help="folder of the sets, keys and reports")
     for name in ("generate", "all"):
         add = made[name].add_argument
         add("--plan", default="small", help=f"one of {', '.join(PLANS)}, or a JSON file with the members of a plan")
         add("--seed", type=int, help="another seed than the plan's")
         add("--frames", type=int, help="another number of frames per sequence")
-    for name in ("generate", "run", "all"):
+    for name in ("generate", "run", "all", "power"):
         made[name].add_argument("--jobs", type=int, default=1, help="how many at once (default 1)")
-    for name in ("run", "all"):
+    for name in ("run", "all", "power"):
         add = made[name].add_argument
         add("--command", default=DEFAULT_COMMAND,
             help="the diagnosis; CAPTURE --json REPORT [--without EFFECTS] is appended, or stands where {capture}, "
@@ -63,6 +66,12 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
         made[name].add_argument("--score", type=Path, help="folder of the score (default: OUT/score)")
         made[name].add_argument("--no-figures", action="store_true", help="only the table")
         made[name].add_argument("--require", action="store_true", help="exit status 1 if an aim of the table is missed")
+    add = made["power"].add_argument
+    add("--frames", type=int, nargs="+", default=list(FRAMES), help="numbers of frames (default: %(default)s)")
+    add("--effects", nargs="+", default=list(POWER_EFFECTS), metavar="ID", help="default: %(default)s")
+    add("--repeats", type=int, default=3, help="sets at each strength (default %(default)s)")
+    add("--seed", type=int, default=1)
+    add("--no-figures", action="store_true", help="only the table")
     made["all"].add_argument("--keep", action="store_true", help="leave all capture sets in OUT/captures")
     add = made["one"].add_argument
     add("--effect", action="append", default=[], metavar="ID=STRENGTH", help="0: weak, 1: strong; may be repeated")
@@ -150,6 +159,9 @@ def main(argv: list[str] | None = None) -> int:
         elif arguments.action == "all":
             sets = write_plan(arguments.out, _plan(arguments))
             print(f"{len(sets)} sets", file=sys.stderr)
+        if arguments.action == "power":
+            print(power(arguments.out, arguments.command, arguments.jobs, arguments.timeout, arguments.frames, arguments.effects,
+                        arguments.repeats, arguments.seed, not arguments.no_figures))  # fmt: skip
         if arguments.action in ("run", "all"):
             reports = arguments.reports or arguments.out / "reports"
             run_sets(find_sets(arguments.out), reports, arguments.command, arguments.jobs, arguments.timeout)

@@ -1,6 +1,7 @@
 """What the generator can switch on: the catalogue's effects with their ranges, and effects that are in no catalogue.
 
-A strength between 0 (weak) and 1 (strong) moves all of an effect's parameters together, linearly.
+A strength between 0 (weak) and 1 (strong) moves all of an effect's parameters together, linearly. Below 0 it goes down from weak to
+nothing at all, at -1.
 """
 
 from __future__ import annotations
@@ -20,6 +21,12 @@ Setting = dict[str, float]
 Effects = dict[str, Setting]
 
 
+# Parameters whose effect is nothing at another value than 0; that have no such value; that only shape an effect.
+_NOTHING = {"degree_of_polarization": 1.0, "f_number_ratio": 1.0, "gamma": 1.0, "axis_ratio": 1.0}
+_WITHOUT_NOTHING = (("surface_boiling", "correlation_frames"), ("full_well", "level_dn"), ("adc_bits", "bits"))
+_FIXED = ("scale_px", "mean_dn")
+
+
 @dataclass(frozen=True)
 class EffectInfo:
     """An effect: its stage, its parameters' weak and strong values, and where it can show."""
@@ -35,8 +42,20 @@ class EffectInfo:
 
     def at(self, strength: float) -> Setting:
         """The parameters at a strength."""
+        if strength < 0:
+            return {name: self._below_weak(name, 1 + strength) for name in self.ranges}
         values = {name: weak + (strong - weak) * strength for name, (weak, strong) in self.ranges.items()}
         return {n: float(round(v)) if n in self.integers else float(v) for n, v in values.items()}
+
+    def _below_weak(self, name: str, part: float) -> float:
+        """A parameter that is `part` of the way from nothing to weak."""
+        weak, strong = self.ranges[name]
+        if name in _FIXED and weak == strong:
+            return weak
+        if name in self.integers or (self.id, name) in _WITHOUT_NOTHING or not 0 <= part <= 1:
+            raise ValueError(f"{name} of {self.id!r} has no values between nothing and weak")
+        nothing = _NOTHING.get(name, 0.0)
+        return nothing + part * (weak - nothing)
 
     @property
     def stages(self) -> tuple[str, ...]:

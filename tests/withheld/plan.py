@@ -84,6 +84,8 @@ PLANS = {
         without_each=1,
         without_effects=tuple(list(CATALOGUE)[::3]),
     ),
+    # False alarms alone, nuisances drawn.
+    "nulls": Plan("nulls", width=128, height=96, frames=16, nulls=500),
     "full": Plan(
         "full",
         nulls=100,

@@ -32,6 +32,28 @@ def plot_confusion(confusion: dict[str, Any], path: Path) -> None:
     plt.close(figure)
 
 
+def plot_power(rows: list[dict[str, Any]], path: Path) -> None:
+    """Detection and naming against strength, a line for each number of frames."""
+    figure, both = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
+    for axes, what, title in zip(both, ("detected", "included"), ("noticed", "named, or among the equivalents"), strict=True):
+        for frames in sorted({row["frames"] for row in rows}):
+            chosen = [row for row in rows if row["frames"] == frames]
+            place = np.array([1 + row["strength"] for row in chosen])
+            share = np.array([row[what]["share"] for row in chosen])
+            bounds = np.array([row[what]["wilson95"] for row in chosen])
+            (line,) = axes.plot(place, share, "o-", label=f"{frames} frames")
+            axes.fill_between(place, bounds[:, 0], bounds[:, 1], color=line.get_color(), alpha=0.12)
+        axes.set_xscale("log")
+        axes.set_ylim(0, 1.03)
+        axes.set_xlabel("part of the weak amplitude")
+        axes.set_title(title)
+        axes.grid(alpha=0.3)
+    both[0].set_ylabel("share of sets (Wilson 95 %)")
+    both[1].legend(fontsize=8)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
 def plot_accuracy(rows: list[dict[str, Any]], label: str, path: Path) -> None:
     filled = [row for row in rows if row["sets"]]
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")

@@ -3,7 +3,8 @@
  * @brief The gap between a real camera and the simulator: whether there is one, where it lies, what causes it, how far it shrinks.
  *
  * clspDiagnose() compares a capture (capture.h) with frames of the simulator that are calibrated and measured alike, and fits the effects
- * of the catalogue (effects.h) and the caller's own hypotheses. docs/diagnosis.md explains the method and every number of the report.
+ * of the catalogue (effects.h) and the caller's own hypotheses. docs/diagnosis.md explains the method, docs/gap-report.md every number of the
+ * report and its scale.
  *
  * Thread rule: clspDiagnose() blocks; any number of threads may diagnose at the same time, also the same capture. Its callbacks are called
  * on the thread that called it, one at a time. A diagnosis is complete and never changes: any number of threads may read it at once.
@@ -21,7 +22,7 @@ extern "C" {
 
 /** @name Verdicts */
 /** @{ */
-#define CLSP_VERDICT_NONE 0u      /**< No gap at the stated level. */
+#define CLSP_VERDICT_NONE 0u      /**< No gap at the stated level, in what could be tested: the notes say what could not be. */
 #define CLSP_VERDICT_NAMED 1u     /**< One effect, or the smallest set of effects that is needed, explains the gap. */
 #define CLSP_VERDICT_AMBIGUOUS 2u /**< Two or more effects explain it equally well: the equivalents. */
 #define CLSP_VERDICT_UNKNOWN 3u   /**< A significant part of the gap is explained by no effect that was a candidate. */
@@ -118,13 +119,15 @@ typedef struct ClspDiagnosisSummary {
     uint32_t note_count;        /**< Of clspDiagnosisGetNote(). */
     uint64_t seed;              /**< Of the simulated captures. */
     double level;               /**< As asked for. */
-    double p_value;             /**< Probability of so large a gap by chance. */
+    double p_value;             /**< Probability of so large a gap by chance; 1e-300 at least. */
     double distance;            /**< The gap beyond chance, in standard deviations of the baseline, root mean square over the statistics. */
     double null_95;             /**< What chance alone exceeds once in twenty times. */
     double probability;         /**< Of the effects named, among the candidates. */
-    double distance_before;     /**< The gap without effects; 0 if no effect was found. */
-    double distance_after;      /**< With the effects found. */
-    double fraction;            /**< Part of the gap that is gone: 1 - after / before. */
+    double distance_before;     /**< The gap of half captures without effects, in standard deviations of half captures simulated with the
+                                     effects found (another scale than `distance`); 0 if no effect was found. */
+    double distance_after;      /**< With the effects found, on the scale of distance_before. */
+    double fraction;            /**< Part of the gap that is gone: 1 - after / before. Of a right model below 1 in about half of all
+                                     captures, by chance. */
     double fraction_95[2];      /**< Its 95 % interval. */
     double residual_p_value;    /**< Probability of so large a remainder by chance. */
     double seconds;             /**< That the diagnosis took. */
@@ -140,8 +143,10 @@ typedef struct ClspDiagnosisRanked {
     char stage[16];           /**< Its stage. */
     double values[CLSP_MAX_EFFECT_PARAMETERS]; /**< Its fitted parameters in the order of the catalogue or the hypothesis. */
     double probability;       /**< Among the effects of its step. */
-    double distance_after;    /**< The gap that it would leave. */
-    double gain;              /**< By which it lowers the squared distance on held-out frames. */
+    double distance_after;    /**< The gap that it would leave, in standard deviations of captures simulated with it; 0: no more than
+                                   chance. */
+    double gain;              /**< By which it lowers the squared distance on held-out frames plus the logarithm of the covariance's
+                                   determinant: -2 ln of a likelihood ratio. */
 } ClspDiagnosisRanked;
 
 /** A fitted parameter of an effect that was found. */
@@ -195,6 +200,24 @@ CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct
  *         hypotheses that failed or made pixels that are not finite: the message names hypothesis, sequence and frame.
  */
 CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis);
+/**
+ * Compares a real capture with frames of any simulator: where they differ, and which catalogued effects, put on the simulated frames as far as
+ * finished frames allow, would close how much. *diagnosis gets one reference. Blocks, for about as long as clspDiagnose(). docs/gap-compare.md
+ * explains the method.
+ *
+ * Sequences are paired by name where scene and motion agree, else by scene and motion, and cut to the same number of frames; what has no partner
+ * is named in a note. Light levels, black levels and, where the simulated frames have less, read noise are calibrated first. In the result `sim`
+ * stands for the simulated capture; parameters are what its frames lack. The report has one key more, "compare": the pairs, the levels, the read
+ * noise, the effects that cannot be put on finished frames and why.
+ * @param context whose device draws what differs by chance, and puts effects on frames.
+ * @param real what the camera recorded; complete and in order, as for clspDiagnose().
+ * @param sim  what the simulator drew of the same scenes; as `real`.
+ * @param desc NULL: the defaults. hypothesis_count must be 0.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for captures of different size or bits, and where no sequence has a partner; CLSP_ERROR_CANCELLED when the
+ *         progress function returned 0; CLSP_ERROR_INVALID_DATA where no pair has light or is dark.
+ */
+CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCapture sim, const ClspDiagnoseDesc *desc,
+                                ClspDiagnosis *diagnosis);
 /** Adds a reference. */
 CLSP_API ClspStatus clspDiagnosisRetain(ClspDiagnosis diagnosis);
 /** Drops a reference; with the last one the diagnosis is gone. NULL is allowed. */
@@ -224,7 +247,7 @@ CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t inde
 CLSP_API ClspStatus clspDiagnosisGetStep(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisStep *step);
 
 /**
- * The report as a JSON object, UTF-8 (the gap report format, version 1; docs/diagnosis.md lists its keys).
+ * The report as a JSON object, UTF-8 (the gap report format, version 1; docs/gap-report.md lists its keys).
  * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
  * @param text     NULL if capacity is 0.
  * @param length   size of the whole text with its final 0; may be NULL.

@@ -5,8 +5,13 @@ What a verdict is worth is tested elsewhere; here the captures are small and the
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +99,14 @@ def test_captures_of_three_kinds_agree(context: clspeckle.Context, tmp_path: Pat
     first = clspeckle.diagnose(arrays, seed=3, camera={"f_number": 4.0}, context=context, **QUICK)
     assert first.verdict == "none"
     assert (first.effects, first.ranking, first.where, first.shrink.steps) == ((), (), (), ())
-    assert "no gap" in str(first)
+    assert "no gap in what could be tested: dark, flat" in str(first)
+    assert "cannot show here: " in str(first)
+    assert first.coverage.sequences == ("dark", "flat")
+    assert first.coverage.left_out == ()
+    assert first.coverage.statistics == len(first.report["shrink"]["per_statistic"])
+    assert "defocus" in first.coverage.effects_not_visible
+    assert "dsnu" not in first.coverage.effects_not_visible
+    assert "beam and diffractive element" in first.coverage.questions_open
     capture = clspeckle.Capture.from_arrays(arrays, camera={"f_number": 4.0})
     assert clspeckle.diagnose(capture, seed=3, context=context, **QUICK).report == first.report
     assert not capture.closed
@@ -141,8 +153,18 @@ def test_what_a_hypothesis_raises_comes_back(context: clspeckle.Context) -> None
     assert '"mine" on sequence "dark", frame 0' in str(caught.value.__cause__)
     with pytest.raises(errors.InvalidArgumentError, match="'mine' returned has shape"):
         diagnose(lambda pixels, **_: pixels[1:])
+    with pytest.raises(errors.InvalidFormatError, match="'mine' returned has dtype complex"):
+        diagnose(lambda pixels, **_: pixels * 1j)
+    with pytest.raises(TypeError, match="unexpected keyword argument"):
+        diagnose(lambda pixels, *, frame_index: None)
     with pytest.raises(errors.InvalidDataError, match='"mine" on sequence "dark", frame 0'):
         diagnose(lambda pixels, **_: pixels * np.nan)
+
+    def spoil(pixels: npt.NDArray[np.float32], **_: Any) -> None:
+        pixels[3, 5] = np.inf
+
+    with pytest.raises(errors.InvalidDataError, match='"mine" on sequence "dark", frame 0'):
+        diagnose(spoil)
 
 
 def test_control_c_cancels(run_python: Runner) -> None:
@@ -171,6 +193,43 @@ assert signal.getsignal(signal.SIGINT) is before
     assert "Exception ignored" not in result.stderr
 
 
+def test_control_c_while_the_driver_compiles(tmp_path: Path) -> None:
+    """PoCL links its kernels with a program of its own, which Ctrl-C at a terminal reaches as well. An empty cache makes
+    it link."""
+    program = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import clspeckle
+from test_diagnosis import QUICK, codes
+try:
+    clspeckle.diagnose(codes(0), **QUICK)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    environment = {**os.environ, "POCL_CACHE_DIR": str(tmp_path), "CLSPECKLE_CACHE_DIR": str(tmp_path / "own")}
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as running:
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline and not children(running.pid):
+            time.sleep(0.001)
+        os.killpg(running.pid, signal.SIGINT)
+        out, err = running.communicate(timeout=120)
+    assert (running.returncode, out) == (0, "interrupted\n"), err
+
+
+def children(pid: int) -> str:
+    """Ids of the processes that a process has started."""
+    with contextlib.suppress(OSError):
+        return "".join(path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children"))
+    return ""
+
+
 def test_progress_bar(run_python: Runner) -> None:
     program = "import sys\nsys.path.insert(0, TESTS)\nimport clspeckle\nfrom test_diagnosis import QUICK, codes\n"
     program += "print(clspeckle.diagnose(codes(0), progress=True, **QUICK).verdict)\n"
@@ -183,12 +242,13 @@ def test_progress_bar(run_python: Runner) -> None:
 @pytest.mark.parametrize(
     ("arguments", "kind", "words"),
     [
-        ({"level": 0.7}, errors.InvalidArgumentError, "level"),
-        ({"level": float("nan")}, errors.InvalidArgumentError, "level"),
+        ({"level": 0.7}, errors.InvalidArgumentError, "^level is 0.7, expected 1e-06 to 0.5$"),
+        ({"level": float("nan")}, errors.InvalidArgumentError, "^level is nan"),
         ({"level": "low"}, TypeError, "level must be a number"),
-        ({"null_replicates": 5}, errors.InvalidArgumentError, "null_replicates is 5"),
-        ({"max_effects": 0}, errors.InvalidArgumentError, "max_effects"),
-        ({"threads": -1}, errors.InvalidArgumentError, "threads"),
+        ({"null_replicates": 5}, errors.InvalidArgumentError, "^null_replicates is 5, expected 12 to 100000$"),
+        ({"max_effects": 0}, errors.InvalidArgumentError, "^max_effects is 0, expected 1 to 64$"),
+        ({"threads": -1}, errors.InvalidArgumentError, "^threads is -1"),
+        ({"threads": 2000}, errors.InvalidArgumentError, "^threads is 2000, expected 1 to 1024$"),
         ({"evidence": 1}, TypeError, "evidence"),
         ({"seed": 2**64}, errors.InvalidArgumentError, "seed"),
         ({"without": "defocus"}, TypeError, "list of ids"),
@@ -216,7 +276,14 @@ def test_bad_arguments(
         ({"stage": "optic"}, errors.InvalidArgumentError, 'did you mean "optics"'),
         ({"point": "code"}, errors.InvalidArgumentError, 'did you mean "codes"'),
         ({"apply": None}, TypeError, "function"),
-        ({"parameters": {}}, errors.InvalidArgumentError, "parameter_count"),
+        ({"parameters": {}}, errors.InvalidArgumentError, "has 0 entries, expected 1 to 4"),
+        ({"parameters": dict.fromkeys("abcde", (1, 2))}, errors.InvalidArgumentError, "has 5 entries"),
+        ({"parameters": {"slope": (0, 0)}}, errors.InvalidArgumentError, "minimum below the maximum"),
+        ({"parameters": {"slope": (1, float("nan"))}}, errors.InvalidArgumentError, "finite"),
+        ({"parameters": {"slope": (1, 2, -float("inf"), 3)}}, errors.InvalidArgumentError, "finite"),
+        ({"stage": 3}, TypeError, "stage"),
+        ({"point": None}, TypeError, "point"),
+        ({"units": "px"}, TypeError, "units"),
         ({"parameters": [1, 2]}, TypeError, "dict"),
         ({"parameters": {"slope": 1.0}}, TypeError, "weak, strong"),
         ({"parameters": {"slope": (1, 2, 3)}}, TypeError, "weak, strong"),
@@ -233,6 +300,17 @@ def test_bad_hypotheses(context: clspeckle.Context, change: dict[str, Any], kind
     good: dict[str, Any] = {"id": "ramp", "stage": "optics", "apply": add_ramp, "parameters": {"slope": (0.02, 0.2)}}
     with pytest.raises(kind, match=words):
         clspeckle.diagnose(codes(0), hypotheses=[clspeckle.Hypothesis(**{**good, **change})], context=context, **QUICK)
+
+
+@pytest.mark.parametrize(
+    "change", [{"stage": "optic"}, {"point": "code"}, {"id": ""}, {"apply": 3}, {"parameters": {}}], ids=str
+)
+def test_bad_hypotheses_are_refused_at_construction(change: dict[str, Any]) -> None:
+    good: dict[str, Any] = {"id": "ramp", "stage": "optics", "apply": add_ramp, "parameters": {"slope": (0.02, 0.2)}}
+    assert clspeckle.Hypothesis(**good).point == "intensity"
+    with pytest.raises((TypeError, errors.InvalidArgumentError)) as caught:
+        clspeckle.Hypothesis(**{**good, **change})
+    assert "CLSP" not in str(caught.value)
 
 
 def test_bad_captures(context: clspeckle.Context, tmp_path: Path) -> None:

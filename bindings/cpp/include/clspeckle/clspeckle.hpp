@@ -1139,10 +1139,8 @@ template <std::size_t Size> void copy_text(char (&to)[Size], const std::string &
     std::memcpy(to, from.c_str(), from.size() + 1);
 }
 
-} // namespace detail
-
-/** clspDiagnose(). Blocks; may be called from any thread. */
-inline Diagnosis diagnose(const Context &context, const Capture &capture, const DiagnoseOptions &options = {}) {
+/** Calls call(desc, handle) with the options as the C interface takes them. */
+template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options, Call call) {
     std::exception_ptr thrown;
     const std::size_t count = options.hypotheses.size();
     std::vector<ClspHypothesis> hypotheses(count);
@@ -1194,11 +1192,28 @@ inline Diagnosis diagnose(const Context &context, const Capture &capture, const 
         desc.progress_data = &progress;
     }
     ClspDiagnosis handle = nullptr;
-    const ClspStatus status = clspDiagnose(context, capture, &desc, &handle);
+    const ClspStatus status = call(&desc, &handle);
     if (thrown && status != CLSP_SUCCESS)
         std::rethrow_exception(thrown);
     check(status);
     return Diagnosis::adopt(handle);
+}
+
+} // namespace detail
+
+/** clspDiagnose(). Blocks; may be called from any thread. */
+inline Diagnosis diagnose(const Context &context, const Capture &capture, const DiagnoseOptions &options = {}) {
+    return detail::diagnose_with(options, [&](const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis) {
+        return clspDiagnose(context, capture, desc, diagnosis);
+    });
+}
+
+/** clspCompare(): `real` against frames of any simulator. Takes no hypotheses. Blocks; may be called from any thread. */
+inline Diagnosis compare(const Context &context, const Capture &real, const Capture &sim,
+                         const DiagnoseOptions &options = {}) {
+    return detail::diagnose_with(options, [&](const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis) {
+        return clspCompare(context, real, sim, desc, diagnosis);
+    });
 }
 
 /** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */

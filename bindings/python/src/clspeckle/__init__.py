@@ -21,7 +21,7 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
-from .diagnosis import Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, diagnose
+from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -59,6 +59,7 @@ __all__ = [
     "ClspeckleError",
     "Context",
     "ContextInfo",
+    "Coverage",
     "Device",
     "DeviceImage",
     "Diagnosis",
@@ -86,6 +87,7 @@ __all__ = [
     "ShrinkStep",
     "Shrinkage",
     "Version",
+    "compare",
     "default_context",
     "devices",
     "diagnose",

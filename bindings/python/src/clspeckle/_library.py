@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import sys
 import threading
 from ctypes import (
@@ -959,6 +960,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspHypothesisInit": _init(ClspHypothesis),
     "clspDiagnoseDescInit": _init(ClspDiagnoseDesc),
     "clspDiagnose": (_HANDLE, _HANDLE, POINTER(ClspDiagnoseDesc), _HANDLE_OUT),
+    "clspCompare": (_HANDLE, _HANDLE, _HANDLE, POINTER(ClspDiagnoseDesc), _HANDLE_OUT),
     "clspDiagnosisRetain": (_HANDLE,),
     "clspDiagnosisRelease": (_HANDLE,),
     "clspDiagnosisGetSummary": (_HANDLE, POINTER(ClspDiagnosisSummary)),
@@ -1114,12 +1116,25 @@ def library() -> ctypes.CDLL:
 def call(name: str, *arguments: Any) -> None:
     """Calls a function that returns a status, and raises its error."""
     global _opencl_started
-    if name not in _HOST_ONLY:
+    function = getattr(library(), name)
+    if name in _HOST_ONLY:
+        status: int = function(*arguments)
+    else:
         refuse_fork()
-        _opencl_started = True
-    status: int = getattr(library(), name)(*arguments)
+        started, _opencl_started = _opencl_started, True
+        status = function(*arguments) if started else _without_interrupts(function, arguments)
     if status != CLSP_SUCCESS:
         raise last_error(status, name)
+
+
+def _without_interrupts(function: Any, arguments: tuple[Any, ...]) -> int:
+    """The first call that starts OpenCL. A driver's threads inherit which signals are blocked, and so does the linker that
+    they run: otherwise Ctrl-C at a terminal ends the linker, too, and PoCL then ends the process."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return int(function(*arguments))
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def last_error(status: int, name: str) -> errors.ClspeckleError:

@@ -14,6 +14,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import sys
 import threading
@@ -29,7 +30,17 @@ from ._handle import Handle, create, exclusive
 from .capture import Capture, CaptureSequence
 from .runtime import Context, resolve_context
 
-__all__ = ["Diagnosis", "GapPlace", "Hypothesis", "RankedEffect", "ShrinkStep", "Shrinkage", "diagnose"]
+__all__ = [
+    "Coverage",
+    "Diagnosis",
+    "GapPlace",
+    "Hypothesis",
+    "RankedEffect",
+    "ShrinkStep",
+    "Shrinkage",
+    "compare",
+    "diagnose",
+]
 
 _POINTS = {
     "irradiance": _library.CLSP_HYPOTHESIS_IRRADIANCE,
@@ -38,6 +49,10 @@ _POINTS = {
 }
 _STAGES = ("laser", "doe", "surface", "motion", "optics", "sensor")
 _KEYWORDS = ("sequence", "frame_index", "seed")
+_ID = re.compile(r"[A-Za-z0-9_.-]{1,31}")
+_LEAST_LEVEL, _MOST_LEVEL = 1e-6, 0.5
+_RANGES = {"null_replicates": (12, 100000), "max_effects": (1, 64), "threads": (1, 1024)}
+"""Those of the C library (diagnosis.h), so that messages name the arguments of :func:`diagnose`."""
 
 Progress = Callable[[str, float], Union[bool, None]]
 """Told what is being done and the fraction that is done; returning False cancels."""
@@ -77,6 +92,54 @@ class Hypothesis:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Units by parameter; "1" for those that are not named."""
 
+    def __post_init__(self) -> None:
+        """Refuses at once what :func:`diagnose` could not take."""
+        for member in ("id", "stage", "summary"):
+            if not isinstance(getattr(self, member), str):
+                raise TypeError(f"{member} of a hypothesis must be text, got {_check.kind(getattr(self, member))}")
+        name = self.id
+        if not _ID.fullmatch(name):
+            raise errors.InvalidArgumentError(
+                f'id of the hypothesis is {name!r}, expected 1 to 31 letters, digits, "_", "-" and "."'
+            )
+        if not callable(self.apply):
+            raise TypeError(f"apply of the hypothesis {name!r} must be a function, got {_check.kind(self.apply)}")
+        if self.stage not in _STAGES:
+            raise errors.InvalidArgumentError(
+                f"stage of the hypothesis {name!r} is {self.stage!r}, expected {_check.one_of(_STAGES)}"
+                f"{_check.nearest(self.stage, _STAGES)}"
+            )
+        _check.choice(self.point, f"point of the hypothesis {name!r}", _POINTS)
+        if not isinstance(self.parameters, Mapping):
+            raise TypeError(
+                f"parameters of the hypothesis {name!r} must be a dict of name to (weak, strong), got "
+                f"{_check.kind(self.parameters)}"
+            )
+        if not 1 <= len(self.parameters) <= _library.CLSP_MAX_EFFECT_PARAMETERS:
+            raise errors.InvalidArgumentError(
+                f"parameters of the hypothesis {name!r} has {len(self.parameters)} entries, expected 1 to "
+                f"{_library.CLSP_MAX_EFFECT_PARAMETERS}: without a parameter there is nothing to fit"
+            )
+        for key, given in self.parameters.items():
+            if not isinstance(key, str) or not key.isidentifier() or key in _KEYWORDS:
+                raise errors.InvalidArgumentError(
+                    f"the parameter {key!r} of the hypothesis {name!r} must be a name that `apply` can have as an "
+                    f"argument, other than {', '.join(_KEYWORDS)}"
+                )
+            weak, strong, minimum, maximum = _range_of(given, f"parameters[{key!r}] of the hypothesis {name!r}")
+            finite = all(map(math.isfinite, (weak, strong, minimum, maximum)))
+            if not finite or not minimum <= min(weak, strong) <= max(weak, strong) <= maximum or minimum == maximum:
+                raise errors.InvalidArgumentError(
+                    f"parameters[{key!r}] of the hypothesis {name!r} has weak {weak:g}, strong {strong:g}, minimum "
+                    f"{minimum:g}, maximum {maximum:g}; expected finite numbers, weak and strong from minimum to "
+                    "maximum, and a minimum below the maximum"
+                )
+        if not isinstance(self.units, Mapping):
+            raise TypeError(f"units of the hypothesis {name!r} must be a dict, got {_check.kind(self.units)}")
+        for unit in self.units:
+            if unit not in self.parameters:
+                raise errors.InvalidArgumentError(f"units of the hypothesis {name!r} names {unit!r}, no parameter")
+
 
 @dataclasses.dataclass(frozen=True)
 class RankedEffect:
@@ -91,7 +154,7 @@ class RankedEffect:
     probability: float
     """Among the effects of its step."""
     distance_after: float
-    """The gap that it would leave."""
+    """The gap that it would leave, in standard deviations of captures simulated with it; 0: no more than chance."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,11 +200,13 @@ class Shrinkage:
     """How far the gap shrinks with the effects found."""
 
     distance_before: float
-    """Without them; 0 if none was found."""
+    """Without them; 0 if none was found. In standard deviations of half captures simulated with all effects found, as
+    `distance_after`; another scale than :attr:`Diagnosis.distance`."""
     distance_after: float
     """With them."""
     fraction: float
-    """Part of the gap that is gone."""
+    """Part of the gap that is gone: 1 - after / before. Both are what lies beyond the mean of chance, which chance
+    exceeds in about half of all captures: a right model may well leave less than 1."""
     ci95: tuple[float, float]
     """Its 95 % interval."""
     held_out: bool
@@ -192,8 +257,24 @@ def _shrinkage(entry: Mapping[str, Any]) -> Shrinkage:
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class Coverage:
+    """How far a verdict reaches: nothing is said about what is not covered, least of all by "none"."""
+
+    statistics: int
+    """Statistics that were compared."""
+    sequences: tuple[str, ...]
+    """Names of the sequences that were judged."""
+    left_out: tuple[str, ...]
+    """Those that were not; the notes say why."""
+    effects_not_visible: tuple[str, ...]
+    """Effects that cannot show in the sequences that were judged."""
+    questions_open: tuple[str, ...]
+    """Questions that these sequences leave open."""
+
+
 class Diagnosis(Handle):
-    """What :func:`diagnose` found; ``print`` shows a summary. It never changes, and any number of threads may read it.
+    """What :func:`diagnose` or :func:`compare` found; ``print`` shows a summary. It never changes, and any number of threads may read it.
 
     Attributes:
         verdict: "none" (no gap), "named" (the effects explain it), "ambiguous" (the `equivalents` explain it equally
@@ -209,6 +290,7 @@ class Diagnosis(Handle):
         where: statistics that differ significantly, worst first.
         shrink: how far the gap shrinks with the effects found.
         advice: which captures would tell the equivalents apart.
+        coverage: what was judged, and what could not be.
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
@@ -217,7 +299,7 @@ class Diagnosis(Handle):
     _pickle_advice = "its `report` is a plain dict"
 
     def __init__(self) -> None:
-        raise TypeError("a Diagnosis is made by clspeckle.diagnose()")
+        raise TypeError("a Diagnosis is made by clspeckle.diagnose() or clspeckle.compare()")
 
     @classmethod
     def _of(cls, pointer: int | None) -> Diagnosis:
@@ -250,6 +332,9 @@ class Diagnosis(Handle):
         self.advice: tuple[str, ...] = tuple(
             f"{entry['capture']} (separates {', '.join(entry['separates'])})" for entry in report["advice"]
         )
+        self.coverage = Coverage(
+            **{name: tuple(value) if isinstance(value, list) else value for name, value in report["coverage"].items()}
+        )
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
 
@@ -271,7 +356,7 @@ class Diagnosis(Handle):
 
     def _sentence(self) -> str:
         if self.verdict == "none":
-            return f"no gap between camera and simulator is seen (p = {self.p_value:.2g})"
+            return f"no gap in what could be tested: {', '.join(self.coverage.sequences)} (p = {self.p_value:.2g})"
         named = ", ".join(self.effects)
         if self.verdict == "named":
             return f"the gap is explained by {named} (probability {self.probability:.2f})"
@@ -282,6 +367,13 @@ class Diagnosis(Handle):
 
     def __str__(self) -> str:
         lines = [f"{self.verdict}: {self._sentence()}"]
+        for what, names in (
+            ("not judged", self.coverage.left_out),
+            ("cannot show here", self.coverage.effects_not_visible),
+            ("left open", self.coverage.questions_open),
+        ):
+            if names and self.verdict == "none":
+                lines.append(f"{what}: {', '.join(names)}")
         if self.detected:
             lines.append(f"gap: {self.distance:.3g} (95 % of chance below {self.null_95:.3g}), p = {self.p_value:.2g}")
         if self.where:
@@ -388,35 +480,10 @@ class _Call:
     def hypothesis(self, hypothesis: Hypothesis) -> _library.ClspHypothesis:
         if not isinstance(hypothesis, Hypothesis):
             raise TypeError(f"hypotheses must be clspeckle.Hypothesis objects, got {_check.kind(hypothesis)}")
-        for member in ("id", "stage", "summary"):
-            if not isinstance(getattr(hypothesis, member), str):
-                raise TypeError(
-                    f"{member} of a hypothesis must be text, got {_check.kind(getattr(hypothesis, member))}"
-                )
         name = hypothesis.id
-        if not callable(hypothesis.apply):
-            raise TypeError(f"apply of the hypothesis {name!r} must be a function, got {_check.kind(hypothesis.apply)}")
-        if not isinstance(hypothesis.parameters, Mapping):
-            raise TypeError(
-                f"parameters of the hypothesis {name!r} must be a dict of name to (weak, strong), got "
-                f"{_check.kind(hypothesis.parameters)}"
-            )
-        if hypothesis.stage not in _STAGES:
-            raise errors.InvalidArgumentError(
-                f"stage of the hypothesis {name!r} is {hypothesis.stage!r}, expected {_check.one_of(_STAGES)}"
-                f"{_check.nearest(hypothesis.stage, _STAGES)}"
-            )
         names = list(hypothesis.parameters)
-        for unit in hypothesis.units:
-            if unit not in names:
-                raise errors.InvalidArgumentError(f"units of the hypothesis {name!r} names {unit!r}, no parameter")
         parameters = self.keep((_library.ClspEffectParameter * max(1, len(names)))())
         for parameter, key in zip(parameters, names):
-            if not isinstance(key, str) or not key.isidentifier() or key in _KEYWORDS:
-                raise errors.InvalidArgumentError(
-                    f"the parameter {key!r} of the hypothesis {name!r} must be a name that `apply` can have as an "
-                    f"argument, other than {', '.join(_KEYWORDS)}"
-                )
             where = f"parameters[{key!r}] of the hypothesis {name!r}"
             parameter.name = _fitting(key, 32, where)
             parameter.unit = _fitting(hypothesis.units.get(key, "1"), 16, f"the unit of {where}")
@@ -563,11 +630,117 @@ def diagnose(
 
     What a hypothesis or the progress function raises ends the diagnosis and is raised here.
     """
+    opened = _capture(capture, camera, dots_px, dots_sigma_px)
+    try:
+        return _run(
+            "clspDiagnose",
+            [opened],
+            seed=seed,
+            without=without,
+            hypotheses=hypotheses,
+            level=level,
+            null_replicates=null_replicates,
+            max_effects=max_effects,
+            threads=threads,
+            evidence=evidence,
+            progress=progress,
+            context=context,
+        )
+    finally:
+        if opened is not capture:
+            opened.close()
+
+
+def compare(
+    real: CaptureLike,
+    sim: CaptureLike,
+    *,
+    seed: int | None = None,
+    without: Iterable[str] = (),
+    level: float | None = None,
+    null_replicates: int | None = None,
+    max_effects: int | None = None,
+    threads: int | None = None,
+    evidence: bool | None = None,
+    progress: bool | Progress | None = None,
+    camera: Mapping[str, Any] | None = None,
+    dots_px: npt.ArrayLike | None = None,
+    dots_sigma_px: float | None = None,
+    context: Context | None = None,
+) -> Diagnosis:
+    """Compares a real capture with frames of any simulator: where they differ, and which catalogued effects, put on the
+    simulated frames as far as finished frames allow, would close how much.
+
+    Sequences are paired by name where scene and motion agree, else by scene and motion. The result is that of
+    :func:`diagnose`, with `sim` of its statistics from the simulated capture; parameters are what its frames lack.
+    ``report["compare"]`` has the pairs, the levels, the read noise, and the effects that cannot be put on finished
+    frames. The method: ``docs/gap-compare.md``. Blocks; Ctrl-C cancels. The same seed gives the same report.
+
+    Args:
+        real: what the camera recorded: a :class:`Capture`, the folder of a capture set, or a dict of name to codes.
+        sim: what the simulator drew of the same scenes, likewise; frames of the same size and bits.
+        seed, without, level, null_replicates, max_effects, threads, evidence, progress, context: as for
+            :func:`diagnose`.
+        camera, dots_px, dots_sigma_px: of dicts of codes, as for :meth:`Capture.from_arrays`; the same for both.
+
+    Raises:
+        CancelledError: the progress function returned False.
+        InvalidArgumentError: the captures have no pair of sequences, or frames of different size or bits.
+    """
+    if camera is not None and not (isinstance(real, Mapping) or isinstance(sim, Mapping)):
+        raise TypeError("camera belongs to dicts of arrays; a Capture or a folder has its own")
+    opened: list[Capture] = []
+    try:
+        for capture in (real, sim):
+            of_arrays = (camera, dots_px, dots_sigma_px) if isinstance(capture, Mapping) else (None, None, None)
+            opened.append(_capture(capture, *of_arrays))
+        return _run(
+            "clspCompare",
+            opened,
+            seed=seed,
+            without=without,
+            hypotheses=(),
+            level=level,
+            null_replicates=null_replicates,
+            max_effects=max_effects,
+            threads=threads,
+            evidence=evidence,
+            progress=progress,
+            context=context,
+        )
+    finally:
+        for capture, given in zip(opened, (real, sim)):
+            if capture is not given:
+                capture.close()
+
+
+def _run(
+    function: str,
+    captures: list[Capture],
+    *,
+    seed: int | None,
+    without: Iterable[str],
+    hypotheses: Iterable[Hypothesis],
+    level: float | None,
+    null_replicates: int | None,
+    max_effects: int | None,
+    threads: int | None,
+    evidence: bool | None,
+    progress: bool | Progress | None,
+    context: Context | None,
+) -> Diagnosis:
+    """clspDiagnose() or clspCompare()."""
     call = _Call()
     desc = _library.initialized(_library.ClspDiagnoseDesc)
     given = {"null_replicates": null_replicates, "max_effects": max_effects, "threads": threads, "seed": seed}
     bits = {"null_replicates": 32, "max_effects": 32, "threads": 32, "seed": 64}
     _check.assign(desc, {**given, "level": level}, bits, ("level",))
+    if level is not None and not _LEAST_LEVEL <= desc.level <= _MOST_LEVEL:
+        raise _check.range_error("level", level, f"{_LEAST_LEVEL:g} to {_MOST_LEVEL:g}")
+    for name, (least, most) in _RANGES.items():
+        number = given[name]
+        if number is not None and not least <= number <= most:
+            raise _check.range_error(name, number, f"{least} to {most}")
     if evidence is not None:
         desc.evidence = _check.flag(evidence, "evidence")
     ids = _ids(without)
@@ -582,11 +755,11 @@ def diagnose(
     bar = _Bar() if progress is True else None
     report: Progress | None = progress if callable(progress) else bar
     desc.progress = call.progress(report)
-    opened = _capture(capture, camera, dots_px, dots_sigma_px)
     device = resolve_context(context)
+    handles = [capture._get() for capture in captures]
     try:
         with call.interruptible():
-            return Diagnosis._of(create("clspDiagnose", device._get(), opened._get(), ctypes.byref(desc)))
+            return Diagnosis._of(create(function, device._get(), *handles, ctypes.byref(desc)))
     except errors.ClspeckleError as error:
         if call.thrown is not None:
             raise call.thrown from error
@@ -594,5 +767,3 @@ def diagnose(
     finally:
         if bar is not None:
             bar.clear()
-        if opened is not capture:
-            opened.close()

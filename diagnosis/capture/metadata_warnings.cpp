@@ -1,0 +1,372 @@
+#include "capture/metadata_warnings.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <string>
+
+namespace clsp {
+namespace {
+
+// Pairs of frames that a change is measured on, at most.
+constexpr std::uint32_t kMostPairs = 16;
+// Below this contrast there is hardly any speckle to compare.
+constexpr double kLeastContrast = 0.1;
+// Speckle of independent frames differs by all of its variance. On dots the pattern's own variance stays, so that what
+// is new is C^2 <I0^2> / ((1 + C^2) <I0^2> - <I0>^2), a third or more for contrasts C above 0.5. Boiling with a
+// correlation of six frames changes 0.28.
+constexpr double kNewBoard = 0.6, kNewDots = 0.25;
+// Frames of a moving scene that share their speckle differ by noise only.
+constexpr double kSameBoard = 0.1, kSameDots = 0.03;
+// What changes by chance differs as much between neighbours as between distant frames; what drifts does not.
+constexpr double kIndependent = 0.7;
+// The data sheet's black level is good to a few DN.
+constexpr double kBlackLevelDn = 8.0, kBlackLevelNoises = 3.0;
+constexpr double kReadNoiseFactor = 2.0; // the data sheet's is good to about 15 %
+constexpr double kQuantizationVariance = 1.0 / 12.0;
+// Lamp light falls off and carries noise; neither reaches this contrast.
+constexpr double kSpeckledFlat = 0.4, kEvenBoard = 0.05;
+constexpr double kMostMasked = 0.9;
+constexpr std::size_t kSampledDots = 256;
+constexpr std::size_t kLeastDots = 12; // static speckle makes single dots bright or dark
+
+bool has_speckle(CaptureScene scene) {
+    return scene == CaptureScene::kBoard || scene == CaptureScene::kDots;
+}
+
+// Read noise that dark frames show; none without two of them.
+double measured_noise(const std::vector<SequenceSummary> &summaries) {
+    double variance = 0.0, count = 0.0;
+    for (const SequenceSummary &s : summaries)
+        if (s.scene == CaptureScene::kDark && s.temporal_noise_dn && *s.temporal_noise_dn > 0.0) {
+            variance += *s.temporal_noise_dn * *s.temporal_noise_dn;
+            ++count;
+        }
+    return count > 0.0 ? std::sqrt(variance / count) : 0.0;
+}
+
+class Warnings {
+  public:
+    Warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries, const DarkLevel &dark)
+        : capture_(capture), layout_(capture.layout), summaries_(summaries), dark_(dark),
+          noise_(measured_noise(summaries)) {}
+
+    std::vector<CaptureWarning> all() {
+        dark_frames();
+        for (const SequenceSummary &s : summaries_)
+            sequence(s);
+        exposures();
+        motion();
+        codes();
+        geometry();
+        return std::move(warnings_);
+    }
+
+  private:
+    void warn(const std::string &sequence, std::string text) { warnings_.push_back({sequence, std::move(text)}); }
+    void dark_frames();
+    void sequence(const SequenceSummary &s);
+    void exposures();
+    void motion();
+    void codes();
+    void geometry();
+    void dots_are_lit();
+
+    const Capture &capture_;
+    const CaptureLayout &layout_;
+    const std::vector<SequenceSummary> &summaries_;
+    const DarkLevel &dark_;
+    double noise_; // 0: not measured
+    std::vector<CaptureWarning> warnings_;
+};
+
+void Warnings::dark_frames() {
+    const double noise = noise_ > 0.0 ? noise_ : layout_.read_noise_dn;
+    const double tolerance = std::max(kBlackLevelDn, kBlackLevelNoises * noise);
+    for (const SequenceSummary &s : summaries_) {
+        if (s.scene != CaptureScene::kDark || std::abs(s.level_above_dark_dn) <= tolerance)
+            continue;
+        const bool above = s.level_above_dark_dn > 0.0;
+        warn(s.name,
+             fmt::format(
+                 "its mean, {:.2f} DN, is far {} /camera/black_level_dn, {:.2f} DN: {}; the frames' own level is "
+                 "taken",
+                 s.mean_dn, above ? "above" : "below", layout_.black_level_dn,
+                 above ? "light may have come in, the exposure was long, or the number is that of another setting"
+                       : "the number is that of another setting, or a black level was taken off the codes"));
+    }
+    if (noise_ > 0.0) {
+        const double stated = std::sqrt(layout_.read_noise_dn * layout_.read_noise_dn + kQuantizationVariance);
+        const double ratio = stated / noise_;
+        if (ratio > kReadNoiseFactor || ratio < 1.0 / kReadNoiseFactor)
+            warn("",
+                 fmt::format(
+                     "/camera/read_noise_dn is {:g}, but the dark frames' noise is {:.2f} DN; the measured noise is "
+                     "taken. Is the number in electrons, or of another gain{}?",
+                     layout_.read_noise_dn, noise_, ratio > 1.0 ? ", or were the frames denoised or compressed" : ""));
+        return;
+    }
+    // Without dark frames the noise of any scene at rest is an upper bound.
+    for (const SequenceSummary &s : summaries_)
+        if (s.temporal_noise_dn && *s.temporal_noise_dn > 0.0 && !(s.moving && has_speckle(s.scene)) &&
+            layout_.read_noise_dn > kReadNoiseFactor * *s.temporal_noise_dn)
+            warn(s.name,
+                 fmt::format(
+                     "its noise in time is {:.2f} DN, less than /camera/read_noise_dn, {:g} DN, alone would give: "
+                     "is the number in electrons, or of another gain? A dark sequence measures it",
+                     *s.temporal_noise_dn, layout_.read_noise_dn));
+}
+
+void Warnings::sequence(const SequenceSummary &s) {
+    if (s.moving && !has_speckle(s.scene))
+        warn(s.name, fmt::format("\"motion\" is \"moving\", but {} shows no motion; it is taken as static",
+                                 s.scene == CaptureScene::kDark ? "the dark" : "even lamp light"));
+    if (s.scene == CaptureScene::kFlat && s.contrast && *s.contrast > kSpeckledFlat && s.saturated_fraction < 0.01)
+        warn(s.name,
+             fmt::format(
+                 "its contrast is {:.2f}: even lamp light without speckle has far less. Is it a board or dots in "
+                 "laser light?",
+                 *s.contrast));
+    if (s.scene == CaptureScene::kBoard && s.contrast && *s.contrast < kEvenBoard && s.saturated_fraction < 0.01 &&
+        s.masked_fraction < kMostMasked)
+        warn(s.name,
+             fmt::format("its contrast is {:.3f}, so that there is hardly any speckle. Is it lamp light (\"flat\")?",
+                         *s.contrast));
+    if (s.masked_fraction > kMostMasked)
+        warn(s.name, fmt::format("its mask leaves {:.2f} % of the pixels: few statistics can be measured on so little",
+                                 100.0 * (1.0 - s.masked_fraction)));
+}
+
+// More light takes more time, at one f-number and in one scene.
+void Warnings::exposures() {
+    for (std::size_t i = 0; i < summaries_.size(); ++i)
+        for (std::size_t j = 0; j < summaries_.size(); ++j) {
+            const SequenceSummary &a = summaries_[i], &b = summaries_[j];
+            if (a.scene != b.scene || a.scene == CaptureScene::kDark || a.moving != b.moving ||
+                a.f_number != b.f_number || !a.exposure_ms || !b.exposure_ms || *a.exposure_ms >= 0.8 * *b.exposure_ms)
+                continue;
+            if (a.level_above_dark_dn > 1.2 * b.level_above_dark_dn && a.level_above_dark_dn > 10.0)
+                warn(
+                    b.name,
+                    fmt::format(
+                        "was exposed for {:g} ms, longer than {} with {:g} ms, but is darker ({:.1f} against {:.1f} DN "
+                        "above dark): were files or exposure_ms exchanged, or the light changed?",
+                        *b.exposure_ms, a.name, *a.exposure_ms, b.level_above_dark_dn, a.level_above_dark_dn));
+        }
+}
+
+void Warnings::motion() {
+    std::vector<std::string> changing, staying;
+    for (std::size_t i = 0; i < summaries_.size(); ++i) {
+        const SequenceSummary &s = summaries_[i];
+        if (!has_speckle(s.scene) || s.frame_count < 2 || s.saturated_fraction > 0.2)
+            continue;
+        const FrameChange change = frame_change(layout_, i, capture_.codes[i], s.level_above_dark_dn,
+                                                noise_ > 0.0 ? noise_ : layout_.read_noise_dn);
+        if (!change.measured)
+            continue;
+        const bool board = s.scene == CaptureScene::kBoard;
+        if (!s.moving && change.successive > (board ? kNewBoard : kNewDots) &&
+            change.successive > kIndependent * change.distant) {
+            changing.push_back(s.name);
+            warn(s.name, "\"motion\" is \"static\", but each frame has speckle of its own, as of a scene that moves "
+                         "between frames: "
+                         "did it move, or is \"file\" or \"motion\" that of another sequence?");
+        }
+        if (s.moving && change.successive < (board ? kSameBoard : kSameDots)) {
+            staying.push_back(s.name);
+            warn(s.name, "\"motion\" is \"moving\", but all frames show the same speckle, as of a scene at rest: did "
+                         "it stand still, "
+                         "or is \"file\" or \"motion\" that of another sequence?");
+        }
+    }
+    if (!changing.empty() && !staying.empty())
+        warn("", fmt::format("{} and {} look as if the files or the words of motion had been exchanged",
+                             fmt::join(changing, ", "), fmt::join(staying, ", ")));
+}
+
+void Warnings::codes() {
+    const auto top = static_cast<std::uint16_t>(layout_.maximum_code());
+    std::uint16_t all = 0, largest = 0;
+    bool lit = false;
+    std::vector<std::uint16_t> ors;
+    for (const std::vector<std::uint16_t> &sequence : capture_.codes) {
+        std::uint16_t bits = 0;
+        for (const std::uint16_t code : sequence) {
+            bits = static_cast<std::uint16_t>(bits | (code == top ? 0 : code)); // clipping is no multiple of anything
+            largest = std::max(largest, code);
+        }
+        ors.push_back(bits);
+        all = static_cast<std::uint16_t>(all | bits);
+    }
+    const auto shift_of = [](std::uint16_t bits) {
+        unsigned shift = 0;
+        while (bits != 0 && (bits >> shift & 1) == 0)
+            ++shift;
+        return shift;
+    };
+    const auto left = [&](unsigned shift) {
+        std::string text = fmt::format("all codes are multiples of {}: the converter has {} effective bits",
+                                       1u << shift, layout_.bits - shift);
+        if (layout_.bits - shift >= 8)
+            text += fmt::format(
+                ", or the codes stand in the upper bits of their words. Then divide them by {}, set bits to {} "
+                "and the black level and read noise to match",
+                1u << shift, layout_.bits - shift);
+        return text;
+    };
+    const unsigned shift = shift_of(all);
+    bool varied = false; // codes that are all the same say nothing
+    for (std::size_t i = 0; i < summaries_.size(); ++i) {
+        const SequenceSummary &s = summaries_[i];
+        lit = lit || (s.scene != CaptureScene::kDark && s.level_above_dark_dn > 0.0);
+        varied = varied || s.minimum != s.maximum;
+        if (shift == 0 && s.minimum != s.maximum && shift_of(ors[i]) >= 2)
+            warn(s.name, left(shift_of(ors[i])));
+    }
+    if (shift > 0 && varied) {
+        warn("", left(shift));
+        return;
+    }
+    // Light that stays in the lowest quarter of the range: with the right exposure the brightest speckle comes near the
+    // top code.
+    unsigned used = 8;
+    while (used < layout_.bits && largest >> used != 0)
+        ++used;
+    if (lit && varied && used + 2 <= layout_.bits)
+        warn("", fmt::format(
+                     "no code is above {}, though /camera/bits is {}: if the converter has {} bits, set bits to {}, or "
+                     "saturation is overlooked; if not, expose more",
+                     largest, layout_.bits, used, used));
+}
+
+void Warnings::geometry() {
+    const std::array<double, 2> &point = layout_.principal_point_px;
+    if (point[0] < -0.5 || point[0] > layout_.width - 0.5 || point[1] < -0.5 || point[1] > layout_.height - 0.5)
+        warn("",
+             fmt::format(
+                 "/camera/principal_point_px, ({:g}, {:g}), lies outside of the image of {} x {} pixels: that is right "
+                 "only for a part cut from a larger image",
+                 point[0], point[1], layout_.width, layout_.height));
+    if (!layout_.dots)
+        return;
+    const auto &positions = layout_.dots->positions_px;
+    std::vector<double> nearest;
+    const std::size_t step = std::max<std::size_t>(1, positions.size() / kSampledDots);
+    for (std::size_t i = 0; i < positions.size(); i += step) {
+        double square = 1e300;
+        for (std::size_t j = 0; j < positions.size(); ++j) {
+            const double x = positions[j][0] - positions[i][0], y = positions[j][1] - positions[i][1];
+            if (j != i && (x != 0.0 || y != 0.0))
+                square = std::min(square, x * x + y * y);
+        }
+        if (square < 1e300)
+            nearest.push_back(std::sqrt(square));
+    }
+    if (!nearest.empty()) {
+        std::nth_element(nearest.begin(), nearest.begin() + std::ptrdiff_t(nearest.size() / 2), nearest.end());
+        const double pitch = nearest[nearest.size() / 2];
+        // Two Gaussians less than two deviations apart have one maximum.
+        if (2.0 * layout_.dots->sigma_px > pitch)
+            warn("",
+                 fmt::format(
+                     "/dots/sigma_px is {:g}, but neighbouring dots are {:.3g} px apart, so that they merge into one "
+                     "another: sigma_px is the width exp(-1/2) of a single dot, in pixels",
+                     layout_.dots->sigma_px, pitch));
+    }
+    dots_are_lit();
+}
+
+// The light must be where the dots are.
+void Warnings::dots_are_lit() {
+    std::vector<std::size_t> pixels;
+    for (const auto &p : layout_.dots->positions_px)
+        if (p[0] > 0.5 && p[0] < layout_.width - 1.5 && p[1] > 0.5 && p[1] < layout_.height - 1.5)
+            pixels.push_back(static_cast<std::size_t>(std::lround(p[1])) * layout_.width +
+                             static_cast<std::size_t>(std::lround(p[0])));
+    const double fill = 6.283185307179586 * layout_.dots->sigma_px * layout_.dots->sigma_px *
+                        static_cast<double>(pixels.size()) / static_cast<double>(layout_.pixel_count());
+    if (pixels.size() < kLeastDots || fill > 0.5)
+        return;
+    for (std::size_t i = 0; i < summaries_.size(); ++i) {
+        const SequenceSummary &s = summaries_[i];
+        if (s.scene != CaptureScene::kDots || s.level_above_dark_dn < 1.0)
+            continue;
+        const std::vector<std::uint8_t> &mask = layout_.sequences[i].mask;
+        double sum = 0.0, count = 0.0;
+        for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
+            for (const std::size_t pixel : pixels)
+                if (mask.empty() || mask[pixel] != 0) {
+                    sum += capture_.codes[i][frame * layout_.pixel_count() + pixel];
+                    ++count;
+                }
+        if (count < static_cast<double>(kLeastDots * s.frame_count))
+            continue;
+        const double ratio = (sum / count - dark_.level_dn) / s.level_above_dark_dn;
+        // The peak of a Gaussian dot over the mean is 1 / fill. Blur, glare and ambient light leave a tenth of that
+        // excess and less.
+        if (ratio < 1.0 + 0.03 * (1.0 / fill - 1.0))
+            warn(s.name, fmt::format("the light is not where /dots/positions_px says: at the dots it is {:.2f} times "
+                                     "the mean, {:.1f} is "
+                                     "expected. Are x and y exchanged, or the positions of another image?",
+                                     ratio, 1.0 / fill));
+    }
+}
+
+} // namespace
+
+FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, const std::vector<std::uint16_t> &codes,
+                         double level_above_dark_dn, double noise_dn) {
+    FrameChange result;
+    const SequenceLayout &s = layout.sequences[sequence];
+    const std::size_t pixels = layout.pixel_count();
+    if (s.frame_count < 2)
+        return result;
+    const double noise_square = noise_dn * noise_dn;
+    double spatial = 0.0;
+    // Half the mean square of the difference of two frames, the difference of their means taken out: the variance that
+    // is new.
+    const auto half_square = [&](std::uint32_t a, std::uint32_t b) {
+        const std::uint16_t *first = codes.data() + a * pixels, *second = codes.data() + b * pixels;
+        double n = 0.0, sum = 0.0, square = 0.0, mean = 0.0, frame_square = 0.0;
+        for (std::size_t i = 0; i < pixels; ++i) {
+            if (!s.mask.empty() && s.mask[i] == 0)
+                continue;
+            const double x = first[i], difference = double(second[i]) - x;
+            ++n;
+            sum += difference;
+            square += difference * difference;
+            mean += x;
+            frame_square += x * x;
+        }
+        spatial += std::max(0.0, frame_square / n - (mean / n) * (mean / n));
+        return 0.5 * (square / n - (sum / n) * (sum / n));
+    };
+    const auto mean_over_pairs = [&](std::uint32_t lag) {
+        const std::uint32_t all = s.frame_count - lag, pairs = std::min(all, kMostPairs);
+        double sum = 0.0;
+        for (std::uint32_t p = 0; p < pairs; ++p) {
+            const auto frame = static_cast<std::uint32_t>(std::uint64_t{p} * all / pairs);
+            sum += half_square(frame, frame + lag) / pairs;
+        }
+        spatial /= pairs;
+        return sum;
+    };
+    const double successive = mean_over_pairs(1) - noise_square;
+    const double speckle = spatial - noise_square;
+    if (speckle < 9.0 * noise_square || std::sqrt(std::max(0.0, speckle)) < kLeastContrast * level_above_dark_dn ||
+        speckle <= 1.0)
+        return result;
+    result.measured = true;
+    result.successive = successive / speckle;
+    result.distant =
+        s.frame_count >= 4 ? (mean_over_pairs(s.frame_count / 2) - noise_square) / speckle : result.successive;
+    return result;
+}
+
+std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
+                                              const DarkLevel &dark) {
+    return Warnings(capture, summaries, dark).all();
+}
+
+} // namespace clsp

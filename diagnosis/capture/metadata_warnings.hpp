@@ -1,0 +1,24 @@
+// Where what capture.json says of a camera and its sequences contradicts their codes.
+#pragma once
+
+#include "capture/capture_check.hpp"
+
+#include <vector>
+
+namespace clsp {
+
+// Of a valid capture and the summaries of its sequences. Nothing here stops a diagnosis.
+std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
+                                              const DarkLevel &dark);
+
+// How much of a sequence's spatial variance is new in the next frame, sensor noise taken out of both: near 1 where a
+// board's speckle is new in each frame, near 0 where it stays.
+struct FrameChange {
+    bool measured = false;   // enough light over the noise, and two frames
+    double successive = 0.0; // from one frame to the next
+    double distant = 0.0; // between frames half a sequence apart; that of successive ones if there are fewer than four
+};
+FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, const std::vector<std::uint16_t> &codes,
+                         double level_above_dark_dn, double noise_dn);
+
+} // namespace clsp

@@ -1,0 +1,448 @@
+#include "comparison/closing.hpp"
+
+#include "attribution/distributions.hpp"
+#include "attribution/least_squares.hpp"
+#include "attribution/response.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+// As in the diagnosis (attribution/search.cpp).
+constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
+constexpr double kNear = 0.06;
+constexpr int kFitRounds = 2, kGaussNewtonRounds = 2;
+constexpr double kDifference = 0.15, kLargestStep = 0.4;
+constexpr double kLeastGain = 14.0, kLeastShare = 0.12, kTemperature = 2.0;
+constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
+constexpr double kModelError = 0.025;
+constexpr std::size_t kSurplusTold = 3;
+
+FoldStatistics minus(const FoldStatistics &a, const FoldStatistics &b) {
+    return {a.first - b.first, a.second - b.second};
+}
+
+// One effect's answers to its strength, on top of the others.
+struct Answer {
+    const Candidate *candidate = nullptr;
+    double sign = 1.0, strength = 0.5, gain = 0.0;
+    Response first, second; // of either half
+    bool fitted = false;
+};
+
+struct Strength {
+    std::size_t effect, parameter;
+    double strength;
+};
+
+// The effects that are on, with a strength for each parameter.
+struct Model {
+    std::vector<const Candidate *> effects;
+    std::vector<double> signs;
+    std::vector<Strength> strengths;
+
+    void add(const Candidate &candidate, double sign, double strength) {
+        effects.push_back(&candidate);
+        signs.push_back(sign);
+        for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
+            const HypothesisParameter &parameter = candidate.parameters[p];
+            strengths.push_back(
+                {effects.size() - 1, p,
+                 parameter.weak != parameter.strong ? strength : candidate.strength(p, parameter.weak)});
+        }
+    }
+    EffectSettings settings() const {
+        EffectSettings result;
+        for (const Candidate *candidate : effects)
+            result.push_back({candidate->id, std::vector<double>(candidate->parameters.size())});
+        for (const Strength &s : strengths)
+            result[s.effect].values[s.parameter] = signs[s.effect] * effects[s.effect]->value(s.parameter, s.strength);
+        return result;
+    }
+};
+
+class Closing {
+  public:
+    Closing(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+            const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
+            const Progress &progress)
+        : experiment_(experiment), finished_(finished), candidates_(candidates), difference_(difference), null_(&null),
+          options_(options), progress_(progress) {}
+
+    ClosingResult run();
+
+  private:
+    std::size_t sequences() const { return experiment_.layout().sequences.size(); }
+    const FoldStatistics &unaltered();
+    FoldStatistics measured(const EffectSettings &effects);
+    // What the effects change in the statistics, with common random numbers.
+    FoldStatistics change(const EffectSettings &effects) { return minus(measured(effects), unaltered()); }
+    Eigen::VectorXd whitened(const Eigen::VectorXd &v) const { return metric_->fold().whiten(v); }
+    double chance() const;
+    bool possible(const std::function<void()> &work) const;
+    std::vector<Answer> screen(const Model &model, std::vector<SurplusEffect> *surplus);
+    void refine(Answer &answer, const Model &model);
+    double best_strength(const Answer &answer) const;
+    ClosedGap fit(Model &model, double from, double to);
+    void tell(const std::string &what, double fraction) const {
+        if (progress_)
+            progress_(what, fraction);
+    }
+
+    Experiment &experiment_;
+    FinishedFrames &finished_;
+    const std::vector<Candidate> &candidates_;
+    const FoldStatistics &difference_;
+    const GapModel *null_;
+    ClosingOptions options_;
+    Progress progress_;
+    const GapModel *metric_ = nullptr;
+    FoldStatistics rest_, change_; // of the model so far: what it leaves, what it changes
+    std::vector<std::vector<std::uint16_t>> unaltered_codes_;
+    FoldStatistics unaltered_;
+};
+
+// Frames that went through the same rounding without any effect: what all changes are counted from.
+const FoldStatistics &Closing::unaltered() {
+    if (unaltered_codes_.empty()) {
+        for (std::size_t s = 0; s < sequences(); ++s)
+            unaltered_codes_.push_back(finished_.codes(s, {}, options_.seed));
+        const Calibration calibration = experiment_.calibration_of(unaltered_codes_);
+        const auto count = static_cast<Eigen::Index>(experiment_.count());
+        unaltered_ = {Eigen::VectorXd(count), Eigen::VectorXd(count)};
+        for (std::size_t s = 0; s < sequences(); ++s)
+            experiment_.measure(s, unaltered_codes_[s].data(), calibration, unaltered_);
+    }
+    return unaltered_;
+}
+
+FoldStatistics Closing::measured(const EffectSettings &effects) {
+    FoldStatistics result = unaltered();
+    std::vector<std::vector<std::uint16_t>> codes(sequences());
+    std::vector<bool> altered(sequences());
+    bool dark_altered = false;
+    for (std::size_t s = 0; s < sequences(); ++s) {
+        for (const EffectSetting &effect : effects)
+            altered[s] = altered[s] || finished_.concerns(effect.id, s);
+        const bool dark = experiment_.layout().sequences[s].scene == CaptureScene::kDark;
+        dark_altered = dark_altered || (dark && altered[s]);
+        if (experiment_.checkpoint)
+            experiment_.checkpoint();
+        if (altered[s])
+            codes[s] = finished_.codes(s, effects, options_.seed);
+        else if (dark)
+            codes[s] = unaltered_codes_[s];
+    }
+    const Calibration calibration = experiment_.calibration_of(codes);
+    // Dark frames are the measure of all others.
+    for (std::size_t s = 0; s < sequences(); ++s)
+        if (altered[s] || dark_altered)
+            experiment_.measure(s, altered[s] ? codes[s].data() : unaltered_codes_[s].data(), calibration, result);
+    return result;
+}
+
+// Mean squared whitened difference of a half by chance.
+double Closing::chance() const {
+    const auto &draws = metric_->replicates().draws;
+    double sum = 0.0;
+    for (const FoldStatistics &draw : draws)
+        sum += whitened(draw.second - metric_->second_mean()).squaredNorm();
+    return sum / static_cast<double>(draws.size());
+}
+
+// False if an effect refuses its values: beyond what the frames' geometry allows it is no candidate.
+bool Closing::possible(const std::function<void()> &work) const {
+    try {
+        work();
+    } catch (const Error &error) {
+        if (error.status() != Status::kInvalidArgument)
+            throw;
+        return false;
+    }
+    return true;
+}
+
+std::vector<Answer> Closing::screen(const Model &model, std::vector<SurplusEffect> *surplus) {
+    const Eigen::VectorXd target = whitened(rest_.first);
+    std::vector<Answer> result;
+    for (const Candidate &candidate : candidates_) {
+        if (std::find(model.effects.begin(), model.effects.end(), &candidate) != model.effects.end())
+            continue;
+        bool concerned = false;
+        for (std::size_t s = 0; s < sequences(); ++s)
+            concerned = concerned || finished_.concerns(candidate.id, s);
+        if (!concerned)
+            continue;
+        tell("screening " + candidate.id, 0.0);
+        Answer answer;
+        answer.candidate = &candidate;
+        Model with = model;
+        with.add(candidate, 1.0, 0.5);
+        FoldStatistics moved;
+        if (!possible([&] { moved = minus(change(with.settings()), change_); }))
+            continue;
+        const Eigen::VectorXd direction = whitened(moved.first);
+        const double square = direction.squaredNorm();
+        if (!(square > 0.0))
+            continue;
+        const double coefficient = direction.dot(target) / square;
+        answer.gain = coefficient * coefficient * square;
+        if (coefficient > 0.0) {
+            answer.first.add(0.5, {moved.first, {}, {}});
+            answer.second.add(0.5, {moved.second, {}, {}});
+        } else {
+            const HypothesisParameter &p = candidate.parameters.front();
+            if (p.minimum < 0.0 && p.weak > 0.0) {
+                answer.sign = -1.0;
+            } else {
+                if (surplus && answer.gain > kLeastGain)
+                    surplus->push_back({candidate.id, answer.gain});
+                answer.gain = 0.0;
+            }
+        }
+        result.push_back(std::move(answer));
+    }
+    std::stable_sort(result.begin(), result.end(), [](const Answer &a, const Answer &b) { return a.gain > b.gain; });
+    return result;
+}
+
+double Closing::best_strength(const Answer &answer) const {
+    const Eigen::VectorXd target = whitened(rest_.first);
+    double best = 1e300, at = 0.5;
+    for (double u = kWeakest; u <= kStrongest; u += kStrengthStep) {
+        const double square = (target - whitened(answer.first.at(u))).squaredNorm();
+        if (square < best) {
+            best = square;
+            at = u;
+        }
+    }
+    return at;
+}
+
+// Fitted on the first half, judged on the second.
+void Closing::refine(Answer &answer, const Model &model) {
+    const auto simulate = [&](double strength) {
+        Model with = model;
+        with.add(*answer.candidate, answer.sign, strength);
+        const FoldStatistics moved = minus(change(with.settings()), change_);
+        answer.first.add(strength, {moved.first, {}, {}});
+        answer.second.add(strength, {moved.second, {}, {}});
+    };
+    for (const double strength : {0.0, 0.5, 1.0})
+        if (answer.first.empty() || answer.first.distance(strength) > kNear)
+            simulate(strength);
+    for (int round = 0;; ++round) {
+        answer.strength = best_strength(answer);
+        if (round == kFitRounds || answer.first.distance(answer.strength) < kNear)
+            break;
+        simulate(answer.strength);
+    }
+    const Eigen::VectorXd target = whitened(rest_.second);
+    answer.gain = target.squaredNorm() - (target - whitened(answer.second.at(answer.strength))).squaredNorm();
+}
+
+// All strengths together, by Gauss-Newton steps on the first half; then the test of what is left, with the scatter that
+// the effects bring.
+ClosedGap Closing::fit(Model &model, double from, double to) {
+    ClosedGap result;
+    const auto count = static_cast<Eigen::Index>(experiment_.count());
+    const auto parameters = static_cast<Eigen::Index>(model.strengths.size());
+    const auto distance = [&](const FoldStatistics &moved) {
+        return whitened(difference_.first - moved.first).squaredNorm();
+    };
+    FoldStatistics moved = change(model.settings());
+    result.jacobian.resize(count, parameters);
+    for (int round = 0; round < kGaussNewtonRounds; ++round) {
+        for (Eigen::Index p = 0; p < parameters; ++p) {
+            tell("fitting " + model.effects[model.strengths[std::size_t(p)].effect]->id, from);
+            Model other = model;
+            double &strength = other.strengths[std::size_t(p)].strength;
+            double step = strength > 0.9 ? -kDifference : kDifference;
+            strength += step;
+            FoldStatistics there;
+            if (other.settings() == model.settings() || !possible([&] { there = change(other.settings()); })) {
+                step = -step;
+                strength = model.strengths[std::size_t(p)].strength + step;
+                there = change(other.settings());
+            }
+            result.jacobian.col(p) = (minus(there, moved).mean()) / step;
+        }
+        if (round + 1 == kGaussNewtonRounds)
+            break;
+        const Eigen::VectorXd step = solve_least_squares(whiten_columns(metric_->fold(), result.jacobian),
+                                                         whitened(difference_.first - moved.first));
+        Model next = model;
+        double largest = 0.0;
+        for (Eigen::Index p = 0; p < parameters; ++p) {
+            const double bounded = std::clamp(step[p], -kLargestStep, kLargestStep);
+            double &strength = next.strengths[std::size_t(p)].strength;
+            strength = std::clamp(strength + bounded, kWeakest, kStrongest);
+            largest = std::max(largest, std::abs(bounded));
+        }
+        FoldStatistics there;
+        if (largest < 0.5 * kNear || !possible([&] { there = change(next.settings()); }) ||
+            distance(there) >= distance(moved))
+            break;
+        model = next;
+        moved = there;
+    }
+    result.effects = model.settings();
+    result.change = moved;
+    std::string label;
+    for (const EffectSetting &effect : result.effects)
+        label += (label.empty() ? "" : " + ") + effect.id;
+    Replicates replicates;
+    // Effects that our simulator does not take at these values leave the scatter of the camera without them.
+    if (!possible([&] {
+            replicates = draw_differences(
+                experiment_, result.effects, options_.model_replicates, options_.seed,
+                [&](double part) { tell("drawing differences with " + label, from + (to - from) * part); });
+        }))
+        replicates = null_->replicates();
+    for (FoldStatistics &draw : replicates.draws) {
+        draw.first += moved.first;
+        draw.second += moved.second;
+    }
+    const Eigen::VectorXd tolerance = kModelError * moved.mean().cwiseAbs();
+    result.model =
+        std::make_shared<const GapModel>(experiment_, replicates, options_.residual_level, result.jacobian, tolerance);
+    result.residual = result.model->test(difference_);
+    // A last, linear step with the scatter of cameras that have the effects; then how far the same step strays by
+    // chance.
+    const Covariance &fold = result.model->fold();
+    const Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
+                                     .cwiseMax(-kLargestStep)
+                                     .cwiseMin(kLargestStep);
+    for (Eigen::Index p = 0; p < parameters; ++p) {
+        double &strength = model.strengths[std::size_t(p)].strength;
+        const double next = std::clamp(strength + step[p], kWeakest, kStrongest);
+        result.change.first += result.jacobian.col(p) * (next - strength);
+        result.change.second += result.jacobian.col(p) * (next - strength);
+        strength = next;
+    }
+    result.effects = model.settings();
+    const auto &draws = result.model->replicates().draws;
+    const double n = static_cast<double>(draws.size());
+    Eigen::MatrixXd strays(static_cast<Eigen::Index>(draws.size()), parameters);
+    for (std::size_t r = 0; r < draws.size(); ++r)
+        strays.row(Eigen::Index(r)) = result.model->coefficients(fold, draws[r].first - result.model->first_mean());
+    const double factor = student_two_sided_quantile(0.05, n - 1.0) * std::sqrt(1.0 + 1.0 / n);
+    for (Eigen::Index p = 0; p < parameters; ++p) {
+        const Strength &s = model.strengths[std::size_t(p)];
+        const Candidate &candidate = *model.effects[s.effect];
+        const double reach = factor * std::sqrt(strays.col(p).squaredNorm() / (n - 1.0));
+        const auto value = [&](double strength) {
+            return model.signs[s.effect] * candidate.value(s.parameter, strength);
+        };
+        const double a = value(s.strength - reach), b = value(s.strength + reach);
+        result.parameters.push_back(
+            {candidate.id, candidate.parameters[s.parameter].name, value(s.strength), std::min(a, b), std::max(a, b)});
+    }
+    return result;
+}
+
+ClosingResult Closing::run() {
+    ClosingResult result;
+    result.models.reserve(options_.max_effects); // pointers into it stay
+    metric_ = null_;
+    rest_ = difference_;
+    const auto count = static_cast<Eigen::Index>(experiment_.count());
+    change_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
+    Model model;
+    double progress = 0.0;
+    while (model.effects.size() < options_.max_effects) {
+        const double share = 0.5 * (1.0 - progress);
+        tell("screening", progress);
+        std::vector<Answer> answers = screen(model, model.effects.empty() ? &result.surplus : nullptr);
+        answers.erase(
+            std::remove_if(answers.begin(), answers.end(), [](const Answer &a) { return a.gain < 0.5 * kLeastGain; }),
+            answers.end());
+        if (answers.size() > options_.refined)
+            answers.resize(options_.refined);
+        if (answers.empty())
+            break;
+        const double excess = whitened(rest_.second).squaredNorm() - chance();
+        const double first_look = answers.front().gain;
+        double explained = 0.0;
+        for (std::size_t i = 0; i < answers.size(); ++i) {
+            Answer &answer = answers[i];
+            if (explained > kNearlyAll * excess && answer.gain < kFirstLook * first_look)
+                continue;
+            tell("fitting " + answer.candidate->id, progress + 0.5 * share * double(i) / double(answers.size()));
+            answer.fitted = possible([&] { refine(answer, model); });
+            if (answer.fitted)
+                explained = std::max(explained, answer.gain);
+        }
+        answers.erase(std::remove_if(answers.begin(), answers.end(), [](const Answer &a) { return !a.fitted; }),
+                      answers.end());
+        std::stable_sort(answers.begin(), answers.end(),
+                         [](const Answer &a, const Answer &b) { return a.gain > b.gain; });
+        if (answers.empty() || answers.front().gain < kLeastGain)
+            break;
+        // Where a residual remains, an effect must explain a share of what is beyond chance.
+        if (!model.effects.empty() && answers.front().gain < kLeastShare * excess)
+            break;
+        Model with = model;
+        with.add(*answers.front().candidate, answers.front().sign, answers.front().strength);
+        ClosedGap closed = fit(with, progress + 0.5 * share, progress + share);
+        progress += share;
+        SearchStep step;
+        step.added = answers.front().candidate->id;
+        step.residual = closed.residual;
+        double sum = 0.0;
+        for (const Answer &answer : answers) {
+            RankedEffect ranked;
+            ranked.effect = answer.candidate->id;
+            ranked.gain = answer.gain;
+            Model alone;
+            alone.add(*answer.candidate, answer.sign, answer.strength);
+            ranked.values = alone.settings().front().values;
+            ranked.distance_after = std::sqrt(std::max(0.0, (excess - answer.gain) / double(count)));
+            ranked.probability = std::exp(-(answers.front().gain - answer.gain) / (2.0 * kTemperature));
+            sum += ranked.probability;
+            step.ranking.push_back(std::move(ranked));
+        }
+        for (RankedEffect &ranked : step.ranking)
+            ranked.probability /= sum;
+        model = with;
+        change_ = closed.change;
+        rest_ = minus(difference_, change_);
+        result.steps.push_back(std::move(step));
+        result.models.push_back(std::move(closed));
+        metric_ = result.models.back().model.get();
+        if (!result.models.back().residual.detected)
+            break;
+    }
+    std::sort(result.surplus.begin(), result.surplus.end(),
+              [](const SurplusEffect &a, const SurplusEffect &b) { return a.gain > b.gain; });
+    if (result.surplus.size() > kSurplusTold)
+        result.surplus.resize(kSurplusTold);
+    return result;
+}
+
+} // namespace
+
+Replicates draw_differences(Experiment &experiment, const EffectSettings &effects, std::uint32_t count,
+                            std::uint64_t seed, const std::function<void(double fraction)> &progress) {
+    const std::vector<bool> all(experiment.layout().sequences.size(), true);
+    Replicates result{effects, experiment.calibrate(effects, all, nullptr), {}};
+    for (std::uint32_t r = 0; r < count; ++r) {
+        progress(double(r) / count);
+        const FoldStatistics a = experiment.replicate(effects, result.levels, seed + 1 + 2 * r),
+                             b = experiment.replicate(effects, result.levels, seed + 2 + 2 * r);
+        result.draws.push_back(minus(a, b));
+    }
+    return result;
+}
+
+ClosingResult close_gap(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+                        const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
+                        const Progress &progress) {
+    return Closing(experiment, finished, candidates, difference, null, options, progress).run();
+}
+
+} // namespace clsp

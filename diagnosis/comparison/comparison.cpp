@@ -1,0 +1,293 @@
+#include "comparison/comparison.hpp"
+
+#include "comparison/closing.hpp"
+#include "comparison/finished_frames.hpp"
+#include "report/evidence.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fmt/core.h>
+#include <thread>
+
+namespace clsp {
+namespace {
+
+constexpr double kLeastProbability = 0.05; // effects at least that probable are named among the equivalent ones
+// The level is shared between the statistics and the read noise, which is calibrated out of them.
+constexpr double kStatisticsShare = 0.9;
+// An effect's own statistics are those that it moves by that many standard deviations; beside an unknown cause an
+// effect counts as found if their mean squared z is at most the second number afterwards.
+constexpr double kOwnDeviations = 4.0, kExplained = 3.0;
+
+// The tails of Student's and of the Gamma law underflow; no probability is 0.
+constexpr double kLeastPValue = 1e-300;
+
+double p_value(double p) {
+    return std::max(p, kLeastPValue);
+}
+
+double beyond(double square, double chance) {
+    return std::sqrt(std::max(0.0, square - chance));
+}
+
+bool explained(const ClosingResult &closed, const GapModel &null, std::size_t step) {
+    const Eigen::VectorXd before =
+        step ? closed.models[step - 1].change.mean() : Eigen::VectorXd::Zero(null.full().mean().size());
+    const Eigen::VectorXd moved = (closed.models[step].change.mean() - before).cwiseQuotient(null.full().deviation());
+    const GapTest &last = closed.models.back().residual;
+    double sum = 0.0, count = 0.0;
+    for (Eigen::Index k = 0; k < moved.size(); ++k)
+        if (std::abs(moved[k]) > kOwnDeviations) {
+            sum += last.z[k] * last.z[k];
+            ++count;
+        }
+    return count > 0.0 && sum / count < kExplained;
+}
+
+// On the second halves, which no fit has seen; in the metric of the last model.
+void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &difference, const GapModel &null,
+                       DiagnosisResult &result) {
+    const ClosedGap &last = closed.models.back();
+    const Covariance &metric = last.model->fold();
+    const double count = static_cast<double>(difference.second.size());
+    const auto mean_square = [&](const Eigen::VectorXd &v) { return metric.whiten(v).squaredNorm() / count; };
+    double chance_before = 0.0;
+    for (const FoldStatistics &draw : null.replicates().draws)
+        chance_before += mean_square(draw.second - null.second_mean()) / double(null.replicates().draws.size());
+    const auto &draws = last.model->replicates().draws;
+    // A difference by chance about the last model, after the fit of its first half.
+    const auto strayed = [&](const FoldStatistics &draw) -> Eigen::VectorXd {
+        const Eigen::VectorXd fitted = last.model->coefficients(metric, draw.first - last.model->first_mean());
+        return draw.second - last.model->second_mean() - last.jacobian * fitted;
+    };
+    Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
+    for (Eigen::Index r = 0; r < before.size(); ++r) {
+        before[r] = mean_square(draws[std::size_t(r)].second);
+        after[r] = mean_square(strayed(draws[std::size_t(r)]));
+    }
+    const double chance_after = after.mean();
+    const auto fraction = [](double a, double b) { return b > 0.0 ? 1.0 - a / b : 0.0; };
+    result.distance_before = beyond(mean_square(difference.second), chance_before);
+    for (std::size_t i = 0; i < closed.models.size(); ++i) {
+        const double left = beyond(mean_square(difference.second - closed.models[i].change.second), chance_after);
+        result.steps.push_back({closed.steps[i].added, left, fraction(left, result.distance_before)});
+    }
+    result.distance_after = result.steps.back().distance_after;
+    result.fraction = result.steps.back().fraction;
+    Eigen::VectorXd fractions(before.size());
+    for (Eigen::Index r = 0; r < before.size(); ++r)
+        fractions[r] = fraction(beyond(after[r], chance_after), beyond(before[r], chance_before));
+    const double n = static_cast<double>(fractions.size());
+    const double deviation = std::sqrt((fractions.array() - fractions.mean()).square().sum() / (n - 1.0));
+    const double reach = 2.0 * deviation * std::sqrt(1.0 + 1.0 / n);
+    result.fraction_95 = {result.fraction - reach, std::min(1.0, result.fraction + reach)};
+}
+
+void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTest &test, DiagnosisResult &result) {
+    if (!result.detected)
+        return;
+    const GapTest &residual = closed.models.empty() ? test : closed.models.back().residual;
+    result.residual_detected = closed.models.empty() ? true : residual.detected;
+    result.residual_p_value = p_value(residual.p_value);
+    if (closed.models.empty() || residual.detected) {
+        result.verdict = Verdict::kUnknown;
+        for (std::size_t i = 0; i < closed.models.size(); ++i)
+            if (explained(closed, null, i))
+                result.effects.push_back(closed.steps[i].added);
+        return;
+    }
+    result.verdict = Verdict::kNamed;
+    for (const SearchStep &step : closed.steps) {
+        result.effects.push_back(step.added);
+        result.probability = std::min(result.probability, step.ranking.front().probability);
+        if (step.ranking.front().probability >= 1.0 - kLeastProbability)
+            continue;
+        result.verdict = Verdict::kAmbiguous;
+        for (const RankedEffect &ranked : step.ranking)
+            if (ranked.probability >= kLeastProbability)
+                result.equivalent.push_back(ranked.effect);
+    }
+}
+
+void add_notes(const PairedCaptures &captures, const Comparison &comparison, DiagnosisResult &result) {
+    result.notes = captures.notes;
+    const auto joined = [](const std::vector<std::string> &names) {
+        std::string text;
+        for (const std::string &name : names)
+            text += (text.empty() ? "" : ", ") + name;
+        return text;
+    };
+    if (!comparison.real_alone.empty())
+        result.notes.push_back("without a partner in the simulated set: " + joined(comparison.real_alone));
+    if (!comparison.sim_alone.empty())
+        result.notes.push_back("without a partner in the real set: " + joined(comparison.sim_alone));
+    for (const SequencePair &pair : comparison.pairs)
+        if (pair.real_frames != pair.sim_frames)
+            result.notes.push_back(
+                fmt::format("{} has {} frames, {} of the simulated set {}: the first {} of both are compared",
+                            pair.real, pair.real_frames, pair.sim, pair.sim_frames, pair.frames));
+    const ReadNoiseComparison &noise = comparison.read_noise;
+    if (noise.added_dn > 0.0)
+        result.notes.push_back(fmt::format(
+            "the simulated frames have a read noise of {:.2f} DN, the camera {:.2f} DN: {:.2f} DN were added",
+            noise.sim.read_noise_dn, noise.real.read_noise_dn, noise.added_dn));
+    if (noise.excess)
+        result.notes.push_back(fmt::format(
+            "the simulated frames have a read noise of {:.2f} DN, the camera only {:.2f} DN: it cannot be taken "
+            "out of finished frames; lower it in the simulator",
+            noise.sim.read_noise_dn, noise.real.read_noise_dn));
+    if (!noise.real.noise_measured || !noise.sim.noise_measured)
+        result.notes.push_back(
+            "read noise was not compared: that takes dark sequences of two frames or more in both sets");
+    for (const SurplusEffect &surplus : comparison.surplus)
+        if (result.residual_detected)
+            result.notes.push_back(fmt::format(
+                "the differences point the other way for {}: the simulated frames may have more of it than the "
+                "camera's, and it cannot be taken out of finished frames",
+                surplus.effect));
+}
+
+} // namespace
+
+DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, const Capture &sim,
+                        const DiagnosisOptions &options) {
+    const auto start = std::chrono::steady_clock::now();
+    const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    if (!options.hypotheses.empty())
+        throw Error(Status::kInvalidArgument,
+                    "a comparison takes no hypotheses: they are functions on frames that our simulator draws");
+    const std::vector<Candidate> all = candidates({}, options.without);
+    auto comparison = std::make_shared<Comparison>();
+    PairedCaptures captures = pair_captures(real, sim);
+    comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), options.seed);
+    comparison->pairs = captures.pairs;
+    comparison->real_alone = captures.real_alone;
+    comparison->sim_alone = captures.sim_alone;
+    DiagnosisResult result;
+    result.seed = options.seed;
+    result.level = options.level;
+    for (const SequencePair &pair : captures.pairs)
+        result.judged.push_back(pair.real);
+    for (const SequenceLayout &sequence : real.layout.sequences)
+        if (std::find(result.judged.begin(), result.judged.end(), sequence.name) == result.judged.end())
+            result.left_out.push_back(sequence.name);
+    for (const Candidate &candidate : all) {
+        const std::string refusal = finished_frames_refusal(candidate.id, captures.sim.layout);
+        if (refusal.empty())
+            result.candidates.push_back(candidate);
+        else
+            comparison->refused.push_back({candidate.id, candidate.stage, refusal});
+    }
+
+    double fraction = 0.0;
+    std::string doing = "reading";
+    const auto tell = [&](const std::string &what, double part) {
+        doing = what;
+        fraction = std::max(fraction, part);
+        if (options.progress && !options.progress(doing, fraction))
+            throw Error(Status::kCancelled, "the comparison was cancelled by its progress callback");
+    };
+    Experiment experiment(context, captures.real, {}, threads);
+    experiment.checkpoint = [&] { tell(doing, fraction); };
+    const bool has_dark = std::any_of(captures.sim.layout.sequences.begin(), captures.sim.layout.sequences.end(),
+                                      [](const SequenceLayout &s) { return s.scene == CaptureScene::kDark; });
+    const Calibration calibration =
+        has_dark ? experiment.calibration_of(captures.sim.codes)
+                 : Calibration{captures.sim.layout.black_level_dn, captures.sim.layout.read_noise_dn};
+    const auto count = static_cast<Eigen::Index>(experiment.count());
+    FoldStatistics simulated{Eigen::VectorXd(count), Eigen::VectorXd(count)};
+    for (std::size_t s = 0; s < captures.sim.codes.size(); ++s)
+        experiment.measure(s, captures.sim.codes[s].data(), calibration, simulated);
+    const FoldStatistics difference{experiment.real().first - simulated.first,
+                                    experiment.real().second - simulated.second};
+    const GapModel null(experiment,
+                        draw_differences(experiment, {}, options.null_replicates, options.seed,
+                                         [&](double part) { tell("drawing differences by chance", 0.5 * part); }),
+                        kStatisticsShare * options.level, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
+    const GapTest test = null.test(difference);
+    const ReadNoiseComparison &noise = comparison->read_noise;
+    const double noise_p = noise.excess ? noise.p_value / (1.0 - kStatisticsShare) : 1.0;
+    const bool noise_gap = noise_p <= options.level;
+    result.detected = test.detected || noise_gap;
+    result.p_value = p_value(std::min({1.0, test.p_value / kStatisticsShare, noise_p}));
+    result.distance = test.distance;
+    result.null_95 = test.null_95;
+
+    // What is measured on the frames is put on copies whose levels are known.
+    captures.sim.layout.black_level_dn = calibration.black_level_dn;
+    captures.sim.layout.read_noise_dn = calibration.read_noise_dn;
+    FinishedFrames finished(context, captures.sim);
+    for (const Candidate &candidate : result.candidates) {
+        bool visible = false;
+        for (std::size_t s = 0; s < captures.pairs.size(); ++s)
+            visible = visible || finished.concerns(candidate.id, s);
+        if (!visible)
+            result.untested_effects.push_back(candidate.id);
+    }
+    ClosingResult closed;
+    if (test.detected) {
+        ClosingOptions closing;
+        closing.seed = options.seed;
+        closing.max_effects = options.max_effects;
+        closing.residual_level = 0.25 * options.level;
+        closed = close_gap(experiment, finished, result.candidates, difference, null, closing,
+                           [&](const std::string &what, double part) { tell(what, 0.5 + 0.5 * part); });
+        comparison->surplus = closed.surplus;
+    }
+    result.held_out = experiment.parted();
+    set_verdict(closed, null, test, result);
+    if (noise_gap && result.detected) {
+        result.verdict = Verdict::kUnknown; // no effect of the catalogue takes noise away
+        result.residual_detected = true;
+        result.residual_p_value = p_value(std::min(result.residual_p_value, noise_p));
+    }
+    if (!closed.models.empty()) {
+        measure_shrinkage(closed, difference, null, result);
+        result.ranking = closed.steps.front().ranking;
+        for (const SearchStep &step : closed.steps)
+            result.found.push_back(step.ranking.front());
+        result.parameters = closed.models.back().parameters;
+        for (RankedEffect &found : result.found)
+            for (const EffectSetting &effect : closed.models.back().effects)
+                if (effect.id == found.effect)
+                    found.values = effect.values;
+    }
+    const Eigen::VectorXd real_values = experiment.real().mean(), sim_values = simulated.mean();
+    const GapTest &last = closed.models.empty() ? test : closed.models.back().residual;
+    for (Eigen::Index k = 0; k < count; ++k)
+        result.places.push_back({experiment.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
+                                 p_value(test.p_adjusted[k]), last.z[k]});
+    if (noise.excess) {
+        std::string dark;
+        for (const SequenceLayout &s : captures.real.layout.sequences)
+            if (dark.empty() && s.scene == CaptureScene::kDark)
+                dark = s.name;
+        result.places.push_back({{"sensor", dark, "read_noise", "all", "DN"},
+                                 noise.real.read_noise_dn,
+                                 noise.sim.read_noise_dn,
+                                 noise.z,
+                                 p_value(std::min(1.0, noise_p)),
+                                 noise.z});
+    }
+    std::stable_sort(result.places.begin(), result.places.end(),
+                     [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
+    add_notes(captures, *comparison, result);
+    if (options.evidence) {
+        const EffectSettings effects = closed.models.empty() ? EffectSettings{} : closed.models.back().effects;
+        result.evidence = std::make_shared<const Evidence>(collect_evidence(
+            experiment, effects.empty() ? 2 : 3, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+                std::vector<std::uint16_t> codes = version == 0   ? captures.real.codes[s]
+                                                   : version == 1 ? captures.sim.codes[s]
+                                                                  : finished.codes(s, effects, options.seed);
+                codes.resize(frame_count * experiment.layout().pixel_count());
+                return codes;
+            }));
+    }
+    result.comparison = comparison;
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,228 @@
+#include "gap_check.hpp"
+
+#include "commands.hpp"
+#include "errors.hpp"
+#include "files.hpp"
+#include "image_io/image_io.hpp"
+#include "options.hpp"
+
+#include <fmt/format.h>
+
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <vector>
+
+namespace tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int levels_up = 6; // from the program to the root of a checkout
+constexpr int no_program = 127;
+
+fs::path this_program() {
+    std::error_code code;
+    const fs::path path = fs::read_symlink("/proc/self/exe", code);
+    return code ? fs::path() : path;
+}
+
+bool is_generator(const fs::path &folder) {
+    std::error_code code;
+    return fs::is_regular_file(folder / "__main__.py", code) && fs::is_regular_file(folder / "plan.py", code);
+}
+
+/** The folder of the Python package. */
+fs::path find_generator(const std::string &given) {
+    if (!given.empty()) {
+        for (const fs::path &folder :
+             {fs::path(given), fs::path(given) / "withheld", fs::path(given) / "tests" / "withheld"})
+            if (is_generator(folder))
+                return fs::absolute(folder).lexically_normal();
+        throw InputError(
+            fmt::format("--generator {}: holds no generator (a Python package with __main__.py and plan.py); it is "
+                        "tests/withheld of a checkout of clSpeckle",
+                        given));
+    }
+    std::vector<fs::path> roots;
+    const fs::path program = this_program();
+    if (!program.empty()) {
+        const fs::path installed = program.parent_path().parent_path() / "share" / "clspeckle" / "withheld";
+        if (is_generator(installed))
+            return installed;
+        roots.push_back(program.parent_path());
+    }
+    std::error_code code;
+    roots.push_back(fs::current_path(code));
+    for (fs::path root : roots)
+        for (int i = 0; i < levels_up && !root.empty(); ++i, root = root.parent_path())
+            if (is_generator(root / "tests" / "withheld"))
+                return root / "tests" / "withheld";
+    throw InputError(
+        "the generator of the check was not found: it is the Python package tests/withheld of a checkout of clSpeckle, "
+        "installed as share/clspeckle/withheld; run this within the checkout, or name the package with --generator "
+        "FOLDER");
+}
+
+std::string quoted(const std::string &word) {
+    std::string text = "'";
+    for (const char letter : word)
+        text += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+    return text + "'";
+}
+
+/** Runs a program to its end. output: file for its standard output. @return its exit code, no_program if there is none.
+ */
+int run_program(const std::vector<std::string> &words, const std::string &output, bool silent) {
+    std::vector<char *> pointers;
+    for (const std::string &word : words)
+        pointers.push_back(const_cast<char *>(word.c_str()));
+    pointers.push_back(nullptr);
+    const pid_t child = ::fork();
+    if (child < 0)
+        throw OutputError(fmt::format("{} cannot be started: {}", words.front(), std::strerror(errno)));
+    if (child == 0) {
+        sigset_t none; // this program's threads block what is to stop the other one
+        ::sigemptyset(&none);
+        ::sigprocmask(SIG_SETMASK, &none, nullptr);
+        const int to = ::open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+        if (to >= 0)
+            ::dup2(to, STDOUT_FILENO);
+        if (silent && to >= 0)
+            ::dup2(to, STDERR_FILENO);
+        ::execvp(pointers.front(), pointers.data());
+        ::_exit(no_program);
+    }
+    int status = 0;
+    bool told = false;
+    while (::waitpid(child, &status, WNOHANG) == 0) {
+        // A terminal tells the whole group; a signal to this program alone is passed on.
+        if (!told)
+            try {
+                check_interrupt();
+            } catch (const Interrupted &) {
+                ::kill(child, SIGINT);
+                told = true;
+            }
+        ::usleep(50000);
+    }
+    if (told)
+        throw Interrupted();
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+/** What the generator needs; @return whether figures can be drawn. */
+bool check_python(const GapCheckArguments &a, const fs::path &generator) {
+    const std::string needs = fmt::format(
+        "the generator of the check needs Python 3.9 or newer with NumPy and SciPy: {} -m pip install -r {}; "
+        "another Python is named with --python",
+        a.python, (generator / "requirements.txt").string());
+    const auto imports = [&](const char *what) {
+        return run_program(
+            {a.python, "-c", fmt::format("import sys; assert sys.version_info >= (3, 9); import {}", what)},
+            "/dev/null", true);
+    };
+    const int code = imports("numpy, scipy");
+    if (code == no_program)
+        throw InputError(fmt::format("there is no program {}; {}", a.python, needs));
+    if (code != 0)
+        throw InputError(needs);
+    return imports("matplotlib") == 0;
+}
+
+std::string percent(const Json &value) {
+    return value.is_number() ? fmt::format("{:.1f} %", 100.0 * value.get<double>()) : "-";
+}
+
+/** Section 4 of the protocol, line by line. */
+std::string score_table(const Json &score) {
+    std::vector<std::vector<std::string>> rows = {{"figure", "on", "value", "95 % (Wilson)", "count", "aim"}};
+    for (const Json &f : score["figures"]) {
+        if (f["value"].is_null())
+            continue;
+        const bool share = !f["successes"].is_null();
+        std::string aim;
+        if (!f["target"].is_null()) {
+            const double low = f["target"][0].get<double>(), high = f["target"][1].get<double>();
+            aim = high >= 1.0  ? fmt::format("at least {:.0f} %", 100.0 * low)
+                  : low <= 0.0 ? fmt::format("at most {:.0f} %", 100.0 * high)
+                               : fmt::format("{:.0f} to {:.0f} %", 100.0 * low, 100.0 * high);
+            aim += f["met"].get<bool>() ? ": met" : ": missed";
+        }
+        const std::string count = f["count"].dump() + " " + f["unit"].get<std::string>();
+        rows.push_back({f["text"].get<std::string>(), f["on"].get<std::string>(),
+                        share ? percent(f["value"]) : fmt::format("{:.3g}", f["value"].get<double>()),
+                        share ? fmt::format("{} to {}", percent(f["low"]), percent(f["high"])) : "",
+                        share ? f["successes"].dump() + " of " + count : count, aim});
+    }
+    std::string text = table(rows);
+    if (!score["wrong"].empty()) {
+        std::vector<std::vector<std::string>> wrong = {{"set", "kind", "truth", "said"}};
+        for (const Json &w : score["wrong"]) {
+            std::string truth, said = w["verdict"].get<std::string>();
+            for (const auto &[effect, parameters] : w["truth"].items())
+                truth += (truth.empty() ? "" : ", ") + effect;
+            std::string named;
+            for (const Json &effect : w["effects"])
+                named += (named.empty() ? ": " : ", ") + effect.get<std::string>();
+            wrong.push_back({w["set"].get<std::string>(), w["kind"].get<std::string>(),
+                             truth.empty() ? "nothing" : truth, said + named});
+        }
+        text += "\n\nSets that did not come out right\n" + table(wrong, "  ");
+    }
+    return text;
+}
+
+} // namespace
+
+void run_gap_check(const GapCheckArguments &arguments, Console &console) {
+    const GapCheckArguments &a = arguments;
+    const fs::path generator = find_generator(a.generator);
+    const bool figures = check_python(a, generator);
+    if (!figures)
+        console.warn("Matplotlib is not installed for " + a.python + ": the score will have no figures");
+    make_output_folder(a.folder);
+    std::string command = a.command;
+    if (command.empty()) {
+        const fs::path program = this_program();
+        command = quoted(program.empty() ? "clspeckle" : program.string()) + " diagnose --quiet";
+        if (!a.device.empty())
+            command += " --device " + quoted(a.device);
+    }
+    std::vector<std::string> words = {
+        a.python, "-m",     generator.filename().string(), "all", "--out", a.folder, "--plan", a.plan, "--command",
+        command,  "--jobs", fmt::format("{}", a.jobs)};
+    if (a.frames)
+        words.insert(words.end(), {"--frames", fmt::format("{}", *a.frames)});
+    if (a.seed)
+        words.insert(words.end(), {"--seed", fmt::format("{}", *a.seed)});
+    if (!figures)
+        words.emplace_back("--no-figures");
+    const char *path = std::getenv("PYTHONPATH");
+    const std::string packages = generator.parent_path().string() + (path && *path ? std::string(":") + path : "");
+    ::setenv("PYTHONPATH", packages.c_str(), 1);
+    ::setenv("PYTHONDONTWRITEBYTECODE", "1", 1); // the package may lie where nobody may write
+    const std::string log = (fs::path(a.folder) / "check.log").string();
+    const int code = run_program(words, log, console.quiet());
+    if (code == 2)
+        throw InputError(fmt::format("the check could not be run; what the generator said is above (or in {})", log));
+    if (code != 0)
+        throw std::runtime_error(fmt::format("the check ended with exit code {}; {} has more", code, log));
+    const Json score = read_json((fs::path(a.folder) / "score" / "score.json").string());
+    if (a.json == "-")
+        console.result(score.dump(1));
+    else if (!a.json.empty())
+        image_io::write_text(a.json, score.dump(1) + "\n");
+    console.print(score_table(score));
+    console.print(fmt::format("\nScore{}: {}", figures ? " with figures" : "",
+                              (fs::path(a.folder) / "score" / "score.md").string()));
+}
+
+} // namespace tools
