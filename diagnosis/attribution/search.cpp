@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <string>
 
@@ -18,6 +19,8 @@ constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
 constexpr double kNear = 0.06;
 constexpr int kFitRounds = 3;
 constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
+// Effects whose gain at a first look is less than that part of the best one's are not fitted.
+constexpr double kLeastLook = 0.2;
 // Of the pool's seeds, for the search; fits use all.
 constexpr std::uint32_t kSearchSeeds = 1;
 // Of the finite differences along a parameter.
@@ -434,6 +437,8 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     std::vector<Refined> refined = screen(path.model, current, path.pool);
     if (refined.size() > options_.refined)
         refined.resize(options_.refined);
+    while (refined.size() > 1 && refined.back().gain < kLeastLook * refined.front().gain)
+        refined.pop_back();
     const double excess = excess_square(current);
     double explained = 0.0;
     for (Refined &candidate : refined) {
@@ -487,39 +492,48 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
 }
 
 // Several effects may share what a missing one causes: the earliest ones were chosen without those that came later. Each of them in turn is
-// taken out, and the search goes on from the others.
+// taken out, and the search goes on from the others where they leave a residual.
 void Search::exchange(Path &path, double from) {
-    const std::size_t count = path.model.effects.size();
-    for (std::size_t out = 0; out < std::min(kEarliest, count - 1); ++out) {
+    const std::size_t kept = path.model.effects.size() - 1;
+    const bool explained = !path.models.back().residual.detected;
+    for (std::size_t out = 0; out < std::min(kEarliest, kept); ++out) {
         Path other;
         other.model = path.model.without(out);
         other.steps = path.steps;
         other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(out));
-        FittedModel current;
-        if (!possible([&] { current = fit(other.model, other.pool, from, from); }))
+        FittedModel start;
+        if (!possible([&] { start = fit(other.model, other.pool, from, from); }))
             continue;
-        while (other.model.effects.size() < options_.max_effects && current.residual.detected && grow(other, current, from, 0.0)) {
-            current = other.models.back();
-            if (other.models.size() == 1 && other.steps.back().added == path.steps[out].added)
-                break; // as before
+        // An effect that only stood for others is left out; any other explanation must be better.
+        const bool leaves_out = !start.residual.detected;
+        while (!explained && other.model.effects.size() < options_.max_effects &&
+               (other.models.empty() ? start : other.models.back()).residual.detected) {
+            const FittedModel current = other.models.empty() ? start : other.models.back();
+            if (!grow(other, current, from, 0.0) ||
+                (other.models.size() == 1 && other.steps.back().added == path.steps[out].added)) // as before
+                break;
         }
-        if (other.models.empty() || current.score > path.models.back().score - kLeastGain)
+        if (!leaves_out && other.models.empty())
+            continue;
+        const double score = (other.models.empty() ? start : other.models.back()).score;
+        if (score > path.models.back().score + (leaves_out ? kLeastGain : -kLeastGain))
             continue;
         // The models on the way, for what each effect takes away.
-        const std::size_t kept = count - 1;
         std::vector<FittedModel> models(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(out));
         bool complete = true;
-        for (std::size_t n = out + 1; n <= kept && complete; ++n) {
+        for (std::size_t n = out + 1; n < kept && complete; ++n) {
             Model part = other.model.first(n);
             Pool pool;
             FittedModel fitted;
             complete = possible([&] { fitted = fit(part, pool, from, from); });
-            other.steps[n - 1].residual = fitted.residual;
             models.push_back(std::move(fitted));
         }
         if (!complete)
             continue;
-        models.insert(models.end(), other.models.begin(), other.models.end());
+        models.push_back(std::move(start));
+        models.insert(models.end(), std::make_move_iterator(other.models.begin()), std::make_move_iterator(other.models.end()));
+        for (std::size_t n = 0; n < models.size(); ++n)
+            other.steps[n].residual = models[n].residual;
         other.models = std::move(models);
         path = std::move(other);
         return;
@@ -553,7 +567,8 @@ SearchResult Search::run() {
             progress += share;
             explained = !path.models.back().residual.detected;
         }
-        if (!explained && path.models.size() > 1 && excess_square(path.models.back()) < kExchangeBelow * excess_square(baseline))
+        const bool nearly = path.models.size() > 1 && excess_square(path.models.back()) < kExchangeBelow * excess_square(baseline);
+        if (explained ? path.models.size() > 2 : nearly)
             exchange(path, progress);
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);

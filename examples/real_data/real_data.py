@@ -14,12 +14,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import clspeckle
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 from scipy.io import loadmat
 from tqdm import tqdm
+
+import clspeckle
 
 Codes = npt.NDArray[np.uint16]
 SIZE = 256  # the middle of each image: enough speckles, and quick
@@ -109,15 +110,17 @@ def row(entry: Set, found: clspeckle.Diagnosis) -> str:
     left = "yes" if found.shrink.residual_detected else "no"
     effects = ", ".join(found.effects) or "-"
     frames = entry.codes.shape[0]
-    return (
-        f"| {entry.name} | {frames} | {found.verdict} | {effects} | {found.shrink.fraction:.2f} | {left} | {worst} |"
-    )
+    return f"| {entry.name} | {frames} | {found.verdict} | {effects} | {found.shrink.fraction:.2f} | {left} | {worst} |"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the images (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("real-data"), help="folder of the results (default: %(default)s)")
+    parser.add_argument(
+        "--data", type=Path, default=Path("../shared/data"), help="folder of the images (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("real-data"), help="folder of the results (default: %(default)s)"
+    )
     arguments = parser.parse_args()
     sets = list(read(arguments.data))
     if not sets:

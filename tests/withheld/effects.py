@@ -1,7 +1,7 @@
 """What the generator can switch on: the catalogue's effects with their ranges, and effects that are in no catalogue.
 
-A strength between 0 (weak) and 1 (strong) moves all of an effect's parameters together, linearly. Below 0 it goes down from weak to
-nothing at all, at -1.
+A strength between 0 (weak) and 1 (strong) moves all of an effect's parameters together, linearly. Below 0 it goes down
+from weak to nothing at all, at -1.
 """
 
 from __future__ import annotations

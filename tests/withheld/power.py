@@ -30,7 +30,7 @@ EFFECTS = (
 def plan_of(frames: int, effects: Sequence[str], strengths: Sequence[float], repeats: int, seed: int) -> Plan:
     """Sets of each effect at each strength, `repeats` times with other surfaces and noise."""
     every = tuple(s for s in strengths for _ in range(repeats))
-    return Plan(f"power {frames}", frames=frames, seed=seed, levels={e: every for e in effects})
+    return Plan(f"power {frames}", frames=frames, seed=seed, levels=dict.fromkeys(effects, every))
 
 
 def _share(outcomes: list[Outcome], what: str) -> dict[str, Any]:
@@ -78,7 +78,9 @@ def power(
         run_sets(sets, folder / "reports", command, jobs, timeout_s)
         outcomes[count], _ = read_outcomes(sets, folder / "reports")
     rows = table(outcomes)
-    (out / "power.json").write_text(json.dumps({"effects": list(effects), "repeats": repeats, "rows": rows}, indent=1) + "\n")
+    (out / "power.json").write_text(
+        json.dumps({"effects": list(effects), "repeats": repeats, "rows": rows}, indent=1) + "\n"
+    )
     if figures:
         from .plots import plot_power  # matplotlib takes seconds to load
 

@@ -201,20 +201,20 @@ CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct
  */
 CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis);
 /**
- * Compares a real capture with frames of any simulator: where they differ, and which catalogued effects, put on the simulated frames as far as
- * finished frames allow, would close how much. *diagnosis gets one reference. Blocks, for about as long as clspDiagnose(). docs/gap-compare.md
- * explains the method.
+ * Compares a real capture with frames of any simulator: where they differ, and which catalogued effects, put on the simulated frames as
+ * far as finished frames allow, would close how much. *diagnosis gets one reference. Blocks, for about as long as clspDiagnose().
+ * docs/gap-compare.md explains the method.
  *
- * Sequences are paired by name where scene and motion agree, else by scene and motion, and cut to the same number of frames; what has no partner
- * is named in a note. Light levels, black levels and, where the simulated frames have less, read noise are calibrated first. In the result `sim`
- * stands for the simulated capture; parameters are what its frames lack. The report has one key more, "compare": the pairs, the levels, the read
- * noise, the effects that cannot be put on finished frames and why.
+ * Sequences are paired by name where scene and motion agree, else by scene and motion, and cut to the same number of frames; what has no
+ * partner is named in a note. Light levels, black levels and, where the simulated frames have less, read noise are calibrated first. In
+ * the result `sim` stands for the simulated capture; parameters are what its frames lack. The report has one key more, "compare": the
+ * pairs, the levels, the read noise, the effects that cannot be put on finished frames and why.
  * @param context whose device draws what differs by chance, and puts effects on frames.
  * @param real what the camera recorded; complete and in order, as for clspDiagnose().
  * @param sim  what the simulator drew of the same scenes; as `real`.
  * @param desc NULL: the defaults. hypothesis_count must be 0.
- * @return CLSP_ERROR_INVALID_ARGUMENT for captures of different size or bits, and where no sequence has a partner; CLSP_ERROR_CANCELLED when the
- *         progress function returned 0; CLSP_ERROR_INVALID_DATA where no pair has light or is dark.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for captures of different size or bits, and where no sequence has a partner;
+ *         CLSP_ERROR_CANCELLED when the progress function returned 0; CLSP_ERROR_INVALID_DATA where no pair has light or is dark.
  */
 CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCapture sim, const ClspDiagnoseDesc *desc,
                                 ClspDiagnosis *diagnosis);

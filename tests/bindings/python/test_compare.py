@@ -1,4 +1,7 @@
-"""clspeckle.compare: captures of three kinds, what a simulator lacks, refusals. The captures are small and the cause is gross."""
+"""clspeckle.compare: captures of three kinds, what a simulator lacks, refusals.
+
+The captures are small and the cause is gross.
+"""
 
 from __future__ import annotations
 

@@ -194,8 +194,10 @@ assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_control_c_while_the_driver_compiles(tmp_path: Path) -> None:
-    """PoCL links its kernels with a program of its own, which Ctrl-C at a terminal reaches as well. An empty cache makes
-    it link."""
+    """PoCL links its kernels with a program of its own, which Ctrl-C at a terminal reaches as well.
+
+    An empty cache makes it link.
+    """
     program = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})

@@ -1128,8 +1128,11 @@ def call(name: str, *arguments: Any) -> None:
 
 
 def _without_interrupts(function: Any, arguments: tuple[Any, ...]) -> int:
-    """The first call that starts OpenCL. A driver's threads inherit which signals are blocked, and so does the linker that
-    they run: otherwise Ctrl-C at a terminal ends the linker, too, and PoCL then ends the process."""
+    """The first call that starts OpenCL.
+
+    A driver's threads inherit which signals are blocked, and so does the linker that they run: otherwise Ctrl-C at a
+    terminal ends the linker, too, and PoCL then ends the process.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return int(function(*arguments))

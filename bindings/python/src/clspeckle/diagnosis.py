@@ -274,7 +274,9 @@ class Coverage:
 
 
 class Diagnosis(Handle):
-    """What :func:`diagnose` or :func:`compare` found; ``print`` shows a summary. It never changes, and any number of threads may read it.
+    """What :func:`diagnose` or :func:`compare` found; ``print`` shows a summary.
+
+    It never changes, and any number of threads may read it.
 
     Attributes:
         verdict: "none" (no gap), "named" (the effects explain it), "ambiguous" (the `equivalents` explain it equally
@@ -332,8 +334,13 @@ class Diagnosis(Handle):
         self.advice: tuple[str, ...] = tuple(
             f"{entry['capture']} (separates {', '.join(entry['separates'])})" for entry in report["advice"]
         )
+        coverage = report["coverage"]
         self.coverage = Coverage(
-            **{name: tuple(value) if isinstance(value, list) else value for name, value in report["coverage"].items()}
+            statistics=int(coverage["statistics"]),
+            sequences=tuple(coverage["sequences"]),
+            left_out=tuple(coverage["left_out"]),
+            effects_not_visible=tuple(coverage["effects_not_visible"]),
+            questions_open=tuple(coverage["questions_open"]),
         )
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
