@@ -2,8 +2,8 @@
 
     python examples/real_data/real_data.py --data ../shared/data --out real-data
 
-Each folder of images becomes a capture set with what its source states of the set-up; what is not stated is assumed, and said so. The
-reports (JSON and HTML) land in OUT, the table that docs/real-data.md shows in OUT/table.md.
+Each folder of images becomes a capture set with what its source states of the set-up; what is not stated is assumed, and
+said so. The reports (JSON and HTML) land in OUT, a table of them in OUT/table.md.
 """
 
 from __future__ import annotations

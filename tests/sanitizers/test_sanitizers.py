@@ -38,6 +38,8 @@ WITH_TRANSFORM = {
     "test_filter",
     "test_airflow",
     "test_cpp_binding",
+    "test_comparison",
+    "test_comparison_api",
     "test_gap_report",
     "test_gap_simulator",
     "test_gap_simulator_physics",
