@@ -92,6 +92,14 @@ def test_installed_files_name_no_folder_of_the_build(prefix: Path) -> None:
         assert str(ROOT) not in text, path
 
 
+def test_installed_program(prefix: Path) -> None:
+    """It finds its library, and the generator of the check, without any setting."""
+    program = prefix / "bin" / "clspeckle"
+    assert "clspeckle" in run(program, "--version")
+    assert str(BUILD) not in run("readelf", "-d", program)
+    assert (prefix / "share" / "clspeckle" / "withheld" / "__main__.py").is_file()
+
+
 def test_find_package(prefix: Path, expected: str, tmp_path: Path) -> None:
     configure(HERE / "find_package", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}")
     run("cmake", "--build", tmp_path)
