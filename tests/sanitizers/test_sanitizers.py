@@ -49,6 +49,7 @@ WITH_TRANSFORM = {
 # Programs of which a part is enough: the same code, hundreds of times.
 FILTERS = {
     "test_attribution": "-Diagnosis.N*:Diagnosis.S*:Diagnosis.W*:Diagnosis.A*",
+    "test_comparison": "-*NotToldApart*:*row_noise*:*shot_noise*:*crosstalk*",
     "test_gap_simulator": "-*HundredsOfCalls*:*EffectsShow*:*AnEffectLeaves*",
     "test_gap_simulator_physics": "Physics.TheBaseline",
 }
