@@ -25,8 +25,7 @@ void check_frame_index(std::uint64_t frame_index) {
         throw Error(Status::kInvalidArgument, fmt::format("frame_index is {}, it must be below 2^48", frame_index));
 }
 
-std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream) {
-    std::array<std::uint32_t, 4> counter{0, 0, frame_low(frame_index), stream | frame_high(frame_index) << 16};
+std::array<std::uint32_t, 4> host_block(std::uint64_t seed, std::array<std::uint32_t, 4> counter) {
     auto k0 = static_cast<std::uint32_t>(seed), k1 = static_cast<std::uint32_t>(seed >> 32);
     for (int round = 0; round < 10; ++round) {
         const std::uint64_t p0 = std::uint64_t{0xD2511F53u} * counter[0], p1 = std::uint64_t{0xCD9E8D57u} * counter[2];
@@ -35,6 +34,12 @@ std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index
         k0 += 0x9E3779B9u;
         k1 += 0xBB67AE85u;
     }
+    return counter;
+}
+
+std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream) {
+    const std::array<std::uint32_t, 4> counter =
+        host_block(seed, {0, 0, frame_low(frame_index), stream | frame_high(frame_index) << 16});
     const double u = (counter[0] + 0.5) * 0x1p-32, angle = 2.0 * 3.14159265358979323846 * counter[1] * 0x1p-32;
     const double r = std::sqrt(-2.0 * std::log(u));
     return {r * std::cos(angle), r * std::sin(angle)};

@@ -35,6 +35,9 @@ inline cl_uint frame_high(std::uint64_t frame_index) {
     return static_cast<cl_uint>(frame_index >> 32);
 }
 
+// A block of Philox4x32-10 on the host.
+std::array<std::uint32_t, 4> host_block(std::uint64_t seed, std::array<std::uint32_t, 4> counter);
+
 // Numbers for a whole frame are drawn on the host.
 constexpr std::uint32_t kStreamFlicker = 0x33, kStreamVibration = 0x34;
 // Two standard normal numbers, from words 0 and 1 of the block of counter (0, 0, frame, stream) by Box and Muller.

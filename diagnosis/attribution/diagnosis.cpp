@@ -2,6 +2,7 @@
 
 #include "attribution/gap_stages.hpp"
 #include "attribution/shrinkage.hpp"
+#include "attribution/verdict.hpp"
 #include "capture/capture_check.hpp"
 #include "report/downstream.hpp"
 #include "report/evidence.hpp"
@@ -16,35 +17,13 @@
 namespace clsp {
 namespace {
 
-// Effects at least that probable are named among the equivalent ones.
-constexpr double kLeastProbability = 0.05;
-// An effect's own statistics are those that it moves by that many standard deviations.
-constexpr double kOwnDeviations = 4.0;
-// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
-constexpr double kExplained = 3.0;
-// So do several that together take away that part of the gap: what is left is small beside each of them.
+// Beside an unknown cause several effects count as found that together take away that part of the gap: what is left is small beside each.
 constexpr double kNearlyWhole = 0.97;
 
-std::vector<std::string> ids(const EffectSettings &effects) {
-    std::vector<std::string> result;
-    for (const EffectSetting &effect : effects)
-        result.push_back(effect.id);
-    return result;
-}
-
-// Whether what an effect moves agrees with the model in the end.
-bool explained(const SearchResult &found, std::size_t step) {
-    const FittedModel &last = found.models.back();
-    const FittedModel &before = step ? found.models[step - 1] : found.baseline;
-    const FittedModel &after = found.models[step];
-    const Eigen::VectorXd moved = (after.model.full().mean() - before.model.full().mean()).cwiseQuotient(before.model.full().deviation());
-    double sum = 0.0, count = 0.0;
-    for (Eigen::Index k = 0; k < moved.size(); ++k)
-        if (std::abs(moved[k]) > kOwnDeviations) {
-            sum += last.residual.z[k] * last.residual.z[k];
-            ++count;
-        }
-    return count > 0.0 && sum / count < kExplained;
+// By an effect, in standard deviations.
+Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
+    const GapModel &before = step ? found.models[step - 1].model : found.baseline.model;
+    return (found.models[step].model.full().mean() - before.full().mean()).cwiseQuotient(before.full().deviation());
 }
 
 // A lit sequence without light has no level to be simulated at.
@@ -53,11 +32,6 @@ constexpr double kLeastLightDn = 0.5;
 constexpr double kMostClipped = 0.2;
 // Of a sequence, without those that its mask takes out: as the statistics ask for.
 constexpr int kLeastPixels = 64;
-// The tails of Student's and of the Gamma law underflow; no probability is 0.
-constexpr double kLeastPValue = 1e-300;
-
-double p_value(double p) { return std::max(p, kLeastPValue); }
-
 // The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
 Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept, DiagnosisResult &result) {
     Capture judged;
@@ -154,20 +128,20 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;
     result.detected = test.detected;
-    result.p_value = p_value(test.p_value);
+    result.p_value = reported_p_value(test.p_value);
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
     const Eigen::VectorXd real = experiment.real().mean();
     for (std::size_t k = 0; k < experiment.count(); ++k)
-        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], p_value(test.p_adjusted[k]),
+        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], reported_p_value(test.p_adjusted[k]),
                                  last.residual.z[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
     if (result.detected) {
         result.residual_detected = last.residual.detected;
-        result.residual_p_value = p_value(last.residual.p_value);
+        result.residual_p_value = reported_p_value(last.residual.p_value);
         if (!found.models.empty()) {
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
@@ -185,22 +159,11 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             result.verdict = Verdict::kUnknown;
             const bool nearly_whole = found.models.size() > 1 && result.fraction >= kNearlyWhole;
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (nearly_whole || explained(found, i))
+                if (nearly_whole || explained(moved_by(found, i), last.residual.z))
                     result.effects.push_back(found.steps[i].added);
             place_stages(experiment.layout(), result.places);
         } else {
-            result.verdict = Verdict::kNamed;
-            result.effects = ids(last.effects);
-            for (const SearchStep &step : found.steps) {
-                result.probability = std::min(result.probability, step.ranking.front().probability);
-                if (step.ranking.front().probability >= 1.0 - kLeastProbability)
-                    continue;
-                for (const RankedEffect &ranked : step.ranking)
-                    if (ranked.probability >= kLeastProbability) {
-                        result.verdict = Verdict::kAmbiguous;
-                        result.equivalent.push_back(ranked.effect);
-                    }
-            }
+            name_effects(found.steps, result);
         }
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();

@@ -42,11 +42,8 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     real_calibration_ = measured_calibration(real.codes, frame_counts, std::vector<bool>(sequences, true));
     real_.first.resize(count());
     real_.second.resize(count());
-    for (std::size_t s = 0; s < sequences; ++s) {
-        const std::size_t step = (frame_counts[s] - half_count(s)) * layout_.pixel_count();
-        statistics_[s].compute(real.codes[s].data(), real_calibration_, real_.first.data() + begin(s), threads_);
-        statistics_[s].compute(real.codes[s].data() + step, real_calibration_, real_.second.data() + begin(s), threads_);
-    }
+    for (std::size_t s = 0; s < sequences; ++s)
+        measure(s, real.codes[s].data(), real_calibration_, real_);
 }
 
 std::uint32_t Experiment::half_count(std::size_t sequence) const {
@@ -174,11 +171,8 @@ FoldStatistics Experiment::replicate(const EffectSettings &effects, const Calibr
     }
     const Calibration calibration = measured_calibration(codes, frame_counts, std::vector<bool>(sequences, true));
     FoldStatistics result{Eigen::VectorXd(count()), Eigen::VectorXd(count())};
-    for (std::size_t s = 0; s < sequences; ++s) {
-        const std::size_t step = (frame_counts[s] - half_count(s)) * layout_.pixel_count();
-        statistics_[s].compute(codes[s].data(), calibration, result.first.data() + begin(s), threads_);
-        statistics_[s].compute(codes[s].data() + step, calibration, result.second.data() + begin(s), threads_);
-    }
+    for (std::size_t s = 0; s < sequences; ++s)
+        measure(s, codes[s].data(), calibration, result);
     return result;
 }
 

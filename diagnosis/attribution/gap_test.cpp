@@ -71,12 +71,13 @@ Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }
 
-Eigen::MatrixXd GapModel::strays() const {
+Eigen::MatrixXd GapModel::strays(Fit fit) const {
     const Eigen::Index n = static_cast<Eigen::Index>(replicates_.draws.size());
     Eigen::MatrixXd result(n, directions_.cols());
     for (Eigen::Index r = 0; r < n; ++r) {
         const Covariance &other = part_[r < n / 2 ? 1 : 0];
-        result.row(r) = coefficients(other, replicates_.draws[static_cast<std::size_t>(r)].mean() - other.mean());
+        const FoldStatistics &draw = replicates_.draws[static_cast<std::size_t>(r)];
+        result.row(r) = coefficients(other, fit == Fit::kBoth ? draw.mean() - other.mean() : draw.first - first_mean_);
     }
     return result;
 }

@@ -45,9 +45,10 @@ class GapModel {
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 
-    // The coefficients that the same fit finds in each replicate's difference from the others' mean, by the covariance of the other half of
-    // the replicates: how far a fit strays by chance. One row a replicate.
-    Eigen::MatrixXd strays() const;
+    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by the
+    // covariance of the other half of the replicates: how far a fit strays by chance. One row a replicate.
+    enum class Fit { kBoth, kFirst };
+    Eigen::MatrixXd strays(Fit fit) const;
 
   private:
     // Without what lies along the directions.

@@ -1,47 +1,25 @@
 #include "attribution/search.hpp"
 
-#include "attribution/distributions.hpp"
 #include "attribution/least_squares.hpp"
-#include "runtime/error.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <string>
 
 namespace clsp {
 namespace {
 
-// Strengths over which an effect is looked for: beyond the range of common cameras on both sides.
-constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
-// A strength counts as simulated if one that near was.
-constexpr double kNear = 0.06;
 constexpr int kFitRounds = 3;
-constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
 // Effects whose gain at a first look is less than that part of the best one's are not fitted.
 constexpr double kLeastLook = 0.2;
 // Of the pool's seeds, for the search; fits use all.
 constexpr std::uint32_t kSearchSeeds = 1;
-// Of the finite differences along a parameter.
-constexpr double kDifference = 0.15;
-// A linear step of a fit is trusted that far.
-constexpr double kLargestStep = 0.4;
-// -2 log of the likelihood ratio below which an effect is not worth a parameter.
-constexpr double kLeastGain = 14.0;
-// Where a residual remains, an effect must explain this part of what is beyond chance.
-constexpr double kLeastShare = 0.12;
-// Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
-constexpr double kTemperature = 2.0;
-
 // Where the squared distance fell below that part and is still too large, effects are exchanged.
 constexpr double kExchangeBelow = 0.02;
 constexpr std::size_t kEarliest = 2;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
-constexpr int kGaussNewtonRounds = 2;
-// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make.
-constexpr double kModelError = 0.025;
 
 Eigen::VectorXd pool_mean(const Pool &pool) {
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(pool.statistics.front().size());
@@ -50,87 +28,12 @@ Eigen::VectorXd pool_mean(const Pool &pool) {
     return sum / static_cast<double>(pool.statistics.size());
 }
 
-// Variance of each coefficient of the directions that errors of the model cause: of the size of all changes together, and of each
-// statistic on its own. change: of the mean statistics by the effects.
-Eigen::VectorXd fit_of_errors(const GapModel &model, const Eigen::MatrixXd &jacobian, const Eigen::VectorXd &change) {
-    const Covariance &covariance = model.full();
-    Eigen::VectorXd result = model.coefficients(covariance, kModelError * change).cwiseAbs2();
-    for (Eigen::Index k = 0; k < jacobian.rows(); ++k)
-        if (covariance.tolerance()[k] > 0.0)
-            result += model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(jacobian.rows(), k)).cwiseAbs2();
-    return result;
-}
-
-// False if the simulator refuses what it was asked for: an effect beyond what this capture's geometry allows is no candidate.
-template <typename Work> bool possible(const Work &work) {
-    try {
-        work();
-    } catch (const Error &error) {
-        if (error.status() != Status::kInvalidArgument)
-            throw;
-        return false;
-    }
-    return true;
-}
-
 std::string label(const EffectSettings &effects) {
     std::string result;
     for (const EffectSetting &effect : effects)
         result += (result.empty() ? "" : " + ") + effect.id;
     return result;
 }
-
-// A parameter of one of the model's effects and its strength.
-struct Strength {
-    std::size_t effect;    // of the model's effects
-    std::size_t parameter; // of the effect
-    double strength;
-};
-
-struct ModelEffect {
-    const Candidate *candidate;
-    double sign; // -1: values below 0, where an effect has a direction
-};
-
-// A model's effects and the strengths that are fitted.
-struct Model {
-    std::vector<ModelEffect> effects;
-    std::vector<Strength> strengths;
-
-    EffectSettings settings() const {
-        EffectSettings result;
-        for (const ModelEffect &effect : effects)
-            result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
-        for (const Strength &s : strengths)
-            result[s.effect].values[s.parameter] = effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
-        return result;
-    }
-    Model without(std::size_t effect) const {
-        Model result = *this;
-        result.effects.erase(result.effects.begin() + static_cast<std::ptrdiff_t>(effect));
-        result.strengths.clear();
-        for (Strength s : strengths)
-            if (s.effect != effect) {
-                s.effect -= s.effect > effect ? 1 : 0;
-                result.strengths.push_back(s);
-            }
-        return result;
-    }
-    Model first(std::size_t count) const {
-        Model result = *this;
-        while (result.effects.size() > count)
-            result = result.without(count);
-        return result;
-    }
-    void add(const Candidate &candidate, double sign, double strength) {
-        effects.push_back({&candidate, sign});
-        for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
-            // What the catalogue does not vary begins at its value.
-            const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
-            strengths.push_back({effects.size() - 1, p, varied ? strength : candidate.strength(p, candidate.parameters[p].weak)});
-        }
-    }
-};
 
 // The two halves' differences from a model.
 struct Differences {
@@ -150,7 +53,7 @@ struct Refined {
 
 // Effects in the order in which they were found.
 struct Path {
-    Model model;
+    EffectModel model;
     Pool pool; // of the whole model
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
@@ -169,10 +72,10 @@ class Search {
                          double to, const std::string &what);
     Differences differences(const GapModel &model, const Eigen::VectorXd &correction) const;
     std::vector<bool> concerned(const std::string &id) const;
-    std::vector<Refined> screen(const Model &model, const FittedModel &fitted, const Pool &pool);
-    void refine(Refined &refined, const Model &model, const FittedModel &fitted, const Pool &pool);
+    std::vector<Refined> screen(const EffectModel &model, const FittedModel &fitted, const Pool &pool);
+    void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
     double held_out(const FittedModel &fitted, const Response *response, double *strength) const;
-    FittedModel fit(Model &model, Pool &pool, double from, double to);
+    FittedModel fit(EffectModel &model, Pool &pool, double from, double to);
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
     // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
@@ -259,22 +162,20 @@ double Search::held_out(const FittedModel &fitted, const Response *response, dou
     return sum;
 }
 
-std::vector<Refined> Search::screen(const Model &model, const FittedModel &fitted, const Pool &pool) {
+std::vector<Refined> Search::screen(const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
     const Covariance &covariance = fitted.model.fold();
     const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
     const Eigen::VectorXd target = covariance.whiten(differences(fitted.model, fitted.correction).mean());
     const double before = residual_square(jacobian, target);
     std::vector<Refined> result;
     for (const Candidate &candidate : candidates_) {
-        const bool used = std::any_of(model.effects.begin(), model.effects.end(),
-                                      [&](const ModelEffect &e) { return e.candidate == &candidate; });
         Refined refined;
         refined.candidate = &candidate;
         refined.concerned = concerned(candidate.id);
-        if (used || std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
+        if (model.has(candidate) || std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
             continue;
         report(0.0, "screening " + candidate.id);
-        Model with = model;
+        EffectModel with = model;
         with.add(candidate, 1.0, 0.5);
         Change change;
         if (!possible([&] {
@@ -301,9 +202,9 @@ std::vector<Refined> Search::screen(const Model &model, const FittedModel &fitte
     return result;
 }
 
-void Search::refine(Refined &refined, const Model &model, const FittedModel &fitted, const Pool &pool) {
+void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
     const auto simulate = [&](double strength) {
-        Model with = model;
+        EffectModel with = model;
         with.add(*refined.candidate, refined.sign, strength);
         refined.response.add(strength, simulate_change(experiment_, pool, with.settings(), refined.concerned, options_.seed,
                                                        kSearchSeeds));
@@ -322,9 +223,8 @@ void Search::refine(Refined &refined, const Model &model, const FittedModel &fit
 }
 
 // Strengths by Gauss-Newton rounds, then replicates at the fitted strengths and a last, linear step.
-FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
+FittedModel Search::fit(EffectModel &model, Pool &pool, double from, double to) {
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
-    const auto name = [&](Eigen::Index p) { return std::string(model.effects[model.strengths[p].effect].candidate->id); };
     const auto move = [&](const Eigen::VectorXd &step) {
         double largest = 0.0;
         for (Eigen::Index p = 0; p < parameters; ++p) {
@@ -341,15 +241,15 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
         settings = model.settings();
         pool = simulate_pool(experiment_, settings, options_.seed, options_.pool_seeds);
         for (Eigen::Index p = 0; p < parameters; ++p) {
-            report(from, "fitting " + name(p));
-            Model moved = model;
+            report(from, "fitting " + model.id_of(p));
+            EffectModel moved = model;
             double step = moved.strengths[p].strength > 0.9 ? -kDifference : kDifference;
             moved.strengths[p].strength += step;
             if (moved.settings() == settings) { // at the end of its range
                 step = -step;
                 moved.strengths[p].strength = model.strengths[p].strength + step;
             }
-            jacobian.col(p) = simulate_change(experiment_, pool, moved.settings(), concerned(name(p)), options_.seed,
+            jacobian.col(p) = simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(p)), options_.seed,
                                               options_.pool_seeds).mean / step;
         }
         if (round + 1 == rounds)
@@ -376,22 +276,12 @@ FittedModel Search::fit(Model &model, Pool &pool, double from, double to) {
     step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
     fitted.correction = jacobian * step;
     fitted.residual = fitted.model.test(experiment_.real());
-    // Intervals: how far the same fit strays on replicates that its covariance has not seen.
-    const Eigen::MatrixXd strays = fitted.model.strays();
-    const double n = static_cast<double>(strays.rows());
-    // And what the model's error does to it.
-    const Eigen::VectorXd of_error = fit_of_errors(fitted.model, jacobian, change);
-    const double factor = student_two_sided_quantile(0.05, n - 1.0) * std::sqrt(1.0 + 1.0 / n);
-    for (Eigen::Index p = 0; p < parameters; ++p) {
-        const Strength &s = model.strengths[p];
-        const ModelEffect &effect = model.effects[s.effect];
-        const double deviation = std::sqrt(strays.col(p).squaredNorm() / (n - 1.0) + of_error[p]);
-        const double middle = s.strength + step[p];
-        const auto value = [&](double strength) { return effect.sign * effect.candidate->value(s.parameter, strength); };
-        const double a = value(middle - factor * deviation), b = value(middle + factor * deviation);
-        fitted.parameters.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(middle),
-                                     std::min(a, b), std::max(a, b)});
-    }
+    const Eigen::MatrixXd strays = fitted.model.strays(GapModel::Fit::kBoth);
+    Eigen::VectorXd strengths = step;
+    for (Eigen::Index p = 0; p < parameters; ++p)
+        strengths[p] += model.strengths[static_cast<std::size_t>(p)].strength;
+    fitted.parameters = fitted_parameters(model, strengths, strength_deviations(fitted.model, strays, change),
+                                          static_cast<double>(strays.rows()));
     fitted.score = held_out(fitted, nullptr, nullptr) + 4.0 * fitted.model.fold().deviation().array().log().sum();
     return fitted;
 }
@@ -402,7 +292,6 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
     SearchStep step;
     step.added = finalists[best]->candidate->id;
     step.residual = fits[best].residual;
-    double sum = 0.0;
     for (const Refined &candidate : refined) {
         if (!candidate.fitted)
             continue;
@@ -417,19 +306,14 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
             ranked.values = fits[place].effects.back().values;
             ranked.distance_after = fits[place].residual.distance;
         } else {
-            Model with;
+            EffectModel with;
             with.add(*candidate.candidate, candidate.sign, candidate.strength);
             ranked.values = with.settings().back().values;
             ranked.distance_after = std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
         }
-        ranked.probability = std::exp(-(gain - ranked.gain) / (2.0 * kTemperature));
-        sum += ranked.probability;
         step.ranking.push_back(ranked);
     }
-    for (RankedEffect &ranked : step.ranking)
-        ranked.probability /= sum;
-    std::stable_sort(step.ranking.begin(), step.ranking.end(),
-                     [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
+    weigh(step.ranking);
     return step;
 }
 
@@ -455,7 +339,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     }
     std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
     // Those that the last comparison must decide between: by replicates of their own.
-    std::vector<Model> models;
+    std::vector<EffectModel> models;
     std::vector<Pool> pools;
     std::vector<FittedModel> fits;
     std::vector<const Refined *> finalists;
@@ -464,7 +348,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         if (models.size() == options_.finalists || candidate.gain < kLeastGain || candidate.gain < refined.front().gain - margin)
             break;
         const double begin = from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / options_.finalists);
-        Model with = path.model;
+        EffectModel with = path.model;
         with.add(*candidate.candidate, candidate.sign, candidate.strength);
         Pool own;
         FittedModel fitted;
@@ -522,7 +406,7 @@ void Search::exchange(Path &path, double from) {
         std::vector<FittedModel> models(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(out));
         bool complete = true;
         for (std::size_t n = out + 1; n < kept && complete; ++n) {
-            Model part = other.model.first(n);
+            EffectModel part = other.model.first(n);
             Pool pool;
             FittedModel fitted;
             complete = possible([&] { fitted = fit(part, pool, from, from); });

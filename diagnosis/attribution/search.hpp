@@ -2,6 +2,7 @@
 #pragma once
 
 #include "attribution/candidate.hpp"
+#include "attribution/effect_model.hpp"
 #include "attribution/experiment.hpp"
 #include "attribution/gap_test.hpp"
 #include "attribution/response.hpp"
@@ -27,12 +28,6 @@ struct SearchOptions {
     double residual_level = 0.005;  // of calling a right model wrong: there are several models to a capture
 };
 
-// A fitted parameter of a model.
-struct FittedParameter {
-    std::string effect, name;
-    double value = 0.0, low = 0.0, high = 0.0; // 95 % interval
-};
-
 // The baseline with effects, simulated at its fitted parameters and tested.
 struct FittedModel {
     EffectSettings effects;
@@ -42,22 +37,6 @@ struct FittedModel {
     Eigen::MatrixXd jacobian;   // change of the statistics per unit of strength of each parameter
     Eigen::VectorXd correction; // of the mean: the last, linear step of the fit
     double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
-};
-
-// An effect that was weighed in a step of the search. Those that a first look put aside are not among them.
-struct RankedEffect {
-    std::string effect;
-    std::vector<double> values;
-    double gain = 0.0;        // of the held-out squared distance
-    double probability = 0.0; // among the effects of this step
-    double distance_after = 0.0;
-    bool simulated = false;   // compared by replicates of its own
-};
-
-struct SearchStep {
-    std::string added;
-    std::vector<RankedEffect> ranking; // best first
-    GapTest residual;                  // after the step
 };
 
 struct SearchResult {

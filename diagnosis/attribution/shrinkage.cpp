@@ -25,9 +25,22 @@ double after_square(const Covariance &metric, const FittedModel &fitted, const F
     return mean_square(metric, first - fitted.jacobian * of_second, second - fitted.jacobian * of_first);
 }
 
-double beyond(double square, double chance) { return std::sqrt(std::max(0.0, square - chance)); }
-
 } // namespace
+
+double beyond_chance(double mean_square, double chance) { return std::sqrt(std::max(0.0, mean_square - chance)); }
+
+double gone(double before, double after) { return before > 0.0 ? 1.0 - after / before : 0.0; }
+
+std::array<double, 2> gone_95(double fraction, const Eigen::VectorXd &before, double chance_before, const Eigen::VectorXd &after,
+                              double chance_after) {
+    Eigen::VectorXd fractions(before.size());
+    for (Eigen::Index r = 0; r < before.size(); ++r)
+        fractions[r] = gone(beyond_chance(before[r], chance_before), beyond_chance(after[r], chance_after));
+    const double n = static_cast<double>(fractions.size());
+    const double deviation = std::sqrt((fractions.array() - fractions.mean()).square().sum() / (n - 1.0));
+    const double reach = 2.0 * deviation * std::sqrt(1.0 + 1.0 / n);
+    return {fraction - reach, std::min(1.0, fraction + reach)};
+}
 
 Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &fitted,
                     const FittedModel &metric_model) {
@@ -44,17 +57,10 @@ Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, c
     }
     chance_after = after.mean();
     Shrinkage result;
-    const auto fraction = [](double a, double b) { return b > 0.0 ? 1.0 - a / b : 0.0; };
-    result.before = beyond(before_square(metric, baseline, experiment.real()), chance_before);
-    result.after = beyond(after_square(metric, fitted, experiment.real()), chance_after);
-    result.fraction = fraction(result.after, result.before);
-    Eigen::VectorXd fractions(before.size());
-    for (Eigen::Index r = 0; r < before.size(); ++r)
-        fractions[r] = fraction(beyond(after[r], chance_after), beyond(before[r], chance_before));
-    const double n = static_cast<double>(fractions.size());
-    const double deviation = std::sqrt((fractions.array() - fractions.mean()).square().sum() / (n - 1.0));
-    const double reach = 2.0 * deviation * std::sqrt(1.0 + 1.0 / n);
-    result.fraction_95 = {result.fraction - reach, std::min(1.0, result.fraction + reach)};
+    result.before = beyond_chance(before_square(metric, baseline, experiment.real()), chance_before);
+    result.after = beyond_chance(after_square(metric, fitted, experiment.real()), chance_after);
+    result.fraction = gone(result.before, result.after);
+    result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
     return result;
 }
 

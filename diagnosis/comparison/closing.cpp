@@ -1,6 +1,6 @@
 #include "comparison/closing.hpp"
 
-#include "attribution/distributions.hpp"
+#include "attribution/effect_model.hpp"
 #include "attribution/least_squares.hpp"
 #include "attribution/response.hpp"
 #include "runtime/error.hpp"
@@ -12,14 +12,7 @@
 namespace clsp {
 namespace {
 
-// As in the diagnosis (attribution/search.cpp).
-constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
-constexpr double kNear = 0.06;
-constexpr int kFitRounds = 2, kGaussNewtonRounds = 2;
-constexpr double kDifference = 0.15, kLargestStep = 0.4;
-constexpr double kLeastGain = 14.0, kLeastShare = 0.12, kTemperature = 2.0;
-constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
-constexpr double kModelError = 0.025;
+constexpr int kFitRounds = 2;
 constexpr std::size_t kSurplusTold = 3;
 
 FoldStatistics minus(const FoldStatistics &a, const FoldStatistics &b) {
@@ -32,37 +25,6 @@ struct Answer {
     double sign = 1.0, strength = 0.5, gain = 0.0;
     Response first, second; // of either half
     bool fitted = false;
-};
-
-struct Strength {
-    std::size_t effect, parameter;
-    double strength;
-};
-
-// The effects that are on, with a strength for each parameter.
-struct Model {
-    std::vector<const Candidate *> effects;
-    std::vector<double> signs;
-    std::vector<Strength> strengths;
-
-    void add(const Candidate &candidate, double sign, double strength) {
-        effects.push_back(&candidate);
-        signs.push_back(sign);
-        for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
-            const HypothesisParameter &parameter = candidate.parameters[p];
-            strengths.push_back(
-                {effects.size() - 1, p,
-                 parameter.weak != parameter.strong ? strength : candidate.strength(p, parameter.weak)});
-        }
-    }
-    EffectSettings settings() const {
-        EffectSettings result;
-        for (const Candidate *candidate : effects)
-            result.push_back({candidate->id, std::vector<double>(candidate->parameters.size())});
-        for (const Strength &s : strengths)
-            result[s.effect].values[s.parameter] = signs[s.effect] * effects[s.effect]->value(s.parameter, s.strength);
-        return result;
-    }
 };
 
 class Closing {
@@ -83,11 +45,10 @@ class Closing {
     FoldStatistics change(const EffectSettings &effects) { return minus(measured(effects), unaltered()); }
     Eigen::VectorXd whitened(const Eigen::VectorXd &v) const { return metric_->fold().whiten(v); }
     double chance() const;
-    bool possible(const std::function<void()> &work) const;
-    std::vector<Answer> screen(const Model &model, std::vector<SurplusEffect> *surplus);
-    void refine(Answer &answer, const Model &model);
+    std::vector<Answer> screen(const EffectModel &model, std::vector<SurplusEffect> *surplus);
+    void refine(Answer &answer, const EffectModel &model);
     double best_strength(const Answer &answer) const;
-    ClosedGap fit(Model &model, double from, double to);
+    ClosedGap fit(EffectModel &model, double from, double to);
     void tell(const std::string &what, double fraction) const {
         if (progress_)
             progress_(what, fraction);
@@ -154,23 +115,11 @@ double Closing::chance() const {
     return sum / static_cast<double>(draws.size());
 }
 
-// False if an effect refuses its values: beyond what the frames' geometry allows it is no candidate.
-bool Closing::possible(const std::function<void()> &work) const {
-    try {
-        work();
-    } catch (const Error &error) {
-        if (error.status() != Status::kInvalidArgument)
-            throw;
-        return false;
-    }
-    return true;
-}
-
-std::vector<Answer> Closing::screen(const Model &model, std::vector<SurplusEffect> *surplus) {
+std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<SurplusEffect> *surplus) {
     const Eigen::VectorXd target = whitened(rest_.first);
     std::vector<Answer> result;
     for (const Candidate &candidate : candidates_) {
-        if (std::find(model.effects.begin(), model.effects.end(), &candidate) != model.effects.end())
+        if (model.has(candidate))
             continue;
         bool concerned = false;
         for (std::size_t s = 0; s < sequences(); ++s)
@@ -180,7 +129,7 @@ std::vector<Answer> Closing::screen(const Model &model, std::vector<SurplusEffec
         tell("screening " + candidate.id, 0.0);
         Answer answer;
         answer.candidate = &candidate;
-        Model with = model;
+        EffectModel with = model;
         with.add(candidate, 1.0, 0.5);
         FoldStatistics moved;
         if (!possible([&] { moved = minus(change(with.settings()), change_); }))
@@ -224,9 +173,9 @@ double Closing::best_strength(const Answer &answer) const {
 }
 
 // Fitted on the first half, judged on the second.
-void Closing::refine(Answer &answer, const Model &model) {
+void Closing::refine(Answer &answer, const EffectModel &model) {
     const auto simulate = [&](double strength) {
-        Model with = model;
+        EffectModel with = model;
         with.add(*answer.candidate, answer.sign, strength);
         const FoldStatistics moved = minus(change(with.settings()), change_);
         answer.first.add(strength, {moved.first, {}, {}});
@@ -247,7 +196,7 @@ void Closing::refine(Answer &answer, const Model &model) {
 
 // All strengths together, by Gauss-Newton steps on the first half; then the test of what is left, with the scatter that
 // the effects bring.
-ClosedGap Closing::fit(Model &model, double from, double to) {
+ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     ClosedGap result;
     const auto count = static_cast<Eigen::Index>(experiment_.count());
     const auto parameters = static_cast<Eigen::Index>(model.strengths.size());
@@ -258,8 +207,8 @@ ClosedGap Closing::fit(Model &model, double from, double to) {
     result.jacobian.resize(count, parameters);
     for (int round = 0; round < kGaussNewtonRounds; ++round) {
         for (Eigen::Index p = 0; p < parameters; ++p) {
-            tell("fitting " + model.effects[model.strengths[std::size_t(p)].effect]->id, from);
-            Model other = model;
+            tell("fitting " + model.id_of(p), from);
+            EffectModel other = model;
             double &strength = other.strengths[std::size_t(p)].strength;
             double step = strength > 0.9 ? -kDifference : kDifference;
             strength += step;
@@ -275,7 +224,7 @@ ClosedGap Closing::fit(Model &model, double from, double to) {
             break;
         const Eigen::VectorXd step = solve_least_squares(whiten_columns(metric_->fold(), result.jacobian),
                                                          whitened(difference_.first - moved.first));
-        Model next = model;
+        EffectModel next = model;
         double largest = 0.0;
         for (Eigen::Index p = 0; p < parameters; ++p) {
             const double bounded = std::clamp(step[p], -kLargestStep, kLargestStep);
@@ -325,23 +274,12 @@ ClosedGap Closing::fit(Model &model, double from, double to) {
         strength = next;
     }
     result.effects = model.settings();
-    const auto &draws = result.model->replicates().draws;
-    const double n = static_cast<double>(draws.size());
-    Eigen::MatrixXd strays(static_cast<Eigen::Index>(draws.size()), parameters);
-    for (std::size_t r = 0; r < draws.size(); ++r)
-        strays.row(Eigen::Index(r)) = result.model->coefficients(fold, draws[r].first - result.model->first_mean());
-    const double factor = student_two_sided_quantile(0.05, n - 1.0) * std::sqrt(1.0 + 1.0 / n);
-    for (Eigen::Index p = 0; p < parameters; ++p) {
-        const Strength &s = model.strengths[std::size_t(p)];
-        const Candidate &candidate = *model.effects[s.effect];
-        const double reach = factor * std::sqrt(strays.col(p).squaredNorm() / (n - 1.0));
-        const auto value = [&](double strength) {
-            return model.signs[s.effect] * candidate.value(s.parameter, strength);
-        };
-        const double a = value(s.strength - reach), b = value(s.strength + reach);
-        result.parameters.push_back(
-            {candidate.id, candidate.parameters[s.parameter].name, value(s.strength), std::min(a, b), std::max(a, b)});
-    }
+    const Eigen::MatrixXd strays = result.model->strays(GapModel::Fit::kFirst);
+    Eigen::VectorXd strengths(parameters);
+    for (Eigen::Index p = 0; p < parameters; ++p)
+        strengths[p] = model.strengths[std::size_t(p)].strength;
+    result.parameters = fitted_parameters(model, strengths, strength_deviations(*result.model, strays, moved.mean()),
+                                          static_cast<double>(strays.rows()));
     return result;
 }
 
@@ -352,7 +290,7 @@ ClosingResult Closing::run() {
     rest_ = difference_;
     const auto count = static_cast<Eigen::Index>(experiment_.count());
     change_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
-    Model model;
+    EffectModel model;
     double progress = 0.0;
     while (model.effects.size() < options_.max_effects) {
         const double share = 0.5 * (1.0 - progress);
@@ -386,28 +324,24 @@ ClosingResult Closing::run() {
         // Where a residual remains, an effect must explain a share of what is beyond chance.
         if (!model.effects.empty() && answers.front().gain < kLeastShare * excess)
             break;
-        Model with = model;
+        EffectModel with = model;
         with.add(*answers.front().candidate, answers.front().sign, answers.front().strength);
         ClosedGap closed = fit(with, progress + 0.5 * share, progress + share);
         progress += share;
         SearchStep step;
         step.added = answers.front().candidate->id;
         step.residual = closed.residual;
-        double sum = 0.0;
         for (const Answer &answer : answers) {
             RankedEffect ranked;
             ranked.effect = answer.candidate->id;
             ranked.gain = answer.gain;
-            Model alone;
+            EffectModel alone;
             alone.add(*answer.candidate, answer.sign, answer.strength);
             ranked.values = alone.settings().front().values;
             ranked.distance_after = std::sqrt(std::max(0.0, (excess - answer.gain) / double(count)));
-            ranked.probability = std::exp(-(answers.front().gain - answer.gain) / (2.0 * kTemperature));
-            sum += ranked.probability;
             step.ranking.push_back(std::move(ranked));
         }
-        for (RankedEffect &ranked : step.ranking)
-            ranked.probability /= sum;
+        weigh(step.ranking);
         model = with;
         change_ = closed.change;
         rest_ = minus(difference_, change_);

@@ -1,5 +1,7 @@
 #include "comparison/comparison.hpp"
 
+#include "attribution/shrinkage.hpp"
+#include "attribution/verdict.hpp"
 #include "comparison/closing.hpp"
 #include "comparison/finished_frames.hpp"
 #include "report/evidence.hpp"
@@ -14,36 +16,14 @@
 namespace clsp {
 namespace {
 
-constexpr double kLeastProbability = 0.05; // effects at least that probable are named among the equivalent ones
 // The level is shared between the statistics and the read noise, which is calibrated out of them.
 constexpr double kStatisticsShare = 0.9;
-// An effect's own statistics are those that it moves by that many standard deviations; beside an unknown cause an
-// effect counts as found if their mean squared z is at most the second number afterwards.
-constexpr double kOwnDeviations = 4.0, kExplained = 3.0;
-
-// The tails of Student's and of the Gamma law underflow; no probability is 0.
-constexpr double kLeastPValue = 1e-300;
-
-double p_value(double p) {
-    return std::max(p, kLeastPValue);
-}
-
-double beyond(double square, double chance) {
-    return std::sqrt(std::max(0.0, square - chance));
-}
-
-bool explained(const ClosingResult &closed, const GapModel &null, std::size_t step) {
-    const Eigen::VectorXd before =
-        step ? closed.models[step - 1].change.mean() : Eigen::VectorXd::Zero(null.full().mean().size());
-    const Eigen::VectorXd moved = (closed.models[step].change.mean() - before).cwiseQuotient(null.full().deviation());
-    const GapTest &last = closed.models.back().residual;
-    double sum = 0.0, count = 0.0;
-    for (Eigen::Index k = 0; k < moved.size(); ++k)
-        if (std::abs(moved[k]) > kOwnDeviations) {
-            sum += last.z[k] * last.z[k];
-            ++count;
-        }
-    return count > 0.0 && sum / count < kExplained;
+// By an effect, in standard deviations.
+Eigen::VectorXd moved_by(const ClosingResult &closed, const GapModel &null, std::size_t step) {
+    Eigen::VectorXd moved = closed.models[step].change.mean();
+    if (step)
+        moved -= closed.models[step - 1].change.mean();
+    return moved.cwiseQuotient(null.full().deviation());
 }
 
 // On the second halves, which no fit has seen; in the metric of the last model.
@@ -68,21 +48,14 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
         after[r] = mean_square(strayed(draws[std::size_t(r)]));
     }
     const double chance_after = after.mean();
-    const auto fraction = [](double a, double b) { return b > 0.0 ? 1.0 - a / b : 0.0; };
-    result.distance_before = beyond(mean_square(difference.second), chance_before);
+    result.distance_before = beyond_chance(mean_square(difference.second), chance_before);
     for (std::size_t i = 0; i < closed.models.size(); ++i) {
-        const double left = beyond(mean_square(difference.second - closed.models[i].change.second), chance_after);
-        result.steps.push_back({closed.steps[i].added, left, fraction(left, result.distance_before)});
+        const double left = beyond_chance(mean_square(difference.second - closed.models[i].change.second), chance_after);
+        result.steps.push_back({closed.steps[i].added, left, gone(result.distance_before, left)});
     }
     result.distance_after = result.steps.back().distance_after;
     result.fraction = result.steps.back().fraction;
-    Eigen::VectorXd fractions(before.size());
-    for (Eigen::Index r = 0; r < before.size(); ++r)
-        fractions[r] = fraction(beyond(after[r], chance_after), beyond(before[r], chance_before));
-    const double n = static_cast<double>(fractions.size());
-    const double deviation = std::sqrt((fractions.array() - fractions.mean()).square().sum() / (n - 1.0));
-    const double reach = 2.0 * deviation * std::sqrt(1.0 + 1.0 / n);
-    result.fraction_95 = {result.fraction - reach, std::min(1.0, result.fraction + reach)};
+    result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
 }
 
 void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTest &test, DiagnosisResult &result) {
@@ -90,25 +63,15 @@ void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTes
         return;
     const GapTest &residual = closed.models.empty() ? test : closed.models.back().residual;
     result.residual_detected = closed.models.empty() ? true : residual.detected;
-    result.residual_p_value = p_value(residual.p_value);
+    result.residual_p_value = reported_p_value(residual.p_value);
     if (closed.models.empty() || residual.detected) {
         result.verdict = Verdict::kUnknown;
         for (std::size_t i = 0; i < closed.models.size(); ++i)
-            if (explained(closed, null, i))
+            if (explained(moved_by(closed, null, i), residual.z))
                 result.effects.push_back(closed.steps[i].added);
         return;
     }
-    result.verdict = Verdict::kNamed;
-    for (const SearchStep &step : closed.steps) {
-        result.effects.push_back(step.added);
-        result.probability = std::min(result.probability, step.ranking.front().probability);
-        if (step.ranking.front().probability >= 1.0 - kLeastProbability)
-            continue;
-        result.verdict = Verdict::kAmbiguous;
-        for (const RankedEffect &ranked : step.ranking)
-            if (ranked.probability >= kLeastProbability)
-                result.equivalent.push_back(ranked.effect);
-    }
+    name_effects(closed.steps, result);
 }
 
 void add_notes(const PairedCaptures &captures, const Comparison &comparison, DiagnosisResult &result) {
@@ -211,7 +174,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const double noise_p = noise.excess ? noise.p_value / (1.0 - kStatisticsShare) : 1.0;
     const bool noise_gap = noise_p <= options.level;
     result.detected = test.detected || noise_gap;
-    result.p_value = p_value(std::min({1.0, test.p_value / kStatisticsShare, noise_p}));
+    result.p_value = reported_p_value(std::min({1.0, test.p_value / kStatisticsShare, noise_p}));
     result.distance = test.distance;
     result.null_95 = test.null_95;
 
@@ -241,7 +204,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     if (noise_gap && result.detected) {
         result.verdict = Verdict::kUnknown; // no effect of the catalogue takes noise away
         result.residual_detected = true;
-        result.residual_p_value = p_value(std::min(result.residual_p_value, noise_p));
+        result.residual_p_value = reported_p_value(std::min(result.residual_p_value, noise_p));
     }
     if (!closed.models.empty()) {
         measure_shrinkage(closed, difference, null, result);
@@ -258,7 +221,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const GapTest &last = closed.models.empty() ? test : closed.models.back().residual;
     for (Eigen::Index k = 0; k < count; ++k)
         result.places.push_back({experiment.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
-                                 p_value(test.p_adjusted[k]), last.z[k]});
+                                 reported_p_value(test.p_adjusted[k]), last.z[k]});
     if (noise.excess) {
         std::string dark;
         for (const SequenceLayout &s : captures.real.layout.sequences)
@@ -268,7 +231,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                                  noise.real.read_noise_dn,
                                  noise.sim.read_noise_dn,
                                  noise.z,
-                                 p_value(std::min(1.0, noise_p)),
+                                 reported_p_value(std::min(1.0, noise_p)),
                                  noise.z});
     }
     std::stable_sort(result.places.begin(), result.places.end(),

@@ -21,7 +21,6 @@ using Image = std::vector<float>;
 
 // Random numbers apart from those of frames that our own simulator may have made with the same seed.
 constexpr std::uint64_t kSeedOffset = 0x66696e6973686564u;
-constexpr std::uint64_t kPurposeRounding = 1, kPurposeRestored = 2, kPurposeProbe = 3;
 // What triangular noise of two codes' width and rounding add, and what rounding alone does (DN^2).
 constexpr double kRoundingVariance = 0.25, kQuantizationVariance = 1.0 / 12.0;
 constexpr int kGainRounds = 4;
@@ -334,7 +333,7 @@ struct FinishedFrames::Implementation {
         p.gamma = 1.0;
         p.saturation_dn = SensorParameters().saturation_dn;
         std::vector<Image> probes(2, Image(pixels, 1.0f)); // even, rough
-        HostNoise noise(seed, sequence, 0, kPurposeProbe);
+        HostNoise noise(seed, sequence, 0, HostStream::kProbe);
         for (float &value : probes[1])
             value += float(kProbe * noise.normal());
         through_lens(linear, probes);
@@ -439,7 +438,7 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
     Image fixed;
     if (one_light && restored_variance > 0.0) {
         fixed.resize(self.pixels);
-        HostNoise noise(seed, sequence, 0, kPurposeRestored);
+        HostNoise noise(seed, sequence, 0, HostStream::kRestored);
         const double deviation = std::sqrt(restored_variance / frames);
         for (float &value : fixed)
             value = float(deviation * noise.normal());
@@ -457,7 +456,7 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
     const float kept =
         float(std::sqrt(std::max(0.0, 1.0 - kRoundingVariance / (noise_variance + kQuantizationVariance))));
     for (std::uint32_t t = 0; t < frames; ++t) {
-        HostNoise rounding(seed, sequence, t, kPurposeRounding);
+        HostNoise rounding(seed, sequence, t, HostStream::kRounding);
         const std::uint16_t *codes = self.frame(sequence, t);
         for (std::size_t i = 0; i < self.pixels; ++i)
             value[i] = float(rounding.triangular()) +

@@ -1,18 +1,32 @@
-// Random numbers on the host by counter: the same for any order of calls and on every system.
+// Random numbers for pixels of finished frames, on the host: Philox by counter, the same for any order of calls and on every system.
 #pragma once
 
+#include "stages/philox.hpp"
+
+#include <array>
 #include <cmath>
 #include <cstdint>
 
 namespace clsp {
 
+// Streams of their own (kernels/philox.h has the library's others).
+enum class HostStream : std::uint32_t { kRounding = 0x40, kRestored = 0x41, kProbe = 0x42, kReal = 0x43, kSim = 0x44, kRealEnd = 0x45, kSimEnd = 0x46 };
+
+// The numbers of one frame of a sequence, one after the other.
 class HostNoise {
   public:
-    // One stream for each seed, sequence, frame and purpose.
-    HostNoise(std::uint64_t seed, std::uint64_t sequence, std::uint64_t frame, std::uint64_t purpose)
-        : state_(mixed(mixed(mixed(mixed(seed) ^ sequence) ^ frame) ^ purpose)) {}
+    HostNoise(std::uint64_t seed, std::uint64_t sequence, std::uint64_t frame, HostStream stream)
+        : seed_(seed), counter_{0, static_cast<std::uint32_t>(sequence), static_cast<std::uint32_t>(frame),
+                                static_cast<std::uint32_t>(stream)} {}
 
-    double uniform() { return (static_cast<double>(next() >> 11) + 0.5) * 0x1p-53; } // in (0, 1)
+    double uniform() { // in (0, 1)
+        if (used_ == words_.size()) {
+            words_ = host_block(seed_, counter_);
+            ++counter_[0];
+            used_ = 0;
+        }
+        return (words_[used_++] + 0.5) * 0x1p-32;
+    }
     // The sum of two uniform deviates of width 1: rounding what it is added to has an error of the same mean and
     // variance wherever between two codes the value lies (Lipshitz, Wannamaker and Vanderkooy, J. Audio Eng. Soc. 40
     // (1992) 355).
@@ -29,20 +43,9 @@ class HostNoise {
     }
 
   private:
-    // SplitMix64 (Steele, Lea and Flood 2014).
-    static std::uint64_t mixed(std::uint64_t z) {
-        z += 0x9e3779b97f4a7c15u;
-        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-        z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-        return z ^ (z >> 31);
-    }
-    std::uint64_t next() {
-        const std::uint64_t value = mixed(state_);
-        state_ += 0x9e3779b97f4a7c15u;
-        return value;
-    }
-
-    std::uint64_t state_;
+    std::uint64_t seed_;
+    std::array<std::uint32_t, 4> counter_, words_{};
+    std::size_t used_ = 4;
     bool spare_ = false;
     double other_ = 0.0;
 };

@@ -20,7 +20,6 @@ constexpr double kLeastAddedVariance = 0.25;
 constexpr double kLeastLightDn = 0.5;
 // Levels that differ by more and stay so are told.
 constexpr double kNotedRatio = 0.02;
-constexpr std::uint64_t kPurposeReal = 1, kPurposeSim = 2, kPurposeRealEnd = 3, kPurposeSimEnd = 4;
 
 double normal_two_sided(double z) {
     return std::erfc(std::abs(z) / std::sqrt(2.0));
@@ -28,11 +27,11 @@ double normal_two_sided(double z) {
 
 // black + scale (code - black) + noise, rounded and clipped.
 void digitize_again(const CaptureLayout &layout, std::size_t sequence, double black, double scale, double deviation,
-                    std::uint64_t seed, std::uint64_t purpose, std::vector<std::uint16_t> &codes) {
+                    std::uint64_t seed, HostStream stream, std::vector<std::uint16_t> &codes) {
     const double top = layout.maximum_code();
     const std::size_t pixels = layout.pixel_count();
     for (std::size_t t = 0; t < codes.size() / pixels; ++t) {
-        HostNoise noise(seed, sequence, t, purpose);
+        HostNoise noise(seed, sequence, t, stream);
         std::uint16_t *frame = codes.data() + t * pixels;
         for (std::size_t i = 0; i < pixels; ++i) {
             // Without a multiplication what has reached the end of the scale stays there.
@@ -46,10 +45,10 @@ void digitize_again(const CaptureLayout &layout, std::size_t sequence, double bl
 
 // The other frames of a pair end where the multiplied ones do, with the noise that those have at their end.
 void end_scale(const CaptureLayout &layout, std::size_t sequence, double last, double deviation, std::uint64_t seed,
-               std::uint64_t purpose, std::vector<std::uint16_t> &codes) {
+               HostStream stream, std::vector<std::uint16_t> &codes) {
     const std::size_t pixels = layout.pixel_count();
     for (std::size_t t = 0; t < codes.size() / pixels; ++t) {
-        HostNoise noise(seed, sequence, t, purpose);
+        HostNoise noise(seed, sequence, t, stream);
         for (std::size_t i = t * pixels; i < (t + 1) * pixels; ++i) {
             const double value = last + deviation * noise.normal();
             if (double(codes[i]) > last)
@@ -146,10 +145,10 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
             if (real_scale < 1.0 && real_missing >= kLeastAddedVariance) {
                 pair.real_scale = real_scale;
                 digitize_again(captures.real.layout, s, real.black_level_dn, real_scale, std::sqrt(real_missing), seed,
-                               kPurposeReal, a);
+                               HostStream::kReal, a);
                 const double top = captures.real.layout.maximum_code();
                 end_scale(captures.sim.layout, s, sim.black_level_dn + real_scale * (top - real.black_level_dn),
-                          std::sqrt(real_missing), seed, kPurposeSimEnd, b);
+                          std::sqrt(real_missing), seed, HostStream::kSimEnd, b);
             }
             if (sim_scale < 1.0 && missing_variance(sim_noise, sim.read_noise_dn, sim_scale) >= kLeastAddedVariance)
                 pair.sim_scale = sim_scale;
@@ -163,11 +162,11 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
         const double sim_missing = missing_variance(sim_noise, sim.read_noise_dn, pair.sim_scale);
         if (pair.sim_scale < 1.0 || result.added_dn > 0.0)
             digitize_again(captures.sim.layout, s, sim.black_level_dn, pair.sim_scale,
-                           std::sqrt(std::max(0.0, sim_missing)), seed, kPurposeSim, b);
+                           std::sqrt(std::max(0.0, sim_missing)), seed, HostStream::kSim, b);
         if (pair.sim_scale < 1.0)
             end_scale(captures.real.layout, s,
                       real.black_level_dn + pair.sim_scale * (captures.sim.layout.maximum_code() - sim.black_level_dn),
-                      std::sqrt(std::max(0.0, sim_missing)), seed, kPurposeRealEnd, a);
+                      std::sqrt(std::max(0.0, sim_missing)), seed, HostStream::kRealEnd, a);
     }
     if (captures.pairs.empty())
         throw Error(Status::kInvalidData,

@@ -157,7 +157,7 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     const double sigma = dots.sigma, half_spacing = 0.5 * dots.spacing;
     const double reach = std::max(5.0 * sigma, half_spacing), window_width = 2.0 * sigma;
     struct Sums {
-        double light = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0, xxx = 0.0, yyy = 0.0, rrrr = 0.0;
+        double light = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0, x_cubed = 0.0, y_cubed = 0.0, r_fourth = 0.0;
     } all;
     std::array<double, kProfileRings> ring_light{}, ring_count{};
     std::array<std::array<double, 8>, 3> harmonics{};
@@ -178,9 +178,9 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
                 own.xx += weighted * dx * dx;
                 own.yy += weighted * dy * dy;
                 own.xy += weighted * dx * dy;
-                own.xxx += weighted * dx * dx * dx;
-                own.yyy += weighted * dy * dy * dy;
-                own.rrrr += weighted * squared * squared;
+                own.x_cubed += weighted * dx * dx * dx;
+                own.y_cubed += weighted * dy * dy * dy;
+                own.r_fourth += weighted * squared * squared;
             }
             if (relative < 1.0) {
                 core += light;
@@ -211,9 +211,9 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
         all.xx += own.xx;
         all.yy += own.yy;
         all.xy += own.xy;
-        all.xxx += own.xxx;
-        all.yyy += own.yyy;
-        all.rrrr += own.rrrr;
+        all.x_cubed += own.x_cubed;
+        all.y_cubed += own.y_cubed;
+        all.r_fourth += own.r_fourth;
         shape.dot_width.push_back(own.light > 0.0 ? std::sqrt(std::max(0.5 * (own.xx + own.yy) / own.light, 0.0))
                                                   : 0.0);
     }
@@ -237,10 +237,10 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
         return (cube / all.light - 3.0 * mean * square / all.light + 2.0 * mean * mean * mean) /
                std::pow(variance, 1.5);
     };
-    shape.skewness_x = skewness(all.xxx, all.xx, mean_x, xx);
-    shape.skewness_y = skewness(all.yyy, all.yy, mean_y, yy);
+    shape.skewness_x = skewness(all.x_cubed, all.xx, mean_x, xx);
+    shape.skewness_y = skewness(all.y_cubed, all.yy, mean_y, yy);
     const double squared = (all.xx + all.yy) / all.light;
-    shape.kurtosis = all.rrrr / all.light / std::max(squared * squared, 1e-6);
+    shape.kurtosis = all.r_fourth / all.light / std::max(squared * squared, 1e-6);
     return shape;
 }
 

@@ -32,7 +32,7 @@ struct SpectrumSums {
     std::array<double, kBands> band{};
     double outside = 0.0;   // |f| beyond the cutoff; 0 if there are too few such frequencies
     double direction = 1.0; // power with |fx| > |fy| over power with |fx| < |fy|
-    double peaks = 1.0;     // mean of (P / mean P of the band)^2 / 2: 1 for noise, more with lines
+    double peaks = 1.0;     // mean of (P / mean P of the ring)^2 / 2: 1 for noise, more with lines
 };
 bool has_outside(const Geometry &geometry);
 SpectrumSums sum_spectrum(const Geometry &geometry, double cutoff, const std::vector<const float *> &images,

@@ -545,14 +545,14 @@ class _Bar:
 
     def __init__(self) -> None:
         self.drawn = -math.inf
+        self.full = 0
         self.width = 0
 
     def __call__(self, what: str, fraction: float) -> None:
-        now = time.monotonic()
-        if now - self.drawn < 0.1:
+        now, full = time.monotonic(), int(30 * fraction)
+        if now - self.drawn < 0.1 and full == self.full:
             return
-        self.drawn = now
-        full = int(30 * fraction)
+        self.drawn, self.full = now, full
         line = f"[{'=' * full}{' ' * (30 - full)}] {100 * fraction:3.0f} % {what}"
         sys.stderr.write("\r" + line.ljust(self.width))
         sys.stderr.flush()

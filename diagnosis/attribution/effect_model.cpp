@@ -1,0 +1,95 @@
+#include "attribution/effect_model.hpp"
+
+#include "attribution/distributions.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+namespace {
+
+// Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
+constexpr double kTemperature = 2.0;
+
+} // namespace
+
+EffectSettings EffectModel::settings() const {
+    EffectSettings result;
+    for (const ModelEffect &effect : effects)
+        result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
+    for (const Strength &s : strengths)
+        result[s.effect].values[s.parameter] = effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
+    return result;
+}
+
+bool EffectModel::has(const Candidate &candidate) const {
+    return std::any_of(effects.begin(), effects.end(), [&](const ModelEffect &e) { return e.candidate == &candidate; });
+}
+
+void EffectModel::add(const Candidate &candidate, double sign, double strength) {
+    effects.push_back({&candidate, sign});
+    for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
+        const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
+        strengths.push_back({effects.size() - 1, p, varied ? strength : candidate.strength(p, candidate.parameters[p].weak)});
+    }
+}
+
+EffectModel EffectModel::without(std::size_t effect) const {
+    EffectModel result = *this;
+    result.effects.erase(result.effects.begin() + static_cast<std::ptrdiff_t>(effect));
+    result.strengths.clear();
+    for (Strength s : strengths)
+        if (s.effect != effect) {
+            s.effect -= s.effect > effect ? 1 : 0;
+            result.strengths.push_back(s);
+        }
+    return result;
+}
+
+EffectModel EffectModel::first(std::size_t count) const {
+    EffectModel result = *this;
+    while (result.effects.size() > count)
+        result = result.without(count);
+    return result;
+}
+
+std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
+                                               const Eigen::VectorXd &deviations, double replicates) {
+    const double factor = student_two_sided_quantile(0.05, replicates - 1.0) * std::sqrt(1.0 + 1.0 / replicates);
+    std::vector<FittedParameter> result;
+    for (Eigen::Index p = 0; p < strengths.size(); ++p) {
+        const Strength &s = model.strengths[static_cast<std::size_t>(p)];
+        const ModelEffect &effect = model.effects[s.effect];
+        const auto value = [&](double strength) { return effect.sign * effect.candidate->value(s.parameter, strength); };
+        const double a = value(strengths[p] - factor * deviations[p]), b = value(strengths[p] + factor * deviations[p]);
+        result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]), std::min(a, b),
+                          std::max(a, b)});
+    }
+    return result;
+}
+
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &change) {
+    const Covariance &covariance = model.full();
+    Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
+    variance += model.coefficients(covariance, kModelError * change).cwiseAbs2();
+    for (Eigen::Index k = 0; k < change.size(); ++k)
+        if (covariance.tolerance()[k] > 0.0)
+            variance += model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(change.size(), k)).cwiseAbs2();
+    return variance.cwiseSqrt();
+}
+
+void weigh(std::vector<RankedEffect> &ranking) {
+    double best = 0.0, sum = 0.0;
+    for (const RankedEffect &ranked : ranking)
+        best = std::max(best, ranked.gain);
+    for (RankedEffect &ranked : ranking) {
+        ranked.probability = std::exp(-(best - ranked.gain) / (2.0 * kTemperature));
+        sum += ranked.probability;
+    }
+    for (RankedEffect &ranked : ranking)
+        ranked.probability /= sum;
+    std::stable_sort(ranking.begin(), ranking.end(),
+                     [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
+}
+
+} // namespace clsp

@@ -1,0 +1,103 @@
+// A model of effects with a strength for each parameter, and what every search for one goes by: the diagnosis's on simulated captures, the
+// comparison's on finished frames.
+#pragma once
+
+#include "attribution/candidate.hpp"
+#include "attribution/gap_test.hpp"
+#include "runtime/error.hpp"
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// Strengths over which an effect is looked for: beyond the range of common cameras on both sides.
+constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
+// A strength counts as simulated if one that near was.
+constexpr double kNear = 0.06;
+// Of the finite differences along a parameter.
+constexpr double kDifference = 0.15;
+// A linear step of a fit is trusted that far.
+constexpr double kLargestStep = 0.4;
+constexpr int kGaussNewtonRounds = 2;
+// Once effects explain that part of the excess, those whose gain at a first look was below the second number need no fit.
+constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
+// -2 log of the likelihood ratio below which an effect is not worth a parameter.
+constexpr double kLeastGain = 14.0;
+// Where a residual remains, an effect must explain this part of what is beyond chance.
+constexpr double kLeastShare = 0.12;
+// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make.
+constexpr double kModelError = 0.025;
+
+// A parameter of one of the model's effects and its strength.
+struct Strength {
+    std::size_t effect;    // of the model's effects
+    std::size_t parameter; // of the effect
+    double strength;
+};
+
+struct ModelEffect {
+    const Candidate *candidate;
+    double sign; // -1: values below 0, where an effect has a direction
+};
+
+struct EffectModel {
+    std::vector<ModelEffect> effects;
+    std::vector<Strength> strengths;
+
+    EffectSettings settings() const;
+    bool has(const Candidate &candidate) const;
+    // All of an effect's parameters begin at one strength, but those that the catalogue does not vary at its value.
+    void add(const Candidate &candidate, double sign, double strength);
+    EffectModel without(std::size_t effect) const;
+    EffectModel first(std::size_t count) const;
+    const std::string &id_of(Eigen::Index strength) const { return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id; }
+};
+
+// A fitted parameter of a model.
+struct FittedParameter {
+    std::string effect, name;
+    double value = 0.0, low = 0.0, high = 0.0; // 95 % interval
+};
+
+// Parameters at strengths, their 95 % intervals from the strengths' standard deviations, which were estimated from so many replicates.
+std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
+                                               const Eigen::VectorXd &deviations, double replicates);
+// Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of the model do to it:
+// of the size of all changes together, and of each statistic on its own. change: of the mean statistics by the effects.
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &change);
+
+// An effect that was weighed in a step of a search. Those that a first look put aside are not among them.
+struct RankedEffect {
+    std::string effect;
+    std::vector<double> values;
+    double gain = 0.0;        // of the held-out squared distance
+    double probability = 0.0; // among the effects of this step
+    double distance_after = 0.0;
+    bool simulated = false;   // compared by replicates of its own
+};
+// Probabilities from the gains, the most probable effect first.
+void weigh(std::vector<RankedEffect> &ranking);
+
+struct SearchStep {
+    std::string added;
+    std::vector<RankedEffect> ranking; // best first
+    GapTest residual;                  // after the step
+};
+
+// False if the simulator refuses what it was asked for: an effect beyond what a capture's geometry allows is no candidate.
+template <typename Work> bool possible(const Work &work) {
+    try {
+        work();
+    } catch (const Error &error) {
+        if (error.status() != Status::kInvalidArgument)
+            throw;
+        return false;
+    }
+    return true;
+}
+
+} // namespace clsp
