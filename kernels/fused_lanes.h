@@ -12,16 +12,25 @@
 typedef CLSP_JOIN(float, LANES) lanes_f;
 typedef CLSP_JOIN(int, LANES) lanes_i;
 typedef CLSP_JOIN(uint, LANES) lanes_u;
-typedef CLSP_JOIN(ulong, LANES) lanes_ul;
 #define vload_lanes CLSP_JOIN(vload, LANES)
 #define vstore_lanes CLSP_JOIN(vstore, LANES)
 #define convert_lanes_f CLSP_JOIN(convert_float, LANES)
 #define convert_lanes_i CLSP_JOIN(convert_int, LANES)
 #define convert_lanes_u CLSP_JOIN(convert_uint, LANES)
-#define convert_lanes_ul CLSP_JOIN(convert_ulong, LANES)
 #define as_lanes_i CLSP_JOIN(as_int, LANES)
 #define as_lanes_u CLSP_JOIN(as_uint, LANES)
 #define as_lanes_f CLSP_JOIN(as_float, LANES)
+// Products of 64 bits go in halves: they fill the registers that LANES floats fill.
+#if LANES == 16
+#define HALF_LANES 8
+#elif LANES == 8
+#define HALF_LANES 4
+#else
+#define HALF_LANES 2
+#endif
+typedef CLSP_JOIN(ulong, HALF_LANES) half_ul;
+#define convert_half_u CLSP_JOIN(convert_uint, HALF_LANES)
+#define convert_half_ul CLSP_JOIN(convert_ulong, HALF_LANES)
 #define SPREAD(value) ((lanes_f)(value))
 
 typedef struct {
@@ -92,15 +101,23 @@ static inline lanes_f minus_logs(lanes_f u) {
     return -(fma(e, SPREAD(0.693145751953125f), t) + low);
 }
 
+static inline void multiply_words(lanes_u words, ulong factor, lanes_u *low, lanes_u *high) {
+    const half_ul first = convert_half_ul(words.lo) * factor, second = convert_half_ul(words.hi) * factor;
+    *low = (lanes_u)(convert_half_u(first), convert_half_u(second));
+    *high = (lanes_u)(convert_half_u(first >> 32), convert_half_u(second >> 32));
+}
+
 // image_block() of the columns x, x + 1 ..
 static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key, lanes_words4 *blocks) {
     lanes_u c0 = x + lane_numbers(), c1 = (lanes_u)(row), c2 = (lanes_u)(frame_low), c3 = (lanes_u)(stream | frame_high << 16);
     uint k0 = key.x, k1 = key.y;
     for (int round = 0; round < 10; ++round) {
-        const lanes_ul p0 = convert_lanes_ul(c0) * 0xD2511F53ul, p1 = convert_lanes_ul(c2) * 0xCD9E8D57ul;
-        const lanes_u next0 = convert_lanes_u(p1 >> 32) ^ c1 ^ k0, next2 = convert_lanes_u(p0 >> 32) ^ c3 ^ k1;
-        c1 = convert_lanes_u(p1);
-        c3 = convert_lanes_u(p0);
+        lanes_u low0, high0, low1, high1;
+        multiply_words(c0, 0xD2511F53ul, &low0, &high0);
+        multiply_words(c2, 0xCD9E8D57ul, &low1, &high1);
+        const lanes_u next0 = high1 ^ c1 ^ k0, next2 = high0 ^ c3 ^ k1;
+        c1 = low1;
+        c3 = low0;
         c0 = next0;
         c2 = next2;
         k0 += 0x9E3779B9u;

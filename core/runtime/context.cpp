@@ -110,7 +110,9 @@ std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height) {
     std::weak_ptr<Fft> &entry = ffts_[{width, height}];
     std::shared_ptr<Fft> plan = entry.lock();
     if (!plan) {
-        plan = make_clfft(context_, device_, width, height);
+        plan = make_fused_fft(*this, width, height);
+        if (!plan)
+            plan = make_clfft(context_, device_, width, height);
         entry = plan;
     }
     return plan;

@@ -10,10 +10,11 @@
 namespace clsp {
 
 class CommandChain;
+class Context;
 
 enum class FftDirection { kForward, kInverse };
 
-// Which engine apertures use: the environment variable CLSPECKLE_FFT. kAuto: the fused one where it is made for the device.
+// Which engine transforms: the environment variable CLSPECKLE_FFT. kAuto: the fused one where it is made for the device.
 enum class FftChoice { kAuto, kClfft, kFused };
 
 // A 2-D complex single-precision transform of one size: interleaved, tightly packed, in place. The inverse divides by
@@ -31,6 +32,9 @@ class Fft {
 // Sizes with no prime factor above 13. Throws kUnsupported if clFFT refuses.
 std::shared_ptr<Fft> make_clfft(const cl::Context &context, const cl::Device &device, std::uint32_t width,
                                 std::uint32_t height);
+
+// The fused engine's transforms, for CPU devices; nullptr where they are not to be used for this size or device.
+std::shared_ptr<Fft> make_fused_fft(Context &context, std::uint32_t width, std::uint32_t height);
 
 // The largest prime factor that every back-end takes.
 constexpr std::uint32_t kLargestFftRadix = 13;

@@ -3,6 +3,7 @@
 
 #include "runtime/context.hpp"
 
+#include <cstdint>
 #include <string>
 
 namespace clsp {
@@ -11,6 +12,11 @@ namespace clsp {
 inline std::uint32_t fused_lanes(const Context &context) {
     const cl_uint native = context.device().getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>();
     return native >= 16 ? 16 : native >= 8 ? 8 : 4;
+}
+
+// Local memory of a tile: one line in each lane, and a point behind them that stands for lines that are not there.
+inline std::uint64_t fused_tile_bytes(std::uint32_t length, std::uint32_t lanes) {
+    return (std::uint64_t{length} + 1) * 2 * lanes * sizeof(float);
 }
 
 // Why kernels with explicit vectors are not to be used on this device; "" if they are.

@@ -14,17 +14,11 @@ namespace clsp {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr const char *kCodeletsName = "fused_codelets.h";
-
-// A tile of one line, and a point behind it that stands for lines that are not there.
-std::uint64_t tile_bytes(std::uint32_t length, std::uint32_t lanes) {
-    return (std::uint64_t{length} + 1) * 2 * lanes * sizeof(float);
-}
 
 // Two strips of columns use up the cache lines of a row between them, if their tiles leave room for what passes by.
 std::uint32_t strips_of(const Context &context, std::uint32_t length, std::uint32_t lanes) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    return 2 * tile_bytes(length, lanes) <= local / 4 * 3 ? 2 : 1;
+    return 2 * fused_tile_bytes(length, lanes) <= local / 4 * 3 ? 2 : 1;
 }
 
 // How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
@@ -53,7 +47,7 @@ std::string FusedPasses::refusal(const Context &context, const FieldGrid &grid) 
         if (!fused_plan_exists(side))
             return fmt::format("the field grid is {} x {}: the fused engine takes sides of 2 to {}", grid.grid_width,
                                grid.grid_height, kLongestFusedLine);
-    const std::uint64_t needed = tile_bytes(longest, fused_lanes(context));
+    const std::uint64_t needed = fused_tile_bytes(longest, fused_lanes(context));
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     if (needed > local)
         return fmt::format("lines of {} points need {} bytes of local memory, the device has {}", longest, needed,
@@ -69,8 +63,8 @@ FusedPasses::FusedPasses(std::shared_ptr<Context> context, const FieldGrid &grid
                          bool sample_powers)
     : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
       strips_(strips_of(*context_, grid.grid_height, lanes_)), pixel_samples_(sample_powers ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
-      column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kCodeletsName, fused_codelets(row_plan_, lanes_)},
-      column_codelets_{kCodeletsName, fused_codelets(column_plan_, lanes_)},
+      column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName, fused_codelets(row_plan_, lanes_)},
+      column_codelets_{kFusedCodeletsName, fused_codelets(column_plan_, lanes_)},
       complex_pupil_(!pupil.phase_turns.empty()) {
     make_tables(pupil, every_line);
     // Sizes that a frame's kernels have.
@@ -183,7 +177,7 @@ void FusedPasses::enqueue_lines(CommandChain &chain, const Phase &phase, Field &
         .add(column_twiddles_.get())
         .add(positions_.get())
         .add(blocks_.get())
-        .add(cl::Local(strips_ * tile_bytes(grid_.grid_height, lanes_)));
+        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
     chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
 }
 
@@ -195,7 +189,7 @@ void FusedPasses::add_rows(cl::Kernel &kernel, const cl::Buffer &lines, const do
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>(shift[0]))
             .add(static_cast<cl_float>(shift[1]));
-    arguments.add(cl::Local(tile_bytes(grid_.grid_width, lanes_)));
+    arguments.add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
 }
 
 void FusedPasses::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines) {
@@ -226,7 +220,7 @@ void FusedPasses::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines
         .add(intensity)
         .add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
-        .add(cl::Local(strips_ * tile_bytes(grid_.grid_height, lanes_)));
+        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
     chain.run("inverse_fft", inverse_, column_items(grid_.width * pixel_samples_), 1, 1, 1);
 }
 
