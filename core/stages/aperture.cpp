@@ -280,7 +280,7 @@ void Aperture::check_workspace() const {
 
 void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
                              const Exposure &exposure, std::uint32_t polarization, std::size_t line) {
-    const FieldInput input{irradiance, exposure.material, exposure.screen};
+    const FieldInput input{irradiance, exposure.material, exposure.screen, exposure.coherent_gain};
     const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
     if (fused_) {
         fused_->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());

@@ -33,6 +33,7 @@ struct Exposure {
     ImageView material;                 // with a material table
     const cl::Buffer *screen = nullptr; // phase screen in turns, on the field grid
     double gain = 1.0;                  // on the intensity
+    double coherent_gain = 1.0;         // on the amplitude of what keeps its phase, without a material table
     double shift_x_px = 0.0, shift_y_px = 0.0;
     bool moves_image = false;           // the shift counts
     bool adds = false;                  // to what the intensity image holds

@@ -132,7 +132,7 @@ void Field::add_arguments(KernelArguments &arguments, const Phase &phase, const 
             .add(bad_materials_.buffer());
     else if (p.coherent_fraction > 0.0)
         arguments.add(static_cast<cl_float>(std::sqrt(1.0 - p.coherent_fraction)))
-            .add(static_cast<cl_float>(coherent_amplitude(p.coherent_fraction)));
+            .add(static_cast<cl_float>(input.coherent_gain * coherent_amplitude(p.coherent_fraction)));
     if (turns != 0.0)
         arguments.add(static_cast<cl_float>(turns))
             .add(cl_uint{quarter_rows(grid_.grid_height)})

@@ -37,6 +37,7 @@ struct FieldInput {
     ImageView irradiance;
     ImageView material;                  // with a material table
     const cl::Buffer *screen = nullptr;  // turns on the field grid; may be nullptr
+    double coherent_gain = 1.0;          // on the amplitude of coherent_fraction's part, without a material table
 };
 
 class Field {

@@ -78,6 +78,16 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
     return variance.cwiseSqrt();
 }
 
+Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const EffectSettings &effects) {
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(list.size()));
+    for (const EffectSetting &effect : effects)
+        if (effect.id == "image_lag")
+            for (std::size_t k = 0; k < list.size(); ++k)
+                if (list[k].name == "temporal_correlation_2")
+                    result[static_cast<Eigen::Index>(k)] = effect.values.front() * effect.values.front();
+    return result;
+}
+
 void weigh(std::vector<RankedEffect> &ranking) {
     double best = 0.0, sum = 0.0;
     for (const RankedEffect &ranked : ranking)

@@ -70,6 +70,10 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
 // of the size of all changes together, and of each statistic on its own. change: of the mean statistics by the effects.
 Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &change);
 
+// By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before remains in a lagging
+// frame: of its light alone, or of what it was read as, with what had remained in it. Frames two apart are correlated by f^2 or not at all.
+Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const EffectSettings &effects);
+
 // An effect that was weighed in a step of a search. Those that a first look put aside are not among them.
 struct RankedEffect {
     std::string effect;

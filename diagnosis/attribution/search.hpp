@@ -35,6 +35,7 @@ struct FittedModel {
     GapModel model;
     GapTest residual;           // with the fitted parameters' directions taken out
     Eigen::MatrixXd jacobian;   // change of the statistics per unit of strength of each parameter
+    Eigen::VectorXd change;     // of the mean statistics by the effects, without the correction
     Eigen::VectorXd correction; // of the mean: the last, linear step of the fit
     double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
 };

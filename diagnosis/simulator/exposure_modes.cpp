@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -11,19 +12,24 @@ namespace {
 constexpr Eigen::Index kPoints = 128;
 constexpr double kVarianceError = 0.003, kCubeError = 0.01;
 
-// The eigenvalues, by the integral equation on the midpoints of equal intervals.
-Eigen::ArrayXd eigenvalues(double path) {
+struct Modes {
+    Eigen::ArrayXd values, integrals; // of eigenfunctions of norm 1
+};
+
+// The integral equation on the midpoints of equal intervals.
+Modes solve(double path) {
     Eigen::MatrixXd kernel(kPoints, kPoints);
     for (Eigen::Index i = 0; i < kPoints; ++i)
         for (Eigen::Index j = 0; j < kPoints; ++j)
             kernel(i, j) = std::exp(-path * std::abs(static_cast<double>(i - j)) / kPoints) / kPoints;
-    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(kernel, Eigen::EigenvaluesOnly).eigenvalues().reverse();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(kernel);
+    return {solver.eigenvalues().reverse(), solver.eigenvectors().colwise().sum().transpose().reverse().array().abs() / std::sqrt(double(kPoints))};
 }
 
 } // namespace
 
-std::vector<double> exposure_modes(double path) {
-    const Eigen::ArrayXd values = eigenvalues(path);
+std::vector<ExposureMode> exposure_modes(double path) {
+    const auto [values, integrals] = solve(path);
     const double variance = values.square().sum(), cube = values.cube().sum();
     Eigen::Index best_kept = kPoints;
     double best_rest = 0.0, best_equal = 0.0;
@@ -42,8 +48,14 @@ std::vector<double> exposure_modes(double path) {
         rest_variance -= values[kept] * values[kept];
         rest_cube -= values[kept] * values[kept] * values[kept];
     }
-    std::vector<double> modes(values.data(), values.data() + best_kept);
-    modes.insert(modes.end(), static_cast<std::size_t>(best_equal), best_rest / best_equal);
+    std::vector<ExposureMode> modes;
+    double coherent_rest = 1.0;
+    for (Eigen::Index k = 0; k < best_kept; ++k) {
+        modes.push_back({values[k], integrals[k] / std::sqrt(values[k])});
+        coherent_rest -= integrals[k] * integrals[k];
+    }
+    modes.insert(modes.end(), static_cast<std::size_t>(best_equal),
+                 {best_rest / best_equal, std::sqrt(std::max(0.0, coherent_rest) / best_rest)});
     return modes;
 }
 

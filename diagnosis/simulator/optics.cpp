@@ -2,7 +2,6 @@
 
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
-#include "simulator/exposure_modes.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
@@ -152,7 +151,10 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
             phase.enqueue_refresh(chain, mode_counter(counter, i), {});
             exposure.adds = true;
         }
-        exposure.gain = moving ? exposure_modes_[i] : 1.0;
+        if (moving) {
+            exposure.gain = exposure_modes_[i].weight;
+            exposure.coherent_gain = exposure_modes_[i].coherent_gain;
+        }
         stages.aperture->enqueue_intensity(chain, phase, irradiance, intensity, exposure);
     }
 }

@@ -1,6 +1,7 @@
 // The light of a sequence behind the lens: ideal image, surface, laser, pupil, glare.
 #pragma once
 
+#include "simulator/exposure_modes.hpp"
 #include "pipeline/pipeline.hpp"
 #include "simulator/sequence_model.hpp"
 
@@ -57,7 +58,7 @@ class Optics {
     double subsurface_length_px_ = 0.0;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     DeviceBuffer irradiance_, distorted_, uniform_, shaped_;
-    std::vector<double> exposure_modes_{1.0};
+    std::vector<ExposureMode> exposure_modes_{{1.0, 1.0}};
     double exposure_path_ = 0.0;
     cl::Kernel dark_;
 };

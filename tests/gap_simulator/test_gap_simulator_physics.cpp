@@ -191,6 +191,13 @@ TEST_F(Physics, SurfaceAndMotion) {
     EXPECT_NEAR(contrast({{"motion_decorrelation", {lags}}}), std::sqrt(2.0 * (std::exp(-x) - 1.0 + x) / (x * x)),
                 0.03);
 
+    // A part c of the light keeps its phase all the while and beats with what changes, whose correlation exp(-l) falls off half as fast as
+    // its square: variance (1 - c)^2 C^2 + 2 c a^2 (1 - c) K, K = 2 / L^2 int_0^L (L - l) exp(-l) dl.
+    const double c = 0.3, steady = c * a2, k = 2.0 * (std::exp(-lags) - 1.0 + lags) / (lags * lags);
+    const double moved = 2.0 * (std::exp(-x) - 1.0 + x) / (x * x);
+    EXPECT_NEAR(contrast({{"low_roughness", {c}}, {"motion_decorrelation", {lags}}}),
+                std::sqrt((1.0 - c) * (1.0 - c) * moved + 2.0 * steady * (1.0 - c) * k) / (1.0 - c + steady), 0.02);
+
     // Boiling: the intensity's correlation from frame to frame is exp(-2 / tau).
     const Codes boils = many(kBoardStatic, {{"surface_boiling", {6.0}}}, kQuiet, 200);
     std::vector<double> image = mean_image(boils);
