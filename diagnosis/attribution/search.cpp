@@ -31,6 +31,8 @@ constexpr std::size_t kMostLooks = 14;
 constexpr double kLeastPromise = 4.0;
 // Models on the way are judged by some of the replicates, if those leave no doubt that a residual remains.
 constexpr double kNoDoubt = 1e-9;
+// A round of a fit is taken back where the squared distance grew by that factor.
+constexpr double kMuchWorse = 1.5;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 
@@ -317,6 +319,11 @@ FittedModel Search::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &k
     Eigen::MatrixXd &jacobian = fitted.jacobian;
     jacobian.resize(static_cast<Eigen::Index>(experiment_.count()), parameters);
     const int rounds = parameters == 1 ? 1 : kGaussNewtonRounds;
+    // Where the round before was, and how near it came.
+    EffectModel before = model;
+    Pool pool_before;
+    Eigen::MatrixXd jacobian_before;
+    double square_before = 1e300;
     for (int round = 0; round < rounds; ++round) {
         fitted.effects = model.settings();
         pool = simulate_pool(experiment_, fitted.effects, options_.seed, options_.pool_seeds);
@@ -328,14 +335,30 @@ FittedModel Search::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &k
             report(from, "fitting " + model.id_of(p));
             jacobian.col(p) = slope(model, p, pool, options_.pool_seeds);
         }
-        if (round + 1 == rounds)
-            break;
         // Common random numbers: the pool's change from the baseline's pool, on the mean of the baseline's replicates.
         const Covariance &covariance = baseline_->model.full();
         const Eigen::VectorXd mean = covariance.mean() + pool_mean(pool) - pool_mean(baseline_pool_);
         const Eigen::VectorXd target = covariance.whiten(experiment_.real().mean() - mean);
-        if (move_strengths(model, solve_least_squares(whiten_columns(covariance, jacobian), target)) < kNear && known.cols() == 0)
+        const Eigen::MatrixXd columns = whiten_columns(covariance, jacobian);
+        const Eigen::VectorXd step = solve_least_squares(columns, target);
+        const double square = (target - columns * step).squaredNorm();
+        if (square > kMuchWorse * square_before) { // a step too far, of a parameter that works in jumps
+            model = before;
+            fitted.effects = model.settings();
+            pool = std::move(pool_before);
+            jacobian = std::move(jacobian_before);
             break;
+        }
+        if (round + 1 == rounds)
+            break;
+        before = model;
+        pool_before = pool;
+        jacobian_before = jacobian;
+        square_before = square;
+        if (move_strengths(model, step) < kNear && known.cols() == 0) {
+            model = before;
+            break;
+        }
     }
     fitted.change = pool_mean(pool) - pool_mean(baseline_pool_);
     judge(fitted, model, {fitted.effects, pool.levels, {}}, std::min(replicates, options_.model_replicates), from, to);
@@ -553,6 +576,7 @@ double Search::quick_fit(EffectModel &model, const Path &path, double now) {
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
     Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(experiment_.count()), parameters);
     double square = 1e300;
+    EffectModel best = model;
     for (int round = 0; round < kExchangeRounds; ++round) {
         const Pool pool = simulate_pool(experiment_, model.settings(), options_.seed, kSearchSeeds);
         for (Eigen::Index p = 0; p < parameters; ++p)
@@ -562,10 +586,15 @@ double Search::quick_fit(EffectModel &model, const Path &path, double now) {
         const Eigen::VectorXd step = solve_least_squares(columns, target);
         const double reached = (target - columns * step).squaredNorm();
         const bool better = reached < kStillBetter * square;
-        square = std::min(square, reached);
-        if (move_strengths(model, step) < kNear || square > kHopeless * now || !better)
+        const double moved = move_strengths(model, step);
+        if (reached < square) {
+            square = reached;
+            best = model;
+        }
+        if (moved < kNear || square > kHopeless * now || !better)
             break;
     }
+    model = std::move(best);
     return square;
 }
 
