@@ -103,7 +103,9 @@ void Aperture::configure(const ApertureParameters &p) {
                     fmt::format("degree_of_polarization {} and fill_factor {} need {} bytes of work memory; the host gave "
                                 "{}, for other ones",
                                 p.degree_of_polarization, p.fill_factor, workspace_bytes, workspace_bytes_));
-    const bool new_workspace = !p.workspace_from_host && workspace_bytes != workspace_bytes_;
+    // Not only another size: the parts may have other places in it.
+    const bool new_workspace = !p.workspace_from_host && (workspace_bytes != workspace_bytes_ || scratch_offset != scratch_offset_ ||
+                                                          partial_offset != partial_offset_);
     if (new_workspace)
         workspace = DeviceBuffer(context_, workspace_bytes);
     const std::string options =

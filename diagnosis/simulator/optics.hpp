@@ -1,8 +1,8 @@
 // The light of a sequence behind the lens: ideal image, surface, laser, pupil, glare.
 #pragma once
 
-#include "simulator/exposure_modes.hpp"
 #include "pipeline/pipeline.hpp"
+#include "simulator/exposure_modes.hpp"
 #include "simulator/sequence_model.hpp"
 
 #include <functional>

@@ -83,6 +83,17 @@ class Physics : public GapSimulator {
     static constexpr double kDiameter = 2.9 / (0.94 * 5.6);
 };
 
+// Work memory of the lens is shared out anew where its parts change but its size does not: a second polarization's intensity takes as
+// much as the samples that pixels integrate.
+TEST_F(Physics, ALensThatWasAnotherBefore) {
+    for (const auto &[first, second] : {std::pair<EffectSetting, EffectSetting>{{"depolarization", {0.5}}, {"pixel_integration", {1.0}}},
+                                        {{"pixel_integration", {1.0}}, {"depolarization", {0.5}}}}) {
+        Simulator changed(context, small_layout()), fresh(context, small_layout());
+        draw(changed, kBoardMoving, {first}, kQuiet, 5, 2);
+        EXPECT_EQ(draw(changed, kBoardMoving, {second}, kQuiet, 5, 2), draw(fresh, kBoardMoving, {second}, kQuiet, 5, 2)) << second.id;
+    }
+}
+
 TEST_F(Physics, TheBaseline) {
     const Codes dark = many(kDark, {}, kLevels), flat = many(kFlat, {}, kLevels);
     EXPECT_NEAR(mean(dark), 64.0, 0.1);

@@ -1,0 +1,237 @@
+#include "attribution/exchange.hpp"
+
+#include "attribution/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are tried for each.
+constexpr double kLeastAlike = 0.5;
+constexpr std::size_t kMostAlike = 2;
+constexpr int kExchangeRounds = 6;
+constexpr double kHopeless = 4.0;    // after the first round
+constexpr double kStillBetter = 0.9; // than the round before
+// What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it.
+constexpr double kLeastNeeded = 60.0;
+// A strength at which most effects do little.
+constexpr double kNothing = -0.4;
+
+// An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put at the end.
+struct Move {
+    std::size_t place;
+    const Candidate *candidate;
+    double sign, alike;
+    bool shares;
+};
+
+// Which effect a move takes out: where there are as many as there may be, sharing takes the place of the last one, which did least.
+std::size_t goes_out(const Path &path, const Move &move, std::size_t max_effects) {
+    if (!move.shares)
+        return move.place;
+    return path.model.effects.size() < max_effects ? path.model.effects.size() : path.model.effects.size() - 1;
+}
+
+std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    std::vector<Move> result;
+    for (std::size_t place = 0; place < path.model.effects.size(); ++place) {
+        std::vector<Move> alike;
+        for (const auto &[candidate, look] : path.looks) {
+            if (path.model.has(*candidate))
+                continue;
+            const Eigen::VectorXd change = covariance.whiten(look);
+            Move best{place, candidate, 1.0, 0.0, share};
+            for (std::size_t p = 0; p < path.model.strengths.size(); ++p) {
+                if (path.model.strengths[p].effect != place)
+                    continue;
+                const Eigen::VectorXd column = covariance.whiten(whole.jacobian.col(static_cast<Eigen::Index>(p)));
+                const double cosine = change.dot(column) / std::max(1e-30, change.norm() * column.norm());
+                const HypothesisParameter &first = candidate->parameters.front();
+                if (cosine < 0.0 && !(first.minimum < 0.0 && first.weak > 0.0))
+                    continue;
+                if (std::abs(cosine) > best.alike) {
+                    best.alike = std::abs(cosine);
+                    best.sign = cosine < 0.0 ? -1.0 : 1.0;
+                }
+            }
+            if (best.alike > kLeastAlike && goes_out(path, best, max_effects) != (share ? place : path.model.effects.size()))
+                alike.push_back(best);
+        }
+        std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
+            return a.alike != b.alike ? a.alike > b.alike : a.candidate->id < b.candidate->id;
+        });
+        for (std::size_t i = 0; i < std::min(alike.size(), kMostAlike); ++i)
+            result.push_back(alike[i]);
+    }
+    return result;
+}
+
+// The squared distance that a few rounds of a fit reach, by common random numbers from the path's model, where it is `now`.
+double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double now) {
+    Experiment &experiment = fits.experiment();
+    const FittedModel &start = path.models.back();
+    const Covariance &covariance = start.model.full();
+    const Eigen::VectorXd real = fits.experiment().real().mean() - covariance.mean();
+    const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
+    Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(fits.experiment().count()), parameters);
+    double square = 1e300;
+    EffectModel best = model;
+    for (int round = 0; round < kExchangeRounds; ++round) {
+        const Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, kSearchSeeds);
+        for (Eigen::Index p = 0; p < parameters; ++p)
+            jacobian.col(p) = fits.slope(model, p, pool, kSearchSeeds);
+        const Eigen::VectorXd target = covariance.whiten(real - (pool.statistics.front() - path.pool.statistics.front()));
+        const Eigen::MatrixXd columns = whiten_columns(covariance, jacobian);
+        const Eigen::VectorXd step = solve_least_squares(columns, target);
+        const double reached = (target - columns * step).squaredNorm();
+        const bool better = reached < kStillBetter * square;
+        const double moved = move_strengths(model, step);
+        if (reached < square) {
+            square = reached;
+            best = model;
+        }
+        if (moved < kNear || square > kHopeless * now || !better)
+            break;
+    }
+    model = std::move(best);
+    return square;
+}
+
+// Takes an effect to about half of what it does.
+void halve(EffectModel &model, std::size_t effect) {
+    const Candidate &candidate = *model.effects[effect].candidate;
+    for (Strength &s : model.strengths) {
+        const HypothesisParameter &parameter = candidate.parameters[s.parameter];
+        if (s.effect != effect || parameter.weak == parameter.strong)
+            continue;
+        // Where the value falls as the effect grows, it is no measure of the effect.
+        s.strength = parameter.weak < parameter.strong
+                         ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength)))
+                         : 0.5 * (s.strength + kNothing);
+    }
+}
+
+// The best of some moves, if one is better than what there is: the model with it.
+const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    const Eigen::VectorXd difference = fits.experiment().real().mean() - covariance.mean();
+    const double now = residual_square(whiten_columns(covariance, whole.jacobian), covariance.whiten(difference));
+    double best_square = now - kLeastGain;
+    const Move *chosen = nullptr;
+    for (const Move &move : tried) {
+        fits.report(at, "exchanging " + path.model.effects[move.place].candidate->id + " for " + move.candidate->id);
+        EffectModel model = path.model;
+        if (move.shares)
+            halve(model, move.place);
+        if (const std::size_t out = goes_out(path, move, fits.options().max_effects); out < model.effects.size())
+            model = model.without(out);
+        model.add(*move.candidate, move.sign, 0.5);
+        double square = 1e300;
+        if (!possible([&] { square = quick_fit(fits, model, path, now); }) || square >= best_square)
+            continue;
+        best_square = square;
+        best = std::move(model);
+        chosen = &move;
+    }
+    return chosen;
+}
+
+bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
+    const FittedModel &whole = path.models.back();
+    Path other;
+    other.looks = path.looks;
+    other.model = std::move(model);
+    FittedModel fitted;
+    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at); }) ||
+        fitted.score > whole.score - kLeastGain)
+        return false;
+    const double gain = whole.score - fitted.score;
+    RankedEffect ranked;
+    ranked.effect = move.candidate->id;
+    ranked.values = fitted.effects.back().values;
+    ranked.distance_after = fitted.residual.distance;
+    ranked.simulated = true;
+    ranked.gain = gain;
+    SearchStep step;
+    step.added = ranked.effect;
+    other.steps = path.steps;
+    const std::size_t begin = goes_out(path, move, fits.options().max_effects);
+    if (begin < path.models.size()) {
+        // What the effect that goes out was worth, and more.
+        step.ranking = path.steps[begin].ranking;
+        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
+                                          [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
+                           step.ranking.end());
+        double worth = 0.0;
+        for (const RankedEffect &r : step.ranking)
+            worth = std::max(worth, r.gain);
+        ranked.gain += worth;
+        other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(begin));
+    }
+    step.ranking.push_back(ranked);
+    weigh(step.ranking);
+    other.steps.push_back(std::move(step));
+    other.models.assign(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(begin));
+    if (!fits.fit_prefixes(other.model, begin, other.models, std::move(fitted), at))
+        return false;
+    for (std::size_t n = begin; n < other.models.size(); ++n)
+        other.steps[n].residual = other.models[n].residual;
+    path = std::move(other);
+    return true;
+}
+
+} // namespace
+
+bool exchange(ModelFit &fits, Path &path, double at) {
+    for (const bool share : {false, true}) {
+        const std::vector<Move> tried = moves_of(path, share, fits.options().max_effects);
+        EffectModel best;
+        const Move *move = best_move(fits, path, tried, best, at);
+        if (move && make_move(fits, path, *move, std::move(best), at))
+            return true;
+    }
+    return false;
+}
+
+void prune(ModelFit &fits, Path &path, double at) {
+    for (std::size_t out = 0; out + 1 < path.model.effects.size();) {
+        const FittedModel &whole = path.models.back();
+        EffectModel others = path.model.without(out);
+        // What is lost at once, as far as the others' strengths do not make up for it.
+        const Covariance &covariance = whole.model.full();
+        Eigen::VectorXd loss;
+        const bool simulated = possible([&] {
+            const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
+            loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
+                                   fits.options().pool_seeds).mean;
+        });
+        Eigen::MatrixXd jacobian(whole.jacobian.rows(), static_cast<Eigen::Index>(others.strengths.size()));
+        Eigen::Index column = 0;
+        for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
+            if (path.model.strengths[p].effect != out)
+                jacobian.col(column++) = whole.jacobian.col(static_cast<Eigen::Index>(p));
+        Pool pool;
+        FittedModel fitted;
+        std::vector<FittedModel> models = path.models;
+        if (!simulated || residual_square(whiten_columns(covariance, jacobian), covariance.whiten(loss)) > kLeastNeeded ||
+            !possible([&] { fitted = fits.fit(others, pool, fits.few_replicates(), at); }) || fitted.residual.detected ||
+            fitted.score > whole.score + kLeastGain || !fits.fit_prefixes(others, out, models, std::move(fitted), at)) {
+            ++out;
+            continue;
+        }
+        path.model = std::move(others);
+        path.pool = std::move(pool);
+        path.models = std::move(models);
+        path.steps.erase(path.steps.begin() + static_cast<std::ptrdiff_t>(out));
+        for (std::size_t n = out; n < path.models.size(); ++n)
+            path.steps[n].residual = path.models[n].residual;
+    }
+}
+
+} // namespace clsp
