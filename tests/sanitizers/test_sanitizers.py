@@ -30,22 +30,6 @@ PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not i
 # Programs that run once more with clFFT, whose plans several apertures and threads share.
 RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft"]
 Done = subprocess.CompletedProcess[str]
-# Those that use clFFT, whose own leaks are known (leaks.supp). In all others every leak counts.
-WITH_TRANSFORM = {
-    "test_statistics",
-    "test_effects",
-    "test_lens",
-    "test_filter",
-    "test_airflow",
-    "test_cpp_binding",
-    "test_comparison",
-    "test_comparison_api",
-    "test_gap_report",
-    "test_gap_simulator",
-    "test_gap_simulator_physics",
-    "test_attribution",
-    "test_diagnosis_api",
-}
 # Programs of which a part is enough: the same code, hundreds of times.
 FILTERS = {
     "test_attribution": "-Diagnosis.N*:Diagnosis.S*:Diagnosis.W*:Diagnosis.A*",
@@ -100,7 +84,7 @@ def run_sanitized(build: Path, name: str) -> Done:
     program, _, engine = name.partition("-")
     if engine:
         variables["CLSPECKLE_FFT"] = engine
-    if engine or program in WITH_TRANSFORM:
+    if engine:  # clFFT's own leaks are known
         variables["LSAN_OPTIONS"] = f"suppressions={HERE / 'leaks.supp'}:print_suppressions=0"
     if program == "test_no_platform":
         variables["OCL_ICD_VENDORS"] = variables["OPENCL_VENDOR_PATH"] = str(build / "tests" / "no_platform")
