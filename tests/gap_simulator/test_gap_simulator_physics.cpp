@@ -83,6 +83,15 @@ class Physics : public GapSimulator {
     static constexpr double kDiameter = 2.9 / (0.94 * 5.6);
 };
 
+// Random123's kat_vectors of philox4x32 with 10 rounds.
+TEST(HostBlock, KnownAnswers) {
+    using Block = std::array<std::uint32_t, 4>;
+    EXPECT_EQ(host_block(0, {0, 0, 0, 0}), (Block{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8}));
+    EXPECT_EQ(host_block(~std::uint64_t{0}, {~0u, ~0u, ~0u, ~0u}), (Block{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd}));
+    EXPECT_EQ(host_block(0x299f31d0a4093822u, {0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344}),
+              (Block{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}));
+}
+
 // Work memory of the lens is shared out anew where its parts change but its size does not: a second polarization's intensity takes as
 // much as the samples that pixels integrate.
 TEST_F(Physics, ALensThatWasAnotherBefore) {

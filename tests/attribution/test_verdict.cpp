@@ -1,0 +1,150 @@
+// What a diagnosis says of what it found: stages of unexplained gaps, effects that count as found, names, probabilities. Made-up numbers.
+#include "attribution/effect_model.hpp"
+#include "attribution/gap_stages.hpp"
+#include "attribution/verdict.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace clsp;
+
+SequenceLayout sequence(const char *name, CaptureScene scene, bool moving = false) {
+    SequenceLayout result;
+    result.name = name;
+    result.scene = scene;
+    result.moving = moving;
+    return result;
+}
+
+class Stages : public testing::Test {
+  protected:
+    Stages() {
+        layout.sequences = {sequence("dark", CaptureScene::kDark),
+                            sequence("flat", CaptureScene::kFlat),
+                            sequence("board_static", CaptureScene::kBoard),
+                            sequence("board_moving", CaptureScene::kBoard, true),
+                            sequence("dots_static", CaptureScene::kDots),
+                            sequence("dots_moving", CaptureScene::kDots, true)};
+    }
+    // Stage of a statistic of a sequence, where the sequences named have deviations and the others do not.
+    std::string placed(const std::string &of, const std::string &stage, const std::vector<std::pair<std::string, double>> &z) {
+        std::vector<GapPlace> places;
+        for (const SequenceLayout &s : layout.sequences) {
+            GapPlace place;
+            place.statistic.sequence = s.name;
+            place.statistic.stage = s.name == of ? stage : "surface";
+            for (const auto &[name, value] : z)
+                if (name == s.name)
+                    place.z = value;
+            places.push_back(place);
+        }
+        place_stages(layout, places);
+        for (const GapPlace &place : places)
+            if (place.statistic.sequence == of)
+                return place.statistic.stage;
+        return {};
+    }
+    CaptureLayout layout;
+};
+
+TEST_F(Stages, NoLightReachesTheDark) { EXPECT_EQ(placed("dark", "motion", {{"dark", 9.0}, {"flat", -30.0}}), "sensor"); }
+
+TEST_F(Stages, AFlatHasNeitherSpeckleNorDots) {
+    EXPECT_EQ(placed("flat", "laser", {{"flat", -8.0}}), "sensor");
+    EXPECT_EQ(placed("flat", "optics", {{"flat", 8.0}}), "optics");
+}
+
+TEST_F(Stages, WhatOnlyRestingOrMovingScenesShowIsMotion) {
+    EXPECT_EQ(placed("board_static", "sensor", {{"board_static", 20.0}, {"dots_static", 9.0}}), "motion");
+    EXPECT_EQ(placed("board_moving", "surface", {{"board_moving", 20.0}}), "motion");
+    // A sensor that remembers shows in moving scenes alone, too.
+    EXPECT_EQ(placed("board_moving", "sensor", {{"board_moving", 20.0}}), "sensor");
+}
+
+TEST_F(Stages, DotsOnASurfaceThatAgrees) {
+    EXPECT_EQ(placed("dots_moving", "surface", {{"dots_moving", 20.0}, {"dots_static", -12.0}}), "doe");
+    EXPECT_EQ(placed("dots_moving", "laser", {{"dots_moving", 20.0}, {"dots_static", -12.0}}), "laser");
+}
+
+TEST_F(Stages, SmallDeviationsBesideLargeOnesRuleNothingOut) {
+    // 6 deviations in the dark are a hundredth of what the boards show.
+    const std::vector<std::pair<std::string, double>> z = {
+        {"dark", 6.0}, {"board_static", 900.0}, {"board_moving", 900.0}, {"dots_static", 900.0}, {"dots_moving", 900.0}};
+    EXPECT_EQ(placed("board_moving", "optics", z), "optics");
+    EXPECT_EQ(placed("board_moving", "optics", {{"dark", 4.0}, {"board_moving", 7.0}, {"board_static", 7.0}}), "optics");
+}
+
+TEST_F(Stages, WhatWasNotRecordedRulesNothingOut) {
+    layout.sequences = {sequence("board_static", CaptureScene::kBoard)};
+    EXPECT_EQ(placed("board_static", "surface", {{"board_static", 20.0}}), "surface");
+}
+
+TEST(Explained, ByTheStatisticsThatAnEffectMoves) {
+    const Eigen::VectorXd moved = (Eigen::VectorXd(4) << 50.0, -6.0, 3.0, 0.0).finished();
+    EXPECT_TRUE(explained(moved, (Eigen::VectorXd(4) << 1.0, -1.5, 40.0, 90.0).finished()));
+    EXPECT_FALSE(explained(moved, (Eigen::VectorXd(4) << 1.0, -2.5, 0.0, 0.0).finished()));
+    EXPECT_FALSE(explained(Eigen::VectorXd::Constant(4, 3.9), Eigen::VectorXd::Zero(4))); // it moves nothing
+}
+
+RankedEffect ranked(const char *effect, double gain) {
+    RankedEffect result;
+    result.effect = effect;
+    result.gain = gain;
+    return result;
+}
+
+SearchStep step(std::vector<RankedEffect> ranking) {
+    SearchStep result;
+    weigh(ranking);
+    result.added = ranking.front().effect;
+    result.ranking = std::move(ranking);
+    return result;
+}
+
+TEST(Weigh, LikelihoodRatiosByHalf) {
+    std::vector<RankedEffect> ranking = {ranked("glare", 90.0), ranked("defocus", 100.0)};
+    weigh(ranking);
+    EXPECT_EQ(ranking[0].effect, "defocus");
+    EXPECT_NEAR(ranking[0].probability + ranking[1].probability, 1.0, 1e-12);
+    // A quarter of the difference of -2 log likelihood, where a half would be the likelihood's own.
+    EXPECT_NEAR(ranking[1].probability / ranking[0].probability, std::exp(-10.0 / 4.0), 1e-12);
+}
+
+TEST(Names, CertainStepsAreNamed) {
+    DiagnosisResult result;
+    result.probability = 1.0;
+    name_effects({step({ranked("defocus", 400.0), ranked("glare", 300.0)}), step({ranked("dsnu", 50.0)})}, result);
+    EXPECT_EQ(result.verdict, Verdict::kNamed);
+    EXPECT_EQ(result.effects, (std::vector<std::string>{"defocus", "dsnu"}));
+    EXPECT_TRUE(result.equivalent.empty());
+    EXPECT_GT(result.probability, 0.99);
+}
+
+TEST(Names, EqualRivalsAreEquivalent) {
+    DiagnosisResult result;
+    result.probability = 1.0;
+    name_effects({step({ranked("linewidth", 100.0), ranked("depolarization", 99.0), ranked("glare", 40.0)})}, result);
+    EXPECT_EQ(result.verdict, Verdict::kAmbiguous);
+    EXPECT_EQ(result.equivalent, (std::vector<std::string>{"linewidth", "depolarization"}));
+    EXPECT_LT(result.probability, 0.6);
+}
+
+TEST(Reading, LagThatRemembersOrDoesNot) {
+    std::vector<StatisticInfo> list(3);
+    list[0].name = "temporal_correlation_1";
+    list[1].name = "temporal_correlation_2";
+    list[2].name = "contrast";
+    const Eigen::VectorXd tolerance = reading_tolerance(list, {{"defocus", {1.0}}, {"image_lag", {0.1}}});
+    EXPECT_EQ(tolerance[0], 0.0);
+    EXPECT_NEAR(tolerance[1], 0.01, 1e-15);
+    EXPECT_EQ(tolerance[2], 0.0);
+    EXPECT_EQ(reading_tolerance(list, {{"defocus", {1.0}}}).norm(), 0.0);
+}
+
+} // namespace
