@@ -222,7 +222,8 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         if (fits[i].score < fits[best].score)
             best = i;
     const double gain = current.score - fits[best].score;
-    if (gain < kLeastGain || (fits[best].residual.detected && gain < kLeastShare * excess))
+    // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by very different ones.
+    if (gain < kLeastGain || (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < kLeastShare * excess))
         return false;
     path.steps.push_back(described(refined, finalists, fits, best, current));
     path.model = std::move(models[best]);
