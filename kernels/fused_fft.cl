@@ -39,9 +39,9 @@ static inline void store_numbers(lanes_f re, lanes_f im, uint count, __global fl
     }
 }
 
+// places: where point x of a line goes in the tile, or comes from; a null pointer: in order.
 #if ALONG_ROWS
 
-// places: where point x of a line goes in the tile, or comes from.
 static inline void load_lines(__global const float *field, uint width, uint rows, __global const uint *places, FFT_TILE lanes_f *tile) {
     for (uint x = 0; x < FFT_LENGTH; x += LANES) {
         const uint count = min((uint)LANES, FFT_LENGTH - x);
@@ -83,8 +83,6 @@ static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint
     }
 }
 
-#define LOAD(places) load_lines(field, width, count, places, tiles)
-#define STORE(places) store_lines(tiles, places, SPREAD(scale), width, count, field)
 #define FIRST_NUMBER(line) (ulong)(line) * width
 
 #else
@@ -108,8 +106,6 @@ static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint
     }
 }
 
-#define LOAD(places) load_lines(field, width, count, places, tiles)
-#define STORE(places) store_lines(tiles, places, SPREAD(scale), width, count, field)
 #define FIRST_NUMBER(line) (line)
 
 #endif
@@ -123,16 +119,16 @@ __kernel void fused_fft(__global float *field, uint width, uint line_count, floa
     const uint count = min((uint)LANES, line_count - line);
     field += 2u * FIRST_NUMBER(line);
 #if INVERSE
-    LOAD(positions);
+    load_lines(field, width, count, positions, tiles);
     for (uint block = 0; block < FFT_BLOCKS; ++block)
         fft_inverse_block(block, tiles, twiddles);
     fft_inverse_last
-    STORE((__global const uint *)0);
+    store_lines(tiles, (__global const uint *)0, SPREAD(scale), width, count, field);
 #else
-    LOAD((__global const uint *)0);
+    load_lines(field, width, count, (__global const uint *)0, tiles);
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)
         fft_forward_block(block, tiles, twiddles);
-    STORE(positions);
+    store_lines(tiles, positions, SPREAD(scale), width, count, field);
 #endif
 }

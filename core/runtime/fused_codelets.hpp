@@ -7,6 +7,8 @@
 
 namespace clsp {
 
+constexpr const char *kFusedCodeletsName = "fused_codelets.h";
+
 // The text that the kernels fused_*.cl include as "fused_codelets.h". It reads LANES and the types of fused_lanes.h, and macros of the
 // including file for what a line is made of and becomes:
 //   FFT_TILE                      address space of the tiles
@@ -22,7 +24,6 @@ namespace clsp {
 //   fft_inverse_block(b, tile, twiddles), fft_inverse_last  the same backwards
 //   fft_filter_block(b, tile, twiddles ..)         fft_forward_block, pupil, fft_inverse_block in one
 //   transpose_lanes(v)                             LANES vectors
-constexpr const char *kFusedCodeletsName = "fused_codelets.h";
 std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes);
 
 } // namespace clsp

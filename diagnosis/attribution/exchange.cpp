@@ -17,8 +17,17 @@ constexpr double kHopeless = 4.0;    // after the first round
 constexpr double kStillBetter = 0.9; // than the round before
 // What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it.
 constexpr double kLeastNeeded = 60.0;
+// An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be added: there a
+// residual says that something is missing, here the best of many may have fitted noise.
+constexpr double kLeastWorth = 30.0;
 // A strength at which most effects do little.
 constexpr double kNothing = -0.4;
+
+// The squared distance that a fit leaves, by a covariance that need not be its own: those of two models differ by chance, too.
+double square_by(const Covariance &covariance, const ModelFit &fits, const FittedModel &fitted) {
+    const Eigen::VectorXd difference = fits.experiment().real().mean() - fitted.model.full().mean();
+    return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
+}
 
 // An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put at the end.
 struct Move {
@@ -76,9 +85,9 @@ double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double no
     Experiment &experiment = fits.experiment();
     const FittedModel &start = path.models.back();
     const Covariance &covariance = start.model.full();
-    const Eigen::VectorXd real = fits.experiment().real().mean() - covariance.mean();
+    const Eigen::VectorXd real = experiment.real().mean() - covariance.mean();
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
-    Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(fits.experiment().count()), parameters);
+    Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(experiment.count()), parameters);
     double square = 1e300;
     EffectModel best = model;
     for (int round = 0; round < kExchangeRounds; ++round) {
@@ -119,9 +128,7 @@ void halve(EffectModel &model, std::size_t effect) {
 // The best of some moves, if one is better than what there is: the model with it.
 const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
     const FittedModel &whole = path.models.back();
-    const Covariance &covariance = whole.model.full();
-    const Eigen::VectorXd difference = fits.experiment().real().mean() - covariance.mean();
-    const double now = residual_square(whiten_columns(covariance, whole.jacobian), covariance.whiten(difference));
+    const double now = square_by(whole.model.full(), fits, whole);
     double best_square = now - kLeastGain;
     const Move *chosen = nullptr;
     for (const Move &move : tried) {
@@ -186,6 +193,21 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     return true;
 }
 
+// The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
+double loss_without(const ModelFit &fits, const Path &path, std::size_t out, const EffectModel &others) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
+    const Change loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
+                                        fits.options().pool_seeds);
+    Eigen::MatrixXd jacobian(whole.jacobian.rows(), static_cast<Eigen::Index>(others.strengths.size()));
+    Eigen::Index column = 0;
+    for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
+        if (path.model.strengths[p].effect != out)
+            jacobian.col(column++) = whole.jacobian.col(static_cast<Eigen::Index>(p));
+    return residual_square(whiten_columns(covariance, jacobian), covariance.whiten(loss.mean));
+}
+
 } // namespace
 
 bool exchange(ModelFit &fits, Path &path, double at) {
@@ -201,27 +223,23 @@ bool exchange(ModelFit &fits, Path &path, double at) {
 
 void prune(ModelFit &fits, Path &path, double at) {
     for (std::size_t out = 0; out + 1 < path.model.effects.size();) {
-        const FittedModel &whole = path.models.back();
         EffectModel others = path.model.without(out);
-        // What is lost at once, as far as the others' strengths do not make up for it.
-        const Covariance &covariance = whole.model.full();
-        Eigen::VectorXd loss;
-        const bool simulated = possible([&] {
-            const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
-            loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
-                                   fits.options().pool_seeds).mean;
-        });
-        Eigen::MatrixXd jacobian(whole.jacobian.rows(), static_cast<Eigen::Index>(others.strengths.size()));
-        Eigen::Index column = 0;
-        for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
-            if (path.model.strengths[p].effect != out)
-                jacobian.col(column++) = whole.jacobian.col(static_cast<Eigen::Index>(p));
         Pool pool;
         FittedModel fitted;
-        std::vector<FittedModel> models = path.models;
-        if (!simulated || residual_square(whiten_columns(covariance, jacobian), covariance.whiten(loss)) > kLeastNeeded ||
-            !possible([&] { fitted = fits.fit(others, pool, fits.few_replicates(), at); }) || fitted.residual.detected ||
-            fitted.score > whole.score + kLeastGain || !fits.fit_prefixes(others, out, models, std::move(fitted), at)) {
+        std::vector<FittedModel> models;
+        const auto explains = [&] {
+            fitted = fits.fit(others, pool, fits.options().model_replicates, at);
+            const FittedModel &whole = path.models.back();
+            const Covariance &covariance = whole.model.full();
+            return !fitted.residual.detected && square_by(covariance, fits, fitted) <= square_by(covariance, fits, whole) + kLeastWorth;
+        };
+        bool needless = false;
+        possible([&] { needless = loss_without(fits, path, out, others) <= kLeastNeeded && explains(); });
+        if (needless) {
+            models.assign(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(out));
+            needless = fits.fit_prefixes(others, out, models, std::move(fitted), at);
+        }
+        if (!needless) {
             ++out;
             continue;
         }

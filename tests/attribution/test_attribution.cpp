@@ -1,5 +1,6 @@
 // The statistics behind a verdict: tail probabilities, shrunk covariances, the gap test's level, candidates' strengths, and verdicts on
 // captures of the simulator itself. Verdicts against an independent generator are the withheld check's (tests/withheld).
+#include "attribution/attribution_support.hpp"
 #include "attribution/candidate.hpp"
 #include "attribution/covariance.hpp"
 #include "attribution/diagnosis.hpp"
@@ -19,6 +20,7 @@
 namespace {
 
 using namespace clsp;
+using namespace clsp::attribution_test;
 
 TEST(Distributions, AgreeWithTables) {
     // Student's t, 10 degrees of freedom: 2.228 at 5 % two-sided; 30: 2.750 at 1 %.
@@ -120,51 +122,6 @@ TEST(Advice, NamesACaptureForLookAlikes) {
     EXPECT_NE(advice[0].capture.find("analyser"), std::string::npos);
 }
 
-std::shared_ptr<Context> context() {
-    static const std::shared_ptr<Context> shared = Context::create({});
-    return shared;
-}
-
-CaptureLayout small_layout() {
-    CaptureLayout layout;
-    layout.width = 64;
-    layout.height = 48;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 8.0;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = 64.0;
-    layout.read_noise_dn = 4.0;
-    layout.principal_point_px = {31.5, 23.5};
-    const auto add = [&](const char *name, CaptureScene scene, bool moving) {
-        SequenceLayout sequence;
-        sequence.name = name;
-        sequence.scene = scene;
-        sequence.moving = moving;
-        sequence.frame_count = 12;
-        sequence.f_number = 8.0;
-        layout.sequences.push_back(sequence);
-    };
-    add("dark", CaptureScene::kDark, false);
-    add("flat", CaptureScene::kFlat, false);
-    add("board_moving", CaptureScene::kBoard, true);
-    return layout;
-}
-
-Capture simulated(const EffectSettings &effects, std::uint64_t seed) {
-    Simulator simulator(context(), small_layout());
-    Capture capture;
-    capture.layout = small_layout();
-    for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {
-        const SequenceLayout &sequence = capture.layout.sequences[s];
-        std::vector<std::uint16_t> codes(sequence.frame_count * capture.layout.pixel_count());
-        const SimulationLevels levels{sequence.scene == CaptureScene::kFlat ? 300.0 : 120.0, 63.2, 4.3};
-        simulator.codes(s, effects, levels, seed, sequence.frame_count, codes.data());
-        capture.codes.push_back(std::move(codes));
-    }
-    return capture;
-}
-
 DiagnosisOptions quick(std::uint64_t seed) {
     DiagnosisOptions options;
     options.seed = seed;
@@ -174,9 +131,6 @@ DiagnosisOptions quick(std::uint64_t seed) {
     options.evidence = false;
     return options;
 }
-
-// Seeds of captures lie above those of replicates.
-constexpr std::uint64_t kCaptureSeed = 1u << 20;
 
 TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
     // Eight captures at a level of 2 %: two or more alarms happen by chance once in 100.

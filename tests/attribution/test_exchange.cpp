@@ -1,0 +1,108 @@
+// Early choices that were wrong or needless: a path is begun with them, and must come out right. Captures of the simulator's own.
+#include "attribution/attribution_support.hpp"
+#include "attribution/candidate.hpp"
+#include "attribution/exchange.hpp"
+
+#include <algorithm>
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace clsp;
+using namespace clsp::attribution_test;
+
+class Exchange : public testing::Test {
+  protected:
+    SearchOptions options() const {
+        SearchOptions result;
+        result.seed = 3;
+        result.null_replicates = 24;
+        return result;
+    }
+    const Candidate &candidate(const std::string &id) const {
+        return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    }
+    // The effects in this order, fitted one after the other; looks at those named besides.
+    Path path_of(ModelFit &fits, const std::vector<std::string> &effects, const std::vector<std::string> &looks,
+                 double first_strength = 0.5) {
+        Path path;
+        for (const std::string &id : effects) {
+            path.model.add(candidate(id), 1.0, path.steps.empty() ? first_strength : 0.5);
+            path.models.push_back(fits.fit(path.model, path.pool, fits.options().model_replicates, 0.0));
+            SearchStep step;
+            step.added = id;
+            step.residual = path.models.back().residual;
+            RankedEffect ranked;
+            ranked.effect = id;
+            ranked.gain = 1000.0;
+            step.ranking = {ranked};
+            weigh(step.ranking);
+            path.steps.push_back(step);
+        }
+        for (const std::string &id : looks) {
+            EffectModel with = path.model;
+            with.add(candidate(id), 1.0, 0.5);
+            path.looks[&candidate(id)] =
+                simulate_change(fits.experiment(), path.pool, with.settings(), fits.concerned(id), fits.options().seed, kSearchSeeds).mean;
+        }
+        return path;
+    }
+    static std::vector<std::string> names(const Path &path) {
+        std::vector<std::string> result;
+        for (const ModelEffect &effect : path.model.effects)
+            result.push_back(effect.candidate->id);
+        return result;
+    }
+    // Steps, models and effects say the same.
+    static void expect_consistent(const Path &path) {
+        ASSERT_EQ(path.steps.size(), path.model.effects.size());
+        ASSERT_EQ(path.models.size(), path.model.effects.size());
+        for (std::size_t n = 0; n < path.steps.size(); ++n) {
+            EXPECT_EQ(path.steps[n].added, path.model.effects[n].candidate->id);
+            EXPECT_EQ(path.steps[n].ranking.front().effect, path.steps[n].added);
+            EXPECT_EQ(path.models[n].effects.size(), n + 1);
+            EXPECT_EQ(path.steps[n].residual.distance, path.models[n].residual.distance);
+        }
+        EXPECT_EQ(path.pool.effects, path.models.back().effects);
+    }
+    const std::vector<Candidate> all = candidates({}, {});
+};
+
+TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
+    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
+    ASSERT_TRUE(path.models.back().residual.detected);
+    EXPECT_TRUE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"row_noise", "crosstalk"}));
+    EXPECT_FALSE(path.models.back().residual.detected);
+    EXPECT_NEAR(path.models.back().parameters.back().value, 0.22, 0.03);
+    expect_consistent(path);
+}
+
+TEST_F(Exchange, NothingForWhatIsRight) {
+    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
+    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
+    expect_consistent(path);
+}
+
+TEST_F(Exchange, NeedlessEffectsArePruned) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
+    ASSERT_FALSE(path.models.back().residual.detected); // a flexible effect too many does no harm but for its name
+    prune(fits, path, 0.0);
+    EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "row_noise"}));
+    EXPECT_FALSE(path.models.back().residual.detected);
+    expect_consistent(path);
+}
+
+} // namespace
