@@ -185,7 +185,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; }},
     {"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
      "sensor.cl: sensor_expose (EFFECTIVE_BITS)", kSetsSensor,
-     {{"bits", "bits", 1.0, 16.0, 8.0, 6.0}},
+     {{"bits", "bits", 1.0, 16.0, 8.0, 6.0, true}},
      [](Model &m, Values v) {
          SensorParameters &s = sensor(m, "adc_bits");
          if (v[0] > s.bits)

@@ -12,6 +12,8 @@ namespace {
 
 // A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
 constexpr double kRoom = 2.0;
+// Of the finite differences along a parameter.
+constexpr double kDifference = 0.15;
 
 struct Scale {
     double weak, strong;
@@ -39,7 +41,7 @@ double Candidate::value(std::size_t parameter, double strength) const {
     const Scale scale = scale_of(p);
     const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
                                          : scale.weak + strength * (scale.strong - scale.weak);
-    return std::clamp(value, p.minimum, p.maximum);
+    return std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
 }
 
 double Candidate::strength(std::size_t parameter, double value) const {
@@ -48,6 +50,18 @@ double Candidate::strength(std::size_t parameter, double value) const {
         return 0.0;
     return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
                            : (value - scale.weak) / (scale.strong - scale.weak);
+}
+
+double Candidate::snapped(std::size_t parameter, double at) const {
+    return parameters[parameter].whole ? strength(parameter, value(parameter, at)) : at;
+}
+
+double Candidate::difference(std::size_t parameter, double at) const {
+    if (!parameters[parameter].whole)
+        return at > 0.9 ? -kDifference : kDifference;
+    const double one = parameters[parameter].weak < parameters[parameter].strong ? 1.0 : -1.0; // towards more of the effect
+    const double up = strength(parameter, value(parameter, at) + one) - at;
+    return at > 0.9 ? -up : up;
 }
 
 std::vector<double> Candidate::values(double strength) const {
@@ -62,7 +76,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
     for (const Effect &effect : effect_catalogue()) {
         Candidate candidate{effect.id, effect.stage, effect.summary, {}};
         for (const EffectParameter &p : effect.parameters)
-            candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong});
+            candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong, p.whole});
         result.push_back(std::move(candidate));
     }
     for (const Hypothesis &hypothesis : hypotheses)

@@ -18,6 +18,10 @@ struct Candidate {
     double value(std::size_t parameter, double strength) const;
     // The strength at which a parameter has a value.
     double strength(std::size_t parameter, double value) const;
+    // The strength of the nearest value that differs from others: of whole numbers, where the parameter is one.
+    double snapped(std::size_t parameter, double strength) const;
+    // How far to go from a strength for a finite difference; where nothing lies there, the same way back.
+    double difference(std::size_t parameter, double strength) const;
 };
 
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.

@@ -30,7 +30,7 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
     effects.push_back({&candidate, sign});
     for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
         const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
-        strengths.push_back({effects.size() - 1, p, varied ? strength : candidate.strength(p, candidate.parameters[p].weak)});
+        strengths.push_back({effects.size() - 1, p, varied ? candidate.snapped(p, strength) : candidate.strength(p, candidate.parameters[p].weak)});
     }
 }
 
@@ -51,6 +51,22 @@ EffectModel EffectModel::first(std::size_t count) const {
     while (result.effects.size() > count)
         result = result.without(count);
     return result;
+}
+
+double EffectModel::difference(Eigen::Index strength) const {
+    const Strength &s = strengths[static_cast<std::size_t>(strength)];
+    return effects[s.effect].candidate->difference(s.parameter, s.strength);
+}
+
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step) {
+    double largest = 0.0;
+    for (std::size_t p = 0; p < model.strengths.size(); ++p) {
+        const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
+        Strength &s = model.strengths[p];
+        s.strength = model.effects[s.effect].candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, kStrongest));
+        largest = std::max(largest, std::abs(bounded));
+    }
+    return largest;
 }
 
 std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,

@@ -18,8 +18,6 @@ namespace clsp {
 constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
 // A strength counts as simulated if one that near was.
 constexpr double kNear = 0.06;
-// Of the finite differences along a parameter.
-constexpr double kDifference = 0.15;
 // A linear step of a fit is trusted that far.
 constexpr double kLargestStep = 0.4;
 constexpr int kGaussNewtonRounds = 2;
@@ -54,8 +52,13 @@ struct EffectModel {
     void add(const Candidate &candidate, double sign, double strength);
     EffectModel without(std::size_t effect) const;
     EffectModel first(std::size_t count) const;
+    // How far to go with a strength for a finite difference.
+    double difference(Eigen::Index strength) const;
     const std::string &id_of(Eigen::Index strength) const { return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id; }
 };
+
+// A step of strengths, each bounded; the largest one.
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step);
 
 // A fitted parameter of a model.
 struct FittedParameter {

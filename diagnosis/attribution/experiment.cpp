@@ -9,11 +9,6 @@
 namespace clsp {
 namespace {
 
-// Quantization adds the variance of a uniform law of width 1.
-constexpr double kQuantizationVariance = 1.0 / 12.0;
-constexpr double kLeastReadNoise = 0.05;
-constexpr std::uint32_t kTrialFrames = 4;
-
 using Codes = std::vector<std::vector<std::uint16_t>>;
 
 } // namespace
@@ -101,61 +96,6 @@ std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, con
     simulator_->codes(sequence, effects, levels(calibrated, effects, sequence, seed, frame_count), seed, frame_count,
                       codes.data());
     return codes;
-}
-
-CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std::vector<bool> &concerned,
-                                       const CalibratedLevels *start) {
-    CalibratedLevels result;
-    if (start)
-        result = *start;
-    else
-        result = {real_calibration_.black_level_dn, real_calibration_.read_noise_dn,
-                  std::vector<double>(layout_.sequences.size(), 1.0)};
-    constexpr std::uint64_t seed = 0;
-    constexpr int rounds = 3;
-    // The first dark sequence: black level and noise do not depend on the light.
-    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
-        if (layout_.sequences[s].scene != CaptureScene::kDark || !concerned[s])
-            continue;
-        const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[s].frame_count);
-        const double noise = real_calibration_.read_noise_dn;
-        const double wanted = noise * noise + kQuantizationVariance;
-        for (int round = 0; round < rounds; ++round) {
-            const auto codes = frames(effects, result, s, seed, frame_count);
-            const SequenceLevel level = sequence_level(layout_, s, codes.data(), frame_count);
-            result.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
-            if (frame_count >= 2) {
-                const double variance = result.read_noise_dn * result.read_noise_dn + wanted -
-                                        level.temporal_noise_dn * level.temporal_noise_dn;
-                result.read_noise_dn = std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, variance));
-            }
-        }
-        break;
-    }
-    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
-        if (layout_.sequences[s].scene == CaptureScene::kDark || !concerned[s])
-            continue;
-        if (checkpoint)
-            checkpoint();
-        const double signal = real_levels_[s].mean_dn - real_calibration_.black_level_dn;
-        if (!(signal > 0.0))
-            continue;
-        const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[s].frame_count);
-        // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
-        double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
-        for (int round = 0; round < rounds; ++round) {
-            const auto codes = frames(effects, result, s, seed, frame_count);
-            const double mean = sequence_level(layout_, s, codes.data(), frame_count).mean_dn;
-            const double slope = (mean - last_mean) / (result.signal_share[s] - last_share);
-            const double share = result.signal_share[s];
-            if (std::abs(real_levels_[s].mean_dn - mean) < 1e-3 * signal || !(slope > 0.05 * signal))
-                break;
-            result.signal_share[s] = std::clamp(share + (real_levels_[s].mean_dn - mean) / slope, 0.25 * share, 4.0 * share);
-            last_share = share;
-            last_mean = mean;
-        }
-    }
-    return result;
 }
 
 FoldStatistics Experiment::replicate(const EffectSettings &effects, const CalibratedLevels &calibrated,

@@ -29,6 +29,10 @@ struct CalibratedLevels {
     std::vector<double> signal_share;
 };
 
+// Quantization adds the variance of a uniform law of width 1.
+constexpr double kQuantizationVariance = 1.0 / 12.0;
+constexpr double kLeastReadNoise = 0.05;
+
 class Experiment {
   public:
     // Throws kInvalidData if the capture has no sequence that can be measured.
@@ -70,6 +74,12 @@ class Experiment {
 
   private:
     std::uint32_t half_count(std::size_t sequence) const;
+    // Parts of calibrate(), of one sequence. step_dn: of the converter.
+    void calibrate_dark(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels);
+    void calibrate_signal(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_coarse_signal(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels);
+    void calibrate_coarse_noise(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
     Calibration measured_calibration(const std::vector<std::vector<std::uint16_t>> &codes,
                                      const std::vector<std::uint32_t> &frame_counts, const std::vector<bool> &present) const;
 

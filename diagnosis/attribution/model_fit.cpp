@@ -29,16 +29,6 @@ std::string label(const EffectSettings &effects) {
 
 } // namespace
 
-double move_strengths(EffectModel &model, const Eigen::VectorXd &step) {
-    double largest = 0.0;
-    for (std::size_t p = 0; p < model.strengths.size(); ++p) {
-        const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
-        model.strengths[p].strength = std::clamp(model.strengths[p].strength + bounded, kWeakest, kStrongest);
-        largest = std::max(largest, std::abs(bounded));
-    }
-    return largest;
-}
-
 void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double from, double to) const {
     const std::string what = "simulating " + (replicates.effects.empty() ? "the baseline" : label(replicates.effects));
     for (std::uint32_t r = static_cast<std::uint32_t>(replicates.draws.size()); r < count; ++r) {
@@ -104,7 +94,7 @@ Eigen::VectorXd ModelFit::slope(const EffectModel &model, Eigen::Index p, const 
     EffectModel moved = model;
     double &strength = moved.strengths[static_cast<std::size_t>(p)].strength;
     const double at = strength;
-    double step = at > 0.9 ? -kDifference : kDifference;
+    double step = model.difference(p);
     strength = at + step;
     if (moved.settings() == pool.effects) { // at the end of its range
         step = -step;

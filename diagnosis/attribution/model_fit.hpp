@@ -79,7 +79,4 @@ class ModelFit {
     Pool baseline_pool_;
 };
 
-// A step of strengths, each bounded; the largest one.
-double move_strengths(EffectModel &model, const Eigen::VectorXd &step);
-
 } // namespace clsp

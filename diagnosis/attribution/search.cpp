@@ -126,6 +126,7 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
     const double before = fits_.held_out(fitted);
     for (int round = 0;; ++round) {
         const double after = fits_.held_out(fitted, &refined.response, &refined.strength);
+        refined.strength = refined.candidate->snapped(0, refined.strength);
         refined.gain = before - after;
         if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
             break;

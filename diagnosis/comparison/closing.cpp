@@ -185,7 +185,7 @@ void Closing::refine(Answer &answer, const EffectModel &model) {
         if (answer.first.empty() || answer.first.distance(strength) > kNear)
             simulate(strength);
     for (int round = 0;; ++round) {
-        answer.strength = best_strength(answer);
+        answer.strength = answer.candidate->snapped(0, best_strength(answer));
         if (round == kFitRounds || answer.first.distance(answer.strength) < kNear)
             break;
         simulate(answer.strength);
@@ -210,7 +210,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
             tell("fitting " + model.id_of(p), from);
             EffectModel other = model;
             double &strength = other.strengths[std::size_t(p)].strength;
-            double step = strength > 0.9 ? -kDifference : kDifference;
+            double step = model.difference(p);
             strength += step;
             FoldStatistics there;
             if (other.settings() == model.settings() || !possible([&] { there = change(other.settings()); })) {
@@ -225,13 +225,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
         const Eigen::VectorXd step = solve_least_squares(whiten_columns(metric_->fold(), result.jacobian),
                                                          whitened(difference_.first - moved.first));
         EffectModel next = model;
-        double largest = 0.0;
-        for (Eigen::Index p = 0; p < parameters; ++p) {
-            const double bounded = std::clamp(step[p], -kLargestStep, kLargestStep);
-            double &strength = next.strengths[std::size_t(p)].strength;
-            strength = std::clamp(strength + bounded, kWeakest, kStrongest);
-            largest = std::max(largest, std::abs(bounded));
-        }
+        const double largest = move_strengths(next, step);
         FoldStatistics there;
         if (largest < 0.5 * kNear || !possible([&] { there = change(next.settings()); }) ||
             distance(there) >= distance(moved))

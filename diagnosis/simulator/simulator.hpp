@@ -38,6 +38,7 @@ struct HypothesisFrame {
 struct HypothesisParameter {
     std::string name, unit;
     double minimum, maximum, weak, strong;
+    bool whole = false; // counts something: only whole numbers differ
 };
 struct Hypothesis {
     std::string id, stage, summary;

@@ -91,7 +91,7 @@ TEST(Candidates, StrengthsRunFromWeakToStrong) {
                 EXPECT_GE(value, parameter.minimum);
                 EXPECT_LE(value, parameter.maximum);
                 if (value > parameter.minimum && value < parameter.maximum) {
-                    EXPECT_NEAR(candidate.strength(p, value), u, 1e-9) << candidate.id << ' ' << parameter.name;
+                    EXPECT_NEAR(candidate.strength(p, value), candidate.snapped(p, u), 1e-9) << candidate.id << ' ' << parameter.name;
                 }
             }
         }
@@ -103,6 +103,20 @@ TEST(Candidates, StrengthsRunFromWeakToStrong) {
     } catch (const Error &error) {
         EXPECT_NE(std::string(error.what()).find("defokus"), std::string::npos);
     }
+}
+
+TEST(Candidates, WholeNumbersStayWhole) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const Candidate &bits = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "adc_bits"; });
+    EXPECT_EQ(bits.value(0, 0.2), 8.0); // 7.6
+    EXPECT_EQ(bits.value(0, 0.3), 7.0); // 7.4
+    EXPECT_NEAR(bits.snapped(0, 0.3), 0.5, 1e-12);
+    for (const double u : {-0.5, 0.0, 0.2, 0.5, 1.0, 1.5})
+        EXPECT_EQ(std::abs(bits.value(0, u + bits.difference(0, u)) - bits.value(0, u)), 1.0) << u;
+    const Candidate &gamma = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "gamma"; });
+    EXPECT_EQ(gamma.snapped(0, 0.3), 0.3);
+    EXPECT_GT(gamma.difference(0, 0.3), 0.0);
+    EXPECT_LT(gamma.difference(0, 1.2), 0.0);
 }
 
 TEST(Response, ParabolasAreReproduced) {
@@ -156,6 +170,20 @@ TEST(Diagnosis, NamesTheEffectAndItsParameter) {
         EXPECT_GT(result.parameters[0].high, result.parameters[0].value);
         EXPECT_GT(result.fraction, 0.8) << c.id;
         EXPECT_GT(result.fraction_95[1], result.fraction_95[0]);
+    }
+}
+
+// Steps of 16 DN at a read noise of 4.3 DN: dark and even frames have two codes, and their mean goes up in stairs with the level.
+TEST(Diagnosis, ACoarseConverterIsCalibrated) {
+    for (const double bits : {7.0, 6.0}) {
+        const DiagnosisResult result = diagnose(context(), simulated({{"adc_bits", {bits}}}, kCaptureSeed + 150), quick(1));
+        EXPECT_EQ(result.verdict, Verdict::kNamed) << bits;
+        ASSERT_EQ(result.effects, std::vector<std::string>{"adc_bits"});
+        EXPECT_FALSE(result.residual_detected) << bits;
+        ASSERT_EQ(result.parameters.size(), 1u);
+        EXPECT_EQ(result.parameters[0].value, bits);
+        EXPECT_EQ(result.parameters[0].low, bits);
+        EXPECT_EQ(result.parameters[0].high, bits);
     }
 }
 
