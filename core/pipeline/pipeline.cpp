@@ -577,8 +577,16 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
     }
 }
 
-void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
+void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &given, cl_uint num_waits, const cl_event *waits,
                              cl_event *event) {
+    // Surfaces are of one material for all stages, unless the motion's input says otherwise.
+    Frame frame = given;
+    MotionInput motion;
+    if (given.motion && !given.motion->material && stages_.motion && stages_.motion->parameters().materials) {
+        motion = *given.motion;
+        motion.material = given.material;
+        frame.motion = &motion;
+    }
     // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
     context_->check_queue(queue);
     check_wait_list(context_->cl_context()(), num_waits, waits);

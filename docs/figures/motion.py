@@ -17,65 +17,21 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+sys.path[:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "bench")]
 from reference import motion
+from thesis.decorrelation import draw_series, moving_series
+from thesis.theory import field_correlation
 
-SHAPE = (256, 256)
-KNOTS_PER_PATH = 0.9386677
-EXPERIMENTS = {  # title, axis label, length, displacement per step and number of steps as in the thesis, factor of the axis
-    "lateral": ("along X (thesis 3.2.4)", "displacement, mm", 0.5e-3, 7e-6, 200, 1e3),
-    "axial": ("along Z (3.2.5)", "displacement, mm", 3e-3, 35e-6, 200, 1e3),
-    "rotation": ("about Y (3.2.6)", "rotation, degrees", np.deg2rad(0.25), np.deg2rad(2.5) / 280, 80, 180 / np.pi),
+EXPERIMENTS = {  # length, displacement per step and number of steps as in the thesis
+    "lateral": (0.5e-3, 7e-6, 200),
+    "axial": (3e-3, 35e-6, 200),
+    "rotation": (np.deg2rad(0.25), np.deg2rad(2.5) / 280, 80),
 }
 
 
-def bell(path: np.ndarray) -> np.ndarray:
-    """The field's correlation over a path (phase.h)."""
-    d = KNOTS_PER_PATH * path
-    return np.where(d < 2, (1 - d / 2) * np.cos(np.pi * d / 2) + np.sin(np.pi * d / 2) / np.pi, 0.0)
-
-
-def pose(kind: str, step: float) -> np.ndarray:
-    """How the device, or the board, moves by a step."""
-    matrix = np.eye(4)
-    if kind == "rotation":
-        c, s = np.cos(step), np.sin(step)
-        matrix[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-        matrix[:3, 3] = np.array([0, 0, 1]) - matrix[:3, :3] @ [0, 0, 1]
-    else:
-        matrix[0 if kind == "lateral" else 2, 3] = step
-    return matrix
-
-
-def series(kind: str, step: float, count: int) -> np.ndarray:
-    """Intensities behind an f/5.6 aperture while a board at 1 m moves; (frames, pixels)."""
-    motion = clspeckle.Motion(SHAPE, intrinsics=(2e5, 2e5, 127.5, 127.5))
-    phase = clspeckle.Phase(SHAPE, dynamics="continuous", polarization_count=1, seed=22)
-    aperture = clspeckle.Aperture(SHAPE, f_number=5.6)
-    depth, ideal = np.ones(SHAPE, np.float32), np.ones(SHAPE, np.float32)
-    given = clspeckle.MotionInput(depth=depth, previous_from_current=pose(kind, step))
-    phase.refresh(0)
-    frames = [aperture.intensity(phase, ideal).ravel()]
-    for index in range(1, count + 1):
-        phase.advance(index, path=motion.compute(given)["path"])
-        frames.append(aperture.intensity(phase, ideal).ravel())
-    return np.array(frames)
-
-
 def draw_experiment(axes: plt.Axes, kind: str) -> None:
-    title, label, length, step, count, factor = EXPERIMENTS[kind]
-    frames = series(kind, step, count)
-    displacement = step * np.arange(count + 1) * factor
-    # Single pixels: like the thesis's thin lines, the product with the first frame's deviation, over a few that were bright.
-    deviations = frames / frames.mean() - 1
-    rng = np.random.default_rng(0)
-    for pixel in rng.choice(np.flatnonzero(deviations[0] > 0.8), 12, replace=False):
-        axes.plot(displacement, deviations[:, pixel] / deviations[0, pixel], color="0.8", linewidth=0.7)
-    mean = [np.corrcoef(frames[0], frame)[0, 1] for frame in frames]
-    axes.plot(displacement, mean, color="tab:red", linewidth=2, label=f"{frames.shape[1]} pixels")
-    axes.plot(displacement, bell(displacement / factor / length) ** 2, "k--", linewidth=1, label="R²")
-    axes.set(title=title, xlabel=label, ylim=(-1.1, 1.4), xlim=(0, displacement[-1]))
-    axes.legend(loc="upper right", fontsize=8)
+    length, step, count = EXPERIMENTS[kind]
+    draw_series(axes, kind, moving_series(kind, step, count, (256, 256), 5.6, 22), step, length)
 
 
 def spark_image(folder: Path, index: int) -> np.ndarray:
@@ -114,7 +70,7 @@ def draw_spark(axes: plt.Axes, folder: Path) -> None:
             phase.advance(index + 1, path=0.0 if pinhole else 1 / length, shift=shift)
         return motion.Series(images)
 
-    length, noise = motion.fitted(bell, n, mean, spread, rate, shape[1])
+    length, noise = motion.fitted(field_correlation, n, mean, spread, rate, shape[1])
     fading = simulated(length, noise, False)
     airy_length, airy_noise = motion.fitted(motion.airy, n, mean, spread, rate, shape[1])
     pinhole = simulated(airy_length, airy_noise, True)

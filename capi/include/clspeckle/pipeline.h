@@ -109,7 +109,7 @@ typedef struct ClspFrame {
     ClspImage refresh_mask;        /**< UINT8; optional. */
     ClspImage output;              /**< UINT16, UINT8 or FLOAT32 as ClspSensor takes; FLOAT32 without a sensor. Must not overlap an input. */
     const ClspMotionInput *motion; /**< How the scene moved since the last frame, with a motion stage; NULL: it rests. */
-    ClspImage material;            /**< UINT8 material ids; needed with a material table. */
+    ClspImage material;            /**< UINT8 material ids; needed with a material table. Also of a motion stage with a table, where its input brings none. */
     uint32_t illumination;         /**< CLSP_ILLUMINATION_*; default LASER. */
     uint32_t reserved;             /**< 0. */
 } ClspFrame;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -100,6 +101,30 @@ def test_materials_set_the_contrast(context: clspeckle.Context) -> None:
         intensity_camera(context).render(np.ones(SHAPE), material=np.zeros(SHAPE, np.uint8))
     with pytest.raises(errors.InvalidArgumentError, match="polarization_count 2"):
         clspeckle.Pipeline.from_parameters(shape, materials=materials, polarization_count=1, context=context)
+
+
+def test_materials_of_the_frame_are_the_motions(context: clspeckle.Context) -> None:
+    # The left half loses its speckle at once, the right one keeps it; the motion's input does not say which is which.
+    materials = [clspeckle.Material(correlation_time_s=0.0), clspeckle.Material()]
+    camera = intensity_camera(
+        context, materials=materials, motion={"intrinsics": (40.0, 40.0, 0.0, 0.0)}, polarization_count=2
+    )
+    half = WIDTH // 2
+    ids = np.zeros(SHAPE, np.uint8)
+    ids[:, half:] = 1
+    light = np.ones(SHAPE, np.float32)
+    rests = clspeckle.MotionInput(depth=light, previous_from_current=np.eye(4), frame_time_s=1 / 30)
+    first = camera.render(light, material=ids)
+    second = camera.render(light, material=ids, motion=rests)
+    other = camera.render(light, material=ids, motion=dataclasses.replace(rests, material=1 - ids))
+    edge = 6
+    # The lens mixes what is near, around the rim, too.
+    left, right = np.s_[:, edge : half - edge], np.s_[:, half + edge : -edge]
+    assert np.corrcoef(first[right].ravel(), second[right].ravel())[0, 1] > 0.95
+    assert abs(np.corrcoef(first[left].ravel(), second[left].ravel())[0, 1]) < 0.5
+    # What the input says itself counts: now the right half is new.
+    assert np.corrcoef(second[left].ravel(), other[left].ravel())[0, 1] > 0.95
+    assert abs(np.corrcoef(second[right].ravel(), other[right].ravel())[0, 1]) < 0.5
 
 
 # --- Motion ---
