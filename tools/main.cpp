@@ -1,4 +1,5 @@
 #include "commands.hpp"
+#include "doe.hpp"
 #include "errors.hpp"
 
 #include <CLI/CLI.hpp>
@@ -427,6 +428,8 @@ struct Arguments {
     tools::DiagnoseArguments diagnose;
     // gap check
     tools::GapCheckArguments gap_check;
+    // doe pattern, doe inspect
+    tools::DoeArguments doe;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -703,6 +706,9 @@ int run(int argc, char **argv) {
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
+    CLI::App &doe = *app.add_subcommand("doe", "Compute and inspect patterns of diffractive optical elements");
+    tools::add_doe(doe, arguments.doe, arguments.json, arguments.quiet);
+
     CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
     add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
 
@@ -745,6 +751,8 @@ int run(int argc, char **argv) {
         tools::run_capture_make(arguments.capture_make, console);
     else if (diagnose.parsed() || gap_compare.parsed())
         tools::run_diagnose(arguments.diagnose, console);
+    else if (doe.parsed())
+        tools::run_doe(doe, arguments.doe, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
     else
