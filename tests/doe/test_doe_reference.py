@@ -220,7 +220,9 @@ def test_etch_noise_scatters(context, rms_m):
     u = ((np.arange(128) + 0.5) / 128 * 2 - 1) * half
     v = ((np.arange(96) + 0.5) / 96 * 2 - 1) * half
     envelope = np.sinc(PITCH * u / WAVELENGTH)[None, :] ** 2 * np.sinc(PITCH * v / WAVELENGTH)[:, None] ** 2
-    expected = (1 - np.exp(-(s**2))) * envelope * (PITCH / WAVELENGTH) ** 2 * np.sqrt(1 - u[None, :] ** 2 - v[:, None] ** 2)
+    expected = (
+        (1 - np.exp(-(s**2))) * envelope * (PITCH / WAVELENGTH) ** 2 * np.sqrt(1 - u[None, :] ** 2 - v[:, None] ** 2)
+    )
     dark = clean.texels < 1e-6 * clean.texels.max()
     assert dark.sum() > 1000
     assert np.allclose(difference[dark], expected[dark], rtol=1e-3, atol=1e-6 * expected.max())
@@ -309,7 +311,9 @@ def test_beam_kinds_agree_where_they_are_the_same(context):
     _, two = single_spot(context, clspeckle.Beam(covariance_m2=(sigma**2, sigma**2), m_squared=2), half, 101)
     assert one.divergence_x_rad == pytest.approx(2 * WAVELENGTH / (4 * np.pi * sigma), rel=0.01)
     assert two.divergence_x_rad == pytest.approx(2 * one.divergence_x_rad, rel=1e-4)
-    _, skewed = single_spot(context, clspeckle.Beam("skewed", covariance_m2=(sigma**2, sigma**2), skew=(4, 0)), half, 101)
+    _, skewed = single_spot(
+        context, clspeckle.Beam("skewed", covariance_m2=(sigma**2, sigma**2), skew=(4, 0)), half, 101
+    )
     assert skewed.divergence_x_rad > 1.3 * one.divergence_x_rad
     assert skewed.divergence_y_rad == pytest.approx(one.divergence_y_rad, rel=1e-3)
 
@@ -345,7 +349,8 @@ def test_caches(context, tmp_path):
     assert made(context).info.source == "memory"
     assert made(context, defects=clspeckle.DoeDefects(relative_depth_error=0.01)).info.source == "computed"
     files = sorted(tmp_path.iterdir())
-    assert len(files) == 2 and all(path.suffix == ".doe" for path in files)
+    assert len(files) == 2
+    assert all(path.suffix == ".doe" for path in files)
     for path in files:
         content = bytearray(path.read_bytes())
         with clspeckle.Context() as other:
@@ -379,7 +384,9 @@ def test_a_pattern_is_what_the_lookup_takes(context):
 
 
 def test_designs_are_saved_and_loaded(tmp_path):
-    design = clspeckle.DoeDesign(random_cell(), PITCH, wavelength_m=850e-9, levels=0, orders=[[1, 2, 0.5], [3, -4, 1.0]])
+    design = clspeckle.DoeDesign(
+        random_cell(), PITCH, wavelength_m=850e-9, levels=0, orders=[[1, 2, 0.5], [3, -4, 1.0]]
+    )
     design.save(tmp_path / "cell.npy")
     loaded = clspeckle.DoeDesign.load(tmp_path / "cell")
     assert np.array_equal(loaded.phase, design.phase)
@@ -406,7 +413,10 @@ REFUSED = {
     "prime size": ({"phase": np.zeros((17, 16), np.float32)}, "18"),
     "memory": ({"max_memory_bytes": 4096}, "MiB"),
     "line far off": ({"lines": [300e-9]}, "half to twice"),
-    "wide beam in an aperture": ({"evaluation": "aperture", "beam": clspeckle.Beam(covariance_m2=(1e-4, 1e-4))}, "samples"),
+    "wide beam in an aperture": (
+        {"evaluation": "aperture", "beam": clspeckle.Beam(covariance_m2=(1e-4, 1e-4))},
+        "samples",
+    ),
     "M^2 in an aperture": ({"evaluation": "aperture", "beam": clspeckle.Beam(m_squared=2)}, "APERTURE|aperture"),
     "covariance": ({"beam": clspeckle.Beam(covariance_m2=(1e-8, 2e-8, 1e-8))}, "positive definite"),
     "dark beam": ({"beam": clspeckle.Beam(image=np.zeros((4, 4)))}, "0 everywhere"),

@@ -69,7 +69,10 @@ def look(pattern, distance):
 def test_energy_per_dot_from_near_to_far(context, measured, texels):
     """Every dot's light within 1 % from 0.4 m to 5 m, pixels from 2 to 18 texels wide; the bilinear lookup is far off."""
     made, directions = dots(context, texels)
-    area, bilinear = made.pattern(filter="area", laser_from_geometry=BASELINE), made.pattern(laser_from_geometry=BASELINE)
+    area, bilinear = (
+        made.pattern(filter="area", laser_from_geometry=BASELINE),
+        made.pattern(laser_from_geometry=BASELINE),
+    )
     worst = 0.0
     for distance in DISTANCES:
         seen = inside(directions, distance)
@@ -144,7 +147,10 @@ def test_edges_of_objects_do_not_smear(context):
     assert np.abs(edge[0] - edge[1]).max() < 0.05 * near.max()
 
 
-@pytest.mark.parametrize(("options", "message"), [({"filter": "cubic"}, "filter"), ({"filter_taps": 0}, "filter_taps"), ({"filter_taps": 5}, "1 to 4")])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"filter": "cubic"}, "filter"), ({"filter_taps": 0}, "filter_taps"), ({"filter_taps": 5}, "1 to 4")],
+)
 def test_bad_filters_are_refused(context, options, message):
     with pytest.raises((clspeckle.ClspeckleError, TypeError), match=message):
         clspeckle.Pattern(np.ones((4, 4), np.float32), context=context, **options)

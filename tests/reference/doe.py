@@ -65,7 +65,9 @@ def aperture_image(
     for count, texels, extent in zip(field.shape[::-1], shape[::-1], half_extent):
         bin_width = wavelength_m / (count * pitch_m)
         reach = int(extent / bin_width) + 2 if envelope else count // 2
-        order = np.arange(-reach * oversampling, reach * oversampling + (oversampling if envelope else 0)) / oversampling
+        order = (
+            np.arange(-reach * oversampling, reach * oversampling + (oversampling if envelope else 0)) / oversampling
+        )
         waves.append(np.exp(-2j * np.pi * np.outer(order, np.arange(count)) / count))
         at = edges(texels, extent) / bin_width
         low, high = order[:, None] - 0.5 / oversampling, order[:, None] + 0.5 / oversampling

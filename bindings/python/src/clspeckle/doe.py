@@ -1,4 +1,4 @@
-"""The pattern of a diffractive optical element (DOE): from its phase and the laser's beam to texels for :class:`Pattern`.
+"""The pattern of a diffractive optical element (DOE): from its phase and the laser's beam to texels of a pattern.
 
     design = clspeckle.DoeDesign.load("design.npy")
     doe = clspeckle.DoePattern(design, beam=clspeckle.Beam(covariance_m2=(6e-8, 6e-8)))
@@ -47,7 +47,7 @@ _SOURCES = {
 
 @dataclasses.dataclass(eq=False)
 class Beam:
-    """The laser's beam at the DOE. What is None has the C library's default (a Gaussian of 1 mm between 1/e^2 points)."""
+    """The laser's beam at the DOE. What is None has the C library's default: a Gaussian, 1 mm between 1/e^2 points."""
 
     kind: str | None = None
     """"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed" or "image"."""
@@ -211,7 +211,8 @@ def _beam(beam: Beam, kept: _Kept) -> Any:
             xx, xy, yy = given
         else:
             raise errors.InvalidArgumentError(
-                f"beam.covariance_m2 has shape {given.shape}, expected (xx, yy), (xx, xy, yy) or a symmetric 2 x 2 matrix"
+                f"beam.covariance_m2 has shape {given.shape}, "
+                "expected (xx, yy), (xx, xy, yy) or a symmetric 2 x 2 matrix"
             )
         struct.covariance_xx_m2, struct.covariance_xy_m2, struct.covariance_yy_m2 = float(xx), float(xy), float(yy)
     height = beam.width_m if beam.height_m is None else beam.height_m
@@ -250,7 +251,9 @@ def _design(design: DoeDesign, desc: _library.ClspDoePatternDesc, kept: _Kept) -
         return
     table = np.asarray(value, np.float64)
     if table.ndim != 2 or table.shape[1] not in (2, 3) or len(table) == 0:
-        raise errors.InvalidArgumentError(f"design.{name} has shape {table.shape}, expected (n, 2) or (n, 3), n at least 1")
+        raise errors.InvalidArgumentError(
+            f"design.{name} has shape {table.shape}, expected (n, 2) or (n, 3), n at least 1"
+        )
     desc.dot_count = len(table)
     if design.periodic:
         if not np.array_equal(table[:, :2], np.rint(table[:, :2])) or np.abs(table[:, :2]).max() > 2**30:
@@ -324,7 +327,8 @@ class DoePattern(Handle):
             table = np.asarray(lines, np.float64)
             if table.ndim not in (1, 2) or len(table) == 0 or (table.ndim == 2 and table.shape[1] != 2):
                 raise errors.InvalidArgumentError(
-                    f"lines has shape {table.shape}, expected (n,) wavelengths or (n, 2) wavelengths and powers, n at least 1"
+                    f"lines has shape {table.shape}, "
+                    "expected (n,) wavelengths or (n, 2) wavelengths and powers, n at least 1"
                 )
             desc.line_count = len(table)
             wavelengths = table if table.ndim == 1 else table[:, 0]
@@ -358,7 +362,7 @@ class DoePattern(Handle):
         half_extent: Any | None = None,
         context: Context | None = None,
     ) -> DoePattern:
-        """Ideal dots: the beam's far field at (n, 2) direction cosines u, v, looked up at the same cost as a DOE's pattern.
+        """Ideal dots: the beam's far field at (n, 2) direction cosines u, v, looked up at the cost of a DOE's pattern.
 
         Args:
             powers: (n,) in any unit; None: all equal.
@@ -405,7 +409,7 @@ class DoePattern(Handle):
         return shares
 
     def pattern(self, **options: Any) -> Pattern:
-        """A :class:`Pattern` of these texels; `options` are its other arguments: power_scale, laser_from_geometry, ..."""
+        """A :class:`Pattern` of these texels; `options` are its other arguments: filter, laser_from_geometry, ..."""
         info = self.info
         return Pattern(
             self.texels,
