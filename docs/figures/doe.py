@@ -9,6 +9,7 @@ The design is made here, by weighted Gerchberg-Saxton (Di Leonardo, Ianni, Ruocc
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 import clspeckle
@@ -62,14 +63,14 @@ def gerchberg_saxton(orders: NDArray[np.int64], iterations: int, rng: np.random.
     return phase.astype(np.float32)
 
 
-def show(axes: plt.Axes, made: clspeckle.DoePattern, title: str, gamma: float = 0.5) -> None:
-    info = made.info
-    x, y = info.half_extent_x, info.half_extent_y
+def show(axes: plt.Axes, made: clspeckle.DoePattern, title: str) -> None:
+    """Square root of the intensity; what is brighter than a bright dot is white."""
+    x, y = made.info.half_extent_x, made.info.half_extent_y
     values = made.texels.astype(np.float64)
-    axes.imshow((values / np.quantile(values, 0.9999)).clip(0, 1) ** gamma, cmap="gray", extent=(-x, x, y, -y))
+    bright = np.sort(values.reshape(16, 32, 16, 32).max(axis=(1, 3)).ravel())[-8]
+    axes.imshow((values / bright).clip(0, 1) ** 0.5, cmap="gray", extent=(-x, x, y, -y))
     axes.set_title(title, fontsize=9)
     axes.set_xlabel("u")
-    axes.set_ylabel("v")
 
 
 def books(made: clspeckle.DoePattern, name: str) -> None:
@@ -111,17 +112,16 @@ def main() -> None:
         axes.set_ylabel("v")
     figure.savefig(arguments.folder / "doe_pattern.png", dpi=90)
 
-    figure, panels = plt.subplots(1, 2, figsize=(9, 4.6), layout="constrained")
+    figure, panels = plt.subplots(1, 3, figsize=(12.5, 4.4), layout="constrained")
     close = {"half_extent": 0.035, "image_shape": (512, 512)}
     ideal = np.asarray(design.orders, float)[:, :2] * [info.order_spacing_x, info.order_spacing_y]
     round_beam = clspeckle.Beam(covariance_m2=(3.0e-4**2,) * 2)
     show(panels[0], clspeckle.DoePattern.ideal(ideal, beam=round_beam, **close), "ideal dots")
-    show(
-        panels[1],
-        clspeckle.DoePattern(design, beam=BEAM, defects=DEFECTS, **close),
-        "DOE: zero order, ghosts, scatter, shape",
-        0.4,
-    )
+    show(panels[1], clspeckle.DoePattern(design, beam=BEAM, defects=DEFECTS, **close), "binary, with defects: by orders")
+    sharp = dataclasses.replace(DEFECTS, rounding_sigma_m=0.0)  # rounding would need more samples than an aperture may have
+    whole = clspeckle.DoePattern(design, beam=BEAM, defects=sharp, evaluation="aperture", **close)
+    print(f"aperture: {whole.info.device_memory_bytes / 2**20:.0f} MiB of device memory")
+    show(panels[2], whole, "without rounding, by the whole aperture")
     figure.savefig(arguments.folder / "doe_zoom.png", dpi=90)
 
     figure, axes = plt.subplots(figsize=(6, 5.4), layout="constrained")
