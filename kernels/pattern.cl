@@ -62,7 +62,7 @@ static inline void integral_weights(float x, int count, float sign, int edges[3]
 }
 
 // The mean over a rectangle of wx by wy texels around (x, y).
-static inline float area_mean(__global const ulong *sums, float unit, int width, int height, float x, float y, float wx, float wy) {
+static inline float area_mean(__global const uint *sums, float unit, int width, int height, float x, float y, float wx, float wy) {
     // Outside, or not a number.
     if (!(x + 0.5f * wx > -1.0f && y + 0.5f * wy > -1.0f && x - 0.5f * wx < convert_float(width) && y - 0.5f * wy < convert_float(height)))
         return 0.0f;
@@ -76,14 +76,14 @@ static inline float area_mean(__global const ulong *sums, float unit, int width,
     integral_weights(y1, height, 1.0f, ey + 3, ay + 3);
     // Weights of an axis sum to 0, so that sums may be counted from the first edge on: small, exact integers.
     const int pitch = width + 1;
-    __global const ulong *first = sums + (ulong)ey[0] * (uint)pitch;
-    ulong base[6];
+    __global const uint *first = sums + (ulong)ey[0] * (uint)pitch;
+    uint base[6];
     for (int i = 0; i < 6; ++i)
         base[i] = first[ex[i]] - first[ex[0]];
     float sum = 0.0f;
     for (int j = 1; j < 6; ++j) {
-        __global const ulong *line = sums + (ulong)ey[j] * (uint)pitch;
-        const ulong start = line[ex[0]];
+        __global const uint *line = sums + (ulong)ey[j] * (uint)pitch;
+        const uint start = line[ex[0]];
         float row = 0.0f;
         for (int i = 1; i < 6; ++i)
             row = fma(ax[i], convert_float(line[ex[i]] - start - base[i]), row);
@@ -117,7 +117,7 @@ static inline float2 nearer_step(uint x, uint y, int dx, int dy, uint width, uin
 }
 
 // The mean over a pixel's footprint, in FILTER_TAPS x FILTER_TAPS rectangles along its own axes.
-static inline float footprint_mean(__global const ulong *sums, float unit, int width, int height, float2 centre, float2 along_x, float2 along_y) {
+static inline float footprint_mean(__global const uint *sums, float unit, int width, int height, float2 centre, float2 along_x, float2 along_y) {
     const float wx = fmax(LEAST_FOOTPRINT, hypot(along_x.x, along_y.x) / FILTER_TAPS);
     const float wy = fmax(LEAST_FOOTPRINT, hypot(along_x.y, along_y.y) / FILTER_TAPS);
     float sum = 0.0f;
@@ -146,7 +146,7 @@ static inline float bilinear(__global const float *texels, int width, int height
 // pose: the rows of [R|t], laser from geometry, in s0..s11. extent: half_extent_x, half_extent_y, power_scale, and with AREA_FILTER the
 // unit of the summed-area table that takes the texels' place.
 #if AREA_FILTER
-#define TEXEL ulong
+#define TEXEL uint
 #else
 #define TEXEL float
 #endif

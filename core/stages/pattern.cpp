@@ -14,23 +14,31 @@ namespace {
 
 constexpr std::uint32_t kMaxFilterTaps = 4;
 
+// A summed-area table in integers, whose differences are exact however large the sums.
 struct AreaTable {
-    std::vector<cl_ulong> sums; // (width + 1) x (height + 1): the texels before an edge, in units
+    std::vector<cl_uint> sums; // (width + 1) x (height + 1): the texels before an edge, in units
     double unit = 0;
 };
 
-// Integers, whose differences are exact however large the sums; all texels together are 2^62 units.
+// All texels together; below 2^32 by more than what the rounding of 16384 rows can add.
+constexpr double kAreaTotal = 4.29e9;
+
 AreaTable make_area_table(const std::vector<float> &texels, std::size_t width, std::size_t height) {
     double total = 0;
     for (const float texel : texels)
         total += texel;
     AreaTable table;
-    table.unit = total > 0 ? total * 0x1p-62 : 1.0;
+    table.unit = total > 0 ? total / kAreaTotal : 1.0;
     table.sums.assign((width + 1) * (height + 1), 0);
     for (std::size_t y = 0; y < height; ++y) {
-        cl_ulong row = 0;
+        // What rounding takes from a texel the next one gets: dim light that is less than a unit per texel is not lost.
+        double rest = 0;
+        cl_uint row = 0;
         for (std::size_t x = 0; x < width; ++x) {
-            row += static_cast<cl_ulong>(double(texels[y * width + x]) / table.unit + 0.5);
+            rest += double(texels[y * width + x]) / table.unit;
+            const double whole = std::floor(rest + 0.5);
+            rest -= whole;
+            row += static_cast<cl_uint>(whole);
             table.sums[(y + 1) * (width + 1) + x + 1] = table.sums[y * (width + 1) + x + 1] + row;
         }
     }
@@ -75,7 +83,7 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
                         "pattern values must be finite and not negative");
     if (filter_ == PatternFilter::kArea) {
         const AreaTable table = make_area_table(texels, p.width, p.height);
-        texels_ = DeviceBuffer(context_, table.sums.size() * sizeof(cl_ulong), table.sums.data());
+        texels_ = DeviceBuffer(context_, table.sums.size() * sizeof(cl_uint), table.sums.data());
         extent_.s[3] = static_cast<float>(table.unit);
     } else {
         texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());

@@ -15,9 +15,9 @@
  * dot falls between pixels, light is lost or gained. AREA takes the mean of the same bilinear pattern over the pixel's footprint, a
  * rectangle in pattern coordinates whose sides are the steps to the neighbouring pixels' coordinates (of the two neighbours along each
  * axis the nearer one, so that edges of objects do not widen it), at least 1/16 texel: the footprints of a surface tile the pattern, so
- * every dot keeps its light at any distance. It comes from a summed-area table of 64-bit integers, exact in any order of summation,
- * interpolated quadratically (the integral of a bilinear function), at 36 reads per tap, whatever the footprint's size; mip levels would
- * cost fewer, but blur across and along alike, and do not tile. The rectangle's sides are those of the pattern's axes: with the image
+ * every dot keeps its light at any distance. It comes from a summed-area table of integers (a unit is 2.3e-10 of the whole
+ * pattern; differences are exact), interpolated quadratically (the integral of a bilinear function), at 36 reads per tap, whatever the
+ * footprint's size; mip levels would cost fewer, but blur across and along alike, and do not tile. The rectangle's sides are those of the pattern's axes: with the image
  * turned by an angle r against the pattern, dots much smaller than a pixel keep their light to about 2 r^2; filter_taps > 1 divides the
  * footprint along the image's own axes. Beyond the pattern's edge AREA falls to 0 within half a texel.
  */
