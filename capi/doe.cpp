@@ -11,7 +11,7 @@ using namespace clsp::capi;
 
 namespace {
 
-static_assert(CLSP_MAX_DOE_SIDE == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines, "the engine's limits and the API's must agree");
+static_assert(CLSP_MAX_DOE_SAMPLES == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines, "the engine's limits and the API's must agree");
 
 ClspBeamProfile beam_defaults() {
     const BeamParameters p;

@@ -1,54 +1,23 @@
 /**
  * @file doe.hpp
- * @brief The commands `clspeckle doe pattern` and `clspeckle doe inspect`.
+ * @brief The commands `clspeckle doe ...`.
  */
 #ifndef CLSPECKLE_TOOLS_DOE_HPP
 #define CLSPECKLE_TOOLS_DOE_HPP
 
-#include "console.hpp"
-
-#include <CLI/CLI.hpp>
-
-#include <cstdint>
-#include <string>
-#include <vector>
+#include "doe_pattern.hpp"
 
 namespace tools {
 
-struct DoeArguments {
-    std::string design; ///< NAME.npy, with NAME.json beside it.
-    std::string output;
-    std::string beam = "gaussian";
-    std::vector<double> beam_sigma_um; ///< Of the intensity: one, or x and y; empty: the library's default.
-    std::vector<double> beam_width_um;
-    double beam_order = 4;
-    std::vector<double> beam_skew;
-    double m_squared = 1;
-    std::string beam_image;
-    std::uint32_t levels = 0;
-    double depth_error = 0;
-    double rounding_um = 0;
-    double etch_noise_nm = 0;
-    double refractive_index = 0; ///< 0: the library's default.
-    double dispersion_per_um = 0;
-    std::uint64_t seed = 0;
-    std::vector<double> wavelengths_nm, line_powers;
-    std::vector<double> doe_size_mm;
-    std::string evaluation = "auto";
-    std::uint32_t oversampling = 2;
-    double power_w = 1;
-    std::vector<std::uint32_t> texels;
-    std::vector<double> half_extent;
-    bool smooth = false;
-    std::string cache;
-    std::vector<double> zoom; ///< u, v, half width.
-    std::string device;
+/** What the commands of the group are given; lives as long as the parser. */
+struct DoeCommands {
+    DoePatternCommands pattern;
 };
 
-/** Adds the two commands to the group `doe`. @param json, quiet the flags that all commands share. */
-void add_doe(CLI::App &group, DoeArguments &arguments, bool &json, bool &quiet);
-/** Runs whichever of the two was given. */
-void run_doe(const CLI::App &group, const DoeArguments &arguments, Console &console);
+/** Adds the group `doe` and its commands. */
+void add_doe(CLI::App &app, DoeCommands &commands, bool &json, bool &quiet);
+/** Runs the one that was parsed. @return false if none was. */
+bool run_doe(const DoeCommands &commands, Console &console);
 
 } // namespace tools
 

@@ -428,8 +428,8 @@ struct Arguments {
     tools::DiagnoseArguments diagnose;
     // gap check
     tools::GapCheckArguments gap_check;
-    // doe pattern, doe inspect
-    tools::DoeArguments doe;
+    // doe
+    tools::DoeCommands doe;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -706,9 +706,6 @@ int run(int argc, char **argv) {
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
-    CLI::App &doe = *app.add_subcommand("doe", "Compute and inspect patterns of diffractive optical elements");
-    tools::add_doe(doe, arguments.doe, arguments.json, arguments.quiet);
-
     CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
     add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
 
@@ -721,6 +718,8 @@ int run(int argc, char **argv) {
     CLI::App &gap_check =
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
+
+    tools::add_doe(app, arguments.doe, arguments.json, arguments.quiet);
 
     try {
         app.parse(argc, argv);
@@ -751,11 +750,9 @@ int run(int argc, char **argv) {
         tools::run_capture_make(arguments.capture_make, console);
     else if (diagnose.parsed() || gap_compare.parsed())
         tools::run_diagnose(arguments.diagnose, console);
-    else if (doe.parsed())
-        tools::run_doe(doe, arguments.doe, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
-    else
+    else if (!tools::run_doe(arguments.doe, console))
         tools::run_statistics(stats, console);
     console.finish();
     return code;

@@ -87,11 +87,11 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path(__file__).resolve().parents[1] / "images")
     arguments = parser.parse_args()
     if arguments.design:
-        design = clspeckle.DoeDesign.load(arguments.design)
+        design = clspeckle.DoeElement.load(arguments.design)
     else:
         rng = np.random.default_rng(16)
         orders = layout(DOTS, rng)
-        design = clspeckle.DoeDesign(gerchberg_saxton(orders, 30, rng), PITCH, WAVELENGTH, orders=orders)
+        design = clspeckle.DoeElement(gerchberg_saxton(orders, 30, rng), PITCH, WAVELENGTH, orders=orders)
 
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.2), layout="constrained")
     made = clspeckle.DoePattern(design, beam=BEAM, image_shape=(2048, 2048))

@@ -179,7 +179,7 @@ TEST_F(Doe, ContradictionsAreRefused) {
     desc.width = 0;
     refused(CLSP_ERROR_INVALID_ARGUMENT, "0 x 16", desc);
     desc = valid();
-    desc.width = CLSP_MAX_DOE_SIDE + 1;
+    desc.width = CLSP_MAX_DOE_SAMPLES + 1;
     refused(CLSP_ERROR_INVALID_ARGUMENT, "8192", desc);
     desc = valid();
     desc.pixel_pitch_m = 0;

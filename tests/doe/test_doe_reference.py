@@ -32,7 +32,7 @@ def binary_grating(samples, depth_rad=np.pi):
 
 
 def pattern_of(context, phase, *, orders=None, pitch=PITCH, wavelength=WAVELENGTH, levels=0, **options):
-    design = clspeckle.DoeDesign(phase, pitch, wavelength_m=wavelength, orders=orders, levels=levels)
+    design = clspeckle.DoeElement(phase, pitch, wavelength_m=wavelength, orders=orders, levels=levels)
     options = {"beam": BEAM, "image_shape": (96, 128)} | options
     return clspeckle.DoePattern(design, context=context, **options)
 
@@ -80,7 +80,7 @@ def test_aperture_is_the_transform_of_the_field(context, measured, envelope, ove
     phase = random_cell((36, 48), seed=72)
     half_extent = (0.25, 0.3)
     beam = clspeckle.Beam("flat_square", width_m=48 * PITCH, height_m=36 * PITCH)
-    design = clspeckle.DoeDesign(phase, PITCH, periodic=False)
+    design = clspeckle.DoeElement(phase, PITCH, periodic=False)
     made = clspeckle.DoePattern(
         design,
         beam=beam,
@@ -237,7 +237,7 @@ def test_etch_noise_drawn(context):
     phase = np.tile(binary_grating(20), (40, 50))
     beam = clspeckle.Beam("flat_square", width_m=1000 * PITCH, height_m=40 * PITCH)
     u = WAVELENGTH / (20 * PITCH)
-    design = clspeckle.DoeDesign(phase, PITCH, periodic=False, directions=[[u, 0], [-u, 0]])
+    design = clspeckle.DoeElement(phase, PITCH, periodic=False, directions=[[u, 0], [-u, 0]])
     options = {"beam": beam, "image_shape": (64, 512), "half_extent": 0.3, "context": context}
     clean = clspeckle.DoePattern(design, **options)
     noisy = [
@@ -384,19 +384,19 @@ def test_a_pattern_is_what_the_lookup_takes(context):
 
 
 def test_designs_are_saved_and_loaded(tmp_path):
-    design = clspeckle.DoeDesign(
+    design = clspeckle.DoeElement(
         random_cell(), PITCH, wavelength_m=850e-9, levels=0, orders=[[1, 2, 0.5], [3, -4, 1.0]]
     )
     design.save(tmp_path / "cell.npy")
-    loaded = clspeckle.DoeDesign.load(tmp_path / "cell")
+    loaded = clspeckle.DoeElement.load(tmp_path / "cell")
     assert np.array_equal(loaded.phase, design.phase)
     assert (loaded.pixel_pitch_m, loaded.wavelength_m, loaded.periodic, loaded.levels) == (PITCH, 850e-9, True, 0)
     assert np.array_equal(loaded.orders, design.orders)
     with pytest.raises(clspeckle.errors.InputOutputError, match="nothing"):
-        clspeckle.DoeDesign.load(tmp_path / "nothing.npy")
+        clspeckle.DoeElement.load(tmp_path / "nothing.npy")
     (tmp_path / "cell.json").write_text('{"wavelength_m": 1}')
     with pytest.raises(clspeckle.errors.InvalidDataError, match="pixel_pitch_m"):
-        clspeckle.DoeDesign.load(tmp_path / "cell.npy")
+        clspeckle.DoeElement.load(tmp_path / "cell.npy")
 
 
 REFUSED = {

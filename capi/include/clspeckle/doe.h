@@ -82,13 +82,13 @@ CLSP_API ClspStatus clspDoeDefectsInit(ClspDoeDefects *defects, uint32_t struct_
 #define CLSP_DOE_EVALUATION_ORDERS 1u   /**< Spots at the orders of a cell. */
 #define CLSP_DOE_EVALUATION_APERTURE 2u /**< The transform of the whole aperture. */
 
-#define CLSP_MAX_DOE_SIDE 8192u /**< Samples of a design along a side, feature_samples and the whole aperture included. */
+#define CLSP_MAX_DOE_SAMPLES 8192u /**< Samples of a design along a side, feature_samples and the whole aperture included. */
 #define CLSP_MAX_DOE_LINES 16u  /**< Laser lines. */
 
 /** A DOE, the beam, and the image of the pattern that is wanted. */
 typedef struct ClspDoePatternDesc {
     uint32_t struct_size;          /**< Size of the struct as the caller knows it. */
-    uint32_t width;                /**< Design width in pixels, 1 to CLSP_MAX_DOE_SIDE. */
+    uint32_t width;                /**< Design width in pixels, 1 to CLSP_MAX_DOE_SAMPLES. */
     uint32_t height;               /**< Likewise. */
     uint32_t periodic;             /**< 1 (default): the design is a cell that repeats over the DOE; 0: it is the whole aperture. */
     const float *phase;            /**< Host memory, height x width, radians at wavelength_m, row 0 first; copied. Finite. */

@@ -22,7 +22,7 @@ from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
-from .doe import Beam, DoeDefects, DoeDesign, DoePattern, DoePatternInfo
+from .doe import Beam, DoeDefects, DoeElement, DoePattern, DoePatternInfo
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -66,7 +66,7 @@ __all__ = [
     "DeviceImage",
     "Diagnosis",
     "DoeDefects",
-    "DoeDesign",
+    "DoeElement",
     "DoePattern",
     "DoePatternInfo",
     "Dots",

@@ -1,6 +1,6 @@
 """The pattern of a diffractive optical element (DOE): from its phase and the laser's beam to texels of a pattern.
 
-    design = clspeckle.DoeDesign.load("design.npy")
+    design = clspeckle.DoeElement.load("design.npy")
     doe = clspeckle.DoePattern(design, beam=clspeckle.Beam(covariance_m2=(6e-8, 6e-8)))
     pattern = doe.pattern(laser_from_geometry=pose)
 
@@ -23,7 +23,7 @@ from ._handle import Handle, create
 from .pattern import Pattern
 from .runtime import Context, resolve_context
 
-__all__ = ["Beam", "DoeDefects", "DoeDesign", "DoePattern", "DoePatternInfo"]
+__all__ = ["Beam", "DoeDefects", "DoeElement", "DoePattern", "DoePatternInfo"]
 
 _BEAMS = {
     "gaussian": _library.CLSP_BEAM_GAUSSIAN,
@@ -82,7 +82,7 @@ class DoeDefects:
 
 
 @dataclasses.dataclass(eq=False)
-class DoeDesign:
+class DoeElement:
     """The phase of a DOE."""
 
     phase: npt.ArrayLike
@@ -99,7 +99,7 @@ class DoeDesign:
     """(n, 2) or (n, 3): wanted direction cosines u, v, and weights, of a whole aperture."""
 
     @staticmethod
-    def load(path: str | os.PathLike[str]) -> DoeDesign:
+    def load(path: str | os.PathLike[str]) -> DoeElement:
         """Reads NAME.npy (the phase) and NAME.json beside it."""
         name = os.fspath(path)
         stem = name[:-4] if name.endswith(".npy") else name
@@ -107,7 +107,7 @@ class DoeDesign:
             phase = np.load(stem + ".npy", allow_pickle=False)
             with open(stem + ".json", encoding="utf-8") as file:
                 about = json.load(file)
-            return DoeDesign(
+            return DoeElement(
                 phase,
                 pixel_pitch_m=float(about["pixel_pitch_m"]),
                 wavelength_m=float(about["wavelength_m"]),
@@ -235,9 +235,9 @@ def _defects(defects: DoeDefects, kept: _Kept) -> Any:
     return kept.struct(struct)
 
 
-def _design(design: DoeDesign, desc: _library.ClspDoePatternDesc, kept: _Kept) -> None:
-    if not isinstance(design, DoeDesign):
-        raise TypeError(f"design must be a clspeckle.DoeDesign, got {_check.kind(design)}")
+def _design(design: DoeElement, desc: _library.ClspDoePatternDesc, kept: _Kept) -> None:
+    if not isinstance(design, DoeElement):
+        raise TypeError(f"design must be a clspeckle.DoeElement, got {_check.kind(design)}")
     desc.phase, desc.width, desc.height = _plane(design.phase, "design.phase", kept)
     desc.pixel_pitch_m = _check.real(design.pixel_pitch_m, "design.pixel_pitch_m")
     desc.wavelength_m = _check.real(design.wavelength_m, "design.wavelength_m")
@@ -300,7 +300,7 @@ class DoePattern(Handle):
 
     def __init__(
         self,
-        design: DoeDesign,
+        design: DoeElement,
         *,
         beam: Beam | None = None,
         defects: DoeDefects | None = None,
