@@ -11,7 +11,8 @@ using namespace clsp::capi;
 
 namespace {
 
-static_assert(CLSP_MAX_DOE_SAMPLES == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines, "the engine's limits and the API's must agree");
+static_assert(CLSP_MAX_DOE_SAMPLES == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines,
+              "the engine's limits and the API's must agree");
 
 ClspBeamProfile beam_defaults() {
     const BeamParameters p;
@@ -136,9 +137,11 @@ DoePatternParameters doe_parameters(const ClspDoePatternDesc *user) {
 }
 
 // Copies a result of known length.
-template <typename T> void copy_out(const std::vector<T> &from, std::uint64_t count, T *to, const char *name, const char *what) {
+template <typename T>
+void copy_out(const std::vector<T> &from, std::uint64_t count, T *to, const char *name, const char *what) {
     if (count != from.size())
-        throw Error(Status::kInvalidArgument, fmt::format("count is {}, but the pattern has {} {}", count, from.size(), what));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("count is {}, but the pattern has {} {}", count, from.size(), what));
     if (!to && !from.empty())
         throw Error(Status::kInvalidArgument, fmt::format("{} is NULL", name));
     std::copy(from.begin(), from.end(), to);
@@ -172,7 +175,8 @@ CLSP_API ClspStatus clspSpotPatternDescInit(ClspSpotPatternDesc *desc, uint32_t 
     return guarded("clspSpotPatternDescInit", [&] { init_struct(desc, struct_size, spot_defaults(), "desc"); });
 }
 
-CLSP_API ClspStatus clspSpotPatternCreate(ClspContext context, const ClspSpotPatternDesc *desc, ClspDoePattern *pattern) {
+CLSP_API ClspStatus clspSpotPatternCreate(ClspContext context, const ClspSpotPatternDesc *desc,
+                                          ClspDoePattern *pattern) {
     return guarded("clspSpotPatternCreate", [&] {
         object(context); // what cannot be used is refused here as everywhere
         required(pattern, "pattern");

@@ -15,7 +15,8 @@ namespace tools {
 
 namespace {
 
-constexpr const char *examples = R"(DESIGN is NAME.npy, the phase in radians (float32, height x width), with NAME.json beside it:
+constexpr const char *examples =
+    R"(DESIGN is NAME.npy, the phase in radians (float32, height x width), with NAME.json beside it:
   {"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9, "periodic": true, "levels": 2, "orders": [[m, n, weight], ...]}
 "periodic": the phase is a cell that repeats over the beam; else the whole aperture, with "directions": [[u, v, weight], ...].
 What the defects mean: docs/doe.md.
@@ -84,7 +85,8 @@ Design read_design(const std::string &path, Console &console) {
         return design;
     for (const auto &row : member<std::vector<std::vector<double>>>(about, file, list)) {
         if (row.size() != 2 && row.size() != 3)
-            throw InputError(fmt::format("{}: an entry of \"{}\" has {} numbers, expected 2 and perhaps a weight", file, list, row.size()));
+            throw InputError(fmt::format("{}: an entry of \"{}\" has {} numbers, expected 2 and perhaps a weight", file,
+                                         list, row.size()));
         if (design.periodic) {
             for (int k = 0; k < 2; ++k) {
                 const double value = row[std::size_t(k)];
@@ -119,7 +121,8 @@ std::uint32_t word_index(const std::string &word, const std::vector<std::string>
 
 clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design, Console &console) {
     auto beam = clspeckle::make<ClspBeamProfile>();
-    beam.kind = word_index(a.beam, {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"}, "--beam");
+    beam.kind =
+        word_index(a.beam, {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"}, "--beam");
     double sigma_x = std::sqrt(beam.covariance_xx_m2), sigma_y = std::sqrt(beam.covariance_yy_m2);
     take_pair(a.beam_sigma_um, 1e-6, sigma_x, sigma_y, "--beam-sigma-um");
     beam.covariance_xx_m2 = sigma_x * sigma_x;
@@ -167,7 +170,8 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     for (const double wavelength : a.wavelengths_nm)
         wavelengths_m.push_back(wavelength * 1e-9);
     if (!a.line_powers.empty() && a.line_powers.size() != wavelengths_m.size())
-        throw InputError(fmt::format("--line-power has {} numbers, but --wavelength-nm has {}", a.line_powers.size(), wavelengths_m.size()));
+        throw InputError(fmt::format("--line-power has {} numbers, but --wavelength-nm has {}", a.line_powers.size(),
+                                     wavelengths_m.size()));
     desc.line_count = static_cast<std::uint32_t>(wavelengths_m.size());
     desc.line_wavelengths_m = wavelengths_m.empty() ? nullptr : wavelengths_m.data();
     desc.line_powers = a.line_powers.empty() ? nullptr : a.line_powers.data();
@@ -207,9 +211,10 @@ Json books_of(const ClspDoePatternInfo &i) {
 
 void print_books(const ClspDoePatternInfo &i, Console &console) {
     const char *source = i.source == CLSP_DOE_SOURCE_DISK ? "from the cache" : "computed";
-    console.print(fmt::format("{} x {} texels over +-{:.4f} x +-{:.4f} in direction cosines, {}; spots +-{:.3g} x +-{:.3g} mrad (M^2 {:g})",
-                              i.image_width, i.image_height, i.half_extent_x, i.half_extent_y, source, 1e3 * i.divergence_x_rad,
-                              1e3 * i.divergence_y_rad, i.m_squared));
+    console.print(fmt::format(
+        "{} x {} texels over +-{:.4f} x +-{:.4f} in direction cosines, {}; spots +-{:.3g} x +-{:.3g} mrad (M^2 {:g})",
+        i.image_width, i.image_height, i.half_extent_x, i.half_extent_y, source, 1e3 * i.divergence_x_rad,
+        1e3 * i.divergence_y_rad, i.m_squared));
     const auto percent = [](double share) { return fmt::format("{:.3f} %", 100 * share); };
     std::vector<std::vector<std::string>> rows = {{"share of the power", ""}};
     if (i.dot_count > 0)
@@ -224,8 +229,8 @@ void print_books(const ClspDoePatternInfo &i, Console &console) {
 }
 
 /** A part of the texels as a square panel: the brightest texel of each of its pixels, so that no dot is lost. */
-std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t width, std::uint32_t height, double x0, double y0, double x1,
-                                double y1) {
+std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t width, std::uint32_t height, double x0,
+                                double y0, double x1, double y1) {
     std::vector<float> values(std::size_t{panel_side} * panel_side, 0.0f);
     float most = 0;
     const auto range = [](double first, double last, std::uint32_t k, std::uint32_t size) {
@@ -247,20 +252,24 @@ std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t 
     }
     std::vector<std::uint8_t> codes(values.size());
     for (std::size_t k = 0; k < codes.size(); ++k)
-        codes[k] = static_cast<std::uint8_t>(most > 0 ? std::lround(255 * std::pow(values[k] / most, gamma_of_figure)) : 0);
+        codes[k] =
+            static_cast<std::uint8_t>(most > 0 ? std::lround(255 * std::pow(values[k] / most, gamma_of_figure)) : 0);
     return codes;
 }
 
 /** The whole pattern, and a part of it, side by side. */
-void write_figure(const std::string &path, const ClspDoePatternInfo &i, const std::vector<float> &texels, const std::vector<double> &zoom) {
+void write_figure(const std::string &path, const ClspDoePatternInfo &i, const std::vector<float> &texels,
+                  const std::vector<double> &zoom) {
     const double u = zoom.empty() ? 0 : zoom[0], v = zoom.empty() ? 0 : zoom[1];
     const double half = zoom.empty() ? std::min(i.half_extent_x, i.half_extent_y) / 12 : zoom[2];
     const auto x_of = [&](double at) { return (at / i.half_extent_x + 1) / 2 * i.image_width; };
     const auto y_of = [&](double at) { return (at / i.half_extent_y + 1) / 2 * i.image_height; };
     // Square in direction cosines.
     const double extent = std::max(i.half_extent_x, i.half_extent_y);
-    const auto left = panel(texels, i.image_width, i.image_height, x_of(-extent), y_of(-extent), x_of(extent), y_of(extent));
-    const auto right = panel(texels, i.image_width, i.image_height, x_of(u - half), y_of(v - half), x_of(u + half), y_of(v + half));
+    const auto left =
+        panel(texels, i.image_width, i.image_height, x_of(-extent), y_of(-extent), x_of(extent), y_of(extent));
+    const auto right =
+        panel(texels, i.image_width, i.image_height, x_of(u - half), y_of(v - half), x_of(u + half), y_of(v + half));
     constexpr std::uint32_t gap = 12, width = 2 * panel_side + gap;
     std::vector<std::uint8_t> codes(std::size_t{width} * panel_side, 255);
     for (std::uint32_t y = 0; y < panel_side; ++y) {
@@ -271,25 +280,33 @@ void write_figure(const std::string &path, const ClspDoePatternInfo &i, const st
 }
 
 void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet) {
-    app.add_option("DESIGN", a.design, "Phase of the element: NAME.npy, with NAME.json beside it")->required()->type_name("");
+    app.add_option("DESIGN", a.design, "Phase of the element: NAME.npy, with NAME.json beside it")
+        ->required()
+        ->type_name("");
     const auto number = [&](const char *name, auto &value, const char *what) {
         app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name("NUMBER")->take_last();
     };
     const auto numbers = [&](const char *name, auto &value, const char *what) {
         app.add_option(name, value, what)->delimiter(',')->type_name("NUMBER,...");
     };
-    app.add_option("--beam", a.beam, "gaussian, flat_circle, flat_square, super_gaussian, skewed or image (default gaussian)")->type_name("WORD");
-    numbers("--beam-sigma-um", a.beam_sigma_um, "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
+    app.add_option("--beam", a.beam,
+                   "gaussian, flat_circle, flat_square, super_gaussian, skewed or image (default gaussian)")
+        ->type_name("WORD");
+    numbers("--beam-sigma-um", a.beam_sigma_um,
+            "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
     numbers("--beam-width-um", a.beam_width_um, "Full width of the other beams, or width,height (default 1000)");
     number("--beam-order", a.beam_order, "Of a super-Gaussian beam");
     numbers("--beam-skew", a.beam_skew, "Shape parameter of a skewed beam, or x,y");
     number("--m-squared", a.m_squared, "Beam quality: the spots are that much wider");
-    app.add_option("--beam-image", a.beam_image, "Image of the beam's intensity over --beam-width-um")->type_name("IMAGE");
+    app.add_option("--beam-image", a.beam_image, "Image of the beam's intensity over --beam-width-um")
+        ->type_name("IMAGE");
     number("--levels", a.levels, "Levels that manufacture has; 0: no limit");
     number("--depth-error", a.depth_error, "All depths are (1 + this) times as deep");
     number("--rounding-um", a.rounding_um, "Standard deviation by which the relief is blurred");
     number("--etch-noise-nm", a.etch_noise_nm, "RMS error of each pixel's depth");
-    app.add_option("--refractive-index", a.refractive_index, "At the design's wavelength (default 1.4507, fused silica)")->type_name("NUMBER");
+    app.add_option("--refractive-index", a.refractive_index,
+                   "At the design's wavelength (default 1.4507, fused silica)")
+        ->type_name("NUMBER");
     number("--dispersion-per-um", a.dispersion_per_um, "Change of the index with the wavelength");
     number("--seed", a.seed, "Of the etch noise");
     numbers("--wavelength-nm", a.wavelengths_nm, "Of the laser, or of its lines (default the design's)");
@@ -302,7 +319,8 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
         ->delimiter(',')
         ->expected(2)
         ->type_name("W,H");
-    numbers("--half-extent", a.half_extent, "The image covers so much to each side in direction cosines, or x,y (default: all)");
+    numbers("--half-extent", a.half_extent,
+            "The image covers so much to each side in direction cosines, or x,y (default: all)");
     app.add_flag("--smooth", a.smooth, "The phase is smooth between the pixels' centres: no envelope of square pixels");
     app.add_option("--cache", a.cache, "Folder in which patterns are kept between runs")->type_name("FOLDER");
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
@@ -335,9 +353,10 @@ void run(const DoePatternArguments &a, bool to_file, Console &console) {
     }
     print_books(info, console);
     if (to_file)
-        console.print(fmt::format("Look it up with: clspeckle render SCENE -o FOLDER --pattern {}.npy --pattern-projection direction_cosines "
-                                  "--pattern-half-extent-x {:.9g} --pattern-half-extent-y {:.9g}",
-                                  stem, info.half_extent_x, info.half_extent_y));
+        console.print(fmt::format(
+            "Look it up with: clspeckle render SCENE -o FOLDER --pattern {}.npy --pattern-projection direction_cosines "
+            "--pattern-half-extent-x {:.9g} --pattern-half-extent-y {:.9g}",
+            stem, info.half_extent_x, info.half_extent_y));
 }
 
 } // namespace
@@ -346,14 +365,19 @@ void add_doe_pattern(CLI::App &group, DoePatternCommands &commands, bool &json, 
     DoePatternArguments &a = commands.arguments;
     CLI::App &pattern = *group.add_subcommand("pattern", "Compute the pattern of a DOE, for render --pattern");
     pattern.footer(examples);
-    pattern.add_option("-o,--output", a.output, "NPY of radiant intensities; a JSON with what is known is written beside it")
+    pattern
+        .add_option("-o,--output", a.output,
+                    "NPY of radiant intensities; a JSON with what is known is written beside it")
         ->required()
         ->type_name("FILE.npy");
     add_options(pattern, a, json, quiet);
     CLI::App &inspect = *group.add_subcommand("inspect", "Say where a DOE's light goes, and draw its pattern");
     inspect.footer(examples);
-    inspect.add_option("-o,--output", a.output, "Figure: the pattern, and a part of it (square root of the intensity)")->type_name("FILE.png");
-    inspect.add_option("--zoom", a.zoom, "Part of the pattern in the figure: centre u,v and half width (default 0,0, a twelfth)")
+    inspect.add_option("-o,--output", a.output, "Figure: the pattern, and a part of it (square root of the intensity)")
+        ->type_name("FILE.png");
+    inspect
+        .add_option("--zoom", a.zoom,
+                    "Part of the pattern in the figure: centre u,v and half width (default 0,0, a twelfth)")
         ->delimiter(',')
         ->expected(3)
         ->type_name("U,V,HALF");

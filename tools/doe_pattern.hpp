@@ -52,7 +52,8 @@ struct DoePatternCommands {
     CLI::App *inspect_command = nullptr;
 };
 
-/** Adds the commands `pattern` and `inspect` to the group `doe`. @param json, quiet the flags that all commands share. */
+/** Adds the commands `pattern` and `inspect` to the group `doe`. @param json, quiet the flags that all commands share.
+ */
 void add_doe_pattern(CLI::App &group, DoePatternCommands &commands, bool &json, bool &quiet);
 /** Runs the one that was parsed. @return false if neither was. */
 bool run_doe_pattern(const DoePatternCommands &commands, Console &console);

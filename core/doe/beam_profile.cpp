@@ -11,18 +11,18 @@
 namespace clsp {
 namespace {
 
-// A beam's support is this small a part of the transformed window, so that the far field is finely sampled: a Gaussian's
-// sigma by 10 samples.
+// A beam's support is this small a part of the transformed window, so that the far field is finely sampled: a
+// Gaussian's sigma by 10 samples.
 constexpr int kWindowSide = 2048, kSupportSide = 128;
 // A Gaussian ends where its intensity is exp(-32) = 1e-14 of the peak.
 constexpr double kGaussianHalfWidths = 8.0;
 constexpr int kSubsamples = 4; // along each side: smooth edges of flat beams
-// Far fields of beams with edges fall slowly (an Airy pattern's rings hold 1/theta of the light). What lies beyond the table is
-// given back to the part that is kept.
+// Far fields of beams with edges fall slowly (an Airy pattern's rings hold 1/theta of the light). What lies beyond the
+// table is given back to the part that is kept.
 constexpr double kSpotTail = 1e-7;
 constexpr int kLargestSpotRadius = 256;
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kTableTotal = 4.29e9; // below 2^32 by more than what rounding 513^2 entries can add
+constexpr double kTableTotal = 4.29e9;         // below 2^32 by more than what rounding 513^2 entries can add
 constexpr double kTwoSigmaShare = 0.954499736; // erf(sqrt(2))
 
 double square(double x) {
@@ -45,7 +45,8 @@ BeamProfile::BeamProfile(const BeamParameters &p) : parameters_(p) {
         const double determinant = p.covariance_xx_m2 * p.covariance_yy_m2 - square(p.covariance_xy_m2);
         if (!(determinant > 1e-9 * p.covariance_xx_m2 * p.covariance_yy_m2))
             throw Error(Status::kInvalidArgument,
-                        fmt::format("the beam's covariance [[{0}, {1}], [{1}, {2}]] m^2 is not positive definite: xy^2 must be below xx yy",
+                        fmt::format("the beam's covariance [[{0}, {1}], [{1}, {2}]] m^2 is not positive definite: xy^2 "
+                                    "must be below xx yy",
                                     p.covariance_xx_m2, p.covariance_xy_m2, p.covariance_yy_m2));
         inverse_xx_ = p.covariance_yy_m2 / determinant;
         inverse_yy_ = p.covariance_xx_m2 / determinant;
@@ -71,11 +72,12 @@ BeamProfile::BeamProfile(const BeamParameters &p) : parameters_(p) {
     if (p.kind == BeamKind::kImage) {
         if (p.image_width < 2 || p.image_height < 2 || p.image_width > kMaxImageSide || p.image_height > kMaxImageSide)
             throw Error(Status::kInvalidArgument,
-                        fmt::format("the beam's image is {} x {} pixels (width x height); each side must be 2 to {}", p.image_width,
-                                    p.image_height, kMaxImageSide));
+                        fmt::format("the beam's image is {} x {} pixels (width x height); each side must be 2 to {}",
+                                    p.image_width, p.image_height, kMaxImageSide));
         const auto good = [](float value) { return value >= 0.0f && std::isfinite(value); };
-        image_ = copy_host_image({p.image, p.image_width, p.image_height, p.image_pitch_bytes, "beam->image", "beam->image_pitch_bytes"},
-                                 good, "intensities must be finite and not negative");
+        image_ = copy_host_image(
+            {p.image, p.image_width, p.image_height, p.image_pitch_bytes, "beam->image", "beam->image_pitch_bytes"},
+            good, "intensities must be finite and not negative");
         if (std::none_of(image_.begin(), image_.end(), [](float value) { return value > 0; }))
             throw Error(Status::kInvalidData, "beam->image is 0 everywhere; a beam has light somewhere");
     }
@@ -100,7 +102,8 @@ double BeamProfile::intensity(double x, double y) const {
         const auto iy = std::min<std::uint32_t>(static_cast<std::uint32_t>(ty), p.image_height - 2);
         const double ax = tx - ix, ay = ty - iy;
         const float *row = &image_[std::size_t{iy} * p.image_width + ix];
-        return (row[0] * (1 - ax) + row[1] * ax) * (1 - ay) + (row[p.image_width] * (1 - ax) + row[p.image_width + 1] * ax) * ay;
+        return (row[0] * (1 - ax) + row[1] * ax) * (1 - ay) +
+               (row[p.image_width] * (1 - ax) + row[p.image_width + 1] * ax) * ay;
     }
     default: {
         const double form = x * x * inverse_xx_ + 2 * x * y * inverse_xy_ + y * y * inverse_yy_;
@@ -139,9 +142,18 @@ std::vector<float> BeamProfile::amplitudes(std::uint32_t side) const {
 
 std::vector<double> BeamProfile::content() const {
     const BeamParameters &p = parameters_;
-    std::vector<double> values{double(p.kind),   p.covariance_xx_m2, p.covariance_xy_m2, p.covariance_yy_m2,     p.width_m,
-                               p.height_m,       p.order,            p.skew_x,           p.skew_y,               p.m_squared,
-                               double(p.image_width), double(p.image_height)};
+    std::vector<double> values{double(p.kind),
+                               p.covariance_xx_m2,
+                               p.covariance_xy_m2,
+                               p.covariance_yy_m2,
+                               p.width_m,
+                               p.height_m,
+                               p.order,
+                               p.skew_x,
+                               p.skew_y,
+                               p.m_squared,
+                               double(p.image_width),
+                               double(p.image_height)};
     values.insert(values.end(), image_.begin(), image_.end());
     return values;
 }
@@ -162,8 +174,8 @@ SpotShape make_spot_shape(const BeamProfile &beam) {
             energy += square(sum);
         }
     const double total = energy * double(n) * n; // Parseval: the sum of |FT|^2 over all n^2 directions
-    // The transform as two matrix products: of n^2 directions only those around the axis are needed. Row k + radius of the
-    // matrix is exp(-2 pi i k x / n).
+    // The transform as two matrix products: of n^2 directions only those around the axis are needed. Row k + radius of
+    // the matrix is exp(-2 pi i k x / n).
     std::vector<std::complex<double>> waves(std::size_t(width) * support);
     for (int k = -radius; k <= radius; ++k)
         for (int x = 0; x < support; ++x)

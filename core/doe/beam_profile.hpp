@@ -1,4 +1,5 @@
-// The laser's beam at a diffractive element: its intensity, and the shape of its far field. The profiles are in doe.h of the C API.
+// The laser's beam at a diffractive element: its intensity, and the shape of its far field. The profiles are in doe.h
+// of the C API.
 #pragma once
 
 #include <cstdint>
@@ -44,8 +45,9 @@ class BeamProfile {
     double inverse_xx_ = 0, inverse_xy_ = 0, inverse_yy_ = 0; // of the covariance matrix
 };
 
-// The far field |FT b|^2 of a beam as a summed-area table: entry (i, j) times unit is the share of the power with u below node i and v
-// below node j. Node i lies at (i - (nodes - 1) / 2) step_u lambda. Integers, so that differences are exact and never negative.
+// The far field |FT b|^2 of a beam as a summed-area table: entry (i, j) times unit is the share of the power with u
+// below node i and v below node j. Node i lies at (i - (nodes - 1) / 2) step_u lambda. Integers, so that differences
+// are exact and never negative.
 struct SpotShape {
     std::uint32_t nodes_x = 0, nodes_y = 0;
     double step_u_per_m = 0, step_v_per_m = 0; // direction cosine per metre of wavelength

@@ -31,14 +31,16 @@ class Capture {
   public:
     Capture(const DoePatternBooks &books, double reach_u, double reach_v)
         : width_(int(books.image_width)), height_(int(books.image_height)), texel_u_(2 * books.half_extent_x / width_),
-          texel_v_(2 * books.half_extent_y / height_), reach_u_(std::max(reach_u, 1.5 * texel_u_)), reach_v_(std::max(reach_v, 1.5 * texel_v_)),
-          owner(std::size_t(width_) * std::size_t(height_), -1), distance_(owner.size(), std::numeric_limits<float>::max()) {}
+          texel_v_(2 * books.half_extent_y / height_), reach_u_(std::max(reach_u, 1.5 * texel_u_)),
+          reach_v_(std::max(reach_v, 1.5 * texel_v_)), owner(std::size_t(width_) * std::size_t(height_), -1),
+          distance_(owner.size(), std::numeric_limits<float>::max()) {}
 
     void claim(double u, double v, int index) {
         const double cx = u / texel_u_ + 0.5 * width_, cy = v / texel_v_ + 0.5 * height_;
         const double rx = reach_u_ / texel_u_, ry = reach_v_ / texel_v_;
         for (int y = std::max(0, int(std::floor(cy - ry))); y <= std::min(height_ - 1, int(std::floor(cy + ry))); ++y)
-            for (int x = std::max(0, int(std::floor(cx - rx))); x <= std::min(width_ - 1, int(std::floor(cx + rx))); ++x) {
+            for (int x = std::max(0, int(std::floor(cx - rx))); x <= std::min(width_ - 1, int(std::floor(cx + rx)));
+                 ++x) {
                 const double far = std::pow((x + 0.5 - cx) / rx, 2) + std::pow((y + 0.5 - cy) / ry, 2);
                 const std::size_t at = std::size_t(y) * std::size_t(width_) + std::size_t(x);
                 if (far <= 1 && far < distance_[at]) {
@@ -128,8 +130,8 @@ void balance_aperture(const DoeElement &element, const std::vector<float> &texel
 
 void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
     const DoePatternParameters &p = element.parameters;
-    // The noise differs from pixel to pixel, not within one: its envelope is that of a whole pixel. Without an envelope the light is
-    // even up to the sampling limit.
+    // The noise differs from pixel to pixel, not within one: its envelope is that of a whole pixel. Without an envelope
+    // the light is even up to the sampling limit.
     for (const LaserLine &line : element.lines) {
         const double scattered = -std::expm1(-std::pow(element.phase_noise(line.wavelength_m), 2)) * line.share;
         if (!(scattered > 0))
@@ -143,7 +145,8 @@ void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
             }
             return values;
         };
-        const std::vector<double> x = profile(p.image_width, p.half_extent_x), y = profile(p.image_height, p.half_extent_y);
+        const std::vector<double> x = profile(p.image_width, p.half_extent_x),
+                                  y = profile(p.image_height, p.half_extent_y);
         for (std::size_t j = 0; j < y.size(); ++j)
             for (std::size_t i = 0; i < x.size(); ++i)
                 texel_shares[j * x.size() + i] += static_cast<float>(scattered * x[i] * y[j]);
@@ -158,7 +161,8 @@ void finish_texels(std::vector<float> texel_shares, DoePatternResult &result) {
     for (std::size_t j = 0; j < height; ++j) {
         double row = 0;
         for (std::size_t i = 0; i < width; ++i) {
-            const double u = (double(i) + 0.5) * texel_u - books.half_extent_x, v = (double(j) + 0.5) * texel_v - books.half_extent_y;
+            const double u = (double(i) + 0.5) * texel_u - books.half_extent_x,
+                         v = (double(j) + 0.5) * texel_v - books.half_extent_y;
             const double cosine_squared = 1 - u * u - v * v;
             float &texel = texel_shares[j * width + i];
             if (!(cosine_squared > 0)) {
@@ -166,7 +170,8 @@ void finish_texels(std::vector<float> texel_shares, DoePatternResult &result) {
                 continue;
             }
             row += texel;
-            texel = static_cast<float>(books.power_w * std::max(0.0, double(texel)) * std::sqrt(cosine_squared) / (texel_u * texel_v));
+            texel = static_cast<float>(books.power_w * std::max(0.0, double(texel)) * std::sqrt(cosine_squared) /
+                                       (texel_u * texel_v));
         }
         books.inside_image += row;
     }

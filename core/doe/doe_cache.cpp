@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 // Changes whenever the same description gives another pattern, or the file another layout.
 constexpr char kMagic[16] = "clsp-pattern-1\n";
 
-// Two FNV-1a hashes of 64 bits over 8-byte words, from different bases, each finished by the mixer of splitmix64 (Steele, Lea, Flood 2014).
+// Two FNV-1a hashes of 64 bits over 8-byte words, from different bases, each finished by the mixer of splitmix64
+// (Steele, Lea, Flood 2014).
 class Hash {
   public:
     void add(const void *data, std::size_t bytes) {
@@ -84,11 +85,29 @@ std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, 
     Hash hash;
     hash.add(kMagic, sizeof kMagic);
     hash.add(device_name.data(), device_name.size());
-    for (const double value :
-         {double(p.width), double(p.height), double(p.periodic), p.pixel_pitch_m, p.wavelength_m, double(p.design_levels), double(element.orders),
-          double(p.oversampling), p.doe_width_m, p.doe_height_m, p.power_w, double(p.image_width), double(p.image_height), p.half_extent_x,
-          p.half_extent_y, double(p.pixel_envelope), double(d.levels), d.relative_depth_error, d.rounding_sigma_m, d.etch_noise_rms_m,
-          d.refractive_index, d.dispersion_per_m, double(element.samples)})
+    for (const double value : {double(p.width),
+                               double(p.height),
+                               double(p.periodic),
+                               p.pixel_pitch_m,
+                               p.wavelength_m,
+                               double(p.design_levels),
+                               double(element.orders),
+                               double(p.oversampling),
+                               p.doe_width_m,
+                               p.doe_height_m,
+                               p.power_w,
+                               double(p.image_width),
+                               double(p.image_height),
+                               p.half_extent_x,
+                               p.half_extent_y,
+                               double(p.pixel_envelope),
+                               double(d.levels),
+                               d.relative_depth_error,
+                               d.rounding_sigma_m,
+                               d.etch_noise_rms_m,
+                               d.refractive_index,
+                               d.dispersion_per_m,
+                               double(element.samples)})
         hash.add(value);
     hash.add(&d.seed, sizeof d.seed);
     for (const LaserLine &line : element.lines) {
@@ -116,16 +135,17 @@ std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, co
         return nullptr;
     const std::uint64_t texels = std::uint64_t{header.books.image_width} * header.books.image_height;
     constexpr std::uint64_t kMost = std::uint64_t{1} << 32;
-    if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 || std::memcmp(header.key, key.data(), sizeof header.key) != 0 ||
-        header.texel_count != texels || texels > kMost || header.dot_count > kMost ||
-        size != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
+    if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 ||
+        std::memcmp(header.key, key.data(), sizeof header.key) != 0 || header.texel_count != texels || texels > kMost ||
+        header.dot_count > kMost || size != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
         return nullptr;
     auto result = std::make_shared<DoePatternResult>();
     result->books = header.books;
     result->texels.resize(texels);
     result->dot_shares.resize(header.dot_count);
     if (!file.read(reinterpret_cast<char *>(result->texels.data()), std::streamsize(texels * sizeof(float))) ||
-        !file.read(reinterpret_cast<char *>(result->dot_shares.data()), std::streamsize(header.dot_count * sizeof(double))) ||
+        !file.read(reinterpret_cast<char *>(result->dot_shares.data()),
+                   std::streamsize(header.dot_count * sizeof(double))) ||
         content_hash(*result) != header.hash)
         return nullptr;
     return result;
@@ -135,7 +155,8 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     std::error_code failed;
     fs::create_directories(folder, failed);
     static std::atomic<unsigned> counter{0};
-    const fs::path path = path_of(folder, key), temporary = fmt::format("{}.{}.{}", path.string(), ::getpid(), counter++);
+    const fs::path path = path_of(folder, key),
+                   temporary = fmt::format("{}.{}.{}", path.string(), ::getpid(), counter++);
     Header header{};
     std::memcpy(header.magic, kMagic, sizeof kMagic);
     std::memcpy(header.key, key.data(), sizeof header.key);
@@ -147,8 +168,10 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     {
         std::ofstream file(temporary, std::ios::binary);
         file.write(reinterpret_cast<const char *>(&header), sizeof header);
-        file.write(reinterpret_cast<const char *>(result.texels.data()), std::streamsize(result.texels.size() * sizeof(float)));
-        file.write(reinterpret_cast<const char *>(result.dot_shares.data()), std::streamsize(result.dot_shares.size() * sizeof(double)));
+        file.write(reinterpret_cast<const char *>(result.texels.data()),
+                   std::streamsize(result.texels.size() * sizeof(float)));
+        file.write(reinterpret_cast<const char *>(result.dot_shares.data()),
+                   std::streamsize(result.dot_shares.size() * sizeof(double)));
         file.close();
         good = file.good();
     }

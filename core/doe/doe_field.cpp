@@ -24,9 +24,11 @@ std::string mebibytes(std::uint64_t bytes) {
 void check_fft_size(std::uint32_t length, const char *what, std::uint32_t samples) {
     if (fft_size_at_least(length) != length)
         throw Error(Status::kUnsupported,
-                    fmt::format("a cell with {} {} of {} sample{} each cannot be transformed: the number must have no prime factor above {}; "
+                    fmt::format("a cell with {} {} of {} sample{} each cannot be transformed: the number must have no "
+                                "prime factor above {}; "
                                 "the next one that has none is {}. Use that, or evaluation APERTURE",
-                                length / samples, what, samples, samples == 1 ? "" : "s", kLargestFftRadix, fft_size_at_least(length)));
+                                length / samples, what, samples, samples == 1 ? "" : "s", kLargestFftRadix,
+                                fft_size_at_least(length)));
 }
 
 } // namespace
@@ -49,7 +51,8 @@ DoeField::DoeField(std::shared_ptr<Context> context, const DoeElement &element, 
             }
             if (!(needed <= kMaxDoeSide) || fft_size_at_least(static_cast<std::uint32_t>(needed)) > kMaxDoeSide)
                 throw Error(Status::kInvalidArgument,
-                            fmt::format("the aperture is {:.0f} samples {}, at most {} are taken: {:g} m of beam at {:g} m per sample. Use "
+                            fmt::format("the aperture is {:.0f} samples {}, at most {} are taken: {:g} m of beam at "
+                                        "{:g} m per sample. Use "
                                         "evaluation ORDERS, a smaller beam or fewer feature_samples",
                                         needed, what, kMaxDoeSide, 2 * half_beam_m, element.sample_pitch_m()));
             return fft_size_at_least(std::max(2u, static_cast<std::uint32_t>(needed)));
@@ -69,23 +72,29 @@ void DoeField::plan_memory() {
     const std::uint64_t making = element_.phase.size() * sizeof(float) + design * sizeof(float) * (rounded ? 2 : 1);
     const cl::Device &device = context_->device();
     const std::uint64_t largest = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-    const std::uint64_t available = p.max_memory_bytes ? p.max_memory_bytes : device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
+    const std::uint64_t available =
+        p.max_memory_bytes ? p.max_memory_bytes : device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
     // The transform's scratch memory is known once its plan is made; a plan of this size is small itself.
     std::uint64_t need = std::max(making, design * sizeof(float) + grid * 2 * sizeof(float) +
                                               (element_.orders ? grid * sizeof(float) : 0) + texels);
     const auto refuse_above = [&] {
         if (need > available)
-            throw Error(Status::kOutOfMemory,
-                        fmt::format("this pattern needs {} of device memory (a transform of {} x {} samples, a design of {} x {}, {} x {} texels), "
-                                    "but {} may be taken ({}); lower feature_samples or the image's size, or take a smaller design",
-                                    mebibytes(need), columns_, rows_, element_.sampled_width(), element_.sampled_height(), p.image_width,
-                                    p.image_height, mebibytes(available), p.max_memory_bytes ? "max_memory_bytes" : "what the device has"));
+            throw Error(
+                Status::kOutOfMemory,
+                fmt::format(
+                    "this pattern needs {} of device memory (a transform of {} x {} samples, a design of {} x {}, {} x "
+                    "{} texels), "
+                    "but {} may be taken ({}); lower feature_samples or the image's size, or take a smaller design",
+                    mebibytes(need), columns_, rows_, element_.sampled_width(), element_.sampled_height(),
+                    p.image_width, p.image_height, mebibytes(available),
+                    p.max_memory_bytes ? "max_memory_bytes" : "what the device has"));
     };
     refuse_above();
     for (const std::uint64_t bytes : {grid * 2 * sizeof(float), design * sizeof(float), texels})
         if (bytes > largest)
-            throw Error(Status::kOutOfMemory, fmt::format("this pattern needs a buffer of {}, but the device's largest is {}",
-                                                          mebibytes(bytes), mebibytes(largest)));
+            throw Error(Status::kOutOfMemory,
+                        fmt::format("this pattern needs a buffer of {}, but the device's largest is {}",
+                                    mebibytes(bytes), mebibytes(largest)));
     fft_ = context_->fft(columns_, rows_);
     need += fft_->scratch_bytes();
     refuse_above();
@@ -94,8 +103,9 @@ void DoeField::plan_memory() {
 
 template <typename T> void DoeField::read(const DeviceBuffer &buffer, std::vector<T> &values) {
     values.resize(buffer.bytes() / sizeof(T));
-    check_opencl(clEnqueueReadBuffer(queue_(), buffer.get()(), CL_TRUE, 0, buffer.bytes(), values.data(), 0, nullptr, nullptr),
-                 "clEnqueueReadBuffer");
+    check_opencl(
+        clEnqueueReadBuffer(queue_(), buffer.get()(), CL_TRUE, 0, buffer.bytes(), values.data(), 0, nullptr, nullptr),
+        "clEnqueueReadBuffer");
 }
 
 // The design as manufactured.
@@ -124,11 +134,13 @@ void DoeField::make_design() {
         double sum = 0;
         for (std::uint32_t k = 0; k <= radius; ++k) {
             // A sample is an interval: the law's share of it, so that narrow laws are right too.
-            weights[k] = std::erf((k + 0.5) / (sigma * std::sqrt(2.0))) - std::erf((double(k) - 0.5) / (sigma * std::sqrt(2.0)));
+            weights[k] =
+                std::erf((k + 0.5) / (sigma * std::sqrt(2.0))) - std::erf((double(k) - 0.5) / (sigma * std::sqrt(2.0)));
             sum += k == 0 ? weights[k] : 2 * weights[k];
         }
         std::vector<float> normalized(weights.size());
-        std::transform(weights.begin(), weights.end(), normalized.begin(), [&](double w) { return static_cast<float>(w / sum); });
+        std::transform(weights.begin(), weights.end(), normalized.begin(),
+                       [&](double w) { return static_cast<float>(w / sum); });
         taps = DeviceBuffer(context_, normalized.size() * sizeof(float), normalized.data());
         between = DeviceBuffer(context_, bytes);
         cl::Kernel blur = context_->kernel(kFile, "doe_blur", "-DHAS_BEAM=0");
@@ -164,10 +176,13 @@ void DoeField::enqueue_field(CommandChain &chain, double wavelength_m, float shi
         .add(static_cast<cl_float>(element_.phase_scale(wavelength_m)));
     if (!element_.orders) {
         const double pitch = element_.sample_pitch_m();
-        const auto limit = [&](double doe_m, std::uint32_t own) { return doe_m > 0 ? doe_m / pitch : p.periodic ? 1e9 : double(own) + 1; };
+        const auto limit = [&](double doe_m, std::uint32_t own) {
+            return doe_m > 0 ? doe_m / pitch : p.periodic ? 1e9 : double(own) + 1;
+        };
         arguments.add(beam_table_.get())
             .add(cl_uint{kBeamTableSide})
-            .add(cl_float4{{static_cast<float>(2 * beam_.half_width_x_m() / pitch), static_cast<float>(2 * beam_.half_width_y_m() / pitch),
+            .add(cl_float4{{static_cast<float>(2 * beam_.half_width_x_m() / pitch),
+                            static_cast<float>(2 * beam_.half_width_y_m() / pitch),
                             static_cast<float>(limit(p.doe_width_m, element_.sampled_width())),
                             static_cast<float>(limit(p.doe_height_m, element_.sampled_height()))}})
             .add(static_cast<cl_float>(element_.phase_noise(wavelength_m)))
@@ -228,11 +243,13 @@ void DoeField::add_line_aperture(const LaserLine &line) {
     const DoePatternParameters &p = element_.parameters;
     const std::uint32_t q = p.oversampling;
     const double texel_u = 2 * p.half_extent_x / p.image_width, texel_v = 2 * p.half_extent_y / p.image_height;
-    const double bin_u = line.wavelength_m / (columns_ * element_.sample_pitch_m()), bin_v = line.wavelength_m / (rows_ * element_.sample_pitch_m());
+    const double bin_u = line.wavelength_m / (columns_ * element_.sample_pitch_m()),
+                 bin_v = line.wavelength_m / (rows_ * element_.sample_pitch_m());
     cl::Kernel add = context_->kernel(kFile, "doe_add_samples", "-DHAS_BEAM=1");
     for (std::uint32_t b = 0; b < q; ++b)
         for (std::uint32_t a = 0; a < q; ++a) {
-            const float shift_x = static_cast<float>(a) / static_cast<float>(q), shift_y = static_cast<float>(b) / static_cast<float>(q);
+            const float shift_x = static_cast<float>(a) / static_cast<float>(q),
+                        shift_y = static_cast<float>(b) / static_cast<float>(q);
             CommandChain chain(queue_(), 0, nullptr);
             enqueue_field(chain, line.wavelength_m, shift_x, shift_y);
             fft_->enqueue(chain, FftDirection::kForward, kStage, field_.get(), scratch_.get());
@@ -282,14 +299,15 @@ DoeLight DoeField::evaluate(const SpotShape &spot) {
         std::vector<float> row(std::size_t{columns_} * 2);
         beam_norm_ = 0;
         for (std::uint32_t y = 0; y < rows_; ++y) {
-            check_opencl(clEnqueueReadBuffer(queue_(), field_.get()(), CL_TRUE, y * row.size() * sizeof(float), row.size() * sizeof(float),
-                                             row.data(), 0, nullptr, nullptr),
+            check_opencl(clEnqueueReadBuffer(queue_(), field_.get()(), CL_TRUE, y * row.size() * sizeof(float),
+                                             row.size() * sizeof(float), row.data(), 0, nullptr, nullptr),
                          "clEnqueueReadBuffer");
             for (const float value : row)
                 beam_norm_ += double(value) * value;
         }
         if (!(beam_norm_ > 0))
-            throw Error(Status::kInvalidArgument, "no light of the beam meets the design's samples; the beam is narrower than a pixel");
+            throw Error(Status::kInvalidArgument,
+                        "no light of the beam meets the design's samples; the beam is narrower than a pixel");
         for (const LaserLine &line : element_.lines)
             add_line_aperture(line);
     }

@@ -1,4 +1,5 @@
-// The device's part of a diffractive element's pattern: the manufactured design, fields behind it, and their light in texels.
+// The device's part of a diffractive element's pattern: the manufactured design, fields behind it, and their light in
+// texels.
 #pragma once
 
 #include "doe/beam_profile.hpp"
@@ -12,10 +13,12 @@
 
 namespace clsp {
 
-// What an evaluation leaves: the share of the power in each texel, and in ORDERS the power of each bin of the cell's transform.
+// What an evaluation leaves: the share of the power in each texel, and in ORDERS the power of each bin of the cell's
+// transform.
 struct DoeLight {
     std::vector<float> texel_shares;
-    std::vector<double> order_power;    // sampled_height x sampled_width of line 0 .. (ORDERS: summed over lines with their shares)
+    std::vector<double>
+        order_power; // sampled_height x sampled_width of line 0 .. (ORDERS: summed over lines with their shares)
     std::uint64_t device_memory_bytes = 0;
 };
 

@@ -17,34 +17,43 @@ constexpr double kLargestLoss = 0.01;
 
 void check_beam(const DoeElement &element, const BeamProfile &beam, const SpotShape &spot) {
     const DoePatternParameters &p = element.parameters;
-    const double width = p.doe_width_m > 0 ? p.doe_width_m : p.periodic ? 2 * beam.half_width_x_m() : p.width * p.pixel_pitch_m;
-    const double height = p.doe_height_m > 0 ? p.doe_height_m : p.periodic ? 2 * beam.half_width_y_m() : p.height * p.pixel_pitch_m;
+    const double width = p.doe_width_m > 0 ? p.doe_width_m
+                         : p.periodic      ? 2 * beam.half_width_x_m()
+                                           : p.width * p.pixel_pitch_m;
+    const double height = p.doe_height_m > 0 ? p.doe_height_m
+                          : p.periodic       ? 2 * beam.half_width_y_m()
+                                             : p.height * p.pixel_pitch_m;
     const double lost = beam.share_outside(width, height);
     if (lost > kLargestLoss)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the beam is larger than the DOE: {:.1f} % of its power misses {:g} x {:g} m, at most {:g} % may; take a narrower "
-                                "beam or a larger DOE",
-                                100 * lost, width, height, 100 * kLargestLoss));
+        throw Error(Status::kInvalidArgument, fmt::format("the beam is larger than the DOE: {:.1f} % of its power "
+                                                          "misses {:g} x {:g} m, at most {:g} % may; take a narrower "
+                                                          "beam or a larger DOE",
+                                                          100 * lost, width, height, 100 * kLargestLoss));
     if (!element.orders) {
         if (beam.m_squared() > 1)
-            throw Error(Status::kInvalidArgument,
-                        "beam->m_squared is above 1, which evaluation APERTURE, a coherent transform, cannot show; use ORDERS");
+            throw Error(
+                Status::kInvalidArgument,
+                "beam->m_squared is above 1, which evaluation APERTURE, a coherent transform, cannot show; use ORDERS");
         return;
     }
     const double cell_x = p.width * p.pixel_pitch_m, cell_y = p.height * p.pixel_pitch_m;
     // A cell of one pixel in a row does not split along that axis.
     if ((p.width > 1 && cell_x * 2 * spot.half_u_per_m > 1) || (p.height > 1 && cell_y * 2 * spot.half_v_per_m > 1))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("the orders lie closer than the diffraction limit: a cell of {:g} x {:g} m has orders {:.3g} x {:.3g} apart in "
-                                "direction cosines, but a spot of this beam is {:.3g} x {:.3g} wide; take a wider beam, a smaller cell, or "
+                    fmt::format("the orders lie closer than the diffraction limit: a cell of {:g} x {:g} m has orders "
+                                "{:.3g} x {:.3g} apart in "
+                                "direction cosines, but a spot of this beam is {:.3g} x {:.3g} wide; take a wider "
+                                "beam, a smaller cell, or "
                                 "evaluation APERTURE",
                                 cell_x, cell_y, element.mean_wavelength_m / cell_x, element.mean_wavelength_m / cell_y,
-                                2 * spot.half_u_per_m * element.mean_wavelength_m, 2 * spot.half_v_per_m * element.mean_wavelength_m));
+                                2 * spot.half_u_per_m * element.mean_wavelength_m,
+                                2 * spot.half_v_per_m * element.mean_wavelength_m));
 }
 
 } // namespace
 
-std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &context, const DoePatternParameters &parameters) {
+std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &context,
+                                             const DoePatternParameters &parameters) {
     const DoeElement element = make_doe_element(parameters);
     const DoePatternParameters &p = element.parameters;
     const BeamProfile beam(p.beam);
@@ -73,7 +82,8 @@ std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &con
     books.half_extent_y = p.half_extent_y;
     books.power_w = p.power_w;
     books.m_squared = beam.m_squared();
-    const double half_u = spot.half_u_per_m * element.mean_wavelength_m, half_v = spot.half_v_per_m * element.mean_wavelength_m;
+    const double half_u = spot.half_u_per_m * element.mean_wavelength_m,
+                 half_v = spot.half_v_per_m * element.mean_wavelength_m;
     books.divergence_x_rad = std::asin(std::min(1.0, half_u));
     books.divergence_y_rad = std::asin(std::min(1.0, half_v));
     if (p.periodic) {

@@ -89,7 +89,8 @@ class DoePattern {
 };
 
 // Computes a pattern, or finds it in the context's memory or in the cache folder. Blocks.
-std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &context, const DoePatternParameters &parameters);
+std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &context,
+                                             const DoePatternParameters &parameters);
 // Ideal dots.
 std::shared_ptr<DoePattern> make_spot_pattern(const SpotPatternParameters &parameters);
 

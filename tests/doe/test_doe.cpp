@@ -112,7 +112,8 @@ TEST_F(Doe, NoDeviceMemoryStays) {
     beam.covariance_xx_m2 = beam.covariance_yy_m2 = 2.5e-9;
     desc.beam = &beam;
     const clspeckle::DoePattern pattern(context, desc);
-    EXPECT_NEAR(1, pattern.info().dots + pattern.info().zero_order + pattern.info().ghosts + pattern.info().scatter, 1e-6);
+    EXPECT_NEAR(1, pattern.info().dots + pattern.info().zero_order + pattern.info().ghosts + pattern.info().scatter,
+                1e-6);
     EXPECT_EQ(before.allocated_bytes, context.info().allocated_bytes);
 }
 
@@ -136,7 +137,8 @@ TEST_F(Doe, IdealDotsAndLookup) {
     const clspeckle::Pattern pattern(context, pattern_desc);
     // One pixel at each dot, one between; no neighbour shows a surface beyond the image's edge.
     const double z = std::sqrt(1 - 0.01), z2 = std::sqrt(1 - 0.01 - 0.0025);
-    const std::vector<float> positions = {0.1f, 0.0f, static_cast<float>(z), 0.0f, 0.0f, 1.0f, -0.1f, 0.05f, static_cast<float>(z2)};
+    const std::vector<float> positions = {0.1f,  0.0f,  static_cast<float>(z), 0.0f, 0.0f, 1.0f,
+                                          -0.1f, 0.05f, static_cast<float>(z2)};
     auto image = upload(positions, 3, 1, CLSP_FORMAT_FLOAT32X3);
     auto geometry = clspeckle::make<ClspGeometry>();
     geometry.position = image.view;
@@ -157,13 +159,15 @@ TEST_F(Doe, HandlesAndLengths) {
     std::vector<double> shares(2);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "3072", clspDoePatternGetTexels(pattern.get(), 10, texels.data()));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "NULL", clspDoePatternGetTexels(pattern.get(), 64 * 48, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "2 wanted", clspDoePatternGetDotShares(pattern.get(), 3, shares.data()));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "2 wanted",
+                      clspDoePatternGetDotShares(pattern.get(), 3, shares.data()));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "info is NULL", clspDoePatternGetInfo(pattern.get(), nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspDoePatternRetain(nullptr));
     const auto desc = valid();
     ClspDoePattern made = nullptr;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspDoePatternCreate(nullptr, &desc, &made));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pattern is NULL", clspDoePatternCreate(context.get(), &desc, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pattern is NULL",
+                      clspDoePatternCreate(context.get(), &desc, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc is NULL", clspDoePatternCreate(context.get(), nullptr, &made));
     const auto spots = clspeckle::make<ClspSpotPatternDesc>();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count is 0", clspSpotPatternCreate(context.get(), &spots, &made));
