@@ -68,6 +68,59 @@ void pattern_lookup(benchmark::State &state) {
 }
 BENCHMARK(pattern_lookup)->Apply(bench::sizes);
 
+// A wall at 1 m under 2048 x 2048 texels of about 2500 dots: of a diffractive element, ideal, ideal with means over footprints.
+enum class Source { kElement, kIdeal, kIdealArea };
+
+clspeckle::DoePattern doe_texels(Source source) {
+    const clspeckle::Context &context = bench::context();
+    if (source == Source::kElement) {
+        std::vector<float> phase(50 * 50);
+        for (std::size_t i = 0; i < phase.size(); ++i)
+            phase[i] = static_cast<float>(i * i % 97) * 0.0648f; // every order of the cell has light
+        auto desc = clspeckle::make<ClspDoePatternDesc>();
+        desc.width = desc.height = 50;
+        desc.phase = phase.data();
+        desc.pixel_pitch_m = 1e-6;
+        desc.half_extent_x = desc.half_extent_y = 0.5;
+        return {context, desc};
+    }
+    std::vector<double> directions;
+    for (int m = -25; m < 25; ++m)
+        for (int n = -25; n < 25; ++n)
+            directions.insert(directions.end(), {0.0188 * m, 0.0188 * n});
+    auto desc = clspeckle::make<ClspSpotPatternDesc>();
+    desc.count = directions.size() / 2;
+    desc.directions = directions.data();
+    return {context, desc};
+}
+
+void doe_lookup(benchmark::State &state, Source source) {
+    const Size size(state);
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+    const std::vector<float> texels = doe_texels(source).texels();
+    auto desc = clspeckle::make<ClspPatternDesc>();
+    desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    desc.width = desc.height = 2048;
+    desc.texels = texels.data();
+    desc.filter = source == Source::kIdealArea ? CLSP_FILTER_AREA : CLSP_FILTER_BILINEAR;
+    const clspeckle::Pattern pattern(context, desc);
+    const clspeckle::Buffer depth(context, queue, std::vector<float>(size.pixels, 1.0f));
+    const clspeckle::Buffer irradiance(context, size.pixels * sizeof(float));
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.image(size.width, size.height, CLSP_FORMAT_FLOAT32);
+    geometry.fx_px = geometry.fy_px = size.width;
+    geometry.cx_px = 0.5 * (size.width - 1);
+    geometry.cy_px = 0.5 * (size.height - 1);
+    for (auto _ : state) {
+        pattern.enqueue_lookup(queue, geometry, irradiance.image(size.width, size.height, CLSP_FORMAT_FLOAT32));
+        queue.finish();
+    }
+}
+BENCHMARK_CAPTURE(doe_lookup, element, Source::kElement)->Apply(bench::sizes);
+BENCHMARK_CAPTURE(doe_lookup, ideal, Source::kIdeal)->Apply(bench::sizes);
+BENCHMARK_CAPTURE(doe_lookup, ideal_area, Source::kIdealArea)->Apply(bench::sizes);
+
 void expose(benchmark::State &state, ClspSensorDesc desc) {
     const Size size(state);
     const clspeckle::Context &context = bench::context();

@@ -17,6 +17,7 @@
 #include <utility>
 
 namespace clsp {
+class DoePattern;
 class Dots;
 class Lens;
 class MaterialTable;
@@ -33,6 +34,10 @@ template <> struct HandleTraits<ClspContext> {
 };
 template <> struct HandleTraits<ClspPattern> {
     using Object = Pattern;
+    static constexpr const char *kName = "pattern";
+};
+template <> struct HandleTraits<ClspDoePattern> {
+    using Object = DoePattern;
     static constexpr const char *kName = "pattern";
 };
 template <> struct HandleTraits<ClspDots> {

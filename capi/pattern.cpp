@@ -19,6 +19,8 @@ ClspPatternDesc pattern_defaults() {
     desc.half_extent_y = p.half_extent_y;
     desc.power_scale = p.power_scale;
     std::copy(p.laser_from_geometry.begin(), p.laser_from_geometry.end(), desc.laser_from_geometry);
+    desc.filter = static_cast<std::uint32_t>(p.filter);
+    desc.filter_taps = p.filter_taps;
     return desc;
 }
 
@@ -84,6 +86,8 @@ CLSP_API ClspStatus clspPatternCreate(ClspContext context, const ClspPatternDesc
         p.half_extent_y = d.half_extent_y;
         p.power_scale = d.power_scale;
         p.laser_from_geometry = pose(d.laser_from_geometry);
+        p.filter = static_cast<PatternFilter>(d.filter);
+        p.filter_taps = d.filter_taps;
         give(pattern, std::make_shared<Pattern>(c, p));
     });
 }

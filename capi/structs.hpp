@@ -18,6 +18,7 @@ template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;
+template <> inline constexpr std::uint32_t kFirstSize<ClspPatternDesc> = 160;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspSensorDesc> = 112;

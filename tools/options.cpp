@@ -170,6 +170,8 @@ std::vector<Option> make_table() {
                "pattern coordinates: x/z, y/z or x/d, y/d"),
         choice("pattern", "quantity", {"radiant_intensity", "plane_irradiance"}, pattern.quantity,
                "what the pattern's values are: W/sr, or irradiance on a plane at unit distance"),
+        choice("pattern", "filter", {"bilinear", "area"}, pattern.filter,
+               "the pattern at a pixel's centre, or its mean over the pixel's footprint"),
         number("pattern", "power_scale", pattern.power_scale, 0, false, infinity, "", "factor on the pattern's values"),
         numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12},
                 -infinity, false, "m", "pose of the laser, [R|t], 3 x 4 row by row"),

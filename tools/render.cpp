@@ -244,6 +244,7 @@ class Renderer {
             pattern.half_extent_y = config_.number("pattern.half_extent_y");
             pattern.projection = config_.choice("pattern.projection");
             pattern.quantity = config_.choice("pattern.quantity");
+            pattern.filter = config_.choice("pattern.filter");
             pattern.power_scale = config_.number("pattern.power_scale");
             const std::vector<double> pose = config_.numbers("pattern.laser_from_geometry");
             std::copy(pose.begin(), pose.end(), pattern.laser_from_geometry);

@@ -4,6 +4,7 @@
 #include "runtime/fft.hpp"
 #include "runtime/opencl.hpp"
 #include "runtime/program_cache.hpp"
+#include "runtime/result_cache.hpp"
 
 #include <atomic>
 #include <cstdint>
@@ -43,6 +44,8 @@ class Context : public std::enable_shared_from_this<Context> {
     const std::string &platform_name() const { return platform_name_; }
     ProgramCache &programs() { return *programs_; }
     MemoryUse &memory_use() { return memory_use_; }
+    // Host memory, not the device's.
+    ResultCache &results() { return results_; }
 
     // A kernel of its own for the caller (kernel arguments are state), from file `file` built with `defines`.
     cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {},
@@ -70,6 +73,7 @@ class Context : public std::enable_shared_from_this<Context> {
     FftChoice fft_choice_ = FftChoice::kAuto;
     std::mutex fft_mutex_;
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::weak_ptr<Fft>> ffts_;
+    ResultCache results_{std::uint64_t{256} << 20};
 };
 
 } // namespace clsp

@@ -10,9 +10,46 @@
 #include <vector>
 
 namespace clsp {
+namespace {
+
+constexpr std::uint32_t kMaxFilterTaps = 4;
+
+// A summed-area table in integers, whose differences are exact however large the sums.
+struct AreaTable {
+    std::vector<cl_uint> sums; // (width + 1) x (height + 1): the texels before an edge, in units
+    double unit = 0;
+};
+
+// All texels together; below 2^32 by more than what the rounding of 16384 rows can add.
+constexpr double kAreaTotal = 4.29e9;
+
+AreaTable make_area_table(const std::vector<float> &texels, std::size_t width, std::size_t height) {
+    double total = 0;
+    for (const float texel : texels)
+        total += texel;
+    AreaTable table;
+    table.unit = total > 0 ? total / kAreaTotal : 1.0;
+    table.sums.assign((width + 1) * (height + 1), 0);
+    for (std::size_t y = 0; y < height; ++y) {
+        // What rounding takes from a texel the next one gets: dim light that is less than a unit per texel is not lost.
+        double rest = 0;
+        cl_uint row = 0;
+        for (std::size_t x = 0; x < width; ++x) {
+            rest += double(texels[y * width + x]) / table.unit;
+            const double whole = std::floor(rest + 0.5);
+            rest -= whole;
+            row += static_cast<cl_uint>(whole);
+            table.sums[(y + 1) * (width + 1) + x + 1] = table.sums[y * (width + 1) + x + 1] + row;
+        }
+    }
+    return table;
+}
+
+} // namespace
+
 Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
-    : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity),
-      width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
+    : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity), filter_(p.filter),
+      filter_taps_(p.filter_taps), width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
     if (p.width < 2 || p.height < 2 || p.width > kMaxImageSide || p.height > kMaxImageSide)
         throw Error(Status::kInvalidArgument,
                     fmt::format("the pattern is {} x {} texels (width x height); each side must be 2 to {}", p.width,
@@ -25,6 +62,12 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
         throw Error(Status::kInvalidArgument,
                     fmt::format("quantity is {}, expected CLSP_QUANTITY_RADIANT_INTENSITY or _PLANE_IRRADIANCE",
                                 static_cast<std::uint32_t>(p.quantity)));
+    if (p.filter != PatternFilter::kBilinear && p.filter != PatternFilter::kArea)
+        throw Error(Status::kInvalidArgument, fmt::format("filter is {}, expected CLSP_FILTER_BILINEAR or _AREA",
+                                                          static_cast<std::uint32_t>(p.filter)));
+    if (p.filter_taps < 1 || p.filter_taps > kMaxFilterTaps)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("filter_taps is {}, it must be 1 to {}", p.filter_taps, kMaxFilterTaps));
     check_positive(p.half_extent_x, "half_extent_x");
     check_positive(p.half_extent_y, "half_extent_y");
     if (p.projection == Projection::kDirectionCosines && (p.half_extent_x > 1.0 || p.half_extent_y > 1.0))
@@ -38,7 +81,13 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     const std::vector<float> texels =
         copy_host_image({p.texels, p.width, p.height, p.texels_pitch_bytes, "texels", "texels_pitch_bytes"}, good,
                         "pattern values must be finite and not negative");
-    texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());
+    if (filter_ == PatternFilter::kArea) {
+        const AreaTable table = make_area_table(texels, p.width, p.height);
+        texels_ = DeviceBuffer(context_, table.sums.size() * sizeof(cl_uint), table.sums.data());
+        extent_.s[3] = static_cast<float>(table.unit);
+    } else {
+        texels_ = DeviceBuffer(context_, texels.size() * sizeof(float), texels.data());
+    }
 }
 
 void Pattern::set_pose(const Pose &pose) {
@@ -78,10 +127,11 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
     const std::string options =
         fmt::format("-DDIRECTION_COSINES={} -DPLANE_IRRADIANCE={} -DHAS_POSITION={} -DDEPTH_ALONG_RAY={} "
                     "-DHAS_NORMAL={} -DHAS_ALBEDO={} "
-                    "-DVISIBILITY_FORMAT={}",
+                    "-DVISIBILITY_FORMAT={} -DAREA_FILTER={} -DFILTER_TAPS={}",
                     projection_ == Projection::kDirectionCosines ? 1 : 0,
                     quantity_ == PatternQuantity::kPlaneIrradiance ? 1 : 0, position ? 1 : 0, depth_along_ray ? 1 : 0,
-                    normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility));
+                    normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility),
+                    filter_ == PatternFilter::kArea ? 1 : 0, filter_taps_);
     return kernels_.emplace(inputs, context_->kernel("pattern.cl", "pattern_lookup", options)).first->second;
 }
 

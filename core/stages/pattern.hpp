@@ -16,6 +16,7 @@ namespace clsp {
 
 enum class Projection : std::uint32_t { kTangentPlane = 0, kDirectionCosines = 1 };
 enum class PatternQuantity : std::uint32_t { kRadiantIntensity = 0, kPlaneIrradiance = 1 };
+enum class PatternFilter : std::uint32_t { kBilinear = 0, kArea = 1 };
 enum class DepthKind : std::uint32_t { kAlongAxis = 0, kAlongRay = 1 };
 
 using Pose = std::array<double, 12>; // [R|t], row-major
@@ -29,6 +30,8 @@ struct PatternParameters {
     double half_extent_x = 0.5, half_extent_y = 0.5;
     double power_scale = 1.0;
     Pose laser_from_geometry{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    PatternFilter filter = PatternFilter::kBilinear;
+    std::uint32_t filter_taps = 1;
 };
 
 struct Geometry {
@@ -57,10 +60,12 @@ class Pattern {
     std::shared_ptr<Context> context_;
     Projection projection_;
     PatternQuantity quantity_;
+    PatternFilter filter_;
+    std::uint32_t filter_taps_;
     cl_int width_, height_;
     cl_float4 extent_;
     cl_float16 pose_{};
-    DeviceBuffer texels_;
+    DeviceBuffer texels_; // with an area filter: their summed-area table
     BadPixelCounter bad_pixels_;
     std::map<InputSet, cl::Kernel> kernels_;
 };

@@ -52,6 +52,7 @@ CHANGED: Config = {
         "half_extent_y": 0.4,
         "projection": "direction_cosines",
         "quantity": "plane_irradiance",
+        "filter": "area",
         "power_scale": 2.5,
         "laser_from_geometry": [1.0, 0.0, 0.0, -0.075, 0.0, 1.0, 0.0, 1e-3, 0.0, 0.0, 1.0, 0.0],
     },

@@ -312,6 +312,68 @@ void run_apertures() {
 
 // What only the simulator of captures runs: light between the lens and the sensor, of frames that are all the same and
 // of ones that differ. No public call simulates without a diagnosis, which would take hours here.
+// Patterns of diffractive elements both ways, ideal dots, and the lookup over footprints.
+void run_doe() {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    std::vector<float> phase(12 * 8);
+    for (std::size_t i = 0; i < phase.size(); ++i)
+        phase[i] = static_cast<float>(i * i % 7);
+    auto desc = clspeckle::make<ClspDoePatternDesc>();
+    desc.width = 12;
+    desc.height = 8;
+    desc.phase = phase.data();
+    desc.pixel_pitch_m = 2e-6;
+    desc.image_width = 21;
+    desc.image_height = 17;
+    auto defects = clspeckle::make<ClspDoeDefects>();
+    defects.levels = 4;
+    defects.rounding_sigma_m = 1e-6;
+    defects.feature_samples = 2;
+    defects.etch_noise_rms_m = 20e-9;
+    desc.defects = &defects;
+    auto beam = clspeckle::make<ClspBeamProfile>();
+    beam.covariance_xx_m2 = beam.covariance_yy_m2 = 1e-10;
+    desc.beam = &beam;
+    const auto check_books = [&] {
+        const ClspDoePatternInfo info = clspeckle::DoePattern(context, desc).info();
+        const double sum = info.dots + info.zero_order + info.ghosts + info.scatter;
+        if (!(std::abs(sum - 1) < 1e-5))
+            throw std::runtime_error("the books of a diffractive element add up to " + std::to_string(sum));
+    };
+    desc.half_extent_x = desc.half_extent_y = 0.15;
+    check_books();
+    beam.kind = CLSP_BEAM_FLAT_SQUARE;
+    beam.width_m = 24e-6;
+    beam.height_m = 16e-6;
+    desc.evaluation = CLSP_DOE_EVALUATION_APERTURE;
+    check_books();
+
+    auto spots = clspeckle::make<ClspSpotPatternDesc>();
+    const std::vector<double> directions = {0.0, 0.1, 0.2, -0.1};
+    spots.count = 2;
+    spots.directions = directions.data();
+    spots.image_width = 33;
+    spots.image_height = 21;
+    const std::vector<float> texels = clspeckle::DoePattern(context, spots).texels();
+    auto pattern_desc = clspeckle::make<ClspPatternDesc>();
+    pattern_desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    pattern_desc.width = 33;
+    pattern_desc.height = 21;
+    pattern_desc.texels = texels.data();
+    pattern_desc.filter = CLSP_FILTER_AREA;
+    pattern_desc.filter_taps = 2;
+    const clspeckle::Pattern pattern(context, pattern_desc);
+    const Image depth(context, CLSP_FORMAT_FLOAT32), result(context, CLSP_FORMAT_FLOAT32);
+    fill(depth, queue, 1.0f);
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.view;
+    geometry.fx_px = geometry.fy_px = 50;
+    geometry.cx_px = geometry.cy_px = 31.5;
+    pattern.enqueue_lookup(queue, geometry, result.view);
+    queue.finish();
+}
+
 void run_simulator() {
     clsp::CaptureLayout layout;
     layout.width = 22;
@@ -358,6 +420,7 @@ int main(int argc, char **argv) {
         setenv("CLSPECKLE_FFT", "fused", 1);
         run_effects();
         run_apertures();
+        run_doe();
         run_simulator();
     } catch (const std::exception &error) {
         std::fprintf(stderr, "failed: %s\n", error.what());

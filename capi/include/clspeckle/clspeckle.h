@@ -8,6 +8,7 @@
 #include "aperture.h"
 #include "capture.h"
 #include "diagnosis.h"
+#include "doe.h"
 #include "dots.h"
 #include "effects.h"
 #include "lens.h"

@@ -10,6 +10,16 @@
  *     irradiance on the surface  E = power_scale * J * max(0, -w . R N) / d^2 * visibility
  *     value of the ideal image   I0 = E * albedo / pi                              (the radiance of a Lambertian surface)
  * Thesis section 3.3; the cosine is Lambert's law.
+ *
+ * Filters. BILINEAR takes J at the pixel's centre: right where dots are several pixels wide. Where a pixel covers more than a texel, or a
+ * dot falls between pixels, light is lost or gained. AREA takes the mean of the same bilinear pattern over the pixel's footprint, a
+ * rectangle in pattern coordinates whose sides are the steps to the neighbouring pixels' coordinates (of the two neighbours along each
+ * axis the nearer one, so that edges of objects do not widen it), at least 1/16 texel: the footprints of a surface tile the pattern, so
+ * every dot keeps its light at any distance. It comes from a summed-area table of integers (a unit is 2.3e-10 of the whole
+ * pattern; differences are exact), interpolated quadratically (the integral of a bilinear function), at 36 reads per tap, whatever the
+ * footprint's size; mip levels would cost fewer, but blur across and along alike, and do not tile. The rectangle's sides are those of the pattern's axes: with the image
+ * turned by an angle r against the pattern, dots much smaller than a pixel keep their light to about 2 r^2; filter_taps > 1 divides the
+ * footprint along the image's own axes. Beyond the pattern's edge AREA falls to 0 within half a texel.
  */
 #ifndef CLSPECKLE_PATTERN_H
 #define CLSPECKLE_PATTERN_H
@@ -28,6 +38,9 @@ extern "C" {
  *  intensity is that value divided by the cube of the cosine to the laser's axis. */
 #define CLSP_QUANTITY_PLANE_IRRADIANCE 1u
 
+#define CLSP_FILTER_BILINEAR 0u /**< The pattern at the pixel's centre. */
+#define CLSP_FILTER_AREA 1u     /**< The pattern's mean over the pixel's footprint. */
+
 #define CLSP_DEPTH_ALONG_AXIS 0u  /**< Depth is the z coordinate in the camera frame. */
 #define CLSP_DEPTH_ALONG_RAY 1u   /**< Depth is the distance from the camera centre. */
 
@@ -45,6 +58,8 @@ typedef struct ClspPatternDesc {
     double half_extent_y;         /**< In pattern coordinates; default 0.5. */
     double power_scale;           /**< Factor on the pattern values; default 1. */
     double laser_from_geometry[12]; /**< [R|t], 3 x 4 row-major, R a rotation, t in metres; default identity. */
+    uint32_t filter;              /**< CLSP_FILTER_*; default BILINEAR. */
+    uint32_t filter_taps;         /**< AREA: rectangles of the footprint along each axis of the image, 1 (default) to 4. */
 } ClspPatternDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPatternDesc). */

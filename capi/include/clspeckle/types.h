@@ -117,6 +117,7 @@ CLSP_API ClspStatus clspGetVersion(uint32_t *major, uint32_t *minor, uint32_t *p
 /** @{ */
 typedef struct ClspContext_ *ClspContext;   /**< A device and its programs (runtime.h). */
 typedef struct ClspPattern_ *ClspPattern;   /**< A projected pattern (pattern.h). */
+typedef struct ClspDoePattern_ *ClspDoePattern; /**< The pattern of a diffractive element, or ideal dots (doe.h). */
 typedef struct ClspDots_ *ClspDots;         /**< Ideal projected dots (dots.h). */
 typedef struct ClspMaterialTable_ *ClspMaterialTable; /**< What surfaces are made of (material.h). */
 typedef struct ClspMotion_ *ClspMotion;     /**< How surfaces moved since the last frame (motion.h). */

@@ -100,6 +100,7 @@ HANDLES = [
     "ClspContext",
     "ClspPattern",
     "ClspDots",
+    "ClspDoePattern",
     "ClspMaterialTable",
     "ClspMotion",
     "ClspPhase",
@@ -115,6 +116,7 @@ HANDLES = [
 ]
 STRUCTS = {struct.__name__: struct for struct in _library.STRUCTS}
 SCALARS = {
+    "int32_t": ctypes.c_int32,
     "uint8_t": ctypes.c_uint8,
     "uint16_t": ctypes.c_uint16,
     "uint32_t": ctypes.c_uint32,

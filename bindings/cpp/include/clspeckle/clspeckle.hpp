@@ -85,6 +85,18 @@ inline void init(ClspPhiloxDesc &desc) {
 inline void init(ClspPatternDesc &desc) {
     check(clspPatternDescInit(&desc, sizeof(desc)));
 }
+inline void init(ClspBeamProfile &beam) {
+    check(clspBeamProfileInit(&beam, sizeof(beam)));
+}
+inline void init(ClspDoeDefects &defects) {
+    check(clspDoeDefectsInit(&defects, sizeof(defects)));
+}
+inline void init(ClspDoePatternDesc &desc) {
+    check(clspDoePatternDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspSpotPatternDesc &desc) {
+    check(clspSpotPatternDescInit(&desc, sizeof(desc)));
+}
 inline void init(ClspDotsDesc &desc) {
     check(clspDotsDescInit(&desc, sizeof(desc)));
 }
@@ -581,6 +593,39 @@ class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatter
 
   private:
     explicit Pattern(ClspPattern handle) noexcept : Shared(handle) {}
+};
+
+/** The pattern of a diffractive element, or ideal dots as texels, see doe.h. */
+class DoePattern : public detail::Shared<ClspDoePattern, clspDoePatternRetain, clspDoePatternRelease> {
+  public:
+    DoePattern() noexcept = default;
+    DoePattern(const Context &context, const ClspDoePatternDesc &desc) { check(clspDoePatternCreate(context, &desc, &handle_)); }
+    DoePattern(const Context &context, const ClspSpotPatternDesc &desc) { check(clspSpotPatternCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static DoePattern adopt(ClspDoePattern handle) noexcept { return DoePattern(handle); }
+
+    ClspDoePatternInfo info() const {
+        ClspDoePatternInfo info{};
+        info.struct_size = sizeof info;
+        check(clspDoePatternGetInfo(handle_, &info));
+        return info;
+    }
+    /** image_height x image_width radiant intensities in W/sr. */
+    std::vector<float> texels() const {
+        const ClspDoePatternInfo i = info();
+        std::vector<float> values(std::size_t{i.image_width} * i.image_height);
+        check(clspDoePatternGetTexels(handle_, values.size(), values.data()));
+        return values;
+    }
+    /** Share of each wanted dot. */
+    std::vector<double> dot_shares() const {
+        std::vector<double> values(info().dot_count);
+        check(clspDoePatternGetDotShares(handle_, values.size(), values.data()));
+        return values;
+    }
+
+  private:
+    explicit DoePattern(ClspDoePattern handle) noexcept : Shared(handle) {}
 };
 
 /** Ideal projected dots, see dots.h. */

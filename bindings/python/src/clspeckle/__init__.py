@@ -22,6 +22,7 @@ from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
+from .doe import Beam, DoeDefects, DoeElement, DoePattern, DoePatternInfo
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -53,6 +54,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Aperture",
     "ApertureInfo",
+    "Beam",
     "Buffer",
     "Capture",
     "CaptureSequence",
@@ -63,6 +65,10 @@ __all__ = [
     "Device",
     "DeviceImage",
     "Diagnosis",
+    "DoeDefects",
+    "DoeElement",
+    "DoePattern",
+    "DoePatternInfo",
     "Dots",
     "Effect",
     "EffectParameter",

@@ -59,10 +59,27 @@ CLSP_PROJECTION_TANGENT_PLANE = 0
 CLSP_PROJECTION_DIRECTION_COSINES = 1
 CLSP_QUANTITY_RADIANT_INTENSITY = 0
 CLSP_QUANTITY_PLANE_IRRADIANCE = 1
+CLSP_FILTER_BILINEAR = 0
+CLSP_FILTER_AREA = 1
 CLSP_DEPTH_ALONG_AXIS = 0
 CLSP_DEPTH_ALONG_RAY = 1
 
 CLSP_MAX_DOTS = 1000000
+
+CLSP_BEAM_GAUSSIAN = 0
+CLSP_BEAM_FLAT_CIRCLE = 1
+CLSP_BEAM_FLAT_SQUARE = 2
+CLSP_BEAM_SUPER_GAUSSIAN = 3
+CLSP_BEAM_SKEWED = 4
+CLSP_BEAM_IMAGE = 5
+CLSP_DOE_EVALUATION_AUTO = 0
+CLSP_DOE_EVALUATION_ORDERS = 1
+CLSP_DOE_EVALUATION_APERTURE = 2
+CLSP_MAX_DOE_SAMPLES = 8192
+CLSP_MAX_DOE_LINES = 16
+CLSP_DOE_SOURCE_COMPUTED = 0
+CLSP_DOE_SOURCE_MEMORY = 1
+CLSP_DOE_SOURCE_DISK = 2
 
 CLSP_FIELD_CIRCULAR_GAUSSIAN = 0
 CLSP_FIELD_UNIT_PHASOR = 1
@@ -216,6 +233,8 @@ class ClspPatternDesc(ctypes.Structure):
         ("half_extent_y", c_double),
         ("power_scale", c_double),
         ("laser_from_geometry", c_double * 12),
+        ("filter", c_uint32),
+        ("filter_taps", c_uint32),
     ]
 
 
@@ -232,6 +251,119 @@ class ClspGeometry(ctypes.Structure):
         ("fy_px", c_double),
         ("cx_px", c_double),
         ("cy_px", c_double),
+    ]
+
+
+class ClspBeamProfile(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("kind", c_uint32),
+        ("covariance_xx_m2", c_double),
+        ("covariance_xy_m2", c_double),
+        ("covariance_yy_m2", c_double),
+        ("width_m", c_double),
+        ("height_m", c_double),
+        ("order", c_double),
+        ("skew_x", c_double),
+        ("skew_y", c_double),
+        ("m_squared", c_double),
+        ("image_width", c_uint32),
+        ("image_height", c_uint32),
+        ("image", POINTER(c_float)),
+        ("image_pitch_bytes", c_uint64),
+    ]
+
+
+class ClspDoeDefects(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("levels", c_uint32),
+        ("relative_depth_error", c_double),
+        ("rounding_sigma_m", c_double),
+        ("etch_noise_rms_m", c_double),
+        ("refractive_index", c_double),
+        ("dispersion_per_m", c_double),
+        ("seed", c_uint64),
+        ("feature_samples", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ClspDoePatternDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("periodic", c_uint32),
+        ("phase", POINTER(c_float)),
+        ("phase_pitch_bytes", c_uint64),
+        ("pixel_pitch_m", c_double),
+        ("wavelength_m", c_double),
+        ("dot_count", c_uint64),
+        ("dot_orders", POINTER(c_int32)),
+        ("dot_directions", POINTER(c_double)),
+        ("dot_weights", POINTER(c_double)),
+        ("beam", POINTER(ClspBeamProfile)),
+        ("defects", POINTER(ClspDoeDefects)),
+        ("design_levels", c_uint32),
+        ("evaluation", c_uint32),
+        ("line_count", c_uint32),
+        ("oversampling", c_uint32),
+        ("line_wavelengths_m", POINTER(c_double)),
+        ("line_powers", POINTER(c_double)),
+        ("doe_width_m", c_double),
+        ("doe_height_m", c_double),
+        ("power_w", c_double),
+        ("image_width", c_uint32),
+        ("image_height", c_uint32),
+        ("half_extent_x", c_double),
+        ("half_extent_y", c_double),
+        ("pixel_envelope", c_uint32),
+        ("reserved", c_uint32),
+        ("max_memory_bytes", c_uint64),
+        ("cache_dir", c_char_p),
+    ]
+
+
+class ClspSpotPatternDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("count", c_uint64),
+        ("directions", POINTER(c_double)),
+        ("powers", POINTER(c_double)),
+        ("beam", POINTER(ClspBeamProfile)),
+        ("wavelength_m", c_double),
+        ("power_w", c_double),
+        ("image_width", c_uint32),
+        ("image_height", c_uint32),
+        ("half_extent_x", c_double),
+        ("half_extent_y", c_double),
+    ]
+
+
+class ClspDoePatternInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("source", c_uint32),
+        ("image_width", c_uint32),
+        ("image_height", c_uint32),
+        ("half_extent_x", c_double),
+        ("half_extent_y", c_double),
+        ("power_w", c_double),
+        ("dots", c_double),
+        ("zero_order", c_double),
+        ("ghosts", c_double),
+        ("scatter", c_double),
+        ("inside_image", c_double),
+        ("uniformity_rms", c_double),
+        ("divergence_x_rad", c_double),
+        ("divergence_y_rad", c_double),
+        ("m_squared", c_double),
+        ("order_spacing_x", c_double),
+        ("order_spacing_y", c_double),
+        ("dot_count", c_uint64),
+        ("device_memory_bytes", c_uint64),
     ]
 
 
@@ -770,6 +902,11 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspPhiloxDesc,
     ClspPatternDesc,
     ClspGeometry,
+    ClspBeamProfile,
+    ClspDoeDefects,
+    ClspDoePatternDesc,
+    ClspSpotPatternDesc,
+    ClspDoePatternInfo,
     ClspDotsDesc,
     ClspFieldGrid,
     ClspPhaseDesc,
@@ -857,6 +994,17 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPatternSetPose": (_HANDLE, POINTER(c_double)),
     "clspGeometryInit": _init(ClspGeometry),
     "clspPatternEnqueueLookup": (_HANDLE, _HANDLE, POINTER(ClspGeometry), _IMAGE, *_WAIT),
+    "clspBeamProfileInit": _init(ClspBeamProfile),
+    "clspDoeDefectsInit": _init(ClspDoeDefects),
+    "clspDoePatternDescInit": _init(ClspDoePatternDesc),
+    "clspDoePatternCreate": (_HANDLE, POINTER(ClspDoePatternDesc), _HANDLE_OUT),
+    "clspSpotPatternDescInit": _init(ClspSpotPatternDesc),
+    "clspSpotPatternCreate": (_HANDLE, POINTER(ClspSpotPatternDesc), _HANDLE_OUT),
+    "clspDoePatternRetain": (_HANDLE,),
+    "clspDoePatternRelease": (_HANDLE,),
+    "clspDoePatternGetInfo": (_HANDLE, POINTER(ClspDoePatternInfo)),
+    "clspDoePatternGetTexels": (_HANDLE, c_uint64, POINTER(c_float)),
+    "clspDoePatternGetDotShares": (_HANDLE, c_uint64, POINTER(c_double)),
     "clspDotsDescInit": _init(ClspDotsDesc),
     "clspDotsCreate": (_HANDLE, POINTER(ClspDotsDesc), _HANDLE_OUT),
     "clspDotsRetain": (_HANDLE,),
@@ -1171,6 +1319,7 @@ _FILLED_BY_THE_LIBRARY = (
     ClspDeviceInfo,
     ClspContextInfo,
     ClspApertureInfo,
+    ClspDoePatternInfo,
     ClspMoments,
     ClspCaptureSequenceInfo,
     ClspHypothesisFrame,

@@ -37,6 +37,10 @@ _QUANTITY = {
     "radiant_intensity": _library.CLSP_QUANTITY_RADIANT_INTENSITY,
     "plane_irradiance": _library.CLSP_QUANTITY_PLANE_IRRADIANCE,
 }
+_FILTER = {
+    "bilinear": _library.CLSP_FILTER_BILINEAR,
+    "area": _library.CLSP_FILTER_AREA,
+}
 _DEPTH_KIND = {
     "along_axis": _library.CLSP_DEPTH_ALONG_AXIS,
     "along_ray": _library.CLSP_DEPTH_ALONG_RAY,
@@ -209,6 +213,8 @@ class Pattern(Handle):
         half_extent_y: likewise.
         power_scale: factor on the pattern values.
         laser_from_geometry: [R|t], (3, 4) or (4, 4), R a rotation, t in metres.
+        filter: "bilinear", or "area": the mean over a pixel's footprint, so that dots keep their light at any distance.
+        filter_taps: of "area": parts of the footprint along each axis of the image, 1 to 4.
         context: None for :func:`default_context`.
 
     What is None has the C library's default, see :meth:`defaults`.
@@ -228,6 +234,8 @@ class Pattern(Handle):
         half_extent_y: float | None = None,
         power_scale: float | None = None,
         laser_from_geometry: npt.ArrayLike | None = None,
+        filter: str | None = None,
+        filter_taps: int | None = None,
         context: Context | None = None,
     ) -> None:
         plane = _check.irradiance_plane(texels, "texels")
@@ -238,6 +246,10 @@ class Pattern(Handle):
             desc.projection = _check.choice(projection, "projection", _PROJECTION)
         if quantity is not None:
             desc.quantity = _check.choice(quantity, "quantity", _QUANTITY)
+        if filter is not None:
+            desc.filter = _check.choice(filter, "filter", _FILTER)
+        if filter_taps is not None:
+            desc.filter_taps = _check.integer(filter_taps, "filter_taps")
         given = {"half_extent_x": half_extent_x, "half_extent_y": half_extent_y, "power_scale": power_scale}
         _check.assign(desc, given, {}, given)
         if laser_from_geometry is not None:
@@ -254,7 +266,8 @@ class Pattern(Handle):
         """The C library's defaults of the keyword arguments."""
         desc = _library.initialized(_library.ClspPatternDesc)
         names = ("projection", "quantity", "half_extent_x", "half_extent_y", "power_scale", "laser_from_geometry")
-        result = _check.defaults(desc, {"projection": _PROJECTION, "quantity": _QUANTITY}, names)
+        words = {"projection": _PROJECTION, "quantity": _QUANTITY, "filter": _FILTER}
+        result = _check.defaults(desc, words, (*names, "filter", "filter_taps"))
         result["laser_from_geometry"] = np.array(list(desc.laser_from_geometry)).reshape(3, 4)
         return result
 

@@ -1,0 +1,422 @@
+"""The pattern of a diffractive optical element (DOE): from its phase and the laser's beam to texels of a pattern.
+
+    design = clspeckle.DoeElement.load("design.npy")
+    doe = clspeckle.DoePattern(design, beam=clspeckle.Beam(covariance_m2=(6e-8, 6e-8)))
+    pattern = doe.pattern(laser_from_geometry=pose)
+
+Equations and defects: ``doe.h``; thesis sections 2.6 and 3.3.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import json
+import os
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
+from ._handle import Handle, create
+from .pattern import Pattern
+from .runtime import Context, resolve_context
+
+__all__ = ["Beam", "DoeDefects", "DoeElement", "DoePattern", "DoePatternInfo"]
+
+_BEAMS = {
+    "gaussian": _library.CLSP_BEAM_GAUSSIAN,
+    "flat_circle": _library.CLSP_BEAM_FLAT_CIRCLE,
+    "flat_square": _library.CLSP_BEAM_FLAT_SQUARE,
+    "super_gaussian": _library.CLSP_BEAM_SUPER_GAUSSIAN,
+    "skewed": _library.CLSP_BEAM_SKEWED,
+    "image": _library.CLSP_BEAM_IMAGE,
+}
+_EVALUATIONS = {
+    "auto": _library.CLSP_DOE_EVALUATION_AUTO,
+    "orders": _library.CLSP_DOE_EVALUATION_ORDERS,
+    "aperture": _library.CLSP_DOE_EVALUATION_APERTURE,
+}
+_SOURCES = {
+    _library.CLSP_DOE_SOURCE_COMPUTED: "computed",
+    _library.CLSP_DOE_SOURCE_MEMORY: "memory",
+    _library.CLSP_DOE_SOURCE_DISK: "disk",
+}
+
+
+@dataclasses.dataclass(eq=False)
+class Beam:
+    """The laser's beam at the DOE. What is None has the C library's default: a Gaussian, 1 mm between 1/e^2 points."""
+
+    kind: str | None = None
+    """"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed" or "image"."""
+    covariance_m2: Any | None = None
+    """Of the intensity, for "gaussian" and "skewed": (xx, yy), (xx, xy, yy) or a 2 x 2 matrix."""
+    width_m: float | None = None
+    """Full width of the other kinds."""
+    height_m: float | None = None
+    """None: the width."""
+    order: float | None = None
+    """Of "super_gaussian"."""
+    skew: tuple[float, float] | None = None
+    """(along x, along y), shape parameters of the skew-normal law, for "skewed"."""
+    m_squared: float | None = None
+    """Beam quality, 1 or more."""
+    image: npt.ArrayLike | None = None
+    """(height, width) intensities, for "image"."""
+
+
+@dataclasses.dataclass(eq=False)
+class DoeDefects:
+    """What manufacture does to a design; see ``doe.h``. What is None has the C library's default: no defect."""
+
+    levels: int | None = None
+    relative_depth_error: float | None = None
+    rounding_sigma_m: float | None = None
+    etch_noise_rms_m: float | None = None
+    refractive_index: float | None = None
+    dispersion_per_m: float | None = None
+    seed: int | None = None
+    feature_samples: int | None = None
+
+
+@dataclasses.dataclass(eq=False)
+class DoeElement:
+    """The phase of a DOE."""
+
+    phase: npt.ArrayLike
+    """(height, width) radians at `wavelength_m`, row 0 first, y down."""
+    pixel_pitch_m: float
+    wavelength_m: float = 940e-9
+    periodic: bool = True
+    """The phase is a cell that repeats; False: it is the whole aperture."""
+    levels: int = 0
+    """Levels on which the phase lies, 0: any."""
+    orders: npt.ArrayLike | None = None
+    """(n, 2) or (n, 3): wanted orders m, n, and weights, of a periodic design."""
+    directions: npt.ArrayLike | None = None
+    """(n, 2) or (n, 3): wanted direction cosines u, v, and weights, of a whole aperture."""
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> DoeElement:
+        """Reads NAME.npy (the phase) and NAME.json beside it."""
+        name = os.fspath(path)
+        stem = name[:-4] if name.endswith(".npy") else name
+        try:
+            phase = np.load(stem + ".npy", allow_pickle=False)
+            with open(stem + ".json", encoding="utf-8") as file:
+                about = json.load(file)
+            return DoeElement(
+                phase,
+                pixel_pitch_m=float(about["pixel_pitch_m"]),
+                wavelength_m=float(about["wavelength_m"]),
+                periodic=bool(about.get("periodic", True)),
+                levels=int(about.get("levels", 0)),
+                orders=about.get("orders") or None,
+                directions=about.get("directions") or None,
+            )
+        except OSError as error:
+            raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be read: {error}") from error
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
+            raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error!r}") from error
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes NAME.npy and NAME.json."""
+        name = os.fspath(path)
+        stem = name[:-4] if name.endswith(".npy") else name
+        about: dict[str, Any] = {
+            "pixel_pitch_m": self.pixel_pitch_m,
+            "wavelength_m": self.wavelength_m,
+            "periodic": self.periodic,
+            "levels": self.levels,
+        }
+        for key, value in (("orders", self.orders), ("directions", self.directions)):
+            if value is not None:
+                about[key] = np.asarray(value).tolist()
+        for suffix, write in (
+            (".npy", lambda file: np.save(file, np.asarray(self.phase, np.float32))),
+            (".json", lambda file: file.write(json.dumps(about).encode())),
+        ):
+            temporary = f"{stem}{suffix}.{os.getpid()}"
+            with open(temporary, "wb") as file:
+                write(file)
+            os.replace(temporary, stem + suffix)
+
+
+@dataclasses.dataclass(frozen=True)
+class DoePatternInfo:
+    """What is known of a pattern; shares are of the power that passes the DOE. See ClspDoePatternInfo."""
+
+    source: str
+    """"computed", "memory" or "disk"."""
+    image_width: int
+    image_height: int
+    half_extent_x: float
+    half_extent_y: float
+    power_w: float
+    dots: float
+    zero_order: float
+    ghosts: float
+    scatter: float
+    inside_image: float
+    uniformity_rms: float
+    divergence_x_rad: float
+    divergence_y_rad: float
+    m_squared: float
+    order_spacing_x: float
+    order_spacing_y: float
+    dot_count: int
+    device_memory_bytes: int
+
+
+class _Kept(list[Any]):
+    """Arrays and structs that a description points to."""
+
+    def pointer(self, value: Any, dtype: npt.DTypeLike, name: str, shape: tuple[int | None, ...], kind: Any) -> Any:
+        given = _check.array(value, name)
+        if given.dtype.kind not in "fiu":
+            raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected real numbers")
+        _check.check_shape(given, name, shape)
+        array = np.ascontiguousarray(given, dtype=dtype)
+        self.append(array)
+        return array.ctypes.data_as(ctypes.POINTER(kind))
+
+    def struct(self, value: ctypes.Structure) -> Any:
+        self.append(value)
+        return ctypes.pointer(value)
+
+
+def _plane(value: npt.ArrayLike, name: str, kept: _Kept) -> tuple[Any, int, int]:
+    plane = _check.float_plane(value, name, (None, None))
+    kept.append(plane)
+    return plane.ctypes.data_as(ctypes.POINTER(ctypes.c_float)), plane.shape[1], plane.shape[0]
+
+
+def _beam(beam: Beam, kept: _Kept) -> Any:
+    if not isinstance(beam, Beam):
+        raise TypeError(f"beam must be a clspeckle.Beam, got {_check.kind(beam)}")
+    struct = _library.initialized(_library.ClspBeamProfile)
+    if beam.kind is not None:
+        struct.kind = _check.choice(beam.kind, "beam.kind", _BEAMS)
+    elif beam.image is not None:
+        struct.kind = _library.CLSP_BEAM_IMAGE
+    if beam.covariance_m2 is not None:
+        given = np.asarray(beam.covariance_m2, np.float64)
+        if given.shape == (2, 2) and given[0, 1] == given[1, 0]:
+            xx, xy, yy = given[0, 0], given[0, 1], given[1, 1]
+        elif given.shape == (2,):
+            xx, xy, yy = given[0], 0.0, given[1]
+        elif given.shape == (3,):
+            xx, xy, yy = given
+        else:
+            raise errors.InvalidArgumentError(
+                f"beam.covariance_m2 has shape {given.shape}, "
+                "expected (xx, yy), (xx, xy, yy) or a symmetric 2 x 2 matrix"
+            )
+        struct.covariance_xx_m2, struct.covariance_xy_m2, struct.covariance_yy_m2 = float(xx), float(xy), float(yy)
+    height = beam.width_m if beam.height_m is None else beam.height_m
+    reals = {"width_m": beam.width_m, "height_m": height, "order": beam.order, "m_squared": beam.m_squared}
+    if beam.skew is not None:
+        reals["skew_x"], reals["skew_y"] = beam.skew
+    _check.assign(struct, reals, {}, reals)
+    if beam.image is not None:
+        struct.image, struct.image_width, struct.image_height = _plane(beam.image, "beam.image", kept)
+    return kept.struct(struct)
+
+
+def _defects(defects: DoeDefects, kept: _Kept) -> Any:
+    if not isinstance(defects, DoeDefects):
+        raise TypeError(f"defects must be a clspeckle.DoeDefects, got {_check.kind(defects)}")
+    struct = _library.initialized(_library.ClspDoeDefects)
+    given = dataclasses.asdict(defects)
+    integers = {"levels": 32, "seed": 64, "feature_samples": 32}
+    _check.assign(struct, given, integers, set(given) - set(integers))
+    return kept.struct(struct)
+
+
+def _design(design: DoeElement, desc: _library.ClspDoePatternDesc, kept: _Kept) -> None:
+    if not isinstance(design, DoeElement):
+        raise TypeError(f"design must be a clspeckle.DoeElement, got {_check.kind(design)}")
+    desc.phase, desc.width, desc.height = _plane(design.phase, "design.phase", kept)
+    desc.pixel_pitch_m = _check.real(design.pixel_pitch_m, "design.pixel_pitch_m")
+    desc.wavelength_m = _check.real(design.wavelength_m, "design.wavelength_m")
+    desc.periodic = _check.flag(design.periodic, "design.periodic")
+    desc.design_levels = _check.integer(design.levels, "design.levels")
+    name, value = ("orders", design.orders) if design.periodic else ("directions", design.directions)
+    other = design.directions if design.periodic else design.orders
+    if other is not None:
+        raise errors.InvalidArgumentError("a periodic design has orders, a whole aperture has directions")
+    if value is None:
+        return
+    table = np.asarray(value, np.float64)
+    if table.ndim != 2 or table.shape[1] not in (2, 3) or len(table) == 0:
+        raise errors.InvalidArgumentError(
+            f"design.{name} has shape {table.shape}, expected (n, 2) or (n, 3), n at least 1"
+        )
+    desc.dot_count = len(table)
+    if design.periodic:
+        if not np.array_equal(table[:, :2], np.rint(table[:, :2])) or np.abs(table[:, :2]).max() > 2**30:
+            raise errors.InvalidDataError("design.orders must hold integers")
+        desc.dot_orders = kept.pointer(table[:, :2], np.int32, "design.orders", (None, 2), ctypes.c_int32)
+    else:
+        desc.dot_directions = kept.pointer(table[:, :2], np.float64, "design.directions", (None, 2), ctypes.c_double)
+    if table.shape[1] == 3:
+        desc.dot_weights = kept.pointer(table[:, 2], np.float64, f"design.{name}", (None,), ctypes.c_double)
+
+
+def _image(desc: Any, image_shape: tuple[int, int] | None, half_extent: Any) -> None:
+    if image_shape is not None:
+        desc.image_height, desc.image_width = _check.image_shape(image_shape, "image_shape")
+    if half_extent is not None:
+        x, y = half_extent if np.ndim(half_extent) else (half_extent, half_extent)
+        desc.half_extent_x, desc.half_extent_y = _check.real(x, "half_extent"), _check.real(y, "half_extent")
+
+
+class DoePattern(Handle):
+    """The pattern of a DOE as texels over direction cosines.
+
+    Args:
+        design: the phase.
+        beam: the laser's beam; None: a Gaussian of 1 mm.
+        defects: of manufacture; None: none.
+        lines: laser lines, (wavelength in m, power) each, or wavelengths alone; None: one at the design's wavelength.
+        evaluation: "orders", "aperture" or "auto".
+        oversampling: directions per pixel of "aperture".
+        doe_size_m: (width, height) of the DOE; None: without limit, or the size of a whole aperture.
+        power_w: of the beam.
+        image_shape: (height, width) in texels.
+        half_extent: the image covers +-half_extent in direction cosines: a number or (x, y); None: all that the design
+            can reach.
+        pixel_envelope: pixels are squares; False: the phase is smooth.
+        max_memory_bytes: of the device; None: what it has.
+        cache_dir: a folder in which patterns are kept between runs; None: none.
+        context: None for :func:`default_context`.
+
+    What is None has the C library's default.
+    """
+
+    _release = "clspDoePatternRelease"
+
+    def __init__(
+        self,
+        design: DoeElement,
+        *,
+        beam: Beam | None = None,
+        defects: DoeDefects | None = None,
+        lines: npt.ArrayLike | None = None,
+        evaluation: str | None = None,
+        oversampling: int | None = None,
+        doe_size_m: tuple[float, float] | None = None,
+        power_w: float | None = None,
+        image_shape: tuple[int, int] | None = None,
+        half_extent: Any | None = None,
+        pixel_envelope: bool | None = None,
+        max_memory_bytes: int | None = None,
+        cache_dir: str | os.PathLike[str] | None = None,
+        context: Context | None = None,
+    ) -> None:
+        kept = _Kept()
+        desc = _library.initialized(_library.ClspDoePatternDesc)
+        _design(design, desc, kept)
+        if beam is not None:
+            desc.beam = _beam(beam, kept)
+        if defects is not None:
+            desc.defects = _defects(defects, kept)
+        if lines is not None:
+            table = np.asarray(lines, np.float64)
+            if table.ndim not in (1, 2) or len(table) == 0 or (table.ndim == 2 and table.shape[1] != 2):
+                raise errors.InvalidArgumentError(
+                    f"lines has shape {table.shape}, "
+                    "expected (n,) wavelengths or (n, 2) wavelengths and powers, n at least 1"
+                )
+            desc.line_count = len(table)
+            wavelengths = table if table.ndim == 1 else table[:, 0]
+            desc.line_wavelengths_m = kept.pointer(wavelengths, np.float64, "lines", (None,), ctypes.c_double)
+            if table.ndim == 2:
+                desc.line_powers = kept.pointer(table[:, 1], np.float64, "lines", (None,), ctypes.c_double)
+        if evaluation is not None:
+            desc.evaluation = _check.choice(evaluation, "evaluation", _EVALUATIONS)
+        if doe_size_m is not None:
+            desc.doe_width_m, desc.doe_height_m = (_check.real(side, "doe_size_m") for side in doe_size_m)
+        _image(desc, image_shape, half_extent)
+        given = {"oversampling": oversampling, "max_memory_bytes": max_memory_bytes, "power_w": power_w}
+        _check.assign(desc, given, {"oversampling": 32, "max_memory_bytes": 64}, ("power_w",))
+        if pixel_envelope is not None:
+            desc.pixel_envelope = _check.flag(pixel_envelope, "pixel_envelope")
+        if cache_dir is not None:
+            desc.cache_dir = _check.path(cache_dir, "cache_dir")
+        self.context = resolve_context(context)
+        self._adopt(create("clspDoePatternCreate", self.context._get(), ctypes.byref(desc)))
+
+    @classmethod
+    def ideal(
+        cls,
+        directions: npt.ArrayLike,
+        *,
+        powers: npt.ArrayLike | None = None,
+        beam: Beam | None = None,
+        wavelength_m: float | None = None,
+        power_w: float | None = None,
+        image_shape: tuple[int, int] | None = None,
+        half_extent: Any | None = None,
+        context: Context | None = None,
+    ) -> DoePattern:
+        """Ideal dots: the beam's far field at (n, 2) direction cosines u, v, looked up at the cost of a DOE's pattern.
+
+        Args:
+            powers: (n,) in any unit; None: all equal.
+            power_w: of all dots together.
+        """
+        kept = _Kept()
+        desc = _library.initialized(_library.ClspSpotPatternDesc)
+        desc.directions = kept.pointer(directions, np.float64, "directions", (None, 2), ctypes.c_double)
+        desc.count = len(kept[-1])
+        if powers is not None:
+            desc.powers = kept.pointer(powers, np.float64, "powers", (desc.count,), ctypes.c_double)
+        if beam is not None:
+            desc.beam = _beam(beam, kept)
+        _check.assign(desc, {"wavelength_m": wavelength_m, "power_w": power_w}, {}, ("wavelength_m", "power_w"))
+        _image(desc, image_shape, half_extent)
+        pattern = cls.__new__(cls)
+        pattern.context = resolve_context(context)
+        pattern._adopt(create("clspSpotPatternCreate", pattern.context._get(), ctypes.byref(desc)))
+        return pattern
+
+    @property
+    def info(self) -> DoePatternInfo:
+        """The energy books, the extent, the spots' size."""
+        struct = _library.initialized(_library.ClspDoePatternInfo)
+        _library.call("clspDoePatternGetInfo", self._get(), ctypes.byref(struct))
+        values = {field.name: getattr(struct, field.name) for field in dataclasses.fields(DoePatternInfo)}
+        return DoePatternInfo(**{**values, "source": _SOURCES[struct.source]})
+
+    @property
+    def texels(self) -> npt.NDArray[np.float32]:
+        """(height, width) radiant intensity in W/sr; a new array."""
+        info = self.info
+        texels = np.empty((info.image_height, info.image_width), np.float32)
+        pointer = texels.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+        _library.call("clspDoePatternGetTexels", self._get(), texels.size, pointer)
+        return texels
+
+    @property
+    def dot_shares(self) -> npt.NDArray[np.float64]:
+        """The share of the power in each wanted dot."""
+        shares = np.empty(self.info.dot_count, np.float64)
+        pointer = shares.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        _library.call("clspDoePatternGetDotShares", self._get(), shares.size, pointer)
+        return shares
+
+    def pattern(self, **options: Any) -> Pattern:
+        """A :class:`Pattern` of these texels; `options` are its other arguments: filter, laser_from_geometry, ..."""
+        info = self.info
+        return Pattern(
+            self.texels,
+            projection="direction_cosines",
+            quantity="radiant_intensity",
+            half_extent_x=info.half_extent_x,
+            half_extent_y=info.half_extent_y,
+            context=self.context,
+            **options,
+        )

@@ -1,0 +1,184 @@
+#include "doe/doe_cache.hpp"
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fmt/core.h>
+#include <fstream>
+#include <type_traits>
+
+#include <unistd.h>
+
+namespace clsp {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Changes whenever the same description gives another pattern, or the file another layout.
+constexpr char kMagic[16] = "clsp-pattern-1\n";
+
+// Two FNV-1a hashes of 64 bits over 8-byte words, from different bases, each finished by the mixer of splitmix64
+// (Steele, Lea, Flood 2014).
+class Hash {
+  public:
+    void add(const void *data, std::size_t bytes) {
+        const auto *from = static_cast<const unsigned char *>(data);
+        add_word(bytes);
+        for (; bytes >= sizeof(std::uint64_t); bytes -= sizeof(std::uint64_t), from += sizeof(std::uint64_t)) {
+            std::uint64_t word;
+            std::memcpy(&word, from, sizeof word);
+            add_word(word);
+        }
+        std::uint64_t last = 0;
+        std::memcpy(&last, from, bytes);
+        add_word(last);
+    }
+    void add(double value) {
+        static_assert(sizeof value == sizeof(std::uint64_t), "a word");
+        add(&value, sizeof value);
+    }
+    std::array<std::uint64_t, 2> digest() const { return {mixed(a_), mixed(b_)}; }
+
+  private:
+    static std::uint64_t mixed(std::uint64_t z) {
+        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+        z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+        return z ^ (z >> 31);
+    }
+    void add_word(std::uint64_t word) {
+        a_ = (a_ ^ word) * 0x100000001b3u;
+        a_ ^= a_ >> 32; // words are added whole: the upper bits must come down
+        b_ = (b_ ^ mixed(word)) * 0x100000001b3u;
+        b_ ^= b_ >> 29;
+    }
+    std::uint64_t a_ = 0xcbf29ce484222325u, b_ = 0x9ae16a3b2f90404fu;
+};
+
+static_assert(std::is_trivially_copyable_v<DoePatternBooks>, "the books are stored as they are");
+
+struct Header {
+    char magic[16];
+    char key[32];
+    std::uint64_t texel_count, dot_count, hash;
+    DoePatternBooks books;
+};
+
+std::uint64_t content_hash(const DoePatternResult &result) {
+    Hash hash;
+    hash.add(&result.books, sizeof result.books);
+    hash.add(result.texels.data(), result.texels.size() * sizeof(float));
+    hash.add(result.dot_shares.data(), result.dot_shares.size() * sizeof(double));
+    return hash.digest()[0];
+}
+
+fs::path path_of(const std::string &folder, const std::string &key) {
+    return fs::path(folder) / (key + ".doe");
+}
+
+} // namespace
+
+std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, const std::string &device_name) {
+    const DoePatternParameters &p = element.parameters;
+    const DoeDefects &d = p.defects;
+    Hash hash;
+    hash.add(kMagic, sizeof kMagic);
+    hash.add(device_name.data(), device_name.size());
+    for (const double value : {double(p.width),
+                               double(p.height),
+                               double(p.periodic),
+                               p.pixel_pitch_m,
+                               p.wavelength_m,
+                               double(p.design_levels),
+                               double(element.orders),
+                               double(p.oversampling),
+                               p.doe_width_m,
+                               p.doe_height_m,
+                               p.power_w,
+                               double(p.image_width),
+                               double(p.image_height),
+                               p.half_extent_x,
+                               p.half_extent_y,
+                               double(p.pixel_envelope),
+                               double(d.levels),
+                               d.relative_depth_error,
+                               d.rounding_sigma_m,
+                               d.etch_noise_rms_m,
+                               d.refractive_index,
+                               d.dispersion_per_m,
+                               double(element.samples)})
+        hash.add(value);
+    hash.add(&d.seed, sizeof d.seed);
+    for (const LaserLine &line : element.lines) {
+        hash.add(line.wavelength_m);
+        hash.add(line.share);
+    }
+    hash.add(element.dots.data(), element.dots.size() * sizeof element.dots[0]);
+    hash.add(element.weights.data(), element.weights.size() * sizeof(double));
+    const std::vector<double> profile = beam.content();
+    hash.add(profile.data(), profile.size() * sizeof(double));
+    hash.add(element.phase.data(), element.phase.size() * sizeof(float));
+    const auto digest = hash.digest();
+    return fmt::format("{:016x}{:016x}", digest[0], digest[1]);
+}
+
+std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, const std::string &key) {
+    const fs::path path = path_of(folder, key);
+    std::error_code ignored;
+    if (!fs::is_regular_file(path, ignored))
+        return nullptr;
+    const std::uint64_t size = fs::file_size(path, ignored);
+    std::ifstream file(path, std::ios::binary);
+    Header header{};
+    if (ignored || !file.read(reinterpret_cast<char *>(&header), sizeof header))
+        return nullptr;
+    const std::uint64_t texels = std::uint64_t{header.books.image_width} * header.books.image_height;
+    constexpr std::uint64_t kMost = std::uint64_t{1} << 32;
+    if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 ||
+        std::memcmp(header.key, key.data(), sizeof header.key) != 0 || header.texel_count != texels || texels > kMost ||
+        header.dot_count > kMost || size != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
+        return nullptr;
+    auto result = std::make_shared<DoePatternResult>();
+    result->books = header.books;
+    result->texels.resize(texels);
+    result->dot_shares.resize(header.dot_count);
+    if (!file.read(reinterpret_cast<char *>(result->texels.data()), std::streamsize(texels * sizeof(float))) ||
+        !file.read(reinterpret_cast<char *>(result->dot_shares.data()),
+                   std::streamsize(header.dot_count * sizeof(double))) ||
+        content_hash(*result) != header.hash)
+        return nullptr;
+    return result;
+}
+
+void store_doe_pattern(const std::string &folder, const std::string &key, const DoePatternResult &result) {
+    std::error_code failed;
+    fs::create_directories(folder, failed);
+    static std::atomic<unsigned> counter{0};
+    const fs::path path = path_of(folder, key),
+                   temporary = fmt::format("{}.{}.{}", path.string(), ::getpid(), counter++);
+    Header header{};
+    std::memcpy(header.magic, kMagic, sizeof kMagic);
+    std::memcpy(header.key, key.data(), sizeof header.key);
+    header.texel_count = result.texels.size();
+    header.dot_count = result.dot_shares.size();
+    header.hash = content_hash(result);
+    header.books = result.books;
+    bool good = false;
+    {
+        std::ofstream file(temporary, std::ios::binary);
+        file.write(reinterpret_cast<const char *>(&header), sizeof header);
+        file.write(reinterpret_cast<const char *>(result.texels.data()),
+                   std::streamsize(result.texels.size() * sizeof(float)));
+        file.write(reinterpret_cast<const char *>(result.dot_shares.data()),
+                   std::streamsize(result.dot_shares.size() * sizeof(double)));
+        file.close();
+        good = file.good();
+    }
+    if (good)
+        fs::rename(temporary, path, failed);
+    if (!good || failed)
+        fs::remove(temporary, failed);
+}
+
+} // namespace clsp

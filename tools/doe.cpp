@@ -1,0 +1,28 @@
+#include "doe.hpp"
+
+namespace tools {
+
+namespace {
+
+constexpr const char *examples =
+    R"(Examples:
+  clspeckle doe pattern cell.npy -o pattern.npy
+  clspeckle doe inspect cell.npy -o cell.png
+
+Help on a command: clspeckle doe pattern --help
+)";
+
+} // namespace
+
+void add_doe(CLI::App &app, DoeCommands &commands, bool &json, bool &quiet) {
+    CLI::App &group = *app.add_subcommand("doe", "Diffractive elements: patterns");
+    group.footer(examples);
+    group.require_subcommand(1);
+    add_doe_pattern(group, commands.pattern, json, quiet);
+}
+
+bool run_doe(const DoeCommands &commands, Console &console) {
+    return run_doe_pattern(commands.pattern, console);
+}
+
+} // namespace tools

@@ -1,0 +1,397 @@
+#include "doe_pattern.hpp"
+
+#include "commands.hpp"
+#include "errors.hpp"
+#include "files.hpp"
+#include "image_io/image_io.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+namespace tools {
+
+namespace {
+
+constexpr const char *examples =
+    R"(DESIGN is NAME.npy, the phase in radians (float32, height x width), with NAME.json beside it:
+  {"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9, "periodic": true, "levels": 2, "orders": [[m, n, weight], ...]}
+"periodic": the phase is a cell that repeats over the beam; else the whole aperture, with "directions": [[u, v, weight], ...].
+What the defects mean: docs/doe.md.
+
+Examples:
+  clspeckle doe pattern cell.npy -o pattern.npy --beam-sigma-um 250 --etch-noise-nm 15 --depth-error 0.03
+  clspeckle doe inspect cell.npy -o cell.png --wavelength-nm 910
+)";
+
+constexpr std::uint32_t panel_side = 900; // of the figure
+constexpr double gamma_of_figure = 0.5;
+
+std::string stem_of(const std::string &path) {
+    return path.size() > 4 && path.compare(path.size() - 4, 4, ".npy") == 0 ? path.substr(0, path.size() - 4) : path;
+}
+
+image_io::Plane read_plane(const std::string &path, Console &console) {
+    try {
+        const auto reader = image_io::open(path);
+        std::vector<std::string> warnings;
+        image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
+        for (const std::string &warning : warnings)
+            console.warn(warning);
+        return plane;
+    } catch (const image_io::ReadError &error) {
+        throw InputError(error.what());
+    }
+}
+
+/** What a design's files hold. */
+struct Design {
+    image_io::Plane phase;
+    double pixel_pitch_m = 0, wavelength_m = 0;
+    bool periodic = true;
+    std::uint32_t levels = 0;
+    std::vector<std::int32_t> orders;
+    std::vector<double> directions, weights;
+};
+
+template <typename T> T member(const Json &about, const std::string &file, const char *name) {
+    const auto found = about.find(name);
+    if (found == about.end())
+        throw InputError(fmt::format("{}: \"{}\" is missing", file, name));
+    try {
+        return found->get<T>();
+    } catch (const Json::exception &) {
+        throw InputError(fmt::format("{}: \"{}\" is {}, which it cannot be", file, name, found->dump()));
+    }
+}
+
+Design read_design(const std::string &path, Console &console) {
+    const std::string stem = stem_of(path), file = stem + ".json";
+    Design design;
+    design.phase = read_plane(stem + ".npy", console);
+    const Json about = read_json(file);
+    if (!about.is_object())
+        throw InputError(fmt::format("{}: expected an object with \"pixel_pitch_m\" and \"wavelength_m\"", file));
+    design.pixel_pitch_m = member<double>(about, file, "pixel_pitch_m");
+    design.wavelength_m = member<double>(about, file, "wavelength_m");
+    if (about.contains("periodic"))
+        design.periodic = member<bool>(about, file, "periodic");
+    if (about.contains("levels"))
+        design.levels = member<std::uint32_t>(about, file, "levels");
+    const char *list = design.periodic ? "orders" : "directions";
+    if (!about.contains(list))
+        return design;
+    for (const auto &row : member<std::vector<std::vector<double>>>(about, file, list)) {
+        if (row.size() != 2 && row.size() != 3)
+            throw InputError(fmt::format("{}: an entry of \"{}\" has {} numbers, expected 2 and perhaps a weight", file,
+                                         list, row.size()));
+        if (design.periodic) {
+            for (int k = 0; k < 2; ++k) {
+                const double value = row[std::size_t(k)];
+                if (value != std::round(value) || std::abs(value) > 1e6)
+                    throw InputError(fmt::format("{}: \"orders\" holds {}, expected integers", file, value));
+                design.orders.push_back(static_cast<std::int32_t>(value));
+            }
+        } else {
+            design.directions.insert(design.directions.end(), {row[0], row[1]});
+        }
+        design.weights.push_back(row.size() == 3 ? row[2] : 1.0);
+    }
+    return design;
+}
+
+/** One number for both axes, or one for each. */
+void take_pair(const std::vector<double> &given, double factor, double &x, double &y, const char *name) {
+    if (given.empty())
+        return;
+    if (given.size() > 2)
+        throw InputError(fmt::format("{} takes one number, or two: along x and y", name));
+    x = given.front() * factor;
+    y = given.back() * factor;
+}
+
+std::uint32_t word_index(const std::string &word, const std::vector<std::string> &words, const char *name) {
+    const auto found = std::find(words.begin(), words.end(), word);
+    if (found == words.end())
+        throw InputError(fmt::format("{} is \"{}\"; expected {}", name, word, fmt::join(words, ", ")));
+    return static_cast<std::uint32_t>(found - words.begin());
+}
+
+clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design, Console &console) {
+    auto beam = clspeckle::make<ClspBeamProfile>();
+    beam.kind =
+        word_index(a.beam, {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"}, "--beam");
+    double sigma_x = std::sqrt(beam.covariance_xx_m2), sigma_y = std::sqrt(beam.covariance_yy_m2);
+    take_pair(a.beam_sigma_um, 1e-6, sigma_x, sigma_y, "--beam-sigma-um");
+    beam.covariance_xx_m2 = sigma_x * sigma_x;
+    beam.covariance_yy_m2 = sigma_y * sigma_y;
+    take_pair(a.beam_width_um, 1e-6, beam.width_m, beam.height_m, "--beam-width-um");
+    take_pair(a.beam_skew, 1, beam.skew_x, beam.skew_y, "--beam-skew");
+    beam.order = a.beam_order;
+    beam.m_squared = a.m_squared;
+    image_io::Plane image;
+    if (!a.beam_image.empty()) {
+        beam.kind = CLSP_BEAM_IMAGE;
+        image = read_plane(a.beam_image, console);
+        beam.image = image.values.data();
+        beam.image_width = image.width;
+        beam.image_height = image.height;
+    } else if (beam.kind == CLSP_BEAM_IMAGE) {
+        throw InputError("--beam image needs --beam-image FILE");
+    }
+    auto defects = clspeckle::make<ClspDoeDefects>();
+    defects.levels = a.levels;
+    defects.relative_depth_error = a.depth_error;
+    defects.rounding_sigma_m = a.rounding_um * 1e-6;
+    defects.etch_noise_rms_m = a.etch_noise_nm * 1e-9;
+    if (a.refractive_index != 0)
+        defects.refractive_index = a.refractive_index;
+    defects.dispersion_per_m = a.dispersion_per_um * 1e6;
+    defects.seed = a.seed;
+    auto desc = clspeckle::make<ClspDoePatternDesc>();
+    desc.width = design.phase.width;
+    desc.height = design.phase.height;
+    desc.phase = design.phase.values.data();
+    desc.periodic = design.periodic ? 1 : 0;
+    desc.pixel_pitch_m = design.pixel_pitch_m;
+    desc.wavelength_m = design.wavelength_m;
+    desc.design_levels = design.levels;
+    desc.dot_count = design.weights.size();
+    desc.dot_orders = design.orders.empty() ? nullptr : design.orders.data();
+    desc.dot_directions = design.directions.empty() ? nullptr : design.directions.data();
+    desc.dot_weights = design.weights.empty() ? nullptr : design.weights.data();
+    desc.beam = &beam;
+    desc.defects = &defects;
+    desc.evaluation = word_index(a.evaluation, {"auto", "orders", "aperture"}, "--evaluation");
+    desc.oversampling = a.oversampling;
+    std::vector<double> wavelengths_m;
+    for (const double wavelength : a.wavelengths_nm)
+        wavelengths_m.push_back(wavelength * 1e-9);
+    if (!a.line_powers.empty() && a.line_powers.size() != wavelengths_m.size())
+        throw InputError(fmt::format("--line-power has {} numbers, but --wavelength-nm has {}", a.line_powers.size(),
+                                     wavelengths_m.size()));
+    desc.line_count = static_cast<std::uint32_t>(wavelengths_m.size());
+    desc.line_wavelengths_m = wavelengths_m.empty() ? nullptr : wavelengths_m.data();
+    desc.line_powers = a.line_powers.empty() ? nullptr : a.line_powers.data();
+    take_pair(a.doe_size_mm, 1e-3, desc.doe_width_m, desc.doe_height_m, "--doe-size-mm");
+    desc.power_w = a.power_w;
+    if (!a.texels.empty()) {
+        desc.image_width = a.texels.front();
+        desc.image_height = a.texels.back();
+    }
+    take_pair(a.half_extent, 1, desc.half_extent_x, desc.half_extent_y, "--half-extent");
+    desc.pixel_envelope = a.smooth ? 0 : 1;
+    desc.cache_dir = a.cache.empty() ? nullptr : a.cache.c_str();
+    const clspeckle::Context context = make_context(a.device);
+    return clspeckle::DoePattern(context, desc);
+}
+
+Json books_of(const ClspDoePatternInfo &i) {
+    return {{"projection", "direction_cosines"},
+            {"quantity", "radiant_intensity"},
+            {"half_extent_x", i.half_extent_x},
+            {"half_extent_y", i.half_extent_y},
+            {"power_w", i.power_w},
+            {"dots", i.dots},
+            {"zero_order", i.zero_order},
+            {"ghosts", i.ghosts},
+            {"scatter", i.scatter},
+            {"inside_image", i.inside_image},
+            {"uniformity_rms", i.uniformity_rms},
+            {"dot_count", i.dot_count},
+            {"divergence_x_rad", i.divergence_x_rad},
+            {"divergence_y_rad", i.divergence_y_rad},
+            {"m_squared", i.m_squared},
+            {"order_spacing_x", i.order_spacing_x},
+            {"order_spacing_y", i.order_spacing_y},
+            {"device_memory_bytes", i.device_memory_bytes}};
+}
+
+void print_books(const ClspDoePatternInfo &i, Console &console) {
+    const char *source = i.source == CLSP_DOE_SOURCE_DISK ? "from the cache" : "computed";
+    console.print(fmt::format(
+        "{} x {} texels over +-{:.4f} x +-{:.4f} in direction cosines, {}; spots +-{:.3g} x +-{:.3g} mrad (M^2 {:g})",
+        i.image_width, i.image_height, i.half_extent_x, i.half_extent_y, source, 1e3 * i.divergence_x_rad,
+        1e3 * i.divergence_y_rad, i.m_squared));
+    const auto percent = [](double share) { return fmt::format("{:.3f} %", 100 * share); };
+    std::vector<std::vector<std::string>> rows = {{"share of the power", ""}};
+    if (i.dot_count > 0)
+        rows.push_back({fmt::format("{} wanted dots", i.dot_count), percent(i.dots)});
+    rows.push_back({"zero order", percent(i.zero_order)});
+    rows.push_back({"ghosts", percent(i.ghosts)});
+    rows.push_back({"scatter", percent(i.scatter)});
+    rows.push_back({"within the image", percent(i.inside_image)});
+    console.print(table(rows));
+    if (i.dot_count > 0)
+        console.print(fmt::format("RMS of the dots' powers about those wanted: {:.2f} %", 100 * i.uniformity_rms));
+}
+
+/** A part of the texels as a square panel: the brightest texel of each of its pixels, so that no dot is lost. */
+std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t width, std::uint32_t height, double x0,
+                                double y0, double x1, double y1) {
+    std::vector<float> values(std::size_t{panel_side} * panel_side, 0.0f);
+    float most = 0;
+    const auto range = [](double first, double last, std::uint32_t k, std::uint32_t size) {
+        const double step = (last - first) / panel_side, begin = first + k * step;
+        const auto from = static_cast<std::int64_t>(std::floor(begin));
+        const auto to = std::max(from + 1, static_cast<std::int64_t>(std::floor(begin + step)));
+        return std::pair{std::clamp<std::int64_t>(from, 0, size), std::clamp<std::int64_t>(to, 0, size)};
+    };
+    for (std::uint32_t j = 0; j < panel_side; ++j) {
+        const auto [ya, yb] = range(y0, y1, j, height);
+        for (std::uint32_t i = 0; i < panel_side; ++i) {
+            const auto [xa, xb] = range(x0, x1, i, width);
+            float &value = values[std::size_t{j} * panel_side + i];
+            for (std::int64_t y = ya; y < yb; ++y)
+                for (std::int64_t x = xa; x < xb; ++x)
+                    value = std::max(value, texels[static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)]);
+            most = std::max(most, value);
+        }
+    }
+    std::vector<std::uint8_t> codes(values.size());
+    for (std::size_t k = 0; k < codes.size(); ++k)
+        codes[k] =
+            static_cast<std::uint8_t>(most > 0 ? std::lround(255 * std::pow(values[k] / most, gamma_of_figure)) : 0);
+    return codes;
+}
+
+/** The whole pattern, and a part of it, side by side. */
+void write_figure(const std::string &path, const ClspDoePatternInfo &i, const std::vector<float> &texels,
+                  const std::vector<double> &zoom) {
+    const double u = zoom.empty() ? 0 : zoom[0], v = zoom.empty() ? 0 : zoom[1];
+    const double half = zoom.empty() ? std::min(i.half_extent_x, i.half_extent_y) / 12 : zoom[2];
+    const auto x_of = [&](double at) { return (at / i.half_extent_x + 1) / 2 * i.image_width; };
+    const auto y_of = [&](double at) { return (at / i.half_extent_y + 1) / 2 * i.image_height; };
+    // Square in direction cosines.
+    const double extent = std::max(i.half_extent_x, i.half_extent_y);
+    const auto left =
+        panel(texels, i.image_width, i.image_height, x_of(-extent), y_of(-extent), x_of(extent), y_of(extent));
+    const auto right =
+        panel(texels, i.image_width, i.image_height, x_of(u - half), y_of(v - half), x_of(u + half), y_of(v + half));
+    constexpr std::uint32_t gap = 12, width = 2 * panel_side + gap;
+    std::vector<std::uint8_t> codes(std::size_t{width} * panel_side, 255);
+    for (std::uint32_t y = 0; y < panel_side; ++y) {
+        std::copy_n(&left[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width]);
+        std::copy_n(&right[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width + panel_side + gap]);
+    }
+    image_io::write_png8(path, width, panel_side, codes.data());
+}
+
+void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet) {
+    app.add_option("DESIGN", a.design, "Phase of the element: NAME.npy, with NAME.json beside it")
+        ->required()
+        ->type_name("");
+    const auto number = [&](const char *name, auto &value, const char *what) {
+        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name("NUMBER")->take_last();
+    };
+    const auto numbers = [&](const char *name, auto &value, const char *what) {
+        app.add_option(name, value, what)->delimiter(',')->type_name("NUMBER,...");
+    };
+    app.add_option("--beam", a.beam,
+                   "gaussian, flat_circle, flat_square, super_gaussian, skewed or image (default gaussian)")
+        ->type_name("WORD");
+    numbers("--beam-sigma-um", a.beam_sigma_um,
+            "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
+    numbers("--beam-width-um", a.beam_width_um, "Full width of the other beams, or width,height (default 1000)");
+    number("--beam-order", a.beam_order, "Of a super-Gaussian beam");
+    numbers("--beam-skew", a.beam_skew, "Shape parameter of a skewed beam, or x,y");
+    number("--m-squared", a.m_squared, "Beam quality: the spots are that much wider");
+    app.add_option("--beam-image", a.beam_image, "Image of the beam's intensity over --beam-width-um")
+        ->type_name("IMAGE");
+    number("--levels", a.levels, "Levels that manufacture has; 0: no limit");
+    number("--depth-error", a.depth_error, "All depths are (1 + this) times as deep");
+    number("--rounding-um", a.rounding_um, "Standard deviation by which the relief is blurred");
+    number("--etch-noise-nm", a.etch_noise_nm, "RMS error of each pixel's depth");
+    app.add_option("--refractive-index", a.refractive_index,
+                   "At the design's wavelength (default 1.4507, fused silica)")
+        ->type_name("NUMBER");
+    number("--dispersion-per-um", a.dispersion_per_um, "Change of the index with the wavelength");
+    number("--seed", a.seed, "Of the etch noise");
+    numbers("--wavelength-nm", a.wavelengths_nm, "Of the laser, or of its lines (default the design's)");
+    numbers("--line-power", a.line_powers, "Relative power of each line (default all equal)");
+    numbers("--doe-size-mm", a.doe_size_mm, "Size of the element, or width,height (default without limit)");
+    app.add_option("--evaluation", a.evaluation, "orders, aperture or auto (default auto)")->type_name("WORD");
+    number("--oversampling", a.oversampling, "Directions per pixel of an aperture, 1 to 4");
+    number("--power-w", a.power_w, "Of the beam");
+    app.add_option("--texels", a.texels, "Size of the image: width,height (default 2048,2048)")
+        ->delimiter(',')
+        ->expected(2)
+        ->type_name("W,H");
+    numbers("--half-extent", a.half_extent,
+            "The image covers so much to each side in direction cosines, or x,y (default: all)");
+    app.add_flag("--smooth", a.smooth, "The phase is smooth between the pixels' centres: no envelope of square pixels");
+    app.add_option("--cache", a.cache, "Folder in which patterns are kept between runs")->type_name("FOLDER");
+    app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_flag("--json", json, "Print JSON");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void run(const DoePatternArguments &a, bool to_file, Console &console) {
+    if (!a.zoom.empty() && !(a.zoom[2] > 0 && std::isfinite(a.zoom[0]) && std::isfinite(a.zoom[1])))
+        throw InputError("--zoom U,V,HALF: the half width must be above 0");
+    const std::string stem = stem_of(a.output), design_stem = stem_of(a.design);
+    std::error_code ignored;
+    if (to_file && (stem == design_stem || std::filesystem::equivalent(stem + ".npy", design_stem + ".npy", ignored)))
+        throw InputError(fmt::format("the output would overwrite the design {}; choose another --output", a.design));
+    const Design design = read_design(a.design, console);
+    const clspeckle::DoePattern pattern = compute(a, design, console);
+    const ClspDoePatternInfo info = pattern.info();
+    check_interrupt();
+    Json books = books_of(info);
+    if (to_file) {
+        const std::vector<float> texels = pattern.texels();
+        image_io::write_npy(stem + ".npy", info.image_width, info.image_height, texels.data());
+        image_io::write_text(stem + ".json", books.dump(2) + "\n");
+    } else if (!a.output.empty()) {
+        write_figure(a.output, info, pattern.texels(), a.zoom);
+    }
+    if (console.json()) {
+        console.result(books.dump(2));
+        return;
+    }
+    print_books(info, console);
+    if (to_file)
+        console.print(fmt::format(
+            "Look it up with: clspeckle render SCENE -o FOLDER --pattern {}.npy --pattern-projection direction_cosines "
+            "--pattern-half-extent-x {:.9g} --pattern-half-extent-y {:.9g}",
+            stem, info.half_extent_x, info.half_extent_y));
+}
+
+} // namespace
+
+void add_doe_pattern(CLI::App &group, DoePatternCommands &commands, bool &json, bool &quiet) {
+    DoePatternArguments &a = commands.arguments;
+    CLI::App &pattern = *group.add_subcommand("pattern", "Compute the pattern of a DOE, for render --pattern");
+    pattern.footer(examples);
+    pattern
+        .add_option("-o,--output", a.output,
+                    "NPY of radiant intensities; a JSON with what is known is written beside it")
+        ->required()
+        ->type_name("FILE.npy");
+    add_options(pattern, a, json, quiet);
+    CLI::App &inspect = *group.add_subcommand("inspect", "Say where a DOE's light goes, and draw its pattern");
+    inspect.footer(examples);
+    inspect.add_option("-o,--output", a.output, "Figure: the pattern, and a part of it (square root of the intensity)")
+        ->type_name("FILE.png");
+    inspect
+        .add_option("--zoom", a.zoom,
+                    "Part of the pattern in the figure: centre u,v and half width (default 0,0, a twelfth)")
+        ->delimiter(',')
+        ->expected(3)
+        ->type_name("U,V,HALF");
+    add_options(inspect, a, json, quiet);
+    commands.pattern_command = &pattern;
+    commands.inspect_command = &inspect;
+}
+
+bool run_doe_pattern(const DoePatternCommands &commands, Console &console) {
+    const bool to_file = commands.pattern_command->parsed();
+    if (!to_file && !commands.inspect_command->parsed())
+        return false;
+    run(commands.arguments, to_file, console);
+    return true;
+}
+
+} // namespace tools
