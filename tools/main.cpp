@@ -1,4 +1,5 @@
 #include "commands.hpp"
+#include "doe.hpp"
 #include "errors.hpp"
 
 #include <CLI/CLI.hpp>
@@ -427,6 +428,8 @@ struct Arguments {
     tools::DiagnoseArguments diagnose;
     // gap check
     tools::GapCheckArguments gap_check;
+    // doe
+    tools::DoeCommands doe;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -716,6 +719,8 @@ int run(int argc, char **argv) {
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
 
+    tools::add_doe(app, arguments.doe, arguments.json, arguments.quiet);
+
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &success) {
@@ -747,7 +752,7 @@ int run(int argc, char **argv) {
         tools::run_diagnose(arguments.diagnose, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
-    else
+    else if (!tools::run_doe(arguments.doe, console))
         tools::run_statistics(stats, console);
     console.finish();
     return code;

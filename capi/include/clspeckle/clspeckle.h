@@ -8,6 +8,8 @@
 #include "aperture.h"
 #include "capture.h"
 #include "diagnosis.h"
+#include "doe_design.h"
+#include "dot_layout.h"
 #include "dots.h"
 #include "effects.h"
 #include "lens.h"

@@ -109,12 +109,14 @@ HANDLES = [
     "ClspPipeline",
     "ClspCapture",
     "ClspDiagnosis",
+    "ClspDoeDesign",
     "cl_mem",
     "cl_command_queue",
     "cl_event",
 ]
 STRUCTS = {struct.__name__: struct for struct in _library.STRUCTS}
 SCALARS = {
+    "int32_t": ctypes.c_int32,
     "uint8_t": ctypes.c_uint8,
     "uint16_t": ctypes.c_uint16,
     "uint32_t": ctypes.c_uint32,

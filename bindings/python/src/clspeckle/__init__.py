@@ -22,6 +22,8 @@ from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
+from .doe_design import DoeDesign, SnappedOrders, design_doe, evaluate_doe, snap_directions
+from .dot_layout import DotLayout, dot_layout
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -63,6 +65,8 @@ __all__ = [
     "Device",
     "DeviceImage",
     "Diagnosis",
+    "DoeDesign",
+    "DotLayout",
     "Dots",
     "Effect",
     "EffectParameter",
@@ -86,17 +90,22 @@ __all__ = [
     "Sensor",
     "ShrinkStep",
     "Shrinkage",
+    "SnappedOrders",
     "Version",
     "compare",
     "default_context",
+    "design_doe",
     "devices",
     "diagnose",
+    "dot_layout",
     "effects",
     "errors",
+    "evaluate_doe",
     "explain_devices",
     "field_grid",
     "philox",
     "simulate",
+    "snap_directions",
     "statistics",
     "version",
     "wait",
