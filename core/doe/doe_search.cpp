@@ -11,6 +11,8 @@ namespace {
 
 // The wanted powers are the mean of what there is and a little more: the search then raises the efficiency as well.
 constexpr double kAmbition = 1.01;
+// A sweep ends when so many candidates in a row are no good any more: what was foreseen is out of date then.
+constexpr std::size_t kMostRefusals = 500;
 
 // The orders' amplitudes with the pixel's envelope in them, kept up while pixels change.
 class Amplitudes {
@@ -164,7 +166,8 @@ DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &p, std:
         });
         // The amplitudes of the orders move with every change: each is tried once more before it is made.
         std::uint64_t changes = 0;
-        for (std::size_t c = 0; c < candidates.size(); ++c) {
+        std::size_t refusals = 0;
+        for (std::size_t c = 0; c < candidates.size() && refusals < kMostRefusals; ++c) {
             if (c % 256 == 0)
                 tell(double(c) / double(candidates.size()));
             const std::uint32_t i = candidates[c];
@@ -172,6 +175,9 @@ DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &p, std:
             if (amplitudes.try_change(i % p.width, i / p.width, step)) {
                 levels[i] = best[i];
                 ++changes;
+                refusals = 0;
+            } else {
+                ++refusals;
             }
         }
         result.changes += changes;
