@@ -22,8 +22,9 @@ template <> struct HandleTraits<ClspDoeDesign> {
 
 namespace {
 
-static_assert(static_cast<std::uint32_t>(DoeRule::kPhaseFixed) == CLSP_DOE_RULE_KIM && kLargestDoeSide == CLSP_MAX_DOE_SIDE &&
-                  kLargestDoeLevels == CLSP_MAX_DOE_LEVELS && kMostDoeOrders == CLSP_MAX_DOE_ORDERS,
+static_assert(static_cast<std::uint32_t>(DoeRule::kPhaseFixed) == CLSP_DOE_RULE_KIM &&
+                  kLargestDoeSide == CLSP_MAX_DOE_SIDE && kLargestDoeLevels == CLSP_MAX_DOE_LEVELS &&
+                  kMostDoeOrders == CLSP_MAX_DOE_ORDERS,
               "the engine's limits and rules are those of doe_design.h");
 
 ClspDoeDesignDesc design_defaults() {
@@ -109,8 +110,8 @@ CLSP_API ClspStatus clspDoeDesignEvaluate(ClspContext context, const ClspDoeDesi
         required(design, "design");
         DoeDesignParameters p = checked_doe_parameters(design_parameters(desc));
         const auto any = [](float) { return true; }; // evaluate_doe() looks at the values
-        std::vector<float> copy = copy_host_image(
-            {phase, p.width, p.height, phase_pitch_bytes, "phase", "phase_pitch_bytes"}, any, "");
+        std::vector<float> copy =
+            copy_host_image({phase, p.width, p.height, phase_pitch_bytes, "phase", "phase_pitch_bytes"}, any, "");
         give(design, evaluate_doe(device, std::move(p), std::move(copy)));
     });
 }

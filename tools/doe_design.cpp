@@ -7,10 +7,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <optional>
+#include <type_traits>
 
 namespace tools {
 
@@ -19,9 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char *design_examples =
-    R"(Designs the phase of a cell of square pixels that repeats over the beam and splits it into the wanted orders, by weighted
-Gerchberg-Saxton, soft quantization to the phase levels and, with --search, direct binary search. Says which part of the
-light goes into the dots, how equal they are, and where the rest goes.
+    R"(Designs the phase of a cell of square pixels that repeats over the beam and splits it into the wanted orders, by
+weighted Gerchberg-Saxton, soft quantization to the phase levels and, with --search, direct binary search. Says which
+part of the light goes into the dots, how equal they are, and where the rest goes.
 
 ORDERS is a JSON file with "orders": [[m, n, weight], ...] (m to the right, n down; the weight may be left out), or with
 "directions": [[u, v, weight], ...] as direction cosines, which are snapped to the cell's orders: what `clspeckle doe
@@ -86,10 +87,12 @@ Wanted read_wanted(const std::string &path) {
         const std::string where = fmt::format("{}: {}[{}]", path, key, k);
         const Json &entry = list[k];
         if (!entry.is_array() || entry.size() < 2 || entry.size() > 3)
-            throw InputError(fmt::format("{} is {}; two numbers and an optional weight are needed", where, entry.dump()));
+            throw InputError(
+                fmt::format("{} is {}; two numbers and an optional weight are needed", where, entry.dump()));
         const double weight = entry.size() > 2 ? number(entry[2], where + "[2]") : 1.0;
         if (orders) {
-            wanted.orders.push_back({order_number(entry[0], where + "[0]"), order_number(entry[1], where + "[1]"), weight});
+            wanted.orders.push_back(
+                {order_number(entry[0], where + "[0]"), order_number(entry[1], where + "[1]"), weight});
         } else {
             wanted.directions.push_back(number(entry[0], where + "[0]"));
             wanted.directions.push_back(number(entry[1], where + "[1]"));
@@ -110,9 +113,10 @@ double agreed(double given, const std::map<std::string, double> &file, const cha
     if (found == file.end())
         return given > 0.0 ? given : fallback;
     if (given > 0.0 && std::abs(given - found->second) > 1e-6 * found->second)
-        throw InputError(fmt::format("{} says {}, but the list of orders was made for a {} of {}: orders of one cell are other "
-                                     "directions in another; leave the option out",
-                                     option, given, name, found->second));
+        throw InputError(
+            fmt::format("{} says {}, but the list of orders was made for a {} of {}: orders of one cell are other "
+                        "directions in another; leave the option out",
+                        option, given, name, found->second));
     return found->second;
 }
 
@@ -133,7 +137,8 @@ Cell settle(const DoeCellArguments &a, const std::map<std::string, double> &file
         const double given = a.size.empty() ? 0.0 : a.size[a.size.size() > 1 ? index : 0];
         const double value = agreed(given, file, name, "--size", fallback);
         if (!(value >= 1.0 && value <= CLSP_MAX_DOE_SIDE) || value != std::floor(value))
-            throw InputError(fmt::format("the {} of the cell is {}; it must be 1 to {} pixels", name, value, CLSP_MAX_DOE_SIDE));
+            throw InputError(
+                fmt::format("the {} of the cell is {}; it must be 1 to {} pixels", name, value, CLSP_MAX_DOE_SIDE));
         return static_cast<std::uint32_t>(value);
     };
     if (!a.size.empty() && (a.size[0] == 0 || a.size.back() == 0))
@@ -206,22 +211,45 @@ std::string checked_output(std::string name, std::initializer_list<const char *>
         throw OutputError(fmt::format("{}: the folder {} does not exist; make it first", name, parent.string()));
     for (const char *extension : extensions)
         if (!overwrite && fs::exists(name + extension, code))
-            throw OutputError(fmt::format("{}{} exists; choose another name with -o, or replace it with --overwrite", name, extension));
+            throw OutputError(fmt::format("{}{} exists; choose another name with -o, or replace it with --overwrite",
+                                          name, extension));
     { const image_io::AtomicFile probe(name + ".json"); } // fails before the work, not after it
     return name;
 }
 
 std::string percent(double fraction) {
-    return fmt::format("{:.2f} %", 100.0 * fraction);
+    return fraction < 1e-3 ? fmt::format("{:.2g} %", 100.0 * fraction) : fmt::format("{:.2f} %", 100.0 * fraction);
+}
+
+/** Refuses a sign, which the parser would take for a large number. */
+CLI::Validator unsigned_integer() {
+    return CLI::Validator(
+        [](std::string &text) {
+            const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+            return digits ? std::string() : fmt::format("is \"{}\"; expected an integer of at least 0", text);
+        },
+        "");
+}
+
+/** An option of one number; its range is checked by the library. */
+template <typename T> CLI::Option *add_number(CLI::App &app, const char *name, T &value, const std::string &what) {
+    CLI::Option *option = app.add_option(name, value, what)->take_last();
+    if constexpr (std::is_integral_v<T>)
+        option->check(unsigned_integer());
+    return option->type_name(std::is_integral_v<T> ? "INTEGER" : "NUMBER");
 }
 
 std::string summary(const ClspDoeDesignReport &r, const std::string &name) {
-    const std::string relative_zero = fmt::format("{} ({:.2f} of a dot's)", percent(r.zero_order), r.zero_order_relative);
+    const std::string relative_zero =
+        fmt::format("{} ({:.2f} of a dot's)", percent(r.zero_order), r.zero_order_relative);
     return table({{"orders", fmt::format("{}", r.order_count)},
-                  {"efficiency", fmt::format("{} ({} without the pixels' envelope)", percent(r.efficiency), percent(r.grid_efficiency))},
-                  {"uniformity error", fmt::format("{} RMS, {} peak to peak", percent(r.uniformity_rms), percent(r.uniformity_peak_to_peak))},
+                  {"efficiency", fmt::format("{} ({} without the pixels' envelope)", percent(r.efficiency),
+                                             percent(r.grid_efficiency))},
+                  {"uniformity error", fmt::format("{} RMS, {} peak to peak", percent(r.uniformity_rms),
+                                                   percent(r.uniformity_peak_to_peak))},
                   {"zero order", r.zero_order_wanted ? relative_zero + ", wanted" : relative_zero},
-                  {"largest ghost", fmt::format("{:.3f} of a dot's power, at ({}, {})", r.largest_ghost_relative, r.ghost_m, r.ghost_n)},
+                  {"largest ghost",
+                   fmt::format("{:.3f} of a dot's power, at ({}, {})", r.largest_ghost_relative, r.ghost_m, r.ghost_n)},
                   {"other orders", percent(r.other_orders)},
                   {"beyond the base band", percent(r.beyond)},
                   {"time", fmt::format("{:.1f} s", r.seconds)},
@@ -257,9 +285,10 @@ void run_design(const DoeDesignArguments &a, Console &console) {
     if (a.period_um != 0.0)
         for (const std::uint32_t side : {cell.width, cell.height})
             if (!(std::abs(a.period_um * 1e-6 - side * cell.pixel_pitch_m) <= 1e-3 * cell.pixel_pitch_m))
-                throw InputError(fmt::format("--period-um is {}, but {} pixels of {:g} um are {:g} um: change one of --period-um, "
-                                             "--size and --pitch-um, or leave one out",
-                                             a.period_um, side, cell.pixel_pitch_m * 1e6, side * cell.pixel_pitch_m * 1e6));
+                throw InputError(
+                    fmt::format("--period-um is {}, but {} pixels of {:g} um are {:g} um: change one of --period-um, "
+                                "--size and --pitch-um, or leave one out",
+                                a.period_um, side, cell.pixel_pitch_m * 1e6, side * cell.pixel_pitch_m * 1e6));
     Json extra = Json::object();
     if (a.orders.empty()) {
         const clspeckle::DotLayout layout = clspeckle::dot_layout(layout_desc(a.cell, cell));
@@ -278,10 +307,11 @@ void run_design(const DoeDesignArguments &a, Console &console) {
         }
         const double rms = std::sqrt(sum / static_cast<double>(snapped.errors.size()));
         extra["snap_error"] = {{"rms", rms}, {"largest", largest}};
-        console.print(fmt::format("{} directions snapped to the cell's orders: off by {:.3g} RMS, {:.3g} at most (direction "
-                                  "cosines; the orders are {:.3g} x {:.3g} apart)\n",
-                                  wanted.orders.size(), rms, largest, cell.wavelength_m / (cell.pixel_pitch_m * cell.width),
-                                  cell.wavelength_m / (cell.pixel_pitch_m * cell.height)));
+        console.print(
+            fmt::format("{} directions snapped to the cell's orders: off by {:.3g} RMS, {:.3g} at most (direction "
+                        "cosines; the orders are {:.3g} x {:.3g} apart)\n",
+                        wanted.orders.size(), rms, largest, cell.wavelength_m / (cell.pixel_pitch_m * cell.width),
+                        cell.wavelength_m / (cell.pixel_pitch_m * cell.height)));
     }
     static const std::map<std::string, std::uint32_t> rules = {{"gs", CLSP_DOE_RULE_GS},
                                                                {"gsw", CLSP_DOE_RULE_GSW},
@@ -336,8 +366,11 @@ void run_layout(const DoeLayoutArguments &a, Console &console) {
     desc.repair_rounds = a.repair_rounds;
     const clspeckle::DotLayout layout = clspeckle::dot_layout(desc);
     const Json numbers = layout_numbers(layout.info);
-    Json json = {{"wavelength_m", desc.wavelength_m}, {"seed", desc.seed}, {"tool", "clspeckle doe layout"},
-                 {"half_angle_x_rad", desc.half_angle_x_rad}, {"half_angle_y_rad", desc.half_angle_y_rad},
+    Json json = {{"wavelength_m", desc.wavelength_m},
+                 {"seed", desc.seed},
+                 {"tool", "clspeckle doe layout"},
+                 {"half_angle_x_rad", desc.half_angle_x_rad},
+                 {"half_angle_y_rad", desc.half_angle_y_rad},
                  {"layout", numbers}};
     if (!a.free)
         json.update({{"width", desc.width}, {"height", desc.height}, {"pixel_pitch_m", desc.pixel_pitch_m}});
@@ -354,40 +387,42 @@ void run_layout(const DoeLayoutArguments &a, Console &console) {
         console.result(result.dump(2));
     }
     const ClspDotLayoutInfo &info = layout.info;
-    console.print(table({{"dots", fmt::format("{}", desc.count)},
-                         {"least distance", fmt::format("{:.5f} in direction cosines ({:.2f} of the mean spacing)", info.min_distance,
-                                                        info.min_distance / info.mean_spacing)},
-                         {"neighbourhood", fmt::format("radius {:.4f}, {:.1f} dots; they match within {:.5f}", info.neighborhood_radius,
-                                                       info.mean_neighbors, info.tolerance)},
-                         {"difference", fmt::format("{:.3f} at least, {:.3f} on average, of {} pairs in rows of +-{:.5f}",
-                                                    info.min_difference, info.mean_difference, info.pair_count,
-                                                    info.row_half_height)},
-                         {"moved", fmt::format("{} dots", info.moved_count)},
-                         {"written", name + ".json"}}));
+    console.print(table(
+        {{"dots", fmt::format("{}", desc.count)},
+         {"least distance", fmt::format("{:.5f} in direction cosines ({:.2f} of the mean spacing)", info.min_distance,
+                                        info.min_distance / info.mean_spacing)},
+         {"neighbourhood", fmt::format("radius {:.4f}, {:.1f} dots; they match within {:.5f}", info.neighborhood_radius,
+                                       info.mean_neighbors, info.tolerance)},
+         {"difference", fmt::format("{:.3f} at least, {:.3f} on average, of {} pairs in rows of +-{:.5f}",
+                                    info.min_difference, info.mean_difference, info.pair_count, info.row_half_height)},
+         {"moved", fmt::format("{} dots", info.moved_count)},
+         {"written", name + ".json"}}));
 }
 
 void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
-    const auto number = [&](const char *name, auto &value, const std::string &what, const char *type) {
-        return app.add_option(name, value, what)->type_name(type)->take_last();
-    };
-    app.add_option("--size", a.size, "Pixels of the cell: WIDTH,HEIGHT or one number for both; prime factors up to 13 (default 512)")
+    app.add_option("--size", a.size,
+                   "Pixels of the cell: WIDTH,HEIGHT or one number for both; prime factors up to 13 (default 512)")
         ->delimiter(',')
         ->expected(1, 2)
         ->allow_extra_args(false)
+        ->check(unsigned_integer())
         ->type_name("INTEGER,...");
-    number("--pitch-um", a.pixel_pitch_um, "Side of a pixel in um (default 0.4)", "NUMBER");
-    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm (default 940)", "NUMBER");
-    number("--beam-um", a.beam_diameter_um, "Diameter of the beam in um: dots closer than the diffraction limit are then refused", "NUMBER");
-    number("--dots", a.dots, fmt::format("How many dots, 1 to 100000 (default {})", a.dots), "INTEGER");
+    add_number(app, "--pitch-um", a.pixel_pitch_um, "Side of a pixel in um (default 0.4)");
+    add_number(app, "--wavelength-nm", a.wavelength_nm, "Wavelength in nm (default 940)");
+    add_number(app, "--beam-um", a.beam_diameter_um,
+               "Diameter of the beam in um: dots closer than the diffraction limit are then refused");
+    add_number(app, "--dots", a.dots, fmt::format("How many dots, 1 to 100000 (default {})", a.dots));
     app.add_option("--field-of-view", a.field_of_view_deg,
-                   fmt::format("Full angles in degrees, horizontal and vertical (default {:g},{:g})", a.field_of_view_deg[0], a.field_of_view_deg[1]))
+                   fmt::format("Full angles in degrees, horizontal and vertical (default {:g},{:g})",
+                               a.field_of_view_deg[0], a.field_of_view_deg[1]))
         ->delimiter(',')
         ->expected(1, 2)
         ->allow_extra_args(false)
         ->type_name("NUMBER,...");
-    number("--min-distance", a.min_distance, "Least distance between dots in direction cosines (default: nearly the largest possible)", "NUMBER");
+    add_number(app, "--min-distance", a.min_distance,
+               "Least distance between dots in direction cosines (default: nearly the largest possible)");
     app.add_flag("--symmetric", a.symmetric, "With every dot its mirror image, as elements of two levels make them");
-    number("--seed", a.seed, fmt::format("Seed of everything random, 0 to 2^64 - 1 (default {})", a.seed), "INTEGER");
+    add_number(app, "--seed", a.seed, fmt::format("Seed of everything random, 0 to 2^64 - 1 (default {})", a.seed));
     app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
     app.add_flag("--json", json, "Print the figures as JSON on standard output, everything else on standard error");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
@@ -396,26 +431,35 @@ void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
 } // namespace
 
 void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bool &quiet) {
-    const auto number = [](CLI::App &app, const char *name, auto &value, const char *what, const char *type) {
-        return app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+    const auto number = [](CLI::App &app, const char *name, auto &value, const char *what) {
+        add_number(app, name, value, fmt::format("{} (default {})", what, value));
     };
     DoeDesignArguments &d = commands.design;
     CLI::App &design = *group.add_subcommand("design", "Design the phase of a beam splitter");
     commands.design_command = &design;
     design.footer(design_examples);
-    design.add_option("ORDERS", d.orders, "JSON file with the wanted orders or directions; without it a layout is made")->type_name("");
-    design.add_option("-o,--output", d.output, "Name of the files, without .npy and .json")->required()->type_name("NAME");
-    number(design, "--levels", d.levels, "Phase levels, 2 to 256; 0: continuous", "INTEGER");
-    number(design, "--rule", d.rule, "How the weights of the orders are adapted: gs, gsw, nogrette or kim", "WORD")
+    design
+        .add_option("ORDERS", d.orders, "JSON file with the wanted orders or directions; without it a layout is made")
+        ->type_name("");
+    design.add_option("-o,--output", d.output, "Name of the files, without .npy and .json")
+        ->required()
+        ->type_name("NAME");
+    number(design, "--levels", d.levels, "Phase levels, 2 to 256; 0: continuous");
+    design
+        .add_option("--rule", d.rule,
+                    "How the weights of the orders are adapted: gs, gsw, nogrette or kim (default gsw)")
+        ->type_name("WORD")
+        ->take_last()
         ->check(CLI::IsMember({"gs", "gsw", "nogrette", "kim"}));
-    design.add_option("--feedback", d.feedback, "Of the rule (default 1; nogrette 0.7)")->type_name("NUMBER")->take_last();
-    number(design, "--iterations", d.iterations, "Before the phase is quantized", "INTEGER");
-    number(design, "--quantization-iterations", d.quantization_iterations, "In which the levels are taken", "INTEGER");
-    number(design, "--fix-phase-iteration", d.fix_phase_iteration, "From which on kim keeps the phases of the orders", "INTEGER");
-    number(design, "--search", d.search_sweeps, "Sweeps of direct binary search at most", "INTEGER");
-    design.add_flag("--keep-envelope", d.keep_envelope, "Make the powers before the pixels' envelope as wanted, not those behind it");
+    add_number(design, "--feedback", d.feedback, "Of the rule (default 1; nogrette 0.7)");
+    number(design, "--iterations", d.iterations, "Before the phase is quantized");
+    number(design, "--quantization-iterations", d.quantization_iterations, "In which the levels are taken");
+    number(design, "--fix-phase-iteration", d.fix_phase_iteration, "From which on kim keeps the phases of the orders");
+    number(design, "--search", d.search_sweeps, "Sweeps of direct binary search at most");
+    design.add_flag("--keep-envelope", d.keep_envelope,
+                    "Make the powers before the pixels' envelope as wanted, not those behind it");
     design.add_flag("--mirror", d.mirror, "With two levels: add missing mirror images to the list");
-    design.add_option("--period-um", d.period_um, "Period of the cell in um, checked against --size and --pitch-um")->type_name("NUMBER")->take_last();
+    add_number(design, "--period-um", d.period_um, "Period of the cell in um, checked against --size and --pitch-um");
     design.add_option("--device", d.device, "OpenCL device, as for render")->type_name("TEXT");
     add_cell(design, d.cell, json, quiet);
 
@@ -425,15 +469,16 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
     layout.footer(layout_examples);
     layout.add_option("-o,--output", l.output, "Name of the file, without .json")->required()->type_name("NAME");
     layout.add_flag("--free", l.free, "Dots anywhere, not on the orders of a cell");
-    const auto length = [&](const char *name, double &value, const char *what) {
-        layout.add_option(name, value, what)->type_name("NUMBER")->take_last();
-    };
-    length("--row", l.row_half_height, "Dots whose v differ by no more may be mistaken for each other, in direction cosines (default: "
-                                       "half of the least distance)");
-    length("--radius", l.neighborhood_radius, "Of a neighbourhood, in direction cosines (default: three mean spacings)");
-    length("--tolerance", l.tolerance, "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
-    number(layout, "--min-difference", l.min_difference, "Of any two dots of a row, 0 to 1; 0: measured only", "NUMBER");
-    number(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved", "INTEGER");
+    add_number(
+        layout, "--row", l.row_half_height,
+        "Dots whose v differ by no more may be mistaken for each other, in direction cosines (default: half of the "
+        "least distance)");
+    add_number(layout, "--radius", l.neighborhood_radius,
+               "Of a neighbourhood, in direction cosines (default: three mean spacings)");
+    add_number(layout, "--tolerance", l.tolerance,
+               "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
+    number(layout, "--min-difference", l.min_difference, "Of any two dots of a row, 0 to 1; 0: measured only");
+    number(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved");
     add_cell(layout, l.cell, json, quiet);
 }
 

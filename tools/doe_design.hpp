@@ -20,7 +20,7 @@ struct DoeCellArguments {
     std::vector<std::uint32_t> size; ///< Width, height; or one number; empty: not given.
     double pixel_pitch_um = 0.0;     ///< 0: not given.
     double wavelength_nm = 0.0;      ///< 0: not given.
-    double beam_diameter_um = 0.0; ///< 0: not known.
+    double beam_diameter_um = 0.0;   ///< 0: not known.
     std::vector<double> field_of_view_deg = {60.0, 45.0};
     std::uint64_t dots = 5303;
     double min_distance = 0.0; ///< In direction cosines; 0: chosen.

@@ -17,8 +17,8 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// Powers of the orders behind a phase, and what goes elsewhere. The books are those of the base band |m| < width / 2, |n| <
-// height / 2, where the pixel's envelope leaves sinc^2 of each order's power; the rest of it lies beyond.
+// Powers of the orders behind a phase, and what goes elsewhere. The books are those of the base band |m| < width / 2,
+// |n| < height / 2, where the pixel's envelope leaves sinc^2 of each order's power; the rest of it lies beyond.
 void measure_design(DoeDevice &device, DoeDesign &design) {
     const DoeDesignParameters &p = design.parameters;
     std::vector<cl_float2> field(device.pixels());
@@ -87,8 +87,7 @@ void measure_design(DoeDevice &device, DoeDesign &design) {
         for (std::size_t k = 0; k < p.orders.size(); ++k)
             square += std::pow(design.powers[k] / (p.orders[k].weight * mean) - 1.0, 2);
         report.uniformity_rms = std::sqrt(square / double(p.orders.size()));
-        report.uniformity_peak_to_peak =
-            (report.strongest - report.weakest) / (report.strongest + report.weakest);
+        report.uniformity_peak_to_peak = (report.strongest - report.weakest) / (report.strongest + report.weakest);
         report.weakest /= mean;
         report.strongest /= mean;
         report.zero_order_relative = report.zero_order / dot;
@@ -101,8 +100,8 @@ void measure_design(DoeDevice &device, DoeDesign &design) {
 void check_phase(const DoeDesignParameters &p, const std::vector<float> &phase) {
     const std::size_t pixels = std::size_t{p.width} * p.height;
     if (phase.size() != pixels)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the phase has {} pixels, but width x height is {} x {}", phase.size(), p.width, p.height));
+        throw Error(Status::kInvalidArgument, fmt::format("the phase has {} pixels, but width x height is {} x {}",
+                                                          phase.size(), p.width, p.height));
     for (std::size_t i = 0; i < pixels; ++i) {
         const auto value = double(phase[i]);
         const std::string name = fmt::format("phase[{}][{}] (row, column)", i / p.width, i % p.width);
@@ -112,10 +111,11 @@ void check_phase(const DoeDesignParameters &p, const std::vector<float> &phase) 
             continue;
         const double level = value * p.levels / kTurn;
         if (std::abs(level - std::nearbyint(level)) > 0.01)
-            throw Error(Status::kInvalidData,
-                        fmt::format("{} is {}, none of the {} levels (multiples of 2 pi / {}); give the levels that the "
-                                    "design has, or 0 for a continuous one",
-                                    name, value, p.levels, p.levels));
+            throw Error(
+                Status::kInvalidData,
+                fmt::format("{} is {}, none of the {} levels (multiples of 2 pi / {}); give the levels that the "
+                            "design has, or 0 for a continuous one",
+                            name, value, p.levels, p.levels));
     }
 }
 
@@ -147,10 +147,11 @@ DoeDevice::DoeDevice(std::shared_ptr<Context> context, std::uint32_t width, std:
     const auto largest = context_->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
     const std::uint64_t bytes = pixels_ * sizeof(cl_float2);
     if (bytes > largest)
-        throw Error(Status::kOutOfMemory,
-                    fmt::format("a cell of {} x {} pixels needs {} MiB in one piece, {} gives at most {}; take a smaller "
-                                "cell",
-                                width, height, bytes >> 20, context_->device_name(), largest >> 20));
+        throw Error(
+            Status::kOutOfMemory,
+            fmt::format("a cell of {} x {} pixels needs {} MiB in one piece, {} gives at most {}; take a smaller "
+                        "cell",
+                        width, height, bytes >> 20, context_->device_name(), largest >> 20));
     queue_ = cl::CommandQueue(context_->cl_context(), context_->device());
     fft_ = context_->fft(width, height);
     field_ = DeviceBuffer(context_, bytes);

@@ -72,7 +72,8 @@ std::shared_ptr<const DoeDesign> design_doe(const std::shared_ptr<Context> &cont
 std::shared_ptr<const DoeDesign> evaluate_doe(const std::shared_ptr<Context> &context, DoeDesignParameters parameters,
                                               std::vector<float> phase);
 
-// Amplitude of an order behind square pixels that fill the cell, relative to point samples: sinc(m / width) sinc(n / height).
+// Amplitude of an order behind square pixels that fill the cell, relative to point samples: sinc(m / width) sinc(n /
+// height).
 double doe_envelope(std::int32_t m, std::int32_t n, std::uint32_t width, std::uint32_t height);
 
 // The nearest orders of directions (u, v), and how far off they are. Throws where two directions are one order.

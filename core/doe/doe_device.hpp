@@ -45,8 +45,10 @@ class DoeDevice {
 
 // Index of an order in the transform.
 inline std::uint32_t doe_bin(const DoeOrder &order, std::uint32_t width, std::uint32_t height) {
-    const std::uint32_t x = order.m < 0 ? width - static_cast<std::uint32_t>(-order.m) : static_cast<std::uint32_t>(order.m);
-    const std::uint32_t y = order.n < 0 ? height - static_cast<std::uint32_t>(-order.n) : static_cast<std::uint32_t>(order.n);
+    const std::uint32_t x =
+        order.m < 0 ? width - static_cast<std::uint32_t>(-order.m) : static_cast<std::uint32_t>(order.m);
+    const std::uint32_t y =
+        order.n < 0 ? height - static_cast<std::uint32_t>(-order.n) : static_cast<std::uint32_t>(order.n);
     return y * width + x;
 }
 
@@ -64,7 +66,6 @@ struct DoeSearchResult {
     std::uint64_t changes = 0;
     std::uint32_t sweeps = 0;
 };
-DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &parameters,
-                           std::vector<std::uint8_t> &levels);
+DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &parameters, std::vector<std::uint8_t> &levels);
 
 } // namespace clsp

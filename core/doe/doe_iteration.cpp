@@ -21,6 +21,29 @@ double default_feedback(DoeRule rule) {
     return rule == DoeRule::kAdaptive ? 0.7 : 1.0;
 }
 
+// With few orders the projection to a phase amplifies what the weights do, and full feedback swings between two states:
+// where large errors do not shrink, it is lowered.
+class Feedback {
+  public:
+    explicit Feedback(double value) : value_(value) {}
+    double value() const { return value_; }
+    void observe(double error) {
+        constexpr double kLarge = 0.02, kShrinks = 0.95, kLowered = 0.7;
+        constexpr int kPatience = 3;
+        if (error < kShrinks * least_) {
+            least_ = error;
+            stalled_ = 0;
+        } else if (error > kLarge && ++stalled_ == kPatience) {
+            value_ *= kLowered;
+            stalled_ = 0;
+        }
+    }
+
+  private:
+    double value_, least_ = 1e30;
+    int stalled_ = 0;
+};
+
 // Random phases of the orders; of mirrored orders opposite ones where the transmission is real.
 std::vector<cl_float2> first_phasors(const DoeDesignParameters &p) {
     std::unordered_map<std::uint32_t, std::size_t> index;
@@ -73,9 +96,9 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
     const DeviceBuffer partial(context, items * sizeof(cl_float4)), power(context, items * sizeof(cl_float4));
 
     const auto kernel = [&](const char *name) { return context->kernel("doe_design.cl", name); };
-    cl::Kernel clear = kernel("doe_design_clear"), sum = kernel("doe_design_sum"), scatter = kernel("doe_design_scatter"),
-               project = kernel("doe_design_project"), measure = kernel("doe_design_measure"),
-               weigh = kernel("doe_design_weigh");
+    cl::Kernel clear = kernel("doe_design_clear"), sum = kernel("doe_design_sum"),
+               scatter = kernel("doe_design_scatter"), project = kernel("doe_design_project"),
+               measure = kernel("doe_design_measure"), weigh = kernel("doe_design_weigh");
     const auto pixels = static_cast<cl_uint>(device.pixels());
     const auto orders = static_cast<cl_uint>(count), partials = static_cast<cl_uint>(items);
     KernelArguments(clear).add(device.field()).add(pixels);
@@ -90,14 +113,7 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
         .add(orders)
         .add(static_cast<cl_float>(device.pixels()))
         .add(device.field());
-    KernelArguments(weigh)
-        .add(relative.get())
-        .add(partial.get())
-        .add(partials)
-        .add(orders)
-        .add(static_cast<cl_uint>(p.rule))
-        .add(static_cast<cl_float>(p.feedback > 0.0 ? p.feedback : default_feedback(p.rule)))
-        .add(weights.get());
+    Feedback feedback(p.feedback > 0.0 ? p.feedback : default_feedback(p.rule));
 
     const std::uint32_t quantizing = p.levels == 0 ? 0 : p.quantization_iterations;
     const std::uint32_t total = p.iterations + quantizing;
@@ -132,6 +148,15 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
             .add(relative.get())
             .add(partial.get());
 
+        KernelArguments(weigh)
+            .add(relative.get())
+            .add(partial.get())
+            .add(partials)
+            .add(orders)
+            .add(static_cast<cl_uint>(p.rule))
+            .add(static_cast<cl_float>(feedback.value()))
+            .add(weights.get());
+
         CommandChain chain(device.queue(), 0, nullptr);
         if (i > 0)
             chain.run("doe_weigh", weigh, count);
@@ -155,7 +180,10 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
             powers += double(s.s[3]);
         }
         const double n = double(count), mean = ratio2 / n;
-        history.push_back({powers, mean > 0.0 ? std::sqrt(std::max(ratio4 / n - mean * mean, 0.0)) / mean : 0.0});
+        const double error = mean > 0.0 ? std::sqrt(std::max(ratio4 / n - mean * mean, 0.0)) / mean : 0.0;
+        history.push_back({powers, error});
+        if (i < p.iterations) // the quantization has errors of its own
+            feedback.observe(error);
     }
     check_opencl(clFinish(device.queue()), "clFinish");
     return history;

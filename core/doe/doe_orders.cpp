@@ -89,10 +89,11 @@ void check_beam(const DoeDesignParameters &p, const OrderIndex &index) {
         return;
     const double period = p.pixel_pitch_m * std::max(p.width, p.height);
     if (period > p.beam_diameter_m)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the cell is {:.4g} m long, longer than the beam (beam_diameter_m is {:.4g}): its orders "
-                                "would not be separate dots; widen the beam or take a smaller cell",
-                                period, p.beam_diameter_m));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the cell is {:.4g} m long, longer than the beam (beam_diameter_m is {:.4g}): its orders "
+                        "would not be separate dots; widen the beam or take a smaller cell",
+                        period, p.beam_diameter_m));
     const double limit = 1.22 * p.wavelength_m / p.beam_diameter_m;
     const double step_x = p.wavelength_m / (p.pixel_pitch_m * p.width),
                  step_y = p.wavelength_m / (p.pixel_pitch_m * p.height);
@@ -111,8 +112,8 @@ void check_beam(const DoeDesignParameters &p, const OrderIndex &index) {
                                 fmt::format("orders[{}] ({}, {}) and orders[{}] are {:.4g} apart in direction cosines, "
                                             "closer than the diffraction limit of a beam of {} m (1.22 wavelength / "
                                             "beam_diameter_m = {:.4g}); widen the beam or the spacing",
-                                            k, p.orders[k].m, p.orders[k].n, found->second, distance,
-                                            p.beam_diameter_m, limit));
+                                            k, p.orders[k].m, p.orders[k].n, found->second, distance, p.beam_diameter_m,
+                                            limit));
             }
 }
 
@@ -124,18 +125,20 @@ void check_mirror(DoeDesignParameters &p, OrderIndex index) {
         const auto found = index.find(key_of(-order.m, -order.n));
         if (found != index.end()) {
             if (p.orders[found->second].weight != order.weight)
-                throw Error(Status::kInvalidArgument,
-                            fmt::format("orders[{}] ({}, {}) has the weight {}, its mirror image {}: with 2 levels both "
-                                        "get the same power; give them the same weight, or take more levels",
-                                        k, order.m, order.n, order.weight, p.orders[found->second].weight));
+                throw Error(
+                    Status::kInvalidArgument,
+                    fmt::format("orders[{}] ({}, {}) has the weight {}, its mirror image {}: with 2 levels both "
+                                "get the same power; give them the same weight, or take more levels",
+                                k, order.m, order.n, order.weight, p.orders[found->second].weight));
             continue;
         }
         if (!p.mirror_orders)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("orders[{}] ({}, {}) has no mirror image ({}, {}) in the list: with 2 levels the "
-                                    "transmission is real, and every order has a twin of the same power at the opposite "
-                                    "side; set mirror_orders to add the twins, or take more than 2 levels",
-                                    k, order.m, order.n, -order.m, -order.n));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("orders[{}] ({}, {}) has no mirror image ({}, {}) in the list: with 2 levels the "
+                            "transmission is real, and every order has a twin of the same power at the opposite "
+                            "side; set mirror_orders to add the twins, or take more than 2 levels",
+                            k, order.m, order.n, -order.m, -order.n));
         index.emplace(key_of(-order.m, -order.n), p.orders.size());
         p.orders.push_back({-order.m, -order.n, order.weight});
     }
@@ -162,9 +165,9 @@ DoeDesignParameters checked_doe_parameters(DoeDesignParameters p) {
                     fmt::format("rule is {}, it must be one of CLSP_DOE_RULE_*", static_cast<std::uint32_t>(p.rule)));
     const double most_feedback = p.rule == DoeRule::kAdaptive ? 0.99 : 2.0;
     if (!(p.feedback >= 0.0 && p.feedback <= most_feedback))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("feedback is {}, with this rule it must be 0 (its default) to {}", p.feedback,
-                                most_feedback));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("feedback is {}, with this rule it must be 0 (its default) to {}", p.feedback, most_feedback));
     const auto iterations = [](std::uint32_t value, std::uint32_t least, const char *name) {
         if (value < least || value > kLargestDoeIterations)
             throw Error(Status::kInvalidArgument,
@@ -211,10 +214,11 @@ SnappedOrders snap_directions(const std::vector<double> &directions, std::uint32
                                     k, u, v));
         const double m = std::nearbyint(u / step_x), n = std::nearbyint(v / step_y);
         if ((2 * std::abs(m) >= width && m != 0) || (2 * std::abs(n) >= height && n != 0))
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("directions[{}], ({:.6g}, {:.6g}), is order ({}, {}), outside of what {} x {} "
-                                    "pixels of {} m can do: they reach direction cosines of {:.4g}; take smaller pixels",
-                                    k, u, v, m, n, width, height, pixel_pitch_m, 0.5 * wavelength_m / pixel_pitch_m));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("directions[{}], ({:.6g}, {:.6g}), is order ({}, {}), outside of what {} x {} "
+                            "pixels of {} m can do: they reach direction cosines of {:.4g}; take smaller pixels",
+                            k, u, v, m, n, width, height, pixel_pitch_m, 0.5 * wavelength_m / pixel_pitch_m));
         const auto order_m = static_cast<std::int32_t>(m), order_n = static_cast<std::int32_t>(n);
         const auto [found, added] = index.emplace(key_of(order_m, order_n), k);
         if (!added)

@@ -73,7 +73,8 @@ class Amplitudes {
             cl_float2 &twice = second[std::size_t{y} * p_.width + x];
             twice.s[0] += static_cast<cl_float>(b * (re_[k] * re_[k] - im_[k] * im_[k]));
             twice.s[1] += static_cast<cl_float>(-2.0 * b * re_[k] * im_[k]);
-            constant += (step_power * s2 * (4.0 * power(k) - 2.0 * wanted) + step_power * step_power * s2 * s2) / wanted;
+            constant +=
+                (step_power * s2 * (4.0 * power(k) - 2.0 * wanted) + step_power * step_power * s2 * s2) / wanted;
         }
         return constant;
     }

@@ -62,32 +62,36 @@ Region checked_region(const DotLayoutParameters &p) {
     region.u = std::sin(p.half_angle_x_rad);
     region.v = std::sin(p.half_angle_y_rad);
     if (region.u * region.u + region.v * region.v >= 1.0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the corners of the field of view, at direction cosines ({:.4g}, {:.4g}), lie beyond 90 "
-                                "degrees; take smaller angles",
-                                region.u, region.v));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the corners of the field of view, at direction cosines ({:.4g}, {:.4g}), lie beyond 90 "
+                        "degrees; take smaller angles",
+                        region.u, region.v));
     if (p.lattice) {
         if (p.width == 0 || p.height == 0 || p.width > 8192 || p.height > 8192)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("the cell is {} x {} pixels, it must be 1 to 8192 along each axis", p.width, p.height));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the cell is {} x {} pixels, it must be 1 to 8192 along each axis", p.width, p.height));
         check_positive(p.pixel_pitch_m, "pixel_pitch_m");
         region.step_u = p.wavelength_m / (p.pixel_pitch_m * p.width);
         region.step_v = p.wavelength_m / (p.pixel_pitch_m * p.height);
         const double m = std::floor(region.u / region.step_u * (1 + 1e-12)),
                      n = std::floor(region.v / region.step_v * (1 + 1e-12));
         if (2 * m >= p.width || 2 * n >= p.height)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("the field of view reaches direction cosines of ({:.4g}, {:.4g}), pixels of {} m only "
-                                    "{:.4g}; take smaller pixels or angles",
-                                    region.u, region.v, p.pixel_pitch_m, 0.5 * p.wavelength_m / p.pixel_pitch_m));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the field of view reaches direction cosines of ({:.4g}, {:.4g}), pixels of {} m only "
+                            "{:.4g}; take smaller pixels or angles",
+                            region.u, region.v, p.pixel_pitch_m, 0.5 * p.wavelength_m / p.pixel_pitch_m));
         region.m = static_cast<std::int32_t>(m);
         region.n = static_cast<std::int32_t>(n);
         const std::uint64_t places = (2 * std::uint64_t(region.m) + 1) * (2 * std::uint64_t(region.n) + 1);
         if (places < p.count)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("count is {}, but the cell has only {} orders within the field of view; take a cell "
-                                    "of more pixels",
-                                    p.count, places));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("count is {}, but the cell has only {} orders within the field of view; take a cell "
+                            "of more pixels",
+                            p.count, places));
     }
     return region;
 }
@@ -108,8 +112,8 @@ void check_measure(const DotLayoutParameters &p) {
 
 using Dots = std::vector<Direction>;
 
-// Dots one after the other at random places, each kept if it is far enough from those before; random sequential adsorption.
-// Fewer than wanted: no more were found.
+// Dots one after the other at random places, each kept if it is far enough from those before; random sequential
+// adsorption. Fewer than wanted: no more were found.
 Dots draw(const DotLayoutParameters &p, const Region &region, double distance) {
     Dots dots;
     DirectionGrid grid(region.u, region.v, distance);
@@ -171,10 +175,11 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
     }
     distance = low * kSlack;
     if (distance < least)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("{} dots in this field of view are {:.4g} apart, below the diffraction limit {:.4g} of a "
-                                "beam of {} m: widen the beam or the field of view",
-                                p.count, distance, least, p.beam_diameter_m));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("{} dots in this field of view are {:.4g} apart, below the diffraction limit {:.4g} of a "
+                        "beam of {} m: widen the beam or the field of view",
+                        p.count, distance, least, p.beam_diameter_m));
     Dots dots = draw(p, region, distance);
     if (dots.size() < p.count) // where a smaller distance happens to hold fewer
         dots = draw(p, region, distance = low);
@@ -186,7 +191,8 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
 }
 
 // Another place for a dot, near its own; the twin of a symmetric layout goes along. False: none was found.
-bool move(const DotLayoutParameters &p, const Region &region, double distance, std::size_t i, Source &source, Dots &dots) {
+bool move(const DotLayoutParameters &p, const Region &region, double distance, std::size_t i, Source &source,
+          Dots &dots) {
     constexpr int kTries = 64;
     const auto twin = [&]() -> std::optional<std::size_t> {
         for (std::size_t j = 0; j < dots.size(); ++j)
@@ -199,7 +205,8 @@ bool move(const DotLayoutParameters &p, const Region &region, double distance, s
         return false; // the centre stays
     const auto free = [&](const Direction &d) {
         for (std::size_t j = 0; j < dots.size(); ++j)
-            if (j != i && !(other && j == *other) && std::hypot(dots[j].u - d.u, dots[j].v - d.v) < distance * (1 - 1e-12))
+            if (j != i && !(other && j == *other) &&
+                std::hypot(dots[j].u - d.u, dots[j].v - d.v) < distance * (1 - 1e-12))
                 return false;
         return !other || 2.0 * std::hypot(d.u, d.v) >= distance;
     };
@@ -208,7 +215,8 @@ bool move(const DotLayoutParameters &p, const Region &region, double distance, s
         const double reach = 3.0 * distance;
         Direction d{dots[i].u + reach * (block[0] * 0x1p-31 - 1.0), dots[i].v + reach * (block[1] * 0x1p-31 - 1.0)};
         if (region.step_u > 0.0)
-            d = {std::nearbyint(d.u / region.step_u) * region.step_u, std::nearbyint(d.v / region.step_v) * region.step_v};
+            d = {std::nearbyint(d.u / region.step_u) * region.step_u,
+                 std::nearbyint(d.v / region.step_v) * region.step_v};
         if (std::abs(d.u) > region.u || std::abs(d.v) > region.v || (d.u == dots[i].u && d.v == dots[i].v) || !free(d))
             continue;
         dots[i] = d;
@@ -232,9 +240,10 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
     layout.tolerance = p.tolerance > 0.0 ? p.tolerance : 0.25 * layout.min_distance;
     // A neighbour has at most one partner only if two partners would be closer than dots are.
     if (2.0 * layout.tolerance > layout.min_distance && p.count > 1)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("tolerance is {:.4g}, it must be at most half of the least distance between dots ({:.4g})",
-                                layout.tolerance, layout.min_distance));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("tolerance is {:.4g}, it must be at most half of the least distance between dots ({:.4g})",
+                        layout.tolerance, layout.min_distance));
     const NeighborhoodRules rules{layout.row_half_height, layout.neighborhood_radius, layout.tolerance};
     Source source(p.seed, 1);
     NeighborhoodMeasure measure = measure_neighborhoods(dots, rules, p.min_difference);
@@ -252,11 +261,12 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
         measure = measure_neighborhoods(dots, rules, p.min_difference);
     }
     if (!measure.alike.empty())
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("{} pairs of dots in the same row still look alike (the least difference of their "
-                                "neighbourhoods is {:.3g}, min_difference {:.3g}) after {} rounds of moving dots; take a "
-                                "larger neighborhood_radius, a smaller min_difference or another seed",
-                                measure.alike.size(), measure.least, p.min_difference, p.repair_rounds));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("{} pairs of dots in the same row still look alike (the least difference of their "
+                        "neighbourhoods is {:.3g}, min_difference {:.3g}) after {} rounds of moving dots; take a "
+                        "larger neighborhood_radius, a smaller min_difference or another seed",
+                        measure.alike.size(), measure.least, p.min_difference, p.repair_rounds));
     layout.min_difference = measure.least;
     layout.mean_difference = measure.mean;
     layout.mean_neighbors = measure.mean_neighbors;

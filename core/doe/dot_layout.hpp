@@ -9,8 +9,8 @@ namespace clsp {
 
 struct DotLayoutParameters {
     std::uint64_t count = 5303;
-    bool lattice = true;                        // on the orders of a cell
-    std::uint32_t width = 512, height = 512;    // the cell
+    bool lattice = true;                     // on the orders of a cell
+    std::uint32_t width = 512, height = 512; // the cell
     double pixel_pitch_m = 0.4e-6, wavelength_m = 940e-9;
     double half_angle_x_rad = 0.5235987755982988, half_angle_y_rad = 0.39269908169872414; // 30 and 22.5 degrees
     double min_distance = 0.0;    // in direction cosines; 0: nearly as large as the count allows

@@ -33,10 +33,10 @@ std::size_t matches(const Neighborhood &a, const Neighborhood &b, double toleran
 } // namespace
 
 DirectionGrid::DirectionGrid(double half_u, double half_v, double side)
-    : half_u_(half_u), half_v_(half_v),
-      side_(std::max(side, 2.0 * std::max(half_u, half_v) / kMostSquares)),
-      columns_(static_cast<std::int64_t>(2.0 * half_u / side_) + 1), rows_(static_cast<std::int64_t>(2.0 * half_v / side_) + 1),
-      squares_(static_cast<std::size_t>(columns_ * rows_)) {}
+    : half_u_(half_u), half_v_(half_v), side_(std::max(side, 2.0 * std::max(half_u, half_v) / kMostSquares)),
+      columns_(static_cast<std::int64_t>(2.0 * half_u / side_) + 1),
+      rows_(static_cast<std::int64_t>(2.0 * half_v / side_) + 1), squares_(static_cast<std::size_t>(columns_ * rows_)) {
+}
 
 std::int64_t DirectionGrid::column(double u) const {
     return std::clamp(static_cast<std::int64_t>(std::floor((u + half_u_) / side_)), std::int64_t{0}, columns_ - 1);
@@ -82,16 +82,14 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
             if (j != i && std::hypot(offset.u, offset.v) <= rules.radius)
                 neighborhoods[i].push_back(offset);
         });
-        std::sort(neighborhoods[i].begin(), neighborhoods[i].end(), [](const Direction &a, const Direction &b) {
-            return a.u < b.u || (a.u == b.u && a.v < b.v);
-        });
+        std::sort(neighborhoods[i].begin(), neighborhoods[i].end(),
+                  [](const Direction &a, const Direction &b) { return a.u < b.u || (a.u == b.u && a.v < b.v); });
         measure.mean_neighbors += double(neighborhoods[i].size()) / double(dots.size());
     }
     std::vector<std::size_t> by_row(dots.size());
     std::iota(by_row.begin(), by_row.end(), std::size_t{0});
-    std::sort(by_row.begin(), by_row.end(), [&](std::size_t a, std::size_t b) {
-        return dots[a].v < dots[b].v || (dots[a].v == dots[b].v && a < b);
-    });
+    std::sort(by_row.begin(), by_row.end(),
+              [&](std::size_t a, std::size_t b) { return dots[a].v < dots[b].v || (dots[a].v == dots[b].v && a < b); });
     double sum = 0.0;
     for (std::size_t a = 0; a < by_row.size(); ++a)
         for (std::size_t b = a + 1; b < by_row.size(); ++b) {
@@ -100,7 +98,8 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
                 break;
             const double both = double(neighborhoods[i].size() + neighborhoods[j].size());
             const double difference =
-                both > 0.0 ? 1.0 - 2.0 * double(matches(neighborhoods[i], neighborhoods[j], rules.tolerance)) / both : 0.0;
+                both > 0.0 ? 1.0 - 2.0 * double(matches(neighborhoods[i], neighborhoods[j], rules.tolerance)) / both
+                           : 0.0;
             sum += difference;
             ++measure.pairs;
             if (difference < wanted)

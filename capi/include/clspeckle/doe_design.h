@@ -64,7 +64,8 @@ typedef struct ClspDoeDesignDesc {
     const ClspDoeDesignOrder *orders; /**< What is wanted; no default. Copied. */
     uint64_t order_count;   /**< 1 to CLSP_MAX_DOE_ORDERS. */
     uint64_t seed;          /**< Of the orders' first phases; default 0. The same seed gives the same design on the same device. */
-    double feedback;        /**< Of the rule: GSW and KIM up to 2, NOGRETTE below 1. 0 (default): 1 and 0.7. */
+    double feedback;        /**< Of the rule: GSW and KIM up to 2, NOGRETTE up to 0.99. 0 (default): 1 and 0.7. Lowered by itself where the
+                                 powers swing (few orders). */
     uint32_t rule;          /**< CLSP_DOE_RULE_*; default GSW. */
     uint32_t iterations;    /**< Before the quantization, 1 to 100000; default 100. With 2 levels they lead from grey to binary. */
     uint32_t quantization_iterations; /**< In which the levels are taken, 1 to 100000; default 60. Unused with continuous phase. */
