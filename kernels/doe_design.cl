@@ -11,18 +11,20 @@ __kernel void doe_design_clear(__global float2 *field, uint count) {
 }
 
 // What the orders have become: unit phasor, amplitude relative to the wanted one, and per work-item the sums of that amplitude, of
-// its square, of its fourth power and of the powers behind the pixels' envelope.
+// its square, of its fourth power and of the powers behind the pixels' envelope; in `turned` its product with the one before.
 __kernel void doe_design_measure(__global const float2 *field, __global const uint *bins, __global const float *wanted, uint count,
                                  __global const float *envelope_power, float scale, uint keep_phase, __global float2 *phasors, __global float *relative,
-                                 __global float4 *partial) {
+                                 __global float4 *partial, __global float *turned) {
     const uint item = get_global_id(0), items = get_global_size(0);
     float4 sum = (float4)(0.0f, 0.0f, 0.0f, 0.0f);
+    float product = 0.0f;
     for (uint k = item; k < count; k += items) {
         const float re = field[bins[k]].x * scale, im = field[bins[k]].y * scale;
         const float amplitude = sqrt(re * re + im * im);
         if (!keep_phase)
             phasors[k] = amplitude > 0.0f ? (float2)(re / amplitude, im / amplitude) : (float2)(1.0f, 0.0f);
         const float ratio = amplitude / wanted[k];
+        product += ratio * relative[k];
         relative[k] = ratio;
         sum.x += ratio;
         sum.y += ratio * ratio;
@@ -30,6 +32,7 @@ __kernel void doe_design_measure(__global const float2 *field, __global const ui
         sum.w += amplitude * amplitude * envelope_power[k];
     }
     partial[item] = sum;
+    turned[item] = product;
 }
 
 // The weights' next values. ratio: amplitude over wanted amplitude, relative to its mean over the orders.

@@ -22,26 +22,23 @@ double default_feedback(DoeRule rule) {
 }
 
 // With few orders the projection to a phase amplifies what the weights do, and full feedback swings between two states:
-// where large errors do not shrink, it is lowered.
+// the orders' deviations then have the opposite sign of those before. Where they do, it is lowered.
 class Feedback {
   public:
     explicit Feedback(double value) : value_(value) {}
     double value() const { return value_; }
-    void observe(double error) {
-        constexpr double kLarge = 0.02, kShrinks = 0.95, kLowered = 0.7;
-        constexpr int kPatience = 3;
-        if (error < kShrinks * least_) {
-            least_ = error;
-            stalled_ = 0;
-        } else if (error > kLarge && ++stalled_ == kPatience) {
+    // mean, deviation: of the amplitudes over the wanted ones; product: mean product with those before.
+    void observe(double mean, double deviation, double product) {
+        constexpr double kLarge = 0.005, kOpposite = -0.3, kLowered = 0.7;
+        const double covariance = product - mean * mean_;
+        if (deviation > kLarge * mean && covariance < kOpposite * deviation * deviation_)
             value_ *= kLowered;
-            stalled_ = 0;
-        }
+        mean_ = mean;
+        deviation_ = deviation;
     }
 
   private:
-    double value_, least_ = 1e30;
-    int stalled_ = 0;
+    double value_, mean_ = 0.0, deviation_ = 0.0;
 };
 
 // Random phases of the orders; of mirrored orders opposite ones where the transmission is real.
@@ -91,9 +88,10 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
     const DeviceBuffer envelope_buffer(context, count * sizeof(cl_float), envelope_power.data());
     const DeviceBuffer phasors(context, count * sizeof(cl_float2), first_phasors(p).data());
     const DeviceBuffer weights(context, count * sizeof(cl_float), std::vector<cl_float>(count, 1.0f).data());
-    const DeviceBuffer relative(context, count * sizeof(cl_float));
+    const DeviceBuffer relative(context, count * sizeof(cl_float), std::vector<cl_float>(count, 0.0f).data());
     const std::size_t items = std::min(kPartials, count);
     const DeviceBuffer partial(context, items * sizeof(cl_float4)), power(context, items * sizeof(cl_float4));
+    const DeviceBuffer turned(context, items * sizeof(cl_float));
 
     const auto kernel = [&](const char *name) { return context->kernel("doe_design.cl", name); };
     cl::Kernel clear = kernel("doe_design_clear"), sum = kernel("doe_design_sum"),
@@ -120,6 +118,7 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
     std::vector<DoeDesignStep> history;
     history.reserve(total);
     std::vector<cl_float4> sums(items);
+    std::vector<cl_float> products(items);
     const double share = p.search_sweeps > 0 ? 0.5 : 0.98; // of the progress bar
     for (std::uint32_t i = 0; i < total; ++i) {
         report_doe_progress(p, fmt::format("iteration {} of {}", i + 1, total), share * i / total);
@@ -135,7 +134,7 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
             .add(cl_uint{p.levels})
             .add(static_cast<cl_float>(fraction >= 1.0 - 1e-9 ? 1.0 : fraction))
             .add(static_cast<cl_float>(gain));
-        const bool keep_phase = p.rule == DoeRule::kPhaseFixed && i >= p.fix_phase_iteration;
+        const bool keep_phase = p.rule == DoeRule::kPhaseFixed && i >= p.fix_phase_iteration && i < p.iterations;
         KernelArguments(measure)
             .add(device.field())
             .add(bin_buffer.get())
@@ -146,8 +145,8 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
             .add(cl_uint{keep_phase})
             .add(phasors.get())
             .add(relative.get())
-            .add(partial.get());
-
+            .add(partial.get())
+            .add(turned.get());
         KernelArguments(weigh)
             .add(relative.get())
             .add(partial.get())
@@ -173,17 +172,18 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
         chain.run("doe_measure", measure, items);
         chain.finish(nullptr);
         device.read(partial.get(), sums);
-        double ratio2 = 0.0, ratio4 = 0.0, powers = 0.0;
-        for (const cl_float4 &s : sums) {
-            ratio2 += double(s.s[1]);
-            ratio4 += double(s.s[2]);
-            powers += double(s.s[3]);
+        device.read(turned.get(), products);
+        double ratio = 0.0, ratio2 = 0.0, ratio4 = 0.0, powers = 0.0, product = 0.0;
+        for (std::size_t item = 0; item < items; ++item) {
+            ratio += double(sums[item].s[0]);
+            ratio2 += double(sums[item].s[1]);
+            ratio4 += double(sums[item].s[2]);
+            powers += double(sums[item].s[3]);
+            product += double(products[item]);
         }
-        const double n = double(count), mean = ratio2 / n;
-        const double error = mean > 0.0 ? std::sqrt(std::max(ratio4 / n - mean * mean, 0.0)) / mean : 0.0;
-        history.push_back({powers, error});
-        if (i < p.iterations) // the quantization has errors of its own
-            feedback.observe(error);
+        const double n = double(count), mean = ratio / n, mean2 = ratio2 / n;
+        history.push_back({powers, mean2 > 0.0 ? std::sqrt(std::max(ratio4 / n - mean2 * mean2, 0.0)) / mean2 : 0.0});
+        feedback.observe(mean, std::sqrt(std::max(mean2 - mean * mean, 0.0)), product / n);
     }
     check_opencl(clFinish(device.queue()), "clFinish");
     return history;

@@ -12,6 +12,7 @@ namespace clsp {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kLargestWeightRatio = 1e6;
 
 std::uint64_t key_of(std::int32_t m, std::int32_t n) {
     return std::uint64_t{static_cast<std::uint32_t>(m)} << 32 | static_cast<std::uint32_t>(n);
@@ -49,6 +50,7 @@ OrderIndex check_orders(const DoeDesignParameters &p) {
                     fmt::format("there are {} orders, at most {} are taken", p.orders.size(), kMostDoeOrders));
     const double step_x = p.wavelength_m / (p.pixel_pitch_m * p.width),
                  step_y = p.wavelength_m / (p.pixel_pitch_m * p.height);
+    double lightest = kLargestNumber, heaviest = 0.0;
     OrderIndex index;
     for (std::size_t k = 0; k < p.orders.size(); ++k) {
         const DoeOrder &order = p.orders[k];
@@ -58,6 +60,8 @@ OrderIndex check_orders(const DoeDesignParameters &p) {
                         fmt::format("the weight of {} is {}, it must be above 0 and at most {}; leave out orders that "
                                     "are not wanted",
                                     name, order.weight, kLargestNumber));
+        lightest = std::min(lightest, order.weight);
+        heaviest = std::max(heaviest, order.weight);
         const auto outside = [](std::int32_t value, std::uint32_t side) {
             return 2 * std::abs(std::int64_t{value}) >= std::int64_t{side} && value != 0;
         };
@@ -79,6 +83,12 @@ OrderIndex check_orders(const DoeDesignParameters &p) {
                                     "than the diffraction limit; add their weights, or take a larger cell",
                                     name, found->second));
     }
+    if (heaviest > kLargestWeightRatio * lightest)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the weights go from {:.3g} to {:.3g}; the largest may be {:g} times the smallest, or the "
+                        "weak orders drown in the light that goes elsewhere",
+                        lightest, heaviest, kLargestWeightRatio));
     return index;
 }
 

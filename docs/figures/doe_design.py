@@ -9,22 +9,28 @@ import argparse
 import math
 from pathlib import Path
 
-import clspeckle
 import matplotlib
+
+import clspeckle
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-RULES = {"gs": "Gerchberg-Saxton", "gsw": "weighted (GSW)", "nogrette": "adaptive (Nogrette)", "kim": "fixed phase (Kim)"}
+RULES = {
+    "gs": "Gerchberg-Saxton",
+    "gsw": "weighted (GSW)",
+    "nogrette": "adaptive (Nogrette)",
+    "kim": "fixed phase (Kim)",
+}
 
 
 def row(name: str, design: clspeckle.DoeDesign) -> str:
     zero = f"{design.zero_order_relative:.3f}" + (" (wanted)" if design.zero_order_wanted else "")
     return (
-        f"| {name} | {100 * design.efficiency:.1f} | {100 * design.grid_efficiency:.1f} | {100 * design.uniformity_rms:.2f} "
-        f"| {100 * design.uniformity_peak_to_peak:.1f} | {zero} | {design.largest_ghost_relative:.3f} "
+        f"| {name} | {100 * design.efficiency:.1f} | {100 * design.grid_efficiency:.1f} "
+        f"| {100 * design.uniformity_rms:.2f} | {100 * design.uniformity_peak_to_peak:.1f} | {zero} | {design.largest_ghost_relative:.3f} "
         f"| {100 * design.other_orders:.1f} | {100 * design.beyond:.1f} | {design.seconds:.1f} |"
     )
 
@@ -40,7 +46,9 @@ def convergence(orders: NDArray[np.int32], path: Path) -> list[str]:
             rows.append(row(f"{name}, {'continuous' if levels == 0 else f'{levels} levels'}", design))
             steps = np.arange(1, len(design.history) + 1)
             for axis, column in zip(axes, design.history.T):
-                axis.plot(steps, 100 * column, style, color=f"C{list(RULES).index(rule)}", label=name if levels else None)
+                axis.plot(
+                    steps, 100 * column, style, color=f"C{list(RULES).index(rule)}", label=name if levels else None
+                )
     axes[0].set_ylabel("efficiency in %")
     axes[0].set_ylim(55, 85)
     axes[1].set_ylabel("uniformity error in % RMS")
@@ -92,8 +100,8 @@ def layouts(path: Path) -> list[str]:
     for name, options in cases.items():
         layout = clspeckle.dot_layout(**options)
         rows.append(
-            f"| {name} | {layout.min_distance:.5f} | {layout.min_distance / layout.mean_spacing:.2f} | {layout.mean_neighbors:.1f} "
-            f"| {layout.pair_count} | {layout.min_difference:.3f} | {layout.mean_difference:.3f} |"
+            f"| {name} | {layout.min_distance:.5f} | {layout.min_distance / layout.mean_spacing:.2f} "
+            f"| {layout.mean_neighbors:.1f} | {layout.pair_count} | {layout.min_difference:.3f} | {layout.mean_difference:.3f} |"
         )
         if name not in ("2509 on orders", "5303 on orders", "5303 free"):
             continue
@@ -127,7 +135,8 @@ def main() -> None:
     rows += [row("weighted (GSW), 8 levels, then search", best), row("2 levels, symmetric list", binary)]
     rows += [row("2 levels, symmetric list, then search", searched)]
     print("5303 beams, cell of 512 x 512 pixels of 0.4 um, 940 nm, 60 x 45 degrees")
-    print("| design | efficiency % | without envelope % | RMS % | peak to peak % | zero order / dot | ghost / dot | other % | beyond % | s |")
+    head = "design|efficiency %|without envelope %|RMS %|peak to peak %|zero order / dot|ghost / dot|other %|beyond %|s"
+    print("|" + head + "|")
     print("\n".join(rows))
     few = clspeckle.dot_layout(2509).orders
     print(row("2509 beams, 8 levels", clspeckle.design_doe(few, levels=8)))

