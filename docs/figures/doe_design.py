@@ -50,7 +50,7 @@ def convergence(orders: NDArray[np.int32], path: Path) -> list[str]:
                     steps, 100 * column, style, color=f"C{list(RULES).index(rule)}", label=name if levels else None
                 )
     axes[0].set_ylabel("efficiency in %")
-    axes[0].set_ylim(55, 85)
+    axes[0].set_ylim(70, 82)
     axes[1].set_ylabel("uniformity error in % RMS")
     axes[1].set_yscale("log")
     axes[1].legend(fontsize=8)
