@@ -7,6 +7,7 @@ std::vector<ClspDoeDesignOrder> layout(bool symmetric, std::uint32_t side) {
     auto desc = clspeckle::make<ClspDotLayoutDesc>();
     desc.width = desc.height = side;
     desc.point_symmetric = symmetric ? 1 : 0;
+    desc.min_difference = 0.0; // small cells have too few orders for it
     const clspeckle::DotLayout dots = clspeckle::dot_layout(desc);
     std::vector<ClspDoeDesignOrder> orders;
     for (std::size_t k = 0; k < dots.orders.size(); k += 2)

@@ -160,6 +160,7 @@ ClspDotLayoutDesc layout_desc(const DoeCellArguments &a, const Cell &cell) {
     desc.half_angle_x_rad = a.field_of_view_deg.front() * half_degree;
     desc.half_angle_y_rad = a.field_of_view_deg.back() * half_degree;
     desc.min_distance = a.min_distance;
+    desc.min_difference = a.min_difference;
     desc.beam_diameter_m = a.beam_diameter_um * 1e-6;
     desc.point_symmetric = a.symmetric ? 1 : 0;
     return desc;
@@ -362,7 +363,6 @@ void run_layout(const DoeLayoutArguments &a, Console &console) {
     desc.row_half_height = a.row_half_height;
     desc.neighborhood_radius = a.neighborhood_radius;
     desc.tolerance = a.tolerance;
-    desc.min_difference = a.min_difference;
     desc.repair_rounds = a.repair_rounds;
     const clspeckle::DotLayout layout = clspeckle::dot_layout(desc);
     const Json numbers = layout_numbers(layout.info);
@@ -421,6 +421,9 @@ void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
         ->type_name("NUMBER,...");
     add_number(app, "--min-distance", a.min_distance,
                "Least distance between dots in direction cosines (default: nearly the largest possible)");
+    add_number(app, "--min-difference", a.min_difference,
+               fmt::format("Of the neighbourhoods of any two dots of a row, 0 to 1; 0: measured only (default {})",
+                           a.min_difference));
     app.add_flag("--symmetric", a.symmetric, "With every dot its mirror image, as elements of two levels make them");
     add_number(app, "--seed", a.seed, fmt::format("Seed of everything random, 0 to 2^64 - 1 (default {})", a.seed));
     app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
@@ -477,7 +480,6 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
                "Of a neighbourhood, in direction cosines (default: three mean spacings)");
     add_number(layout, "--tolerance", l.tolerance,
                "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
-    number(layout, "--min-difference", l.min_difference, "Of any two dots of a row, 0 to 1; 0: measured only");
     number(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved");
     add_cell(layout, l.cell, json, quiet);
 }

@@ -24,6 +24,7 @@ struct DoeCellArguments {
     std::vector<double> field_of_view_deg = {60.0, 45.0};
     std::uint64_t dots = 5303;
     double min_distance = 0.0; ///< In direction cosines; 0: chosen.
+    double min_difference = 0.25;
     bool symmetric = false;
     std::uint64_t seed = 0;
     bool overwrite = false;
@@ -51,7 +52,6 @@ struct DoeLayoutArguments {
     DoeCellArguments cell;
     bool free = false;
     double row_half_height = 0.0, neighborhood_radius = 0.0, tolerance = 0.0;
-    double min_difference = 0.25;
     std::uint32_t repair_rounds = 50;
 };
 

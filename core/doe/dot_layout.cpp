@@ -261,12 +261,12 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
         measure = measure_neighborhoods(dots, rules, p.min_difference);
     }
     if (!measure.alike.empty())
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("{} pairs of dots in the same row still look alike (the least difference of their "
-                        "neighbourhoods is {:.3g}, min_difference {:.3g}) after {} rounds of moving dots; take a "
-                        "larger neighborhood_radius, a smaller min_difference or another seed",
-                        measure.alike.size(), measure.least, p.min_difference, p.repair_rounds));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{} pairs of dots in the same row still look alike (the least difference of their "
+                                "neighbourhoods is {:.3g}, min_difference {:.3g}) after {} rounds of moving dots; take "
+                                "a cell of more pixels, a "
+                                "larger neighborhood_radius, a smaller min_difference or another seed",
+                                measure.alike.size(), measure.least, p.min_difference, p.repair_rounds));
     layout.min_difference = measure.least;
     layout.mean_difference = measure.mean;
     layout.mean_neighbors = measure.mean_neighbors;

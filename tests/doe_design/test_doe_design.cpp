@@ -58,6 +58,11 @@ class DoeDesign : public DeviceTest {
 
 TEST_F(DoeDesign, StructsFollowTheRules) {
     test::check_init<ClspDoeDesignDesc>("clspDoeDesignDescInit", clspDoeDesignDescInit);
+    ClspDoeDesignDesc defaults;
+    EXPECT_CLSP_OK(clspDoeDesignDescInit(&defaults, sizeof defaults));
+    EXPECT_EQ(CLSP_DOE_RULE_GSW, defaults.rule);
+    EXPECT_EQ(8u, defaults.levels);
+    EXPECT_EQ(0u, defaults.order_count);
     test::check_struct_size<ClspDoeDesignDesc>("clspDoeDesignCreate", desc(), [&](ClspDoeDesignDesc *d) {
         ClspDoeDesign handle = nullptr;
         const ClspStatus status = clspDoeDesignCreate(context, d, &handle);
@@ -91,7 +96,7 @@ TEST_F(DoeDesign, BlazedGratingOfLevelsHasTheClosedFormEfficiency) {
 
 // Known best splitters of one dimension. Three beams of continuous phase: 0.9256 (Gori et al. 1998); five: 0.921
 // (Romero and Dickey 2007). Binary, depth pi: two beams 8 / pi^2; three 0.664, five 0.774 (Dammann's gratings;
-// Krackhardt et al. 1992). The best of eight seeds, as splitters of few beams have local optima; within 1 % of the
+// Zhou and Liu 1995). The best of eight seeds, as splitters of few beams have local optima; within 1 % of the
 // closed form, as pixels are coarse.
 TEST_F(DoeDesign, FansReachTheKnownEfficiencies) {
     struct Case {

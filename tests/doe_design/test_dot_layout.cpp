@@ -20,6 +20,10 @@ double least_distance(const std::vector<double> &directions) {
 
 TEST(DotLayout, StructsFollowTheRules) {
     test::check_init<ClspDotLayoutDesc>("clspDotLayoutDescInit", clspDotLayoutDescInit);
+    ClspDotLayoutDesc defaults;
+    EXPECT_CLSP_OK(clspDotLayoutDescInit(&defaults, sizeof defaults));
+    EXPECT_EQ(5303u, defaults.count);
+    EXPECT_EQ(1u, defaults.lattice);
     std::vector<double> directions(800);
     test::check_struct_size<ClspDotLayoutDesc>("clspDotLayoutCreate", desc(), [&](ClspDotLayoutDesc *d) {
         return clspDotLayoutCreate(d, directions.data(), nullptr, nullptr);
