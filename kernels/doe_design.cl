@@ -13,8 +13,8 @@ __kernel void doe_design_clear(__global float2 *field, uint count) {
 // What the orders have become: unit phasor, amplitude relative to the wanted one, and per work-item the sums of that amplitude, of
 // its square, of its fourth power and of the powers behind the pixels' envelope; in `turned` its product with the one before.
 __kernel void doe_design_measure(__global const float2 *field, __global const uint *bins, __global const float *wanted, uint count,
-                                 __global const float *envelope_power, float scale, uint keep_phase, __global float2 *phasors, __global float *relative,
-                                 __global float4 *partial, __global float *turned) {
+                                 __global const float *envelope_power, float scale, uint keep_phase, __global float2 *phasors,
+                                 __global float *relative, __global float4 *partial, __global float *turned) {
     const uint item = get_global_id(0), items = get_global_size(0);
     float4 sum = (float4)(0.0f, 0.0f, 0.0f, 0.0f);
     float product = 0.0f;

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import signal
+import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
@@ -150,4 +153,15 @@ def test_bad_layouts_are_refused(cli, tmp_path: Path, options: tuple[str, ...], 
     done = cli("doe", "layout", "-o", tmp_path / "l", *fixed, *options)
     assert done.code == 1, done
     assert words in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_leaves_nothing(program: Path, tmp_path: Path) -> None:
+    command = [program, "doe", "design", "-o", tmp_path / "d", *SMALL, "--iterations", "100000"]
+    process = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True)
+    time.sleep(2)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) == 130
+    assert process.stderr is not None
+    assert "interrupted" in process.stderr.read()
     assert not list(tmp_path.iterdir())

@@ -75,12 +75,12 @@ typedef struct ClspDotLayoutInfo {
 CLSP_API ClspStatus clspDotLayoutDescInit(ClspDotLayoutDesc *desc, uint32_t struct_size);
 
 /**
- * Makes a layout.
+ * Makes a layout. Blocks: a second for 5303 dots, longer where many dots must be moved.
  * @param directions gets desc->count pairs (u, v).
  * @param orders     gets desc->count pairs (m, n); NULL: not wanted; must be NULL without lattice.
  * @param info       with its struct_size set; NULL: not wanted.
- * @return CLSP_ERROR_INVALID_ARGUMENT where the field of view reaches beyond 90 degrees or out of the pixels' reach, so many dots do not fit
- *         at that distance, the distance is below the diffraction limit, or dots still look alike after repair_rounds: the message says
+ * @return CLSP_ERROR_INVALID_ARGUMENT where the field of view reaches beyond 90 degrees or out of the pixels' reach, so many dots do not
+ *         fit at that distance, the distance is below the diffraction limit, or dots still look alike after repair_rounds: the message says
  *         what is possible.
  */
 CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *directions, int32_t *orders, ClspDotLayoutInfo *info);
