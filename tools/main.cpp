@@ -1,5 +1,5 @@
 #include "commands.hpp"
-#include "doe.hpp"
+#include "doe_design.hpp"
 #include "errors.hpp"
 
 #include <CLI/CLI.hpp>
@@ -428,8 +428,8 @@ struct Arguments {
     tools::DiagnoseArguments diagnose;
     // gap check
     tools::GapCheckArguments gap_check;
-    // doe
-    tools::DoeCommands doe;
+    // doe design, doe layout
+    tools::DoeDesignCommands doe_design;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -706,6 +706,10 @@ int run(int argc, char **argv) {
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
+    CLI::App &doe = *app.add_subcommand("doe", "Design diffractive elements and layouts of dots");
+    doe.require_subcommand(1);
+    tools::add_doe_design(doe, arguments.doe_design, arguments.json, arguments.quiet);
+
     CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
     add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
 
@@ -718,8 +722,6 @@ int run(int argc, char **argv) {
     CLI::App &gap_check =
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
-
-    tools::add_doe(app, arguments.doe, arguments.json, arguments.quiet);
 
     try {
         app.parse(argc, argv);
@@ -748,11 +750,13 @@ int run(int argc, char **argv) {
         tools::run_capture_check(arguments.capture_check, console);
     else if (capture_make.parsed())
         tools::run_capture_make(arguments.capture_make, console);
+    else if (tools::run_doe_design(arguments.doe_design, console))
+        code = tools::exit_ok;
     else if (diagnose.parsed() || gap_compare.parsed())
         tools::run_diagnose(arguments.diagnose, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
-    else if (!tools::run_doe(arguments.doe, console))
+    else
         tools::run_statistics(stats, console);
     console.finish();
     return code;
