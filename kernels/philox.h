@@ -25,7 +25,7 @@
 #define STREAM_BOIL_PHASE 0x26u         // + polarization; + 2 for the next knot
 #define STREAM_BOIL_MAGNITUDE 0x2au     // + polarization; + 2 for the next knot
 #define STREAM_SURFACE_HEIGHT 0x30u
-#define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33, 0x34 and 0x40 to 0x46
+#define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33, 0x34, 0x40 to 0x46, 0x51 and 0x52
 #define STREAM_ETCH_NOISE 0x50u
 
 // A call left in a kernel keeps compilers that vectorize across work-items from doing so; clang thinks Philox too large to be inlined twice.

@@ -5,12 +5,14 @@
 #ifndef CLSPECKLE_TOOLS_DOE_HPP
 #define CLSPECKLE_TOOLS_DOE_HPP
 
+#include "doe_design.hpp"
 #include "doe_pattern.hpp"
 
 namespace tools {
 
 /** What the commands of the group are given; lives as long as the parser. */
 struct DoeCommands {
+    DoeDesignCommands design;
     DoePatternCommands pattern;
 };
 

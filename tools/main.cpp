@@ -706,6 +706,8 @@ int run(int argc, char **argv) {
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
+    tools::add_doe(app, arguments.doe, arguments.json, arguments.quiet);
+
     CLI::App &diagnose = *app.add_subcommand("diagnose", "Find the gap between camera and simulator, and its cause");
     add_diagnose(diagnose, arguments.diagnose, arguments.quiet);
 
@@ -718,8 +720,6 @@ int run(int argc, char **argv) {
     CLI::App &gap_check =
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
-
-    tools::add_doe(app, arguments.doe, arguments.json, arguments.quiet);
 
     try {
         app.parse(argc, argv);

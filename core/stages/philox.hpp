@@ -40,6 +40,8 @@ std::array<std::uint32_t, 4> host_block(std::uint64_t seed, std::array<std::uint
 
 // Numbers for a whole frame are drawn on the host.
 constexpr std::uint32_t kStreamFlicker = 0x33, kStreamVibration = 0x34;
+// Of the design of diffractive elements: phases of the orders, places of dots.
+constexpr std::uint32_t kStreamDoePhase = 0x51, kStreamDotLayout = 0x52;
 // Two standard normal numbers, from words 0 and 1 of the block of counter (0, 0, frame, stream) by Box and Muller.
 std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream);
 

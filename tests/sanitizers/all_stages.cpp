@@ -404,6 +404,28 @@ void run_simulator() {
     }
 }
 
+// Design of a beam splitter: each projection, each rule and the search.
+void run_doe_design() {
+    const clspeckle::Context context;
+    const std::vector<ClspDoeDesignOrder> orders = {{-2, 1, 1.0}, {2, -1, 1.0}, {3, 3, 2.0}, {-3, -3, 2.0}, {0, 0, 1.0}};
+    for (const std::uint32_t levels : {0u, 2u, 5u})
+        for (const std::uint32_t rule : {CLSP_DOE_RULE_GS, CLSP_DOE_RULE_NOGRETTE, CLSP_DOE_RULE_KIM}) {
+            auto desc = clspeckle::make<ClspDoeDesignDesc>();
+            desc.width = 18;
+            desc.height = 15;
+            desc.pixel_pitch_m = 2e-6;
+            desc.levels = levels;
+            desc.rule = rule;
+            desc.orders = orders.data();
+            desc.order_count = orders.size();
+            desc.iterations = desc.fix_phase_iteration = desc.quantization_iterations = 2;
+            desc.search_sweeps = levels ? 1 : 0;
+            const clspeckle::DoeDesign design(context, desc);
+            if (!(design.report().efficiency > 0.1))
+                throw std::runtime_error("a design puts no light into its orders");
+        }
+}
+
 } // namespace
 
 // `all_stages philox` runs one kernel alone.
@@ -417,8 +439,10 @@ int main(int argc, char **argv) {
         setenv("CLSPECKLE_FFT", "clfft", 1); // contexts read it when they are made
         run();
         run_effects();
+        run_doe_design();
         setenv("CLSPECKLE_FFT", "fused", 1);
         run_effects();
+        run_doe_design();
         run_apertures();
         run_doe();
         run_simulator();

@@ -9,6 +9,8 @@
 #include "capture.h"
 #include "diagnosis.h"
 #include "doe.h"
+#include "doe_design.h"
+#include "dot_layout.h"
 #include "dots.h"
 #include "effects.h"
 #include "lens.h"

@@ -110,6 +110,7 @@ HANDLES = [
     "ClspPipeline",
     "ClspCapture",
     "ClspDiagnosis",
+    "ClspDoeDesign",
     "cl_mem",
     "cl_command_queue",
     "cl_event",

@@ -148,7 +148,19 @@ inline void init(ClspHypothesis &hypothesis) {
 inline void init(ClspDiagnoseDesc &desc) {
     check(clspDiagnoseDescInit(&desc, sizeof(desc)));
 }
+inline void init(ClspDoeDesignDesc &desc) {
+    check(clspDoeDesignDescInit(&desc, sizeof(desc)));
+}
+inline void init(ClspDotLayoutDesc &desc) {
+    check(clspDotLayoutDescInit(&desc, sizeof(desc)));
+}
 // Structs that the library fills in have no defaults, only a size.
+inline void init(ClspDoeDesignReport &report) {
+    report.struct_size = sizeof(report);
+}
+inline void init(ClspDotLayoutInfo &info) {
+    info.struct_size = sizeof(info);
+}
 inline void init(ClspErrorInfo &info) {
     info.struct_size = sizeof(info);
 }
@@ -1259,6 +1271,111 @@ inline Diagnosis compare(const Context &context, const Capture &real, const Capt
     return detail::diagnose_with(options, [&](const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis) {
         return clspCompare(context, real, sim, desc, diagnosis);
     });
+}
+
+/** Phase of a diffractive beam splitter, see doe_design.h. May be read from any number of threads at once. */
+class DoeDesign : public detail::Shared<ClspDoeDesign, clspDoeDesignRetain, clspDoeDesignRelease> {
+  public:
+    /** Told what is being done and the fraction that is done; false cancels. What it throws leaves the constructor. */
+    using Progress = std::function<bool(const std::string &what, double fraction)>;
+
+    DoeDesign() noexcept = default;
+    /** Designs; blocks. `progress` takes the place of desc.progress if it is not empty. */
+    DoeDesign(const Context &context, ClspDoeDesignDesc desc, const Progress &progress = {}) {
+        std::exception_ptr thrown;
+        const detail::Carried<Progress> carried{&progress, &thrown};
+        if (progress) {
+            desc.progress = detail::clspeckle_detail_progress;
+            desc.progress_data = const_cast<detail::Carried<Progress> *>(&carried);
+        }
+        const ClspStatus status = clspDoeDesignCreate(context, &desc, &handle_);
+        if (thrown && status != CLSP_SUCCESS)
+            std::rethrow_exception(thrown);
+        check(status);
+    }
+    /** The report of a phase that exists already: desc.height x desc.width radians. */
+    static DoeDesign evaluate(const Context &context, const ClspDoeDesignDesc &desc, const std::vector<float> &phase) {
+        if (phase.size() != std::size_t{desc.width} * desc.height)
+            throw std::invalid_argument("phase has " + std::to_string(phase.size()) + " pixels, the cell has " +
+                                        std::to_string(desc.width) + " x " + std::to_string(desc.height));
+        ClspDoeDesign handle = nullptr;
+        check(clspDoeDesignEvaluate(context, &desc, phase.data(), 0, &handle));
+        return adopt(handle);
+    }
+    /** Takes over one reference of a C handle. */
+    static DoeDesign adopt(ClspDoeDesign handle) noexcept { return DoeDesign(handle); }
+
+    ClspDoeDesignReport report() const {
+        auto result = make<ClspDoeDesignReport>();
+        check(clspDoeDesignGetReport(handle_, &result));
+        return result;
+    }
+    /** Row by row, in radians. @param pixels width x height of the cell. */
+    std::vector<float> phase(std::size_t pixels) const {
+        std::vector<float> result(pixels);
+        check(clspDoeDesignGetPhase(handle_, result.size(), result.data()));
+        return result;
+    }
+    std::vector<ClspDoeDesignOrder> orders() const {
+        std::vector<ClspDoeDesignOrder> result(static_cast<std::size_t>(report().order_count));
+        check(clspDoeDesignGetOrders(handle_, result.size(), result.data(), nullptr));
+        return result;
+    }
+    /** What power each of orders() gets. */
+    std::vector<double> powers() const {
+        std::vector<double> result(static_cast<std::size_t>(report().order_count));
+        check(clspDoeDesignGetOrders(handle_, result.size(), nullptr, result.data()));
+        return result;
+    }
+    struct History {
+        std::vector<double> efficiency, uniformity_rms;
+    };
+    /** After each iteration; the last step is the finished design. */
+    History history() const {
+        History result;
+        result.efficiency.resize(static_cast<std::size_t>(report().step_count));
+        result.uniformity_rms.resize(result.efficiency.size());
+        check(clspDoeDesignGetHistory(handle_, result.efficiency.size(), result.efficiency.data(),
+                                      result.uniformity_rms.data()));
+        return result;
+    }
+    struct Snapped {
+        std::vector<ClspDoeDesignOrder> orders;
+        std::vector<double> errors; /**< In direction cosines. */
+    };
+    /** The orders that are nearest to directions: u0, v0, u1, v1 ... */
+    static Snapped snap(std::uint32_t width, std::uint32_t height, double pixel_pitch_m, double wavelength_m,
+                        const std::vector<double> &directions) {
+        Snapped result;
+        result.orders.resize(directions.size() / 2);
+        result.errors.resize(directions.size() / 2);
+        check(clspDoeDesignSnapDirections(width, height, pixel_pitch_m, wavelength_m, result.orders.size(),
+                                          directions.data(), result.orders.data(), result.errors.data()));
+        return result;
+    }
+
+  private:
+    explicit DoeDesign(ClspDoeDesign handle) noexcept : Shared(handle) {}
+};
+
+/** A semi-random layout of dots, see dot_layout.h. */
+struct DotLayout {
+    std::vector<double> directions;   /**< u0, v0, u1, v1 ... */
+    std::vector<std::int32_t> orders; /**< m0, n0, m1, n1 ...; empty without a lattice. */
+    ClspDotLayoutInfo info;
+};
+
+/** clspDotLayoutCreate(). May be called from any thread. */
+inline DotLayout dot_layout(const ClspDotLayoutDesc &desc) {
+    DotLayout result{{}, {}, make<ClspDotLayoutInfo>()};
+    if (desc.count <= CLSP_MAX_LAYOUT_DOTS) { // else the call says so
+        result.directions.resize(static_cast<std::size_t>(2 * desc.count));
+        result.orders.resize(desc.lattice ? result.directions.size() : 0);
+    }
+    double none = 0.0; // an empty vector has no memory, which is not what is wrong then
+    check(clspDotLayoutCreate(&desc, result.directions.empty() ? &none : result.directions.data(),
+                              result.orders.empty() ? nullptr : result.orders.data(), &result.info));
+    return result;
 }
 
 /** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */

@@ -23,6 +23,8 @@ from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
 from .doe import Beam, DoeDefects, DoeElement, DoePattern, DoePatternInfo
+from .doe_design import DoeDesign, SnappedOrders, design_doe, evaluate_doe, snap_directions
+from .dot_layout import DotLayout, dot_layout
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
 from .errors import ClspeckleError
@@ -66,9 +68,11 @@ __all__ = [
     "DeviceImage",
     "Diagnosis",
     "DoeDefects",
+    "DoeDesign",
     "DoeElement",
     "DoePattern",
     "DoePatternInfo",
+    "DotLayout",
     "Dots",
     "Effect",
     "EffectParameter",
@@ -92,17 +96,22 @@ __all__ = [
     "Sensor",
     "ShrinkStep",
     "Shrinkage",
+    "SnappedOrders",
     "Version",
     "compare",
     "default_context",
+    "design_doe",
     "devices",
     "diagnose",
+    "dot_layout",
     "effects",
     "errors",
+    "evaluate_doe",
     "explain_devices",
     "field_grid",
     "philox",
     "simulate",
+    "snap_directions",
     "statistics",
     "version",
     "wait",

@@ -132,6 +132,15 @@ CLSP_HYPOTHESIS_INTENSITY = 1
 CLSP_HYPOTHESIS_CODES = 2
 CLSP_MAX_HYPOTHESES = 64
 
+CLSP_DOE_RULE_GS = 0
+CLSP_DOE_RULE_GSW = 1
+CLSP_DOE_RULE_NOGRETTE = 2
+CLSP_DOE_RULE_KIM = 3
+CLSP_MAX_DOE_SIDE = 8192
+CLSP_MAX_DOE_LEVELS = 256
+CLSP_MAX_DOE_ORDERS = 1000000
+CLSP_MAX_LAYOUT_DOTS = 100000
+
 # --- Structs, member by member as in the headers ---
 
 
@@ -893,6 +902,105 @@ class ClspDiagnosisStep(ctypes.Structure):
     ]
 
 
+class ClspDoeDesignOrder(ctypes.Structure):
+    _fields_ = [("m", c_int32), ("n", c_int32), ("weight", c_double)]
+
+
+class ClspDoeDesignDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("levels", c_uint32),
+        ("pixel_pitch_m", c_double),
+        ("wavelength_m", c_double),
+        ("beam_diameter_m", c_double),
+        ("orders", POINTER(ClspDoeDesignOrder)),
+        ("order_count", c_uint64),
+        ("seed", c_uint64),
+        ("feedback", c_double),
+        ("rule", c_uint32),
+        ("iterations", c_uint32),
+        ("quantization_iterations", c_uint32),
+        ("fix_phase_iteration", c_uint32),
+        ("search_sweeps", c_uint32),
+        ("compensate_envelope", c_uint32),
+        ("mirror_orders", c_uint32),
+        ("reserved", c_uint32),
+        ("progress", PROGRESS_FUNCTION),
+        ("progress_data", c_void_p),
+    ]
+
+
+class ClspDoeDesignReport(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("zero_order_wanted", c_uint32),
+        ("order_count", c_uint64),
+        ("step_count", c_uint64),
+        ("efficiency", c_double),
+        ("grid_efficiency", c_double),
+        ("uniformity_rms", c_double),
+        ("uniformity_peak_to_peak", c_double),
+        ("weakest", c_double),
+        ("strongest", c_double),
+        ("zero_order", c_double),
+        ("zero_order_relative", c_double),
+        ("largest_ghost", c_double),
+        ("largest_ghost_relative", c_double),
+        ("ghost_m", c_int32),
+        ("ghost_n", c_int32),
+        ("other_orders", c_double),
+        ("beyond", c_double),
+        ("search_changes", c_uint64),
+        ("search_sweeps", c_uint32),
+        ("reserved", c_uint32),
+        ("seconds", c_double),
+    ]
+
+
+class ClspDotLayoutDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("lattice", c_uint32),
+        ("count", c_uint64),
+        ("seed", c_uint64),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("pixel_pitch_m", c_double),
+        ("wavelength_m", c_double),
+        ("half_angle_x_rad", c_double),
+        ("half_angle_y_rad", c_double),
+        ("min_distance", c_double),
+        ("beam_diameter_m", c_double),
+        ("row_half_height", c_double),
+        ("neighborhood_radius", c_double),
+        ("tolerance", c_double),
+        ("min_difference", c_double),
+        ("point_symmetric", c_uint32),
+        ("repair_rounds", c_uint32),
+    ]
+
+
+class ClspDotLayoutInfo(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("min_distance", c_double),
+        ("mean_spacing", c_double),
+        ("row_half_height", c_double),
+        ("neighborhood_radius", c_double),
+        ("tolerance", c_double),
+        ("mean_neighbors", c_double),
+        ("min_difference", c_double),
+        ("mean_difference", c_double),
+        ("pair_count", c_uint64),
+        ("worst_first", c_uint64),
+        ("worst_second", c_uint64),
+        ("moved_count", c_uint64),
+    ]
+
+
 STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspErrorInfo,
     ClspImage,
@@ -936,6 +1044,11 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspDiagnosisParameter,
     ClspDiagnosisPlace,
     ClspDiagnosisStep,
+    ClspDoeDesignOrder,
+    ClspDoeDesignDesc,
+    ClspDoeDesignReport,
+    ClspDotLayoutDesc,
+    ClspDotLayoutInfo,
 )
 """Every struct of the C interface."""
 
@@ -1122,6 +1235,32 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspDiagnosisGetReportJson": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
     "clspDiagnosisWriteReport": (_HANDLE, c_char_p),
     "clspDiagnosisWriteHtml": (_HANDLE, c_char_p),
+    "clspDoeDesignDescInit": _init(ClspDoeDesignDesc),
+    "clspDoeDesignCreate": (_HANDLE, POINTER(ClspDoeDesignDesc), _HANDLE_OUT),
+    "clspDoeDesignEvaluate": (_HANDLE, POINTER(ClspDoeDesignDesc), POINTER(c_float), c_uint64, _HANDLE_OUT),
+    "clspDoeDesignRetain": (_HANDLE,),
+    "clspDoeDesignRelease": (_HANDLE,),
+    "clspDoeDesignGetReport": (_HANDLE, POINTER(ClspDoeDesignReport)),
+    "clspDoeDesignGetPhase": (_HANDLE, c_uint64, POINTER(c_float)),
+    "clspDoeDesignGetOrders": (_HANDLE, c_uint64, POINTER(ClspDoeDesignOrder), POINTER(c_double)),
+    "clspDoeDesignGetHistory": (_HANDLE, c_uint64, POINTER(c_double), POINTER(c_double)),
+    "clspDoeDesignSnapDirections": (
+        c_uint32,
+        c_uint32,
+        c_double,
+        c_double,
+        c_uint64,
+        POINTER(c_double),
+        POINTER(ClspDoeDesignOrder),
+        POINTER(c_double),
+    ),
+    "clspDotLayoutDescInit": _init(ClspDotLayoutDesc),
+    "clspDotLayoutCreate": (
+        POINTER(ClspDotLayoutDesc),
+        POINTER(c_double),
+        POINTER(c_int32),
+        POINTER(ClspDotLayoutInfo),
+    ),
     "clspStatisticsMoments": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, POINTER(ClspMoments)),
     "clspStatisticsHistogram": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, c_double, c_double, c_uint32, POINTER(c_uint64)),
     "clspStatisticsAutocovariance": (_HANDLE, _HANDLE, _IMAGE, c_uint32, POINTER(c_float)),
@@ -1136,6 +1275,8 @@ _HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init") or name.starts
     "clspGetLastError",
     "clspGetVersion",
     "clspFieldGridCompute",
+    "clspDoeDesignSnapDirections",
+    "clspDotLayoutCreate",
     "clspEffectGetCount",
     "clspEffectGetInfo",
     "clspSensorDescFromProfile",
@@ -1328,6 +1469,8 @@ _FILLED_BY_THE_LIBRARY = (
     ClspDiagnosisParameter,
     ClspDiagnosisPlace,
     ClspDiagnosisStep,
+    ClspDoeDesignReport,
+    ClspDotLayoutInfo,
 )
 
 Struct = TypeVar("Struct", bound=ctypes.Structure)
