@@ -17,6 +17,7 @@
 #include <utility>
 
 namespace clsp {
+class Depth;
 class Dots;
 class Lens;
 class MaterialTable;
@@ -38,6 +39,10 @@ template <> struct HandleTraits<ClspPattern> {
 template <> struct HandleTraits<ClspDots> {
     using Object = Dots;
     static constexpr const char *kName = "dots";
+};
+template <> struct HandleTraits<ClspDepth> {
+    using Object = Depth;
+    static constexpr const char *kName = "depth";
 };
 template <> struct HandleTraits<ClspMaterialTable> {
     using Object = MaterialTable;

@@ -127,6 +127,7 @@ typedef struct ClspSensor_ *ClspSensor;     /**< A sensor (sensor.h). */
 typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
 typedef struct ClspCapture_ *ClspCapture;   /**< What a real camera recorded (capture.h). */
 typedef struct ClspDiagnosis_ *ClspDiagnosis; /**< What a diagnosis found (diagnosis.h). */
+typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (depth.h). */
 /** @} */
 
 /** @name Images in device memory */

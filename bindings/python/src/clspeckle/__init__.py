@@ -21,6 +21,7 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
+from .depth import Depth, DepthResult, DepthSummary
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
 from .dots import Dots
 from .effect import Effect, EffectParameter, effects
@@ -60,6 +61,9 @@ __all__ = [
     "Context",
     "ContextInfo",
     "Coverage",
+    "Depth",
+    "DepthResult",
+    "DepthSummary",
     "Device",
     "DeviceImage",
     "Diagnosis",
