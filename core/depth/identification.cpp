@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t kNeighbours = 12;
 constexpr double kSteepest = 2.75;      // slope of a surface against the image plane: 70 degrees
+constexpr double kLargestGradient = 0.3; // px along the line per px between dots
 constexpr double kSlack = 0.7;          // px along the line, for curvature and errors of centres
 constexpr double kAgree = 0.6;          // probability that a neighbour lies on the same surface and was found
 constexpr double kSpurious = 0.02;      // of dots that are not the pattern's
@@ -22,7 +23,7 @@ struct Candidate {
     std::uint32_t dot;
     LinePlace place;
     double length; // pixels per unit of q
-    double range;  // of q
+    double q_low, q_high;
     double belief;
 };
 
@@ -91,7 +92,7 @@ Candidates find_candidates(const std::vector<DetectedDot> &dots, const std::vect
                 if (std::abs(place.error) > tolerance || place.q < line.q_low - slack || place.q > line.q_high + slack ||
                     !(place.q > 0.0))
                     return;
-                candidates[i].push_back({static_cast<std::uint32_t>(j), place, length, line.q_high - line.q_low, 0.0});
+                candidates[i].push_back({static_cast<std::uint32_t>(j), place, length, line.q_low, line.q_high, 0.0});
                 if (++total > kMaxCandidates)
                     throw Error(Status::kUnsupported,
                                 fmt::format("more than {} pairs of a detected dot and a dot of the pattern; narrow the "
@@ -127,21 +128,21 @@ std::vector<std::vector<std::pair<double, std::uint32_t>>> find_neighbours(const
 }
 
 // What a neighbour says for a candidate, as the logarithm of a likelihood ratio: does one of its own candidates lie on a surface through
-// this one that is no steeper than kSteepest?
+// this one? How far their places on the lines may differ, in pixels, depends on no candidate's depth: in a pattern that repeats, each
+// repetition then has the same to say for itself.
 double testimony(const Candidate &candidate, const std::vector<Candidate> &others, double distance, double focal_length,
                  bool first_round) {
     if (others.empty())
         return 0.0;
-    const double q = candidate.place.q, slope = kSteepest * q * distance / focal_length;
+    const double gradient = std::min(kSteepest * candidate.q_high * candidate.length / focal_length, kLargestGradient);
+    const double allowed = (kSlack + gradient * distance) / candidate.length;
     double agreeing = 0.0;
     for (const Candidate &other : others)
-        if (other.dot != candidate.dot &&
-            std::abs(other.place.q - q) <= slope + kSlack / std::max(candidate.length, other.length))
+        if (other.dot != candidate.dot && std::abs(other.place.q - candidate.place.q) <= allowed)
             agreeing += first_round ? 1.0 : other.belief;
-    // By chance: one other line in that part of the range.
-    const double one = std::min(0.5, 2.0 * (slope + kSlack / candidate.length) / candidate.range);
-    const double chance =
-        first_round ? 1.0 - std::pow(1.0 - one, double(others.size())) : one;
+    // By chance: another line's in that part of the range.
+    const double one = std::min(0.5, 2.0 * allowed / (candidate.q_high - candidate.q_low));
+    const double chance = first_round ? 1.0 - std::pow(1.0 - one, double(others.size())) : one;
     if (chance >= kAgree)
         return 0.0; // says nothing
     const double agree = std::min(agreeing, 1.0);

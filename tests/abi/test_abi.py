@@ -77,7 +77,7 @@ def abidiff(old: Path, new: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
 
 
-FROZEN = {"ClspImage", "ClspFieldGrid", "ClspStageTiming"}
+FROZEN = {"ClspImage", "ClspDepthDot", "ClspDepthPatternDot", "ClspFieldGrid", "ClspStageTiming"}
 
 
 def layouts(description: Path) -> dict[str, list[tuple[int, str, str]]]:

@@ -22,8 +22,8 @@
  *
  * **Identification.** Candidates of a detected dot are the dots of the pattern whose line between near_m and far_m passes it within
  * epipolar_tolerance_px (and 3 standard deviations of its centre). For each candidate the 12 nearest detected dots testify: does one of
- * their candidates lie on a surface through this one that slopes by less than 70 degrees? Their likelihood ratios against chance, the
- * distance from the line, and the chance that a dot is spurious (2 %) give the probability of each candidate; three rounds, in which
+ * their candidates lie on a surface through this one, at a place of its line that differs by at most 0.7 px + g times their distance? g
+ * is what a slope of 70 degrees at near_m makes, at most 0.3. Their likelihood ratios against chance, the distance from the line, and the chance that a dot is spurious (2 %) give the probability of each candidate; three rounds, in which
  * neighbours count by their own probabilities. A dot is placed if its best candidate has at least min_confidence; if two detected dots
  * claim one dot of the pattern, the likelier keeps it. Patterns must not repeat along the lines: in a regular lattice whose rows lie
  * along them many candidates are equally likely, and such dots are called ambiguous, not guessed.
