@@ -171,8 +171,8 @@ CLSP_API ClspStatus clspDepthEnqueueDetect(ClspDepth depth, cl_command_queue que
         const auto d = object(depth);
         const Context &context = *d->context();
         const DotDetectorParameters &p = d->detector_parameters();
-        const ImageView view = check_image(description(image, "image"), "image", context.cl_context()(), {p.width, p.height},
-                                           {Format::kUint8, Format::kUint16, Format::kFloat32});
+        const ImageView view = check_image(description(image, "image"), "image", context.cl_context()(),
+                                           {p.width, p.height}, {Format::kUint8, Format::kUint16, Format::kFloat32});
         enqueue(context, queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { d->enqueue_detect(chain, view); });
     });

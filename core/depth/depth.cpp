@@ -28,16 +28,18 @@ bool in_view(const EpipolarLine &line, std::uint32_t width, std::uint32_t height
 
 void check(const DepthParameters &p) {
     if (p.direction_count > kMaxDirections)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("direction_count is {}, a pattern has at most {} dots", p.direction_count, kMaxDirections));
+        throw Error(Status::kInvalidArgument, fmt::format("direction_count is {}, a pattern has at most {} dots",
+                                                          p.direction_count, kMaxDirections));
     if ((p.direction_count == 0) != (p.directions == nullptr))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("direction_count is {} and directions is {}; give both, or neither for a detector alone",
-                                p.direction_count, p.directions ? "not NULL" : "NULL"));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("direction_count is {} and directions is {}; give both, or neither for a detector alone",
+                        p.direction_count, p.directions ? "not NULL" : "NULL"));
     const IdentificationParameters &i = p.identification;
     if (!(i.epipolar_tolerance_px > 0.0 && i.epipolar_tolerance_px <= 20.0))
-        throw Error(Status::kInvalidArgument, fmt::format("epipolar_tolerance_px is {}, it must be above 0 and at most 20",
-                                                          i.epipolar_tolerance_px));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("epipolar_tolerance_px is {}, it must be above 0 and at most 20", i.epipolar_tolerance_px));
     if (!(i.min_confidence >= 0.5 && i.min_confidence < 1.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("min_confidence is {}, it must be 0.5 to below 1", i.min_confidence));
@@ -117,12 +119,12 @@ const DepthResult &Depth::result(cl_command_queue queue) {
     if (result_)
         return *result_;
     if (!queue)
-        throw Error(Status::kInvalidState, "the dots of the last frame have not been asked for yet; ask for them first");
+        throw Error(Status::kInvalidState,
+                    "the dots of the last frame have not been asked for yet; ask for them first");
     auto result = std::make_unique<DepthResult>();
     const std::vector<DetectedDot> dots = detector_.read(queue);
     const std::uint32_t width = detector_.parameters().width, height = detector_.parameters().height;
-    const std::vector<Identity> identities =
-        identify(dots, lines_, identification_, focal_length_px_, width, height);
+    const std::vector<Identity> identities = identify(dots, lines_, identification_, focal_length_px_, width, height);
     for (std::size_t i = 0; i < dots.size(); ++i)
         result->dots.push_back(triangulated(dots[i], identities[i], lines_));
     result->pattern.resize(lines_.size());

@@ -1,4 +1,5 @@
-// From a frame to depth: dots, which of the pattern's they are, where their rays meet. The equations are in depth.h of the C API.
+// From a frame to depth: dots, which of the pattern's they are, where their rays meet. The equations are in depth.h of
+// the C API.
 #pragma once
 
 #include "depth/dot_detector.hpp"
@@ -18,7 +19,7 @@ struct DepthParameters {
     DotDetectorParameters detector;
     IdentificationParameters identification;
     DepthGeometry geometry;
-    std::uint64_t direction_count = 0; // 0: a detector alone
+    std::uint64_t direction_count = 0;  // 0: a detector alone
     const double *directions = nullptr; // host memory, only read by the constructor
 };
 
@@ -47,8 +48,8 @@ struct DepthSummary {
 };
 
 struct DepthResult {
-    std::vector<DepthDot> dots;        // in the order of the rows
-    std::vector<PatternDot> pattern;   // in the order of the directions
+    std::vector<DepthDot> dots;      // in the order of the rows
+    std::vector<PatternDot> pattern; // in the order of the directions
     DepthSummary summary;
 };
 

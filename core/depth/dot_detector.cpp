@@ -33,8 +33,7 @@ void check(const DotDetectorParameters &p) {
     check_not_negative(p.read_noise_dn, "read_noise_dn");
     check_not_negative(p.dn_per_electron, "dn_per_electron");
     if (!(std::abs(p.black_level_dn) <= kLargestNumber))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("black_level_dn is {}, it must be finite", p.black_level_dn));
+        throw Error(Status::kInvalidArgument, fmt::format("black_level_dn is {}, it must be finite", p.black_level_dn));
     check_not_negative(p.saturation_dn, "saturation_dn");
     check_not_negative(p.min_amplitude_dn, "min_amplitude_dn");
     check_not_negative(p.threshold_sigmas, "threshold_sigmas");
@@ -43,7 +42,8 @@ void check(const DotDetectorParameters &p) {
                     fmt::format("min_correlation is {}, it must be 0 to below 1", p.min_correlation));
 }
 
-template <typename T> std::vector<T> read_buffer(cl_command_queue queue, const DeviceBuffer &buffer, std::size_t count) {
+template <typename T>
+std::vector<T> read_buffer(cl_command_queue queue, const DeviceBuffer &buffer, std::size_t count) {
     std::vector<T> values(count);
     if (count > 0)
         check_opencl(clEnqueueReadBuffer(queue, buffer.get()(), CL_TRUE, 0, count * sizeof(T), values.data(), 0,
@@ -116,9 +116,9 @@ void DotDetector::enqueue(CommandChain &chain, const ImageView &image) {
     // Rounding to codes adds the variance of a uniform law.
     const double rounding = image.format == Format::kFloat32 ? 0.0 : 1.0 / 12.0;
     // Shot noise alone would give dark pixels a weight without bound: one electron's worth stays.
-    const double at_black =
-        known ? p.read_noise_dn * p.read_noise_dn + rounding + (p.read_noise_dn > 0.0 ? 0.0 : p.dn_per_electron * p.dn_per_electron)
-              : 0.0;
+    const double at_black = known ? p.read_noise_dn * p.read_noise_dn + rounding +
+                                        (p.read_noise_dn > 0.0 ? 0.0 : p.dn_per_electron * p.dn_per_electron)
+                                  : 0.0;
     const auto number = [](double value) { return static_cast<cl_float>(value); };
     const cl_float4 noise = {{number(at_black), number(known ? p.dn_per_electron : 0.0), number(p.black_level_dn),
                               number(p.threshold_sigmas)}};

@@ -11,12 +11,12 @@ namespace clsp {
 namespace {
 
 constexpr std::size_t kNeighbours = 12;
-constexpr double kSteepest = 2.75;      // slope of a surface against the image plane: 70 degrees
+constexpr double kSteepest = 2.75;       // slope of a surface against the image plane: 70 degrees
 constexpr double kLargestGradient = 0.3; // px along the line per px between dots
-constexpr double kSlack = 0.7;          // px along the line, for curvature and errors of centres
-constexpr double kAgree = 0.6;          // probability that a neighbour lies on the same surface and was found
-constexpr double kSpurious = 0.02;      // of dots that are not the pattern's
-constexpr int kRounds = 3;              // of belief, the first without knowledge of the neighbours
+constexpr double kSlack = 0.7;           // px along the line, for curvature and errors of centres
+constexpr double kAgree = 0.6;           // probability that a neighbour lies on the same surface and was found
+constexpr double kSpurious = 0.02;       // of dots that are not the pattern's
+constexpr int kRounds = 3;               // of belief, the first without knowledge of the neighbours
 constexpr std::uint64_t kMaxCandidates = 50000000;
 
 struct Candidate {
@@ -31,8 +31,8 @@ struct Candidate {
 class Cells {
   public:
     Cells(const std::vector<DetectedDot> &dots, std::uint32_t width, std::uint32_t height, double side)
-        : dots_(dots), side_(side), columns_(1 + static_cast<int>(width / side)), rows_(1 + static_cast<int>(height / side)),
-          members_(std::size_t(columns_) * std::size_t(rows_)) {
+        : dots_(dots), side_(side), columns_(1 + static_cast<int>(width / side)),
+          rows_(1 + static_cast<int>(height / side)), members_(std::size_t(columns_) * std::size_t(rows_)) {
         for (std::size_t i = 0; i < dots.size(); ++i)
             if (!(dots[i].flags & kDotFitFailed))
                 members_[index(column(dots[i].x), row(dots[i].y))].push_back(static_cast<std::uint32_t>(i));
@@ -89,8 +89,8 @@ Candidates find_candidates(const std::vector<DetectedDot> &dots, const std::vect
                 const LinePlace place = place_on_line(line, dots[i].x, dots[i].y, dots[i].covariance);
                 const double tolerance = std::min(p.epipolar_tolerance_px + 3.0 * place.error_sd, widest);
                 const double slack = std::min(kSlack / length + 3.0 * place.q_sd, 3.0 / length);
-                if (std::abs(place.error) > tolerance || place.q < line.q_low - slack || place.q > line.q_high + slack ||
-                    !(place.q > 0.0))
+                if (std::abs(place.error) > tolerance || place.q < line.q_low - slack ||
+                    place.q > line.q_high + slack || !(place.q > 0.0))
                     return;
                 candidates[i].push_back({static_cast<std::uint32_t>(j), place, length, line.q_low, line.q_high, 0.0});
                 if (++total > kMaxCandidates)
@@ -127,9 +127,9 @@ std::vector<std::vector<std::pair<double, std::uint32_t>>> find_neighbours(const
     return neighbours;
 }
 
-// What a neighbour says for a candidate, as the logarithm of a likelihood ratio: does one of its own candidates lie on a surface through
-// this one? How far their places on the lines may differ, in pixels, depends on no candidate's depth: in a pattern that repeats, each
-// repetition then has the same to say for itself.
+// What a neighbour says for a candidate, as the logarithm of a likelihood ratio: does one of its own candidates lie on
+// a surface through this one? How far their places on the lines may differ, in pixels, depends on no candidate's depth:
+// in a pattern that repeats, each repetition then has the same to say for itself.
 double testimony(const Candidate &candidate, const std::vector<Candidate> &others, double distance, double focal_length,
                  bool first_round) {
     if (others.empty())
@@ -167,8 +167,8 @@ std::vector<Identity> identify(const std::vector<DetectedDot> &dots, const std::
             double best = std::log(kSpurious);
             const double background = best;
             for (const Candidate &candidate : own) {
-                const double pull = candidate.place.error /
-                                    std::hypot(p.epipolar_tolerance_px / 3.0, candidate.place.error_sd);
+                const double pull =
+                    candidate.place.error / std::hypot(p.epipolar_tolerance_px / 3.0, candidate.place.error_sd);
                 double score = std::log((1.0 - kSpurious) / double(own.size())) - 0.5 * pull * pull;
                 for (const auto &[distance, other] : neighbours[i])
                     score += testimony(candidate, candidates[other], distance, focal_length_px, round == 0);
@@ -204,9 +204,9 @@ std::vector<Identity> identify(const std::vector<DetectedDot> &dots, const std::
             identity.reason = DepthReason::kNoCandidate;
             continue;
         }
-        const Candidate &likeliest = *std::max_element(
-            candidates[i].begin(), candidates[i].end(),
-            [](const Candidate &a, const Candidate &b) { return a.belief < b.belief; });
+        const Candidate &likeliest =
+            *std::max_element(candidates[i].begin(), candidates[i].end(),
+                              [](const Candidate &a, const Candidate &b) { return a.belief < b.belief; });
         identity.dot = likeliest.dot;
         identity.confidence = likeliest.belief;
         identity.place = likeliest.place;

@@ -78,7 +78,8 @@ std::vector<EpipolarLine> epipolar_lines(const DepthGeometry &g, const double *d
     for (std::uint64_t j = 0; j < count; ++j) {
         const double u = directions[2 * j], v = directions[2 * j + 1];
         const bool cosines = g.directions == DirectionKind::kDirectionCosines;
-        const bool good = cosines ? u * u + v * v < 1.0 : std::abs(u) <= kLargestNumber && std::abs(v) <= kLargestNumber;
+        const bool good =
+            cosines ? u * u + v * v < 1.0 : std::abs(u) <= kLargestNumber && std::abs(v) <= kLargestNumber;
         if (!good)
             throw Error(Status::kInvalidData,
                         fmt::format("directions: that of dot {} is ({}, {}), it must be {}", j, u, v,

@@ -21,8 +21,8 @@ struct DepthGeometry {
 // Throws kInvalidArgument for what cannot be a camera and a laser apart from each other.
 void check(const DepthGeometry &geometry);
 
-// The image of one of the laser's rays: with q the inverse of the depth, x = x0 + q ax, y = y0 + q ay. The ray's points are
-// (mx z + bx, my z + by, z).
+// The image of one of the laser's rays: with q the inverse of the depth, x = x0 + q ax, y = y0 + q ay. The ray's points
+// are (mx z + bx, my z + by, z).
 struct EpipolarLine {
     double x0 = 0.0, y0 = 0.0, ax = 0.0, ay = 0.0;
     double mx = 0.0, my = 0.0, bx = 0.0, by = 0.0;

@@ -32,9 +32,10 @@ inline void check_pose(const double *pose, const char *name) {
     const double determinant =
         a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
     if (determinant < 0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the left 3 x 3 part of {} is a reflection (determinant -1); flip an axis to get a rotation",
-                                name));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the left 3 x 3 part of {} is a reflection (determinant -1); flip an axis to get a rotation",
+                        name));
 }
 
 } // namespace clsp

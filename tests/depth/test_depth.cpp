@@ -1,4 +1,5 @@
-// Depth from dots through the C interface: what is found and placed, what is said of what is not, and what bad arguments get.
+// Depth from dots through the C interface: what is found and placed, what is said of what is not, and what bad
+// arguments get.
 #include "test_support.hpp"
 
 #include <random>
@@ -7,8 +8,8 @@ namespace {
 
 using test::DeviceTest;
 
-// A laser 5 cm to the right of the camera, both looking along z; a wall at 1 m. Dots are placed with no order, so that none of
-// their neighbourhoods repeats.
+// A laser 5 cm to the right of the camera, both looking along z; a wall at 1 m. Dots are placed with no order, so that
+// none of their neighbourhoods repeats.
 class Depth : public DeviceTest {
   protected:
     static constexpr std::uint32_t width = 160, height = 120;
@@ -18,7 +19,9 @@ class Depth : public DeviceTest {
 
     Depth() {
         std::mt19937 random(5); // the same everywhere, unlike the standard library's distributions
-        const auto uniform = [&](double low, double high) { return low + (high - low) * double(random()) / 4294967296.0; };
+        const auto uniform = [&](double low, double high) {
+            return low + (high - low) * double(random()) / 4294967296.0;
+        };
         while (directions.size() < 2 * 90) {
             const double u = uniform(-0.5, 0.4), v = uniform(-0.36, 0.36);
             bool apart = true;
@@ -84,7 +87,8 @@ TEST_F(Depth, InitFunctionWritesDefaults) {
     EXPECT_EQ(0.6, desc.min_correlation);
     EXPECT_EQ(1.0, desc.epipolar_tolerance_px);
     EXPECT_EQ(0.9, desc.min_confidence);
-    for (double off : {desc.min_amplitude_dn, desc.read_noise_dn, desc.dn_per_electron, desc.black_level_dn, desc.saturation_dn})
+    for (double off :
+         {desc.min_amplitude_dn, desc.read_noise_dn, desc.dn_per_electron, desc.black_level_dn, desc.saturation_dn})
         EXPECT_EQ(0.0, off);
 }
 
@@ -130,7 +134,8 @@ TEST_F(Depth, WallIsPlaced) {
     }
 }
 
-// Amplitudes are written in one way only: the same frame gives the same result bit by bit, in any order of the device's work.
+// Amplitudes are written in one way only: the same frame gives the same result bit by bit, in any order of the device's
+// work.
 TEST_F(Depth, RepeatsItself) {
     const clspeckle::Depth depth(context, valid());
     const auto first = measure(depth, frame()), second = measure(depth, frame());
@@ -210,8 +215,18 @@ TEST_F(Depth, WrongGeometryIsNoticed) {
     // A laser turned by 4 degrees about the camera's axis: lines pass elsewhere.
     auto desc = valid();
     const double angle = 0.07;
-    const double turned[12] = {std::cos(angle), -std::sin(angle), 0, -baseline * std::cos(angle),
-                               std::sin(angle), std::cos(angle),  0, -baseline * std::sin(angle), 0, 0, 1, 0};
+    const double turned[12] = {std::cos(angle),
+                               -std::sin(angle),
+                               0,
+                               -baseline * std::cos(angle),
+                               std::sin(angle),
+                               std::cos(angle),
+                               0,
+                               -baseline * std::sin(angle),
+                               0,
+                               0,
+                               1,
+                               0};
     std::copy(std::begin(turned), std::end(turned), desc.laser_from_camera);
     const auto wrong = measure(clspeckle::Depth(context, desc), frame());
     EXPECT_TRUE(wrong.summary.warnings & CLSP_DEPTH_WARNING_FEW_PLACED);
@@ -233,7 +248,8 @@ TEST_F(Depth, PixelsThatAreNoNumbers) {
         const Image uploaded = floats(image, width, height);
         depth.enqueue_detect(queue, uploaded.view);
         std::uint64_t count = 77;
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "2 pixels of the frame are NaN or infinite, the first at x = 11, y = 7",
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA,
+                          "2 pixels of the frame are NaN or infinite, the first at x = 11, y = 7",
                           clspDepthGetDots(depth, queue, 0, nullptr, &count, nullptr));
         EXPECT_EQ(77u, count);
     }
@@ -253,15 +269,19 @@ TEST_F(Depth, TooManyDots) {
 TEST_F(Depth, GettingDots) {
     const clspeckle::Depth depth(context, valid());
     std::uint64_t count = 0;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspDepthGetDots(depth, queue, 0, nullptr, &count, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame",
+                      clspDepthGetDots(depth, queue, 0, nullptr, &count, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "asked", clspDepthGetPatternDots(depth, 0, nullptr, &count));
     const Image uploaded = floats(frame(), width, height);
     depth.enqueue_detect(queue, uploaded.view);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "asked", clspDepthGetPatternDots(depth, 0, nullptr, &count));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "dots", clspDepthGetDots(depth, queue, 3, nullptr, &count, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count", clspDepthGetDots(depth, queue, 0, nullptr, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspDepthGetDots(depth, nullptr, 0, nullptr, &count, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth", clspDepthGetDots(nullptr, queue, 0, nullptr, &count, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count",
+                      clspDepthGetDots(depth, queue, 0, nullptr, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue",
+                      clspDepthGetDots(depth, nullptr, 0, nullptr, &count, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth",
+                      clspDepthGetDots(nullptr, queue, 0, nullptr, &count, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth", clspDepthGetPatternDots(nullptr, 0, nullptr, &count));
     ClspDepthSummary summary{};
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size",
@@ -307,7 +327,8 @@ TEST_F(Depth, HandlesAndRules) {
     };
     test::check_image_rules("clspDepthEnqueueDetect", context, image.view, "image", CLSP_FORMAT_FLOAT32X2, call);
     test::check_image_size_must_match("clspDepthEnqueueDetect", context, image.view, "image", call);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image", clspDepthEnqueueDetect(handle, queue, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image",
+                      clspDepthEnqueueDetect(handle, queue, nullptr, 0, nullptr, nullptr));
     EXPECT_CLSP_OK(clspQueueFinish(queue));
     EXPECT_CLSP_OK(clspDepthRelease(handle));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth", clspDepthRelease(handle));

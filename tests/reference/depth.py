@@ -1,4 +1,5 @@
-"""Depth from dots (depth.h): scenes rendered without the library, centres by SciPy, identification by trying every pair, triangulation.
+"""Depth from dots (depth.h): scenes rendered without the library, centres by SciPy, identification by trying every pair,
+triangulation.
 
 Frames: camera at the origin looking along +z, x to the right, y down; laser at X_L = R X_C + t.
 """
