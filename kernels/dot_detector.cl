@@ -212,8 +212,9 @@ static float residuals(const float *data, const float *p, const float *weight_of
     return cost;
 }
 
-// Levenberg and Marquardt's method on data in units of the dot's first amplitude. True if it converged.
-static bool fit(const float *data, float *p, float2 variance, uint *iterations) {
+// Levenberg and Marquardt's method on data in units of the dot's first amplitude, until steps are below the tolerance. True if it
+// converged.
+static bool fit(const float *data, float *p, float2 variance, float tolerance, uint *iterations) {
     float normal[PARAMETERS * PARAMETERS], damped[PARAMETERS * PARAMETERS], gradient[PARAMETERS], step[PARAMETERS],
         weight_of[PARAMETERS];
     float lambda = 1e-3f;
@@ -248,7 +249,7 @@ static bool fit(const float *data, float *p, float2 variance, uint *iterations) 
         }
         if (!moved)
             return fabs(step[1]) + fabs(step[2]) < 1e-2f; // no better place: at the minimum but for rounding
-        if (fabs(step[1]) + fabs(step[2]) < 2e-5f && fabs(step[0]) + fabs(step[6]) < 2e-5f)
+        if (fabs(step[1]) + fabs(step[2]) < tolerance && fabs(step[0]) + fabs(step[6]) < tolerance)
             return true;
     }
     return false;
@@ -355,7 +356,7 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
     const float2 variance = (float2)(1.0f, slope * unit / at_base);
 
     float p[PARAMETERS] = {1.0f, start[1], start[2], start[3], start[4], start[5], 0.0f};
-    bool good = used > PARAMETERS && fit(data, p, variance, &iterations);
+    bool good = used > PARAMETERS && fit(data, p, variance, last ? 2e-5f : 1e-3f, &iterations);
     const float determinant = p[3] * p[5] - p[4] * p[4], half_trace = 0.5f * (p[3] + p[5]);
     const float split = sqrt(fmax(half_trace * half_trace - determinant, 0.0f));
     const float narrow = rsqrt(half_trace + split), wide = rsqrt(fmax(half_trace - split, 1e-12f));

@@ -191,7 +191,9 @@ def replace(file: str, old: str, new: str) -> Callable[[Path], None]:
 
 COMPATIBLE = {
     "nothing": None,
-    "a member appended to a struct": replace("sensor.h", "} ClspSensorDesc;", "    double appended_by_this_test;\n} ClspSensorDesc;"),
+    "a member appended to a struct": replace(
+        "sensor.h", "} ClspSensorDesc;", "    double appended_by_this_test;\n} ClspSensorDesc;"
+    ),
     "a member appended to a struct inside of another": replace(
         "pattern.h", "} ClspGeometry;", "    double skew_px;\n} ClspGeometry;"
     ),

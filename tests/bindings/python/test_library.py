@@ -100,6 +100,7 @@ HANDLES = [
     "ClspContext",
     "ClspPattern",
     "ClspDots",
+    "ClspDepth",
     "ClspMaterialTable",
     "ClspMotion",
     "ClspPhase",

@@ -73,7 +73,7 @@ class DepthResult:
     """What a frame shows."""
 
     dots: npt.NDArray[Any]
-    """Structured array of ``DOT_DTYPE``, one element per detected dot, row by row; `reason` is 0 for dots with a depth."""
+    """Structured array of ``DOT_DTYPE``, one element per detected dot, row by row; `reason` is 0 where there is a depth."""
     pattern: npt.NDArray[Any]
     """Structured array of ``PATTERN_DTYPE``, one element per dot of the pattern."""
     summary: DepthSummary
@@ -209,7 +209,7 @@ class Depth(Handle):
         """The dots of a frame, each with its depth or the reason why it has none. Blocks.
 
         Args:
-            image: (height, width) of uint8, uint16 or float32 (other real dtypes are converted), in host or device memory.
+            image: (height, width), uint8, uint16 or float32 (other real dtypes are converted), on host or device.
 
         Raises:
             InvalidDataError: NaN or infinite pixels.
