@@ -11,8 +11,8 @@ or with a camera that keeps the state of the speckle from frame to frame::
 
 Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Dots`, :class:`MaterialTable`,
 :class:`Motion`, :class:`Phase`, :class:`Aperture`, :class:`Lens`, :class:`Sensor`, :class:`Pipeline` with its
-:func:`effects`, :class:`Depth`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes are (height, width),
-as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
+:func:`effects`, :class:`Depth`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes are
+(height, width), as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
 
 All calls release the GIL. Objects may be shared between threads: calls on one object run one after the other. A process
 that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".

@@ -73,7 +73,7 @@ class DepthResult:
     """What a frame shows."""
 
     dots: npt.NDArray[Any]
-    """Structured array of ``DOT_DTYPE``, one element per detected dot, row by row; `reason` is 0 where there is a depth."""
+    """Structured array of ``DOT_DTYPE``, one per detected dot, row by row; `reason` is 0 where there is a depth."""
     pattern: npt.NDArray[Any]
     """Structured array of ``PATTERN_DTYPE``, one element per dot of the pattern."""
     summary: DepthSummary
