@@ -15,7 +15,7 @@ namespace {
 static_assert(CLSP_MAX_DIRECTIONS == kMaxDirections && CLSP_NO_DOT == kNoDot,
               "the engine's limits and the API's must agree");
 static_assert(CLSP_DOT_SATURATED == kDotSaturated && CLSP_DOT_BORDER == kDotBorder && CLSP_DOT_MERGED == kDotMerged &&
-                  CLSP_DOT_FIT_FAILED == kDotFitFailed,
+                  CLSP_DOT_FIT_FAILED == kDotFitFailed && CLSP_DOT_FIXED_SHAPE == kDotFixedShape,
               "kDot* and CLSP_DOT_* must agree");
 static_assert(CLSP_DEPTH_REASON_PLACED == std::uint32_t(DepthReason::kPlaced) &&
                   CLSP_DEPTH_REASON_FIT_FAILED == std::uint32_t(DepthReason::kFitFailed) &&

@@ -22,6 +22,7 @@ typedef float pixel_t;
 #define FLAG_BORDER 2u
 #define FLAG_MERGED 4u
 #define FLAG_FIT_FAILED 8u
+#define FLAG_FIXED_SHAPE 16u
 
 static inline float pixel_at(__global const pixel_t *image, ulong offset, uint pitch, int x, int y) {
     const float value = convert_float(image[offset + (ulong)y * pitch + x]);
@@ -168,8 +169,8 @@ static inline void solve(const float *factor, float *b) {
 }
 
 // Weighted sum of squares of data less the model. normal, gradient: J^T W J and J^T W r, where they are wanted. variance: at background
-// 0 and per unit, relative to the former.
-static float residuals(const float *data, const float *p, const float *weight_of, float2 variance, bool derivatives,
+// 0 and per unit, relative to the former. fixed: the shape stays.
+static float residuals(const float *data, const float *p, const float *weight_of, float2 variance, bool fixed, bool derivatives,
                        float *normal, float *gradient) {
     if (derivatives)
         for (int i = 0; i < PARAMETERS; ++i) {
@@ -199,9 +200,9 @@ static float residuals(const float *data, const float *p, const float *weight_of
         j[0] = e;
         j[1] = model * fma(p[3], dx, p[4] * dy);
         j[2] = model * fma(p[5], dy, p[4] * dx);
-        j[3] = -0.5f * model * dx * dx;
-        j[4] = -model * dx * dy;
-        j[5] = -0.5f * model * dy * dy;
+        j[3] = fixed ? 0.0f : -0.5f * model * dx * dx;
+        j[4] = fixed ? 0.0f : -model * dx * dy;
+        j[5] = fixed ? 0.0f : -0.5f * model * dy * dy;
         j[6] = 1.0f;
         for (int a = 0; a < PARAMETERS; ++a) {
             gradient[a] = fma(weight * j[a], r, gradient[a]);
@@ -209,19 +210,22 @@ static float residuals(const float *data, const float *p, const float *weight_of
                 normal[a * PARAMETERS + b] = fma(weight * j[a], j[b], normal[a * PARAMETERS + b]);
         }
     }
+    if (derivatives && fixed)
+        for (int a = 3; a < 6; ++a)
+            normal[a * PARAMETERS + a] = 1.0f; // a step of 0
     return cost;
 }
 
 // Levenberg and Marquardt's method on data in units of the dot's first amplitude, until steps are below the tolerance. True if it
 // converged.
-static bool fit(const float *data, float *p, float2 variance, float tolerance, uint *iterations) {
+static bool fit(const float *data, float *p, float2 variance, bool fixed, float tolerance, uint *iterations) {
     float normal[PARAMETERS * PARAMETERS], damped[PARAMETERS * PARAMETERS], gradient[PARAMETERS], step[PARAMETERS],
         weight_of[PARAMETERS];
     float lambda = 1e-3f;
     for (uint i = 0; i < MAX_ITERATIONS; ++i) {
         for (int a = 0; a < PARAMETERS; ++a)
             weight_of[a] = p[a];
-        const float cost = residuals(data, p, weight_of, variance, true, normal, gradient);
+        const float cost = residuals(data, p, weight_of, variance, fixed, true, normal, gradient);
         *iterations += 1;
         bool moved = false;
         for (int attempt = 0; attempt < 8 && !moved; ++attempt) {
@@ -237,7 +241,7 @@ static bool fit(const float *data, float *p, float2 variance, float tolerance, u
                     next[a] = p[a] + step[a];
                 const bool sensible = next[3] > 0.0f && next[5] > 0.0f && next[3] * next[5] > next[4] * next[4];
                 const float tried =
-                    sensible ? residuals(data, next, weight_of, variance, false, normal, gradient) : INFINITY;
+                    sensible ? residuals(data, next, weight_of, variance, fixed, false, normal, gradient) : INFINITY;
                 // Rounding may keep the cost from falling any further.
                 if (tried <= cost * (1.0f + 1e-6f)) {
                     moved = true;
@@ -253,6 +257,20 @@ static bool fit(const float *data, float *p, float2 variance, float tolerance, u
             return true;
     }
     return false;
+}
+
+// The standard deviation of the Gaussian along its longer axis.
+static inline float widest(const float *p) {
+    const float determinant = p[3] * p[5] - p[4] * p[4], half_trace = 0.5f * (p[3] + p[5]);
+    return rsqrt(fmax(half_trace - sqrt(fmax(half_trace * half_trace - determinant, 0.0f)), 1e-12f));
+}
+
+// True for what may be a dot near its pixel.
+static inline bool is_dot(const float *p, float sigma) {
+    const float determinant = p[3] * p[5] - p[4] * p[4], half_trace = 0.5f * (p[3] + p[5]);
+    const float narrowest = rsqrt(half_trace + sqrt(fmax(half_trace * half_trace - determinant, 0.0f)));
+    return p[0] > 0.0f && fabs(p[1]) <= 1.0f + sigma && fabs(p[2]) <= 1.0f + sigma && narrowest > 0.3f * sigma &&
+           widest(p) < 4.0f * sigma;
 }
 
 // A Gaussian-weighted centroid of the light above the background, (x, y) from the window's centre: the weight moves with it, and the
@@ -355,13 +373,19 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
     const float at_base = fma(slope, fmax(base - noise.z, 0.0f), at_black);
     const float2 variance = (float2)(1.0f, slope * unit / at_base);
 
+    const float tolerance = last ? 2e-5f : 1e-3f, round_precision = 1.0f / (sigma * sigma);
     float p[PARAMETERS] = {1.0f, start[1], start[2], start[3], start[4], start[5], 0.0f};
-    bool good = used > PARAMETERS && fit(data, p, variance, last ? 2e-5f : 1e-3f, &iterations);
-    const float determinant = p[3] * p[5] - p[4] * p[4], half_trace = 0.5f * (p[3] + p[5]);
-    const float split = sqrt(fmax(half_trace * half_trace - determinant, 0.0f));
-    const float narrow = rsqrt(half_trace + split), wide = rsqrt(fmax(half_trace - split, 1e-12f));
-    good = good && p[0] > 0.0f && fabs(p[1]) <= 1.0f + sigma && fabs(p[2]) <= 1.0f + sigma && narrow > 0.3f * sigma &&
-           wide < 4.0f * sigma;
+    bool good = used > PARAMETERS && fit(data, p, variance, false, tolerance, &iterations) && is_dot(p, sigma);
+    bool fixed = false;
+    if (!good && used > PARAMETERS) { // speckle: place, amplitude and background of a round dot
+        fixed = true;
+        p[0] = 1.0f;
+        p[1] = p[2] = p[4] = p[6] = 0.0f;
+        p[3] = p[5] = round_precision;
+        good = fit(data, p, variance, true, tolerance, &iterations) && is_dot(p, sigma);
+        if (good)
+            flags |= FLAG_FIXED_SHAPE;
+    }
     __global float *s = after + (ulong)dot * STATE;
     for (int i = 0; i < STATE; ++i)
         s[i] = start[i];
@@ -377,21 +401,23 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
     if (!last)
         return;
 
-    if (good && wide > limits.z * sigma)
+    const float determinant = p[3] * p[5] - p[4] * p[4];
+    if (good && widest(p) > limits.z * sigma)
         flags |= FLAG_MERGED;
-    const float2 centre = centroid(data, ring_mean(data), 1.0f / (sigma * sigma));
+    const float2 centre = centroid(data, ring_mean(data), round_precision);
     __global float *result = results + (ulong)dot * RESULT;
     float xx = NAN, xy = NAN, yy = NAN, aa = NAN, misfit = NAN;
     float normal[PARAMETERS * PARAMETERS], gradient[PARAMETERS];
     if (good) {
-        const float cost = residuals(data, p, p, variance, true, normal, gradient);
+        const float cost = residuals(data, p, p, variance, fixed, true, normal, gradient);
+        const float freedom = convert_float(used - (fixed ? PARAMETERS - 3 : PARAMETERS));
         // Over the degrees of freedom: the variance at the base, in units of the amplitude.
-        const float scatter = cost / convert_float(used - PARAMETERS);
+        const float scatter = cost / freedom;
         const float expected = at_base * inverse_unit * inverse_unit;
         misfit = noise.w > 0.0f ? scatter / expected : 1.0f;
         float scale = scatter;
         if (noise.w > 0.0f) // known noise, unless the model misfits by far more than noise can
-            scale = misfit > 1.0f + 4.0f * sqrt(2.0f / convert_float(used - PARAMETERS)) ? scatter : expected;
+            scale = misfit > 1.0f + 4.0f * sqrt(2.0f / freedom) ? scatter : expected;
         if (factorize(normal)) {
             float column[PARAMETERS] = {0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
             solve(normal, column);

@@ -70,6 +70,7 @@ const Column columns[] = {
     COLUMN("saturated", (d.flags & CLSP_DOT_SATURATED) != 0),
     COLUMN("border", (d.flags & CLSP_DOT_BORDER) != 0),
     COLUMN("merged", (d.flags & CLSP_DOT_MERGED) != 0),
+    COLUMN("fixed_shape", (d.flags & CLSP_DOT_FIXED_SHAPE) != 0),
     COLUMN("reason", d.reason),
 };
 

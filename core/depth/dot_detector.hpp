@@ -25,7 +25,7 @@ struct DotDetectorParameters {
 };
 
 // Bits of DetectedDot::flags; the numbers are those of CLSP_DOT_*, capi asserts that they agree.
-constexpr std::uint32_t kDotSaturated = 1, kDotBorder = 2, kDotMerged = 4, kDotFitFailed = 8;
+constexpr std::uint32_t kDotSaturated = 1, kDotBorder = 2, kDotMerged = 4, kDotFitFailed = 8, kDotFixedShape = 16;
 
 struct DetectedDot {
     double x = 0.0, y = 0.0;                   // px

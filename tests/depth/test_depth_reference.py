@@ -238,6 +238,40 @@ def test_depth_uncertainty_is_that_of_the_noise(camera, context, measured):
     np.testing.assert_allclose(placed["position_sd_m"][:, 2], placed["depth_sd_m"])
 
 
+@pytest.mark.parametrize(("polarization", "least_found"), [(0.0, 0.985), (1.0, 0.96)])
+def test_speckle_of_the_whole_camera(context, measured, polarization, least_found):
+    """The end of the chain: a wall at 1 m through phase, aperture (f/2.8) and sensor. Speckle moves centres by a good part of a dot,
+    and breaks some fits; nearly every dot is still identified, and none wrongly. One seed; 1100 dots: the share of those that are
+    not found, 0.1 % and 0.5 %, has a standard deviation of 0.1 % and 0.2 %."""
+    directions = reference.semi_random_directions((0.72, 0.58), 10 / RIG.fx, seed=3)
+    frame = reference.render(RIG, [reference.plane(1.0)], directions, 1.6)
+    camera = clspeckle.Pipeline.from_parameters(
+        RIG.shape,
+        seed=7,
+        f_number=2.8,
+        oversampling=2,
+        degree_of_polarization=polarization,
+        exposure_gain_dn=500.0,
+        context=context,
+    )
+    codes = camera.render((frame.image / frame.image.max()).astype(np.float32))
+    noise = {"read_noise_dn": 4.0, "black_level_dn": 64.0, "saturation_dn": 1023.0}
+    placed = make(context, directions=directions, **{"dot_sigma_px": 2.0, **noise}).measure(codes).placed
+    error = np.hypot(*(np.stack([placed["x_px"], placed["y_px"]], 1) - frame.centres[placed["dot_index"]]).T)
+    right = error < 2.5
+    found = np.zeros(len(directions), bool)
+    found[placed["dot_index"][right]] = True
+    measured("1 - identified share", 1 - found[frame.visible].mean())
+    measured("wrong dots, share", 1 - right.mean())
+    measured("centre error, RMS, px", np.sqrt(np.mean(error[right] ** 2)))
+    depth_error = (placed["depth_m"] - frame.depths[placed["dot_index"]])[right]
+    measured("depth error, RMS, mm", 1e3 * np.sqrt(np.mean(depth_error**2)))
+    assert found[frame.visible].mean() > least_found
+    assert right.mean() > 0.99
+    assert 0.1 < np.sqrt(np.mean(error[right] ** 2)) < 0.8
+    assert (placed["flags"] & _library.CLSP_DOT_FIXED_SHAPE).any()
+
+
 def test_missing_and_spurious_dots(camera, measured):
     """A third of the dots missing, a fifth more that are nobody's: nearly all that are placed are right, and nearly all are found."""
     rng = np.random.default_rng(31)

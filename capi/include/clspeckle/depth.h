@@ -6,27 +6,29 @@
  * and S = sum g^2 - (sum g)^2 / n, the dot on an even background that fits best around a pixel has the amplitude
  *     A = (sum g I - mean(g) sum I) / S,       of standard deviation (noise / sqrt(S)),
  * and the correlation with the frame A sqrt(S) / sqrt(sum (I - mean I)^2). A local maximum of A is a dot if A is at least
- * min_amplitude_dn and threshold_sigmas standard deviations, and the correlation at least min_correlation. Then in a window of
- * 2 ceil(3 dot_sigma_px) + 1 pixels
+ * min_amplitude_dn and threshold_sigmas standard deviations, and the correlation at least min_correlation. Then in a window of 2
+ * ceil(3 dot_sigma_px) + 1 pixels
  *     I(x) = background + amplitude exp(-(x - centre)^T C^-1 (x - centre) / 2)
- * is fitted by Levenberg and Marquardt's method (7 parameters), weighted with 1 / variance, four times, each time with the other dots as
- * the fits before saw them subtracted. The variance of a pixel is read_noise_dn^2 + dn_per_electron max(I - black_level_dn, 0), and 1/12
- * for codes (rounding). The covariance of a centre is that of weighted least squares, which is the Cramer-Rao bound; where the noise
- * is unknown, or the fit's residuals exceed it significantly (chi^2 by 4 standard deviations), the residuals' variance takes the noise's
- * place. A second centre is the Gaussian-weighted centroid of the light above the mean of the window's rim.
+ * is fitted by Levenberg and Marquardt's method (7 parameters), weighted with 1 / variance, four times, each time with the other dots
+ * as the fits before saw them subtracted. Where that fails, as speckle makes it, a round dot of dot_sigma_px is fitted (4 parameters).
+ * The variance of a pixel is read_noise_dn^2 + dn_per_electron max(I - black_level_dn, 0), and 1/12 for codes (rounding). The
+ * covariance of a centre is that of weighted least squares, which is the Cramer-Rao bound; where the noise is unknown, or the fit's
+ * residuals exceed it significantly (chi^2 by 4 standard deviations), the residuals' variance takes the noise's place. A second centre
+ * is the Gaussian-weighted centroid of the light above the mean of the window's rim.
  *
- * **Geometry.** A camera without distortion (fx, fy, cx, cy; correct centres or frames of a real lens first), a laser at
- * X_L = R X_C + t. Dot j leaves the laser in a known direction; in the camera's frame its points are (m z + b, z), and its image moves
- * along a straight line with the inverse depth q = 1 / z:
+ * **Geometry.** A camera without distortion (fx, fy, cx, cy; correct centres or frames of a real lens first), a laser at X_L = R X_C +
+ * t. Dot j leaves the laser in a known direction; in the camera's frame its points are (m z + b, z), and its image moves along a
+ * straight line with the inverse depth q = 1 / z:
  *     x_j(q) = (fx m_x + cx, fy m_y + cy) + q (fx b_x, fy b_y).
  *
  * **Identification.** Candidates of a detected dot are the dots of the pattern whose line between near_m and far_m passes it within
- * epipolar_tolerance_px (and 3 standard deviations of its centre). For each candidate the 12 nearest detected dots testify: does one of
- * their candidates lie on a surface through this one, at a place of its line that differs by at most 0.7 px + g times their distance? g
- * is what a slope of 70 degrees at near_m makes, at most 0.3. Their likelihood ratios against chance, the distance from the line, and the chance that a dot is spurious (2 %) give the probability of each candidate; three rounds, in which
- * neighbours count by their own probabilities. A dot is placed if its best candidate has at least min_confidence; if two detected dots
- * claim one dot of the pattern, the likelier keeps it. Patterns must not repeat along the lines: in a regular lattice whose rows lie
- * along them many candidates are equally likely, and such dots are called ambiguous, not guessed.
+ * epipolar_tolerance_px (and 3 standard deviations of its centre). For each candidate the 12 nearest detected dots testify: does one
+ * of their candidates lie on a surface through this one, at a place of its line that differs by at most 0.7 px + g times their
+ * distance? g is what a slope of 70 degrees at near_m makes, at most 0.3. Their likelihood ratios against chance, the distance from
+ * the line, and the chance that a dot is spurious (2 %) give the probability of each candidate; three rounds, in which neighbours
+ * count by their own probabilities. A dot is placed if its best candidate has at least min_confidence; if two detected dots claim one
+ * dot of the pattern, the likelier keeps it. Patterns must not repeat along the lines: in a regular lattice whose rows lie along them
+ * many candidates are equally likely, and such dots are called ambiguous, not guessed.
  *
  * **Triangulation.** q is that of the point of the line that is nearest in units of the centre's covariance; depth_m = 1 / q,
  * depth_sd_m = sd(q) / q^2, the position lies on the laser's ray. The distance from the line, epipolar_error_px, is zero for a right
@@ -51,6 +53,7 @@ extern "C" {
 #define CLSP_DOT_BORDER 2u     /**< The window is cut by the image's border. */
 #define CLSP_DOT_MERGED 4u     /**< Another dot within 2.5 dot_sigma_px, or wider than 1.6 dot_sigma_px. */
 #define CLSP_DOT_FIT_FAILED 8u /**< No fit; the centre is that of the pixel, or of the last pass. */
+#define CLSP_DOT_FIXED_SHAPE 16u /**< No ellipse fits; fitted as a round dot of dot_sigma_px: place, amplitude and background. */
 /** @} */
 
 /** @name Why a dot was not placed */
@@ -95,7 +98,7 @@ typedef struct ClspDepthDesc {
     double min_amplitude_dn;       /**< Dots below it are not looked at, >= 0; default 0. */
     double threshold_sigmas;       /**< Of the noise, >= 0; default 5. Without effect while the noise is unknown. */
     double min_correlation;        /**< With the expected dot, 0 to below 1; default 0.6. */
-    double read_noise_dn;          /**< Standard deviation of the noise in the dark, >= 0. With dn_per_electron 0, too (default): unknown. */
+    double read_noise_dn;          /**< Of the noise in the dark, >= 0; with dn_per_electron 0, too (default): unknown. */
     double dn_per_electron;        /**< Of the shot noise, >= 0; default 0: none. */
     double black_level_dn;         /**< Value without light; default 0. */
     double saturation_dn;          /**< Pixels at or above are saturated, >= 0; default 0: none is. */
