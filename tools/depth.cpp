@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 
 namespace tools {
@@ -106,6 +107,21 @@ void print_frames(const std::vector<DepthFrame> &frames, Console &console) {
     console.result("\n" + table(rows));
 }
 
+/** An output that is an input would be lost. */
+void refuse_replacing(const DepthArguments &arguments, const std::vector<std::string> &files) {
+    std::vector<std::string> inputs = files;
+    inputs.insert(inputs.end(), {arguments.dots, arguments.geometry});
+    for (const std::string &output : {arguments.csv, arguments.npy})
+        for (const std::string &input : inputs) {
+            std::error_code code; // what does not exist is no input
+            if (!output.empty() && std::filesystem::equivalent(output, input, code))
+                throw InputError(
+                    fmt::format("{}: is an input, which the output would replace; name another file", output));
+        }
+    if (!arguments.csv.empty() && arguments.csv == arguments.npy)
+        throw InputError(fmt::format("{}: --csv and --npy name the same file", arguments.csv));
+}
+
 } // namespace
 
 void run_depth(DepthArguments &arguments, Console &console) {
@@ -121,6 +137,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
     for (const std::string &argument : arguments.files)
         for (std::string &file : expand(argument, Purpose::measurement))
             files.push_back(std::move(file));
+    refuse_replacing(arguments, files);
     std::uint64_t total = 0, done = 0;
     for (const std::string &file : files) {
         const auto reader = image_io::open(file, {arguments.channel});

@@ -11,7 +11,7 @@ frame the dots are found with centres to a fraction of a pixel, identified by th
 epipolar lines, and triangulated (docs/depth.md). Dots without a depth get a reason.
 
 --dots LIST: the directions of the pattern's dots in the laser's frame, two numbers in a line (x/z, y/z), or an NPY array
-of two columns. --geometry FILE: a sequence.json, or a JSON file with these members of it:
+of two columns and at most 16384 rows. --geometry FILE: a sequence.json, or a JSON file with these members of it:
   {"camera": {"fx_px": 560, "fy_px": 560, "cx_px": 319.5, "cy_px": 239.5},
    "laser": {"laser_from_geometry": [1,0,0,-0.075, 0,1,0,0, 0,0,1,0], "pattern": {"projection": "tangent_plane"}},
    "depth_range_m": [0.4, 4]}

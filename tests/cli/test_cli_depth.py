@@ -135,5 +135,7 @@ def test_bad_input(refused, tmp_path: Path, scene) -> None:
     bad[3, 5] = np.nan
     np.save(tmp_path / "bad.npy", bad)
     assert "pixel (5, 3)" in refused("depth", "bad.npy", *scene, "--csv", "never.csv")
+    assert "is an input" in refused("depth", "frame_0.png", *scene, "--csv", "./rig.json")
+    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "out")
     assert "required" in refused("depth", "frame_0.png", "--dots", "dots.txt")
     refused("depth", "frame_0.png", *scene, "--csv", "no/folder/dots.csv", code=3)

@@ -178,7 +178,7 @@ NOISES = {"read noise": (3.0, 0.0), "shot noise": (1.0, 0.5), "unknown": (3.0, 0
 def test_noise_against_the_cramer_rao_bound(context, measured, kind):
     """One lattice of 400 dots at random places between the pixels, 30 frames of noise: 12 000 centres. The ratio of the error's
     variance to the bound's mean has a standard deviation of sqrt(2 / 24 000) = 0.9 %; 5 % allow for what least squares lose at this
-    signal (amplitude over noise 20 to 30). The reported variances must agree as well."""
+    signal (amplitude over noise 11 to 27). The reported variances must agree as well."""
     read_noise, gain = NOISES[kind]
     rng = np.random.default_rng(11)
     sigma, amplitude, background, side = 1.4, 80.0, 20.0, 20 * 16
