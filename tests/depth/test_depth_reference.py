@@ -39,9 +39,9 @@ def truth_of(dots, frame):
 
 @pytest.mark.parametrize("name", reference.SCENES)
 def test_scenes_without_noise(camera, measured, name):
-    """The bar: 99.9 % of the visible dots identified, centres good to 0.01 px RMS. Visible: reference.depth.Frame. Under more than
-    60 degrees (the sphere's limb) the middle of the lit spot is not the middle of the beam any more (docs/depth.md), so the centre's
-    bar is for the others; identity has no such limit."""
+    """The bar: 99.9 % of the visible dots identified, centres good to 0.01 px RMS. Visible: reference.depth.Frame.
+    Under more than 60 degrees (the sphere's limb) the middle of the lit spot is not the middle of the beam any more
+    (docs/depth.md), so the centre's bar is for the others; identity has no such limit."""
     frame = frame_of(name)
     result = camera.measure(frame.image.astype(np.float32))
     placed = result.placed
@@ -67,8 +67,8 @@ def test_scenes_without_noise(camera, measured, name):
 
 
 def test_frames_of_the_library_itself(context, camera, measured):
-    """Rendered by Pattern: a texture of the same dots, looked up bilinearly, on a turned wall. Texels of a sixth of a sigma widen the
-    dots a little and evenly."""
+    """Rendered by Pattern: a texture of the same dots, looked up bilinearly, on a turned wall. Texels of a sixth of a
+    sigma widen the dots a little and evenly."""
     texels, half = 3000, (0.75, 0.6)
     height = round(texels * half[1] / half[0])
     pitch = 2 * half[0] / texels
@@ -126,8 +126,9 @@ def test_dots_of_the_library_itself(context, measured):
 
 
 def test_dot_by_dot_against_scipy(camera, measured):
-    """Centres by scipy.optimize.curve_fit, identities by trying every pair, points where two rays come nearest. On a noisy frame, so
-    that not all is zero; dots that are alone in their window, as SciPy's are fitted alone. Widths and amplitudes too."""
+    """Centres by scipy.optimize.curve_fit, identities by trying every pair, points where two rays come nearest. On a
+    noisy frame, so that not all is zero; dots that are alone in their window, as SciPy's are fitted alone. Widths and
+    amplitudes too."""
     frame = frame_of("sphere")
     noisy = (frame.image + np.random.default_rng(4).normal(0, 1.0, frame.image.shape)).astype(np.float32)
     result = camera.measure(noisy)
@@ -160,7 +161,7 @@ def test_dot_by_dot_against_scipy(camera, measured):
 
     for dot in placed[lonely][::4]:
         point = reference.triangulate(RIG, DIRECTIONS[dot["dot_index"]], np.array([dot["x_px"], dot["y_px"]]))
-        # Nearest in metres against nearest in pixels: off the axis, a pixel beside the line is worth a part of a pixel along it.
+        # Nearest in metres against nearest in pixels: off the axis, a pixel beside the line is worth a part of one along it.
         along = abs(point[2] - dot["depth_m"]) / (dot["depth_m"] ** 2 / (RIG.fx * np.linalg.norm(RIG.laser)))
         measured(
             "point against the rays' middle, px along the line per px beside it", along / abs(dot["epipolar_error_px"])
@@ -176,9 +177,9 @@ NOISES = {"read noise": (3.0, 0.0), "shot noise": (1.0, 0.5), "unknown": (3.0, 0
 
 @pytest.mark.parametrize("kind", NOISES)
 def test_noise_against_the_cramer_rao_bound(context, measured, kind):
-    """One lattice of 400 dots at random places between the pixels, 30 frames of noise: 12 000 centres. The ratio of the error's
-    variance to the bound's mean has a standard deviation of sqrt(2 / 24 000) = 0.9 %; 5 % allow for what least squares lose at this
-    signal (amplitude over noise 11 to 27). The reported variances must agree as well."""
+    """One lattice of 400 dots at random places between the pixels, 30 frames of noise: 12 000 centres. The ratio of
+    the error's variance to the bound's mean has a standard deviation of sqrt(2 / 24 000) = 0.9 %; 5 % allow for what
+    least squares lose at this signal (amplitude over noise 11 to 27). The reported variances must agree as well."""
     read_noise, gain = NOISES[kind]
     rng = np.random.default_rng(11)
     sigma, amplitude, background, side = 1.4, 80.0, 20.0, 20 * 16
@@ -220,8 +221,8 @@ def test_noise_against_the_cramer_rao_bound(context, measured, kind):
 
 
 def test_depth_uncertainty_is_that_of_the_noise(camera, context, measured):
-    """A wall with noise, 2000 dots: depth errors over their standard deviations are a normal law's. Their RMS has a standard deviation
-    of 1.6 %; the bias of the beam on the wall adds less than 1 %."""
+    """A wall with noise, 2000 dots: depth errors over their standard deviations are a normal law's. Their RMS has a
+    standard deviation of 1.6 %; the bias of the beam on the wall adds less than 1 %."""
     frame = frame_of("far wall")
     noise = 2.0
     depth = make(context, read_noise_dn=noise)
@@ -240,9 +241,9 @@ def test_depth_uncertainty_is_that_of_the_noise(camera, context, measured):
 
 @pytest.mark.parametrize(("polarization", "least_found"), [(0.0, 0.985), (1.0, 0.96)])
 def test_speckle_of_the_whole_camera(context, measured, polarization, least_found):
-    """The end of the chain: a wall at 1 m through phase, aperture (f/2.8) and sensor. Speckle moves centres by a good part of a dot,
-    and breaks some fits; nearly every dot is still identified, and none wrongly. One seed; 1100 dots: the share of those that are
-    not found, 0.1 % and 0.5 %, has a standard deviation of 0.1 % and 0.2 %."""
+    """The end of the chain: a wall at 1 m through phase, aperture (f/2.8) and sensor. Speckle moves centres by a good
+    part of a dot, and breaks some fits; nearly every dot is still identified, and none wrongly. One seed; 1100 dots:
+    the share of those that are not found, 0.1 % and 0.5 %, has a standard deviation of 0.1 % and 0.2 %."""
     directions = reference.semi_random_directions((0.72, 0.58), 10 / RIG.fx, seed=3)
     frame = reference.render(RIG, [reference.plane(1.0)], directions, 1.6)
     camera = clspeckle.Pipeline.from_parameters(
@@ -273,7 +274,8 @@ def test_speckle_of_the_whole_camera(context, measured, polarization, least_foun
 
 
 def test_missing_and_spurious_dots(camera, measured):
-    """A third of the dots missing, a fifth more that are nobody's: nearly all that are placed are right, and nearly all are found."""
+    """A third of the dots missing, a fifth more that are nobody's: nearly all that are placed are right, and nearly
+    all are found."""
     rng = np.random.default_rng(31)
     kept = rng.random(len(DIRECTIONS)) > 1 / 3
     frame = reference.render(RIG, reference.SCENES["sphere"], DIRECTIONS[kept], SIGMA, scale=1000.0)

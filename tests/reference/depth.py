@@ -1,8 +1,7 @@
-"""Depth from dots (depth.h): scenes rendered without the library, centres by SciPy, identification by trying every pair,
-triangulation.
+"""Depth from dots (depth.h): scenes rendered without the library, centres by SciPy, identification by trying every
+pair, triangulation.
 
-Frames: camera at the origin looking along +z, x to the right, y down; laser at X_L = R X_C + t.
-"""
+Frames: camera at the origin looking along +z, x to the right, y down; laser at X_L = R X_C + t."""
 
 from __future__ import annotations
 
@@ -225,7 +224,7 @@ def gaussian(xy: Array, amplitude: float, x: float, y: float, a: float, b: float
 
 def fit_dot(image: Array, start: Sequence[float], sigma_px: float, radius: int) -> tuple[Array, Array]:
     """Least squares by scipy.optimize.curve_fit around `start` (x, y): the seven parameters and their covariance."""
-    u, v = int(round(start[0])), int(round(start[1]))
+    u, v = round(float(start[0])), round(float(start[1]))
     y, x = np.mgrid[v - radius : v + radius + 1, u - radius : u + radius + 1].astype(np.float64)
     data = image[v - radius : v + radius + 1, u - radius : u + radius + 1].astype(np.float64)
     precision = 1 / sigma_px**2
@@ -269,8 +268,9 @@ def triangulate(rig: Rig, direction: Array, centre: Array) -> Array:
 def identify(
     rig: Rig, directions: Array, centres: Array, near_m: float, far_m: float, tolerance_px: float
 ) -> NDArray[np.intp]:
-    """Every pair of a centre and a direction, and of two neighbours: a centre gets the candidate with which most of its twelve
-    neighbours have a candidate of nearly the same inverse depth; -1 where there is no candidate or no winner."""
+    """Every pair of a centre and a direction, and of two neighbours: a centre gets the candidate with which most of
+    its twelve neighbours have a candidate of nearly the same inverse depth; -1 where there is no candidate or no
+    winner."""
     beams = rig.rays(directions)
     slope = beams[:, :2] / beams[:, 2:]
     start = np.array([rig.fx, rig.fy]) * slope + np.array([rig.cx, rig.cy])
