@@ -17,6 +17,7 @@
 #include <utility>
 
 namespace clsp {
+class Depth;
 class DoePattern;
 class Dots;
 class Lens;
@@ -43,6 +44,10 @@ template <> struct HandleTraits<ClspDoePattern> {
 template <> struct HandleTraits<ClspDots> {
     using Object = Dots;
     static constexpr const char *kName = "dots";
+};
+template <> struct HandleTraits<ClspDepth> {
+    using Object = Depth;
+    static constexpr const char *kName = "depth";
 };
 template <> struct HandleTraits<ClspMaterialTable> {
     using Object = MaterialTable;

@@ -421,6 +421,8 @@ struct Arguments {
     std::vector<std::string> effects;
     // statistics
     tools::StatisticsArguments statistics;
+    // depth
+    tools::DepthArguments depth;
     // capture
     tools::CaptureCheckArguments capture_check;
     tools::CaptureMakeArguments capture_make;
@@ -698,6 +700,11 @@ int run(int argc, char **argv) {
     statistics.add_option("--device", stats.device, "OpenCL device, as for render")->type_name("TEXT");
     add_json(statistics, "Print JSON");
 
+    CLI::App &depth = *app.add_subcommand("depth", "Measure the depth of the dots of frames");
+    tools::add_depth(depth, arguments.depth);
+    depth.add_flag("--quiet", arguments.quiet, "Print warnings, errors and results only");
+    add_json(depth, "Print JSON");
+
     CLI::App &capture = *app.add_subcommand("capture", "Check and make capture sets");
     capture.footer(capture_examples);
     capture.require_subcommand(1);
@@ -744,6 +751,8 @@ int run(int argc, char **argv) {
         tools::run_effects(console);
     else if (render_command.parsed())
         code = render(arguments, console);
+    else if (depth.parsed())
+        tools::run_depth(arguments.depth, console);
     else if (capture_check.parsed())
         tools::run_capture_check(arguments.capture_check, console);
     else if (capture_make.parsed())

@@ -3,6 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "runtime/pose.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -91,30 +92,7 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
 }
 
 void Pattern::set_pose(const Pose &pose) {
-    for (std::size_t i = 0; i < pose.size(); ++i)
-        if (!std::isfinite(pose[i]))
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("laser_from_geometry[{}] is {}; it must be finite", i, pose[i]));
-    // R R^T must be the identity and det R = +1; single-precision poses are let through.
-    constexpr double kTolerance = 1e-4;
-    const auto row = [&](int i) { return &pose[std::size_t(4 * i)]; };
-    for (int i = 0; i < 3; ++i)
-        for (int j = i; j < 3; ++j) {
-            double dot = 0;
-            for (int k = 0; k < 3; ++k)
-                dot += row(i)[k] * row(j)[k];
-            if (std::abs(dot - (i == j ? 1.0 : 0.0)) > kTolerance)
-                throw Error(Status::kInvalidArgument,
-                            "the left 3 x 3 part of laser_from_geometry is not a rotation: its rows must be "
-                            "orthonormal (row-major [R|t], t in metres)");
-        }
-    const double *a = row(0), *b = row(1), *c = row(2);
-    const double determinant =
-        a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-    if (determinant < 0)
-        throw Error(Status::kInvalidArgument,
-                    "the left 3 x 3 part of laser_from_geometry is a reflection (determinant -1); flip an "
-                    "axis to get a rotation");
+    check_pose(pose.data(), "laser_from_geometry");
     for (std::size_t i = 0; i < pose.size(); ++i)
         pose_.s[i] = static_cast<float>(pose[i]);
 }

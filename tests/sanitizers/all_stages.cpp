@@ -424,6 +424,53 @@ void run_doe_design() {
             if (!(design.report().efficiency > 0.1))
                 throw std::runtime_error("a design puts no light into its orders");
         }
+// Dots found, fitted beside a neighbour and a saturated pixel, and placed, from each format of a frame.
+void run_depth() {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const Image codes(context, CLSP_FORMAT_UINT16), values(context, CLSP_FORMAT_FLOAT32), bytes(context, CLSP_FORMAT_UINT8);
+    const double centres[][2] = {{12.3, 14.1}, {30.2, 15.7}, {36.4, 15.9}, {1.2, 40.3}, {50.1, 47.6}};
+    std::vector<std::uint16_t> code(codes.buffer.size_bytes() / 2);
+    std::vector<float> value(values.buffer.size_bytes() / 4);
+    std::vector<std::uint8_t> byte(bytes.buffer.size_bytes());
+    for (std::uint32_t y = 0; y < side; ++y)
+        for (std::uint32_t x = 0; x < side; ++x) {
+            double light = 10.0;
+            for (const auto &c : centres)
+                light += 220.0 * std::exp(-0.5 * ((x - c[0]) * (x - c[0]) + (y - c[1]) * (y - c[1])) / 2.25);
+            const std::size_t i = std::size_t{y} * (side + 1) + x;
+            code.at(2 + i) = static_cast<std::uint16_t>(light); // the images begin after 4 bytes
+            value.at(1 + i) = static_cast<float>(light);
+            byte.at(4 + i) = static_cast<std::uint8_t>(light);
+        }
+    codes.buffer.write(queue, code);
+    values.buffer.write(queue, value);
+    bytes.buffer.write(queue, byte);
+
+    auto desc = clspeckle::make<ClspDepthDesc>();
+    desc.width = desc.height = side;
+    desc.max_dots = 32;
+    desc.read_noise_dn = 1.0;
+    desc.dn_per_electron = 0.1;
+    desc.saturation_dn = 225.0;
+    // The dots as a laser 5 cm to the right throws them on a wall at 1 m.
+    std::vector<double> directions;
+    for (const auto &c : centres) {
+        directions.push_back((c[0] - 31.5) / 60.0 - 0.05);
+        directions.push_back((c[1] - 31.5) / 60.0);
+    }
+    desc.directions = directions.data();
+    desc.direction_count = directions.size() / 2;
+    desc.laser_from_camera[3] = -0.05;
+    desc.fx_px = desc.fy_px = 60;
+    desc.cx_px = desc.cy_px = 31.5;
+    const clspeckle::Depth depth(context, desc);
+    for (const Image *image : {&codes, &values, &bytes}) {
+        depth.enqueue_detect(queue, image->view);
+        const clspeckle::DepthResult result = depth.dots(queue);
+        if (result.dots.size() != 5 || depth.pattern_dots().size() != 5)
+            throw std::runtime_error("expected 5 dots, found " + std::to_string(result.dots.size()));
+    }
 }
 
 } // namespace
@@ -445,6 +492,7 @@ int main(int argc, char **argv) {
         run_doe_design();
         run_apertures();
         run_doe();
+        run_depth();
         run_simulator();
     } catch (const std::exception &error) {
         std::fprintf(stderr, "failed: %s\n", error.what());

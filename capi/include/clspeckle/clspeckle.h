@@ -7,6 +7,7 @@
 
 #include "aperture.h"
 #include "capture.h"
+#include "depth.h"
 #include "diagnosis.h"
 #include "doe.h"
 #include "doe_design.h"

@@ -129,6 +129,7 @@ typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
 typedef struct ClspCapture_ *ClspCapture;   /**< What a real camera recorded (capture.h). */
 typedef struct ClspDiagnosis_ *ClspDiagnosis; /**< What a diagnosis found (diagnosis.h). */
 typedef struct ClspDoeDesign_ *ClspDoeDesign; /**< A designed diffractive element (doe_design.h). */
+typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (depth.h). */
 /** @} */
 
 /** @name Images in device memory */

@@ -100,6 +100,7 @@ HANDLES = [
     "ClspContext",
     "ClspPattern",
     "ClspDots",
+    "ClspDepth",
     "ClspDoePattern",
     "ClspMaterialTable",
     "ClspMotion",

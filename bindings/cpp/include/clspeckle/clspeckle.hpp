@@ -100,6 +100,9 @@ inline void init(ClspSpotPatternDesc &desc) {
 inline void init(ClspDotsDesc &desc) {
     check(clspDotsDescInit(&desc, sizeof(desc)));
 }
+inline void init(ClspDepthDesc &desc) {
+    check(clspDepthDescInit(&desc, sizeof(desc)));
+}
 inline void init(ClspGeometry &geometry) {
     check(clspGeometryInit(&geometry, sizeof(geometry)));
 }
@@ -659,6 +662,53 @@ class Dots : public detail::Shared<ClspDots, clspDotsRetain, clspDotsRelease> {
 
   private:
     explicit Dots(ClspDots handle) noexcept : Shared(handle) {}
+};
+
+/** What clspDepthGetDots() tells of a frame. */
+struct DepthResult {
+    std::vector<ClspDepthDot> dots; /**< Row by row. */
+    ClspDepthSummary summary{};
+};
+
+/** Depth from frames of dots, see depth.h. */
+class Depth : public detail::Shared<ClspDepth, clspDepthRetain, clspDepthRelease> {
+  public:
+    Depth() noexcept = default;
+    Depth(const Context &context, const ClspDepthDesc &desc) { check(clspDepthCreate(context, &desc, &handle_)); }
+    /** Takes over one reference of a C handle. */
+    static Depth adopt(ClspDepth handle) noexcept { return Depth(handle); }
+
+    void enqueue_detect(cl_command_queue queue, const ClspImage &image, const std::vector<cl_event> &wait_list = {},
+                        Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspDepthEnqueueDetect(handle_, queue, &image, detail::count(wait_list), detail::data(wait_list),
+                                          out.get()));
+    }
+    /** Of the last frame; blocks. */
+    DepthResult dots(cl_command_queue queue) const {
+        DepthResult result;
+        std::uint64_t count = 0;
+        check(clspDepthGetDots(handle_, queue, 0, nullptr, &count, nullptr));
+        result.dots.resize(count);
+        result.summary.struct_size = sizeof(result.summary);
+        check(clspDepthGetDots(handle_, queue, count, count > 0 ? result.dots.data() : nullptr, &count, &result.summary));
+        return result;
+    }
+    /** What became of each dot of the pattern; after dots(). */
+    std::vector<ClspDepthPatternDot> pattern_dots() const {
+        std::uint64_t count = 0;
+        check(clspDepthGetPatternDots(handle_, 0, nullptr, &count));
+        std::vector<ClspDepthPatternDot> dots(count);
+        check(clspDepthGetPatternDots(handle_, count, count > 0 ? dots.data() : nullptr, &count));
+        return dots;
+    }
+    /** A reason in words. */
+    static std::string reason(std::uint32_t number) { return clspDepthReasonString(number); }
+    /** One bit of the warnings in words. */
+    static std::string warning(std::uint32_t bit) { return clspDepthWarningString(bit); }
+
+  private:
+    explicit Depth(ClspDepth handle) noexcept : Shared(handle) {}
 };
 
 /** The surface's random field, see phase.h. */

@@ -11,8 +11,8 @@ or with a camera that keeps the state of the speckle from frame to frame::
 
 Names, units and equations are those of the C interface: :class:`Pattern`, :class:`Dots`, :class:`MaterialTable`,
 :class:`Motion`, :class:`Phase`, :class:`Aperture`, :class:`Lens`, :class:`Sensor`, :class:`Pipeline` with its
-:func:`effects`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes are (height, width),
-as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
+:func:`effects`, :class:`Depth`, and the modules :mod:`~clspeckle.philox` and :mod:`~clspeckle.statistics`. Shapes are
+(height, width), as NumPy's. Lengths are in metres; ``_dn`` is digital numbers (codes), ``_px`` is image pixels.
 
 All calls release the GIL. Objects may be shared between threads: calls on one object run one after the other. A process
 that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".
@@ -21,6 +21,7 @@ that has used OpenCL must not go on using it in a child of fork(); start workers
 from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
+from .depth import Depth, DepthResult, DepthSummary
 from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
 from .doe import Beam, DoeDefects, DoeElement, DoePattern, DoePatternInfo
 from .doe_design import DoeDesign, SnappedOrders, design_doe, evaluate_doe, snap_directions
@@ -64,6 +65,9 @@ __all__ = [
     "Context",
     "ContextInfo",
     "Coverage",
+    "Depth",
+    "DepthResult",
+    "DepthSummary",
     "Device",
     "DeviceImage",
     "Diagnosis",

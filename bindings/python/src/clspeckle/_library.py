@@ -140,6 +140,26 @@ CLSP_MAX_DOE_SIDE = 8192
 CLSP_MAX_DOE_LEVELS = 256
 CLSP_MAX_DOE_ORDERS = 1000000
 CLSP_MAX_LAYOUT_DOTS = 100000
+CLSP_MAX_DIRECTIONS = 1000000
+CLSP_NO_DOT = 0xFFFFFFFF
+CLSP_DOT_SATURATED = 1
+CLSP_DOT_BORDER = 2
+CLSP_DOT_MERGED = 4
+CLSP_DOT_FIT_FAILED = 8
+CLSP_DOT_FIXED_SHAPE = 16
+CLSP_DEPTH_REASON_PLACED = 0
+CLSP_DEPTH_REASON_FIT_FAILED = 1
+CLSP_DEPTH_REASON_NO_CANDIDATE = 2
+CLSP_DEPTH_REASON_UNSUPPORTED = 3
+CLSP_DEPTH_REASON_AMBIGUOUS = 4
+CLSP_DEPTH_REASON_CONFLICT = 5
+CLSP_DEPTH_REASON_OUT_OF_VIEW = 6
+CLSP_DEPTH_REASON_NOT_SEEN = 7
+CLSP_DEPTH_WARNING_NO_DOTS = 1
+CLSP_DEPTH_WARNING_FEW_PLACED = 2
+CLSP_DEPTH_WARNING_EPIPOLAR = 4
+CLSP_DEPTH_WARNING_SATURATED = 8
+CLSP_DEPTH_WARNING_MERGED = 16
 
 # --- Structs, member by member as in the headers ---
 
@@ -401,6 +421,86 @@ class ClspDotsDesc(ctypes.Structure):
         ("ghost_offset_x_px", c_double),
         ("ghost_offset_y_px", c_double),
         ("scatter_fraction", c_double),
+    ]
+
+
+class ClspDepthDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("max_dots", c_uint32),
+        ("projection", c_uint32),
+        ("reserved", c_uint32),
+        ("direction_count", c_uint64),
+        ("directions", POINTER(c_double)),
+        ("laser_from_camera", c_double * 12),
+        ("fx_px", c_double),
+        ("fy_px", c_double),
+        ("cx_px", c_double),
+        ("cy_px", c_double),
+        ("near_m", c_double),
+        ("far_m", c_double),
+        ("dot_sigma_px", c_double),
+        ("min_amplitude_dn", c_double),
+        ("threshold_sigmas", c_double),
+        ("min_correlation", c_double),
+        ("read_noise_dn", c_double),
+        ("dn_per_electron", c_double),
+        ("black_level_dn", c_double),
+        ("saturation_dn", c_double),
+        ("epipolar_tolerance_px", c_double),
+        ("min_confidence", c_double),
+    ]
+
+
+class ClspDepthDot(ctypes.Structure):
+    _fields_ = [
+        ("x_px", c_double),
+        ("y_px", c_double),
+        ("covariance_px2", c_double * 3),
+        ("centroid_x_px", c_double),
+        ("centroid_y_px", c_double),
+        ("amplitude_dn", c_double),
+        ("amplitude_sd_dn", c_double),
+        ("background_dn", c_double),
+        ("shape_px2", c_double * 3),
+        ("correlation", c_double),
+        ("misfit", c_double),
+        ("depth_m", c_double),
+        ("depth_sd_m", c_double),
+        ("position_m", c_double * 3),
+        ("position_sd_m", c_double * 3),
+        ("epipolar_error_px", c_double),
+        ("epipolar_sd_px", c_double),
+        ("confidence", c_double),
+        ("flags", c_uint32),
+        ("reason", c_uint32),
+        ("dot_index", c_uint32),
+        ("candidate_count", c_uint32),
+        ("iterations", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ClspDepthPatternDot(ctypes.Structure):
+    _fields_ = [("reason", c_uint32), ("detected_index", c_uint32)]
+
+
+class ClspDepthSummary(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("warnings", c_uint32),
+        ("detected_count", c_uint64),
+        ("fitted_count", c_uint64),
+        ("placed_count", c_uint64),
+        ("saturated_count", c_uint64),
+        ("merged_count", c_uint64),
+        ("pattern_in_view_count", c_uint64),
+        ("median_epipolar_error_px", c_double),
+        ("expected_epipolar_error_px", c_double),
+        ("median_sigma_px", c_double),
+        ("median_centre_sd_px", c_double),
     ]
 
 
@@ -1016,6 +1116,10 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspSpotPatternDesc,
     ClspDoePatternInfo,
     ClspDotsDesc,
+    ClspDepthDesc,
+    ClspDepthDot,
+    ClspDepthPatternDot,
+    ClspDepthSummary,
     ClspFieldGrid,
     ClspPhaseDesc,
     ClspPhaseAdvance,
@@ -1124,6 +1228,20 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspDotsRelease": (_HANDLE,),
     "clspDotsConfigure": (_HANDLE, POINTER(ClspDotsDesc)),
     "clspDotsEnqueueRender": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
+    "clspDepthDescInit": _init(ClspDepthDesc),
+    "clspDepthCreate": (_HANDLE, POINTER(ClspDepthDesc), _HANDLE_OUT),
+    "clspDepthRetain": (_HANDLE,),
+    "clspDepthRelease": (_HANDLE,),
+    "clspDepthEnqueueDetect": (_HANDLE, _HANDLE, _IMAGE, *_WAIT),
+    "clspDepthGetDots": (
+        _HANDLE,
+        _HANDLE,
+        c_uint64,
+        POINTER(ClspDepthDot),
+        POINTER(c_uint64),
+        POINTER(ClspDepthSummary),
+    ),
+    "clspDepthGetPatternDots": (_HANDLE, c_uint64, POINTER(ClspDepthPatternDot), POINTER(c_uint64)),
     "clspFieldGridCompute": (POINTER(ClspFieldGrid),),
     "clspPhaseDescInit": _init(ClspPhaseDesc),
     "clspPhaseCreate": (_HANDLE, POINTER(ClspPhaseDesc), _HANDLE_OUT),
@@ -1267,7 +1385,11 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
 }
 """The functions that return a status, with their argument types."""
 
-OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {"clspStatusString": (c_char_p, (c_int32,))}
+OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "clspStatusString": (c_char_p, (c_int32,)),
+    "clspDepthReasonString": (c_char_p, (c_uint32,)),
+    "clspDepthWarningString": (c_char_p, (c_uint32,)),
+}
 """The functions that return something else: (return type, argument types)."""
 
 # These touch no OpenCL object; all others start the OpenCL runtime of this process.
@@ -1462,6 +1584,7 @@ _FILLED_BY_THE_LIBRARY = (
     ClspApertureInfo,
     ClspDoePatternInfo,
     ClspMoments,
+    ClspDepthSummary,
     ClspCaptureSequenceInfo,
     ClspHypothesisFrame,
     ClspDiagnosisSummary,

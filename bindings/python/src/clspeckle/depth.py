@@ -1,0 +1,297 @@
+"""Depth from a frame of laser dots: detection with sub-pixel centres, identification, triangulation.
+
+Equations, units and limits: ``depth.h``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
+from ._handle import Handle, create, exclusive
+from ._interop import EventLike
+from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
+from .dots import _doubles
+from .pattern import _PROJECTION
+from .runtime import FLOAT32, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
+
+__all__ = ["Depth", "DepthResult", "DepthSummary"]
+
+_REALS = (
+    "near_m",
+    "far_m",
+    "dot_sigma_px",
+    "min_amplitude_dn",
+    "threshold_sigmas",
+    "min_correlation",
+    "read_noise_dn",
+    "dn_per_electron",
+    "black_level_dn",
+    "saturation_dn",
+    "epipolar_tolerance_px",
+    "min_confidence",
+)
+_WARNINGS = ("no_dots", "few_placed", "epipolar", "saturated", "merged")  # by bit
+
+DOT_DTYPE = np.dtype(_library.ClspDepthDot)
+"""A detected dot: the members of ``ClspDepthDot``."""
+PATTERN_DTYPE = np.dtype(_library.ClspDepthPatternDot)
+"""A dot of the pattern: the members of ``ClspDepthPatternDot``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthSummary:
+    """A frame's result in numbers."""
+
+    detected_count: int
+    fitted_count: int
+    """Detected dots with a centre."""
+    placed_count: int
+    """Detected dots with a depth."""
+    saturated_count: int
+    merged_count: int
+    pattern_in_view_count: int
+    """Dots of the pattern that the camera could see in the range of depth."""
+    median_epipolar_error_px: float
+    """Of the magnitude, over placed dots; NaN without any."""
+    expected_epipolar_error_px: float
+    """The same as the centres' covariances say."""
+    median_sigma_px: float
+    median_centre_sd_px: float
+    warnings: dict[str, str]
+    """By name ("no_dots", "few_placed", "epipolar", "saturated", "merged"), in words."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DepthResult:
+    """What a frame shows."""
+
+    dots: npt.NDArray[Any]
+    """Structured array of ``DOT_DTYPE``, one per detected dot, row by row; `reason` is 0 where there is a depth."""
+    pattern: npt.NDArray[Any]
+    """Structured array of ``PATTERN_DTYPE``, one element per dot of the pattern."""
+    summary: DepthSummary
+
+    @property
+    def placed(self) -> npt.NDArray[Any]:
+        """The dots with a depth."""
+        selected: npt.NDArray[Any] = self.dots[self.dots["reason"] == _library.CLSP_DEPTH_REASON_PLACED]
+        return selected
+
+    def reasons(self) -> dict[str, int]:
+        """How many detected dots have which reason, in words; "placed" are those with a depth."""
+        numbers, counts = np.unique(self.dots["reason"], return_counts=True)
+        return {reason_text(int(number)): int(count) for number, count in zip(numbers, counts)}
+
+
+def reason_text(reason: int) -> str:
+    """A number of ``ClspDepthDot::reason`` in words."""
+    return _library.text(_library.library().clspDepthReasonString(_check.integer(reason, "reason")))
+
+
+def warning_text(warning: int) -> str:
+    """One bit of ``ClspDepthSummary::warnings`` in words."""
+    return _library.text(_library.library().clspDepthWarningString(_check.integer(warning, "warning")))
+
+
+class Depth(Handle):
+    """Depth for frames of one size.
+
+    Args:
+        shape: (height, width) of the frames in pixels.
+        directions: (n, 2) directions of the pattern's dots in the laser's frame; None: detection alone.
+        laser_from_camera: [R|t], (3, 4) or (4, 4), R a rotation, t in metres.
+        intrinsics: (fx, fy, cx, cy) in pixels, of a camera without distortion.
+        projection: what directions are: "tangent_plane" (x/z, y/z) or "direction_cosines" (x/d, y/d).
+        near_m: least depth.
+        far_m: largest depth.
+        dot_sigma_px: expected width of the dots, 0.5 to 5.
+        min_amplitude_dn: dots below it are not looked at.
+        threshold_sigmas: of the noise; without effect while the noise is unknown.
+        min_correlation: with the expected dot, 0 to below 1.
+        read_noise_dn: standard deviation of the noise in the dark; with dn_per_electron 0, too: unknown.
+        dn_per_electron: of the shot noise.
+        black_level_dn: value without light.
+        saturation_dn: pixels at or above it are saturated; 0: none is.
+        epipolar_tolerance_px: largest distance from a line that the geometry's errors may cause.
+        min_confidence: least probability of a dot that is placed, 0.5 to below 1.
+        max_dots: room for detected dots.
+        context: None for :func:`default_context`.
+
+    What is None has the C library's default, see :meth:`defaults`.
+
+    Threads: calls on one object from several threads run one after the other; different objects run at the same time.
+    """
+
+    _release = "clspDepthRelease"
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        directions: npt.ArrayLike | None = None,
+        laser_from_camera: npt.ArrayLike | None = None,
+        intrinsics: Sequence[float] | None = None,
+        *,
+        projection: str | None = None,
+        near_m: float | None = None,
+        far_m: float | None = None,
+        dot_sigma_px: float | None = None,
+        min_amplitude_dn: float | None = None,
+        threshold_sigmas: float | None = None,
+        min_correlation: float | None = None,
+        read_noise_dn: float | None = None,
+        dn_per_electron: float | None = None,
+        black_level_dn: float | None = None,
+        saturation_dn: float | None = None,
+        epipolar_tolerance_px: float | None = None,
+        min_confidence: float | None = None,
+        max_dots: int | None = None,
+        context: Context | None = None,
+    ) -> None:
+        desc = _library.initialized(_library.ClspDepthDesc)
+        desc.height, desc.width = _check.image_shape(shape)
+        kept = None
+        if directions is not None:
+            kept = _doubles(directions, "directions", (None, 2))
+            desc.direction_count = len(kept)
+            desc.directions = kept.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            if laser_from_camera is None or intrinsics is None:
+                raise errors.InvalidArgumentError("directions need laser_from_camera and intrinsics")
+        if laser_from_camera is not None:
+            desc.laser_from_camera = _check.pose(laser_from_camera, "laser_from_camera")
+        if intrinsics is not None:
+            try:
+                fx, fy, cx, cy = intrinsics
+            except (TypeError, ValueError):
+                raise TypeError(f"intrinsics must be (fx, fy, cx, cy), got {_check.kind(intrinsics)}") from None
+            for name, value in (("fx_px", fx), ("fy_px", fy), ("cx_px", cx), ("cy_px", cy)):
+                setattr(desc, name, _check.real(value, name))
+        if projection is not None:
+            desc.projection = _check.choice(projection, "projection", _PROJECTION)
+        given = {
+            "near_m": near_m,
+            "far_m": far_m,
+            "dot_sigma_px": dot_sigma_px,
+            "min_amplitude_dn": min_amplitude_dn,
+            "threshold_sigmas": threshold_sigmas,
+            "min_correlation": min_correlation,
+            "read_noise_dn": read_noise_dn,
+            "dn_per_electron": dn_per_electron,
+            "black_level_dn": black_level_dn,
+            "saturation_dn": saturation_dn,
+            "epipolar_tolerance_px": epipolar_tolerance_px,
+            "min_confidence": min_confidence,
+            "max_dots": max_dots,
+        }
+        _check.assign(desc, given, {"max_dots": 32}, _REALS)
+        self.context = resolve_context(context)
+        self._adopt(create("clspDepthCreate", self.context._get(), ctypes.byref(desc)))
+        self.shape: tuple[int, int] = (desc.height, desc.width)
+        self.direction_count: int = desc.direction_count
+        self._staging = Staging(self.context)
+
+    def _forget(self) -> None:
+        self._staging.clear()
+
+    @staticmethod
+    def defaults() -> dict[str, Any]:
+        """The C library's defaults of the keyword arguments."""
+        desc = _library.initialized(_library.ClspDepthDesc)
+        return _check.defaults(desc, {"projection": _PROJECTION}, ("projection", *_REALS, "max_dots"))
+
+    def measure(self, image: ImageLike, *, queue: QueueLike | None = None) -> DepthResult:
+        """The dots of a frame, each with its depth or the reason why it has none. Blocks.
+
+        Args:
+            image: (height, width), uint8, uint16 or float32 (other real dtypes are converted), on host or device.
+
+        Raises:
+            InvalidDataError: NaN or infinite pixels.
+            UnsupportedError: more dots than max_dots.
+        """
+        with exclusive(self):
+            queue = self.context.queue if queue is None else queue
+            operands = Operands()
+            if on_device(image):
+                view = device_image(image, "image", self.shape, FLOAT32, self.context)
+            else:
+                view = self._staging.upload("image", _pixels(image, self.shape), queue, operands)
+            self._enqueue(view, queue, None, operands).wait()
+            return self._result(queue)
+
+    def enqueue_detect(
+        self,
+        image: DeviceImageLike,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Detects the dots of an image in device memory, asynchronously; :meth:`result` has the outcome."""
+        with exclusive(self):
+            view = device_image(image, "image", self.shape, FLOAT32, self.context)
+            return self._enqueue(view, queue, wait_for, Operands())
+
+    def result(self, *, queue: QueueLike | None = None) -> DepthResult:
+        """The outcome of the last frame. Blocks.
+
+        Args:
+            queue: that of :meth:`enqueue_detect`, or one that has waited for its event.
+        """
+        with exclusive(self):
+            return self._result(queue)
+
+    def _enqueue(
+        self, view: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None, operands: Operands
+    ) -> Event:
+        return operands.enqueue(
+            "clspDepthEnqueueDetect",
+            self._get(),
+            queue_pointer(queue, self.context),
+            ctypes.byref(operands.add(view)),
+            wait_for=wait_for,
+        )
+
+    def _result(self, queue: QueueLike | None) -> DepthResult:
+        pointer = queue_pointer(queue, self.context)
+        count = ctypes.c_uint64()
+        _library.call("clspDepthGetDots", self._get(), pointer, 0, None, ctypes.byref(count), None)
+        dots = np.zeros(count.value, DOT_DTYPE)
+        raw = _library.initialized(_library.ClspDepthSummary)
+        _library.call(
+            "clspDepthGetDots",
+            self._get(),
+            pointer,
+            len(dots),
+            dots.ctypes.data_as(ctypes.POINTER(_library.ClspDepthDot)) if len(dots) else None,
+            ctypes.byref(count),
+            ctypes.byref(raw),
+        )
+        pattern = np.zeros(self.direction_count, PATTERN_DTYPE)
+        _library.call(
+            "clspDepthGetPatternDots",
+            self._get(),
+            len(pattern),
+            pattern.ctypes.data_as(ctypes.POINTER(_library.ClspDepthPatternDot)) if len(pattern) else None,
+            ctypes.byref(count),
+        )
+        names = [field.name for field in dataclasses.fields(DepthSummary) if field.name != "warnings"]
+        warnings = {
+            name: warning_text(1 << bit) for bit, name in enumerate(_WARNINGS) if int(raw.warnings) & (1 << bit)
+        }
+        return DepthResult(dots, pattern, DepthSummary(**{n: getattr(raw, n) for n in names}, warnings=warnings))
+
+
+def _pixels(image: Any, shape: tuple[int, int]) -> npt.NDArray[Any]:
+    given = _check.array(image, "image")
+    if given.dtype in (np.uint8, np.uint16):
+        _check.check_shape(given, "image", shape)
+        return np.ascontiguousarray(given)
+    plane = _check.float_plane(given, "image", shape)
+    _check.within(plane, "image", -np.inf)
+    return plane

@@ -1,0 +1,141 @@
+"""The depth sub-command: from files of frames, dots and geometry to a table, CSV, NPY and pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from reference import depth as reference
+
+RIG = reference.rig((200, 260), focal_px=240.0)
+DIRECTIONS = reference.semi_random_directions((0.7, 0.55), 8 / RIG.fx, seed=5)
+WALL_M = 1.0
+
+
+@pytest.fixture(scope="module")
+def frame() -> reference.Frame:
+    return reference.render(RIG, [reference.plane(WALL_M)], DIRECTIONS, 1.2, scale=2000.0)
+
+
+@pytest.fixture
+def scene(tmp_path: Path, frame: reference.Frame) -> tuple[object, ...]:
+    """Two frames of codes, the list of dots, the geometry; the arguments that name the latter two."""
+    rng = np.random.default_rng(6)
+    for index in range(2):
+        noisy = frame.image + 64 + rng.normal(0, 2, frame.image.shape)
+        iio.imwrite(tmp_path / f"frame_{index}.png", noisy.round().clip(0, 65535).astype(np.uint16))
+    np.savetxt(tmp_path / "dots.txt", DIRECTIONS, header="x/z y/z")
+    (tmp_path / "rig.json").write_text(json.dumps(geometry()))
+    return ("--dots", "dots.txt", "--geometry", "rig.json", "--dot-sigma-px", 1.2, "--read-noise-dn", 2)
+
+
+def geometry() -> dict:
+    return {
+        "camera": {"fx_px": RIG.fx, "fy_px": RIG.fy, "cx_px": RIG.cx, "cy_px": RIG.cy},
+        "laser": {"laser_from_geometry": RIG.laser_from_camera.ravel().tolist()},
+        "depth_range_m": [0.4, 4],
+    }
+
+
+def test_table_and_files(ok, tmp_path: Path, scene, frame: reference.Frame) -> None:
+    out = ok("depth", "frame_*.png", *scene, "--csv", "dots.csv", "--npy", "dots.npy", "--pictures", "pictures").out
+    assert out.splitlines()[0].split()[:3] == ["file", "dots", "placed"]
+    assert "frame_0.png" in out and "frame_1.png" in out
+    table = np.load(tmp_path / "dots.npy")
+    rows = list(csv.DictReader((tmp_path / "dots.csv").open()))
+    assert len(rows) == len(table) > 400
+    assert set(table["frame"]) == {0, 1}
+    for name in ("x_px", "depth_m", "epipolar_error_px", "dot_index", "reason"):
+        np.testing.assert_array_equal(np.array([float(row[name]) for row in rows]), table[name])
+    placed = table[table["reason"] == 0]
+    assert all((row["reason_text"] == "placed") == (row["reason"] == "0") for row in rows)
+    np.testing.assert_allclose(np.median(placed["depth_m"]), WALL_M, rtol=2e-3)
+    index = placed["dot_index"].astype(int)
+    clean = frame.visible[index]
+    error = np.hypot(placed["x_px"] - frame.centres[index, 0], placed["y_px"] - frame.centres[index, 1])[clean]
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    for number in range(2):
+        overlay = iio.imread(tmp_path / "pictures" / f"overlay_{number:06}.png")
+        assert overlay.shape == RIG.shape and overlay.dtype == np.uint8
+        depth = np.load(tmp_path / "pictures" / f"depth_{number:06}.npy")
+        own = placed[placed["frame"] == number]
+        pixels = np.rint(np.stack([own["y_px"], own["x_px"]], axis=1)).astype(int)
+        inside = np.all((pixels >= 0) & (pixels < RIG.shape), axis=1)
+        assert np.count_nonzero(np.isfinite(depth)) == len(np.unique(pixels[inside], axis=0))
+        np.testing.assert_allclose(np.nanmedian(depth), np.median(own["depth_m"]), rtol=1e-3)
+
+
+def test_json_and_npy_lists(ok, tmp_path: Path, scene) -> None:
+    np.save(tmp_path / "dots.npy", DIRECTIONS.astype(np.float32))
+    text = ok("depth", "frame_0.png", *scene, "--json").json()
+    again = ok("depth", "frame_0.png", *scene, "--json", "--dots", "dots.npy").json()
+    assert text["pattern_dots"] == len(DIRECTIONS)
+    (one,), (other,) = text["frames"], again["frames"]
+    assert one["placed_count"] == other["placed_count"] > 0.95 * one["fitted_count"]
+    assert one["median_depth_m"] == pytest.approx(WALL_M, rel=2e-3)
+    assert one["detected_dots"]["placed"] == one["placed_count"]
+    assert sum(one["detected_dots"].values()) == one["detected_count"]
+    assert sum(one["pattern_dots"].values()) == len(DIRECTIONS)
+    assert one["median_epipolar_error_px"] < 3 * one["expected_epipolar_error_px"]
+    assert one["warnings"] == []
+
+
+def test_wrong_geometry_and_empty_frames_are_told(ok, tmp_path: Path, scene) -> None:
+    wrong = geometry()
+    pose = np.array(wrong["laser"]["laser_from_geometry"]).reshape(3, 4)
+    turned = np.concatenate([reference.rotation((0, 0, 1), 0.06) @ pose[:, :3], pose[:, 3:]], axis=1)
+    wrong["laser"]["laser_from_geometry"] = turned.ravel().tolist()
+    (tmp_path / "wrong.json").write_text(json.dumps(wrong))
+    run = ok("depth", "frame_0.png", *scene, "--geometry", "wrong.json")
+    assert "check the geometry" in run.err
+    assert "dots without a depth" in run.out
+    iio.imwrite(tmp_path / "dark.png", np.full(RIG.shape, 64, np.uint16))
+    run = ok("depth", "dark.png", *scene)
+    assert "the frame has no dots" in run.err
+
+
+def test_bad_input(refused, tmp_path: Path, scene) -> None:
+    def write(name: str, text: str) -> str:
+        (tmp_path / name).write_text(text)
+        return name
+
+    assert "line 2" in refused("depth", "frame_0.png", *scene, "--dots", write("a.txt", "1 2\n3 x\n"))
+    assert "line 1" in refused("depth", "frame_0.png", *scene, "--dots", write("b.txt", "1 2 3\n"))
+    assert "line 1" in refused("depth", "frame_0.png", *scene, "--dots", write("c.txt", "1 nan\n"))
+    assert "no dots" in refused("depth", "frame_0.png", *scene, "--dots", write("d.txt", "# nothing\n"))
+    np.save(tmp_path / "three.npy", np.zeros((5, 3), np.float32))
+    assert "n rows of 2" in refused("depth", "frame_0.png", *scene, "--dots", "three.npy")
+    assert "missing.txt" in refused("depth", "frame_0.png", *scene, "--dots", "missing.txt")
+    for change, word in (
+        (lambda g: g.pop("camera"), "camera"),
+        (lambda g: g["camera"].pop("fx_px"), "camera.fx_px is missing"),
+        (lambda g: g["camera"].update(cy_px="x"), "camera.cy_px"),
+        (lambda g: g["laser"].pop("laser_from_geometry"), "laser_from_geometry is missing"),
+        (lambda g: g["laser"].update(laser_from_geometry=[1, 2]), "12 numbers"),
+        (lambda g: g["laser"].update(laser_from_geometry=[2.0] * 12), "not a rotation"),
+        (lambda g: g["laser"].update(pattern={"projection": "fisheye"}), "tangent_plane"),
+        (lambda g: g.update(depth_range_m=[4]), "depth_range_m"),
+        (lambda g: g.update(depth_range_m=[4, 1]), "near_m"),
+    ):
+        changed = geometry()
+        change(changed)
+        message = refused("depth", "frame_0.png", *scene, "--geometry", write("bad.json", json.dumps(changed)))
+        assert word in message
+    assert "near_m" in refused("depth", "frame_0.png", *scene, "--near-m", "nan")
+    assert "dot_sigma_px" in refused("depth", "frame_0.png", *scene, "--dot-sigma-px", 9)
+    iio.imwrite(tmp_path / "small.png", np.zeros((6, 6), np.uint16))
+    assert "need at least" in refused("depth", "small.png", *scene)
+    assert "one size" in refused("depth", "frame_0.png", "small.png", *scene)
+    bad = np.zeros(RIG.shape, np.float32)
+    bad[3, 5] = np.nan
+    np.save(tmp_path / "bad.npy", bad)
+    assert "pixel (5, 3)" in refused("depth", "bad.npy", *scene, "--csv", "never.csv")
+    assert "is an input" in refused("depth", "frame_0.png", *scene, "--csv", "./rig.json")
+    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "out")
+    assert "required" in refused("depth", "frame_0.png", "--dots", "dots.txt")
+    refused("depth", "frame_0.png", *scene, "--csv", "no/folder/dots.csv", code=3)

@@ -1,0 +1,250 @@
+#include "depth.hpp"
+
+#include "errors.hpp"
+#include "files.hpp"
+#include "output.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+namespace tools {
+
+namespace {
+
+constexpr std::uint64_t max_list_bytes = std::uint64_t{1} << 28;
+
+bool ends_with(const std::string &text, const std::string &end) {
+    return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+std::vector<double> read_npy_directions(const std::string &path) {
+    const auto reader = image_io::open(path);
+    const image_io::Info &info = reader->info();
+    if (info.width != 2 || info.channels != 1 || info.frame_count != 1)
+        throw InputError(fmt::format("{}: has {} x {} values, expected n rows of 2", path, info.height, info.width));
+    std::vector<double> directions;
+    reader->read_rows(0, [&](const float *row) {
+        directions.insert(directions.end(), {double(row[0]), double(row[1])});
+    });
+    return directions;
+}
+
+/** A column of the table of dots. */
+struct Column {
+    const char *name;
+    double (*value)(const ClspDepthDot &);
+};
+
+#define COLUMN(name, expression)                                                                                       \
+    Column {                                                                                                           \
+        name, [](const ClspDepthDot &d) -> double { return expression; }                                               \
+    }
+
+const Column columns[] = {
+    COLUMN("x_px", d.x_px),
+    COLUMN("y_px", d.y_px),
+    COLUMN("x_sd_px", std::sqrt(d.covariance_px2[0])),
+    COLUMN("y_sd_px", std::sqrt(d.covariance_px2[2])),
+    COLUMN("xy_covariance_px2", d.covariance_px2[1]),
+    COLUMN("centroid_x_px", d.centroid_x_px),
+    COLUMN("centroid_y_px", d.centroid_y_px),
+    COLUMN("amplitude_dn", d.amplitude_dn),
+    COLUMN("background_dn", d.background_dn),
+    COLUMN("sigma_px", std::pow(d.shape_px2[0] * d.shape_px2[2] - d.shape_px2[1] * d.shape_px2[1], 0.25)),
+    COLUMN("misfit", d.misfit),
+    COLUMN("depth_m", d.depth_m),
+    COLUMN("depth_sd_m", d.depth_sd_m),
+    COLUMN("position_x_m", d.position_m[0]),
+    COLUMN("position_y_m", d.position_m[1]),
+    COLUMN("epipolar_error_px", d.epipolar_error_px),
+    COLUMN("epipolar_sd_px", d.epipolar_sd_px),
+    COLUMN("confidence", d.confidence),
+    COLUMN("dot_index", d.dot_index == CLSP_NO_DOT ? -1.0 : double(d.dot_index)),
+    COLUMN("candidate_count", d.candidate_count),
+    COLUMN("saturated", (d.flags & CLSP_DOT_SATURATED) != 0),
+    COLUMN("border", (d.flags & CLSP_DOT_BORDER) != 0),
+    COLUMN("merged", (d.flags & CLSP_DOT_MERGED) != 0),
+    COLUMN("fixed_shape", (d.flags & CLSP_DOT_FIXED_SHAPE) != 0),
+    COLUMN("reason", d.reason),
+};
+
+#undef COLUMN
+
+/** Sets a pixel if it lies inside. */
+void mark(std::vector<std::uint8_t> &pixels, const image_io::Plane &plane, long x, long y, std::uint8_t value) {
+    if (x >= 0 && y >= 0 && x < long(plane.width) && y < long(plane.height))
+        pixels[std::size_t(y) * plane.width + std::size_t(x)] = value;
+}
+
+double number_at(const Json &json, const std::string &path, const char *section, const char *name) {
+    if (!json.is_object() || !json.contains(name))
+        throw InputError(fmt::format("{}: {}.{} is missing", path, section, name));
+    if (!json.at(name).is_number())
+        throw InputError(fmt::format("{}: {}.{} is {}, expected a number", path, section, name, json.at(name).dump()));
+    return json.at(name).get<double>();
+}
+
+} // namespace
+
+std::vector<double> read_directions(const std::string &path) {
+    if (ends_with(path, ".npy"))
+        return read_npy_directions(path);
+    image_io::detail::InputFile file(path);
+    if (file.size() > max_list_bytes)
+        throw InputError(fmt::format("{}: {} bytes are too many for a list of dots", path, file.size()));
+    std::string text(static_cast<std::size_t>(file.size()), '\0');
+    file.read(text.data(), text.size());
+    std::vector<double> directions;
+    std::uint64_t line_number = 0;
+    for (std::size_t begin = 0; begin < text.size();) {
+        const std::size_t end = std::min(text.find('\n', begin), text.size());
+        std::string line = text.substr(begin, std::min(end, text.find('#', begin)) - begin);
+        begin = end + 1;
+        ++line_number;
+        for (char &c : line)
+            if (c == ',' || c == ';' || c == '\t' || c == '\r')
+                c = ' ';
+        std::vector<double> numbers;
+        const char *at = line.data(), *const last = line.data() + line.size();
+        while (at != last) {
+            if (*at == ' ') {
+                ++at;
+                continue;
+            }
+            double value = 0.0;
+            const auto result = std::from_chars(at, last, value);
+            if (result.ec != std::errc() || (result.ptr != last && *result.ptr != ' '))
+                throw InputError(
+                    fmt::format("{}: line {} is \"{}\", expected two numbers (x and y of a dot's direction)", path,
+                                line_number, line));
+            numbers.push_back(value);
+            at = result.ptr;
+        }
+        if (numbers.empty())
+            continue;
+        if (numbers.size() != 2 || !std::isfinite(numbers[0]) || !std::isfinite(numbers[1]))
+            throw InputError(
+                fmt::format("{}: line {} is \"{}\", expected two finite numbers", path, line_number, line));
+        directions.insert(directions.end(), numbers.begin(), numbers.end());
+    }
+    if (directions.empty())
+        throw InputError(fmt::format("{}: has no dots; write the direction of one in each line, as x and y", path));
+    return directions;
+}
+
+void read_geometry(const std::string &path, ClspDepthDesc &desc) {
+    const Json root = read_json(path);
+    if (!root.is_object() || !root.contains("camera") || !root.contains("laser"))
+        throw InputError(fmt::format("{}: has no \"camera\" and \"laser\"; see clspeckle depth --help", path));
+    const Json &camera = root.at("camera"), &laser = root.at("laser");
+    desc.fx_px = number_at(camera, path, "camera", "fx_px");
+    desc.fy_px = number_at(camera, path, "camera", "fy_px");
+    desc.cx_px = number_at(camera, path, "camera", "cx_px");
+    desc.cy_px = number_at(camera, path, "camera", "cy_px");
+    const auto numbers = [&](const Json &json, const char *name, std::size_t count) {
+        const bool good = json.is_array() && json.size() == count &&
+                          std::all_of(json.begin(), json.end(), [](const Json &value) { return value.is_number(); });
+        if (!good)
+            throw InputError(fmt::format("{}: {} must be a list of {} numbers", path, name, count));
+        return json.get<std::vector<double>>();
+    };
+    if (!laser.is_object() || !laser.contains("laser_from_geometry"))
+        throw InputError(fmt::format("{}: laser.laser_from_geometry is missing", path));
+    const auto pose = numbers(laser.at("laser_from_geometry"), "laser.laser_from_geometry", 12);
+    std::copy(pose.begin(), pose.end(), desc.laser_from_camera);
+    if (laser.contains("pattern") && laser.at("pattern").is_object() && laser.at("pattern").contains("projection")) {
+        const Json &projection = laser.at("pattern").at("projection");
+        if (projection == "direction_cosines")
+            desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+        else if (projection != "tangent_plane")
+            throw InputError(fmt::format("{}: laser.pattern.projection is {}, expected \"tangent_plane\" or "
+                                         "\"direction_cosines\"",
+                                         path, projection.dump()));
+    }
+    if (root.contains("depth_range_m")) {
+        const auto range = numbers(root.at("depth_range_m"), "depth_range_m", 2);
+        desc.near_m = range[0];
+        desc.far_m = range[1];
+    }
+}
+
+void write_depth_csv(const std::string &path, const std::vector<DepthFrame> &frames) {
+    std::string text = "frame,dot";
+    for (const Column &column : columns)
+        text += std::string(",") + column.name;
+    text += ",reason_text\n";
+    for (std::size_t f = 0; f < frames.size(); ++f)
+        for (std::size_t i = 0; i < frames[f].result.dots.size(); ++i) {
+            const ClspDepthDot &dot = frames[f].result.dots[i];
+            text += fmt::format("{},{}", f, i);
+            for (const Column &column : columns)
+                text += fmt::format(",{}", column.value(dot));
+            text += fmt::format(",{}\n", clspeckle::Depth::reason(dot.reason));
+        }
+    image_io::write_text(path, text);
+}
+
+void write_depth_npy(const std::string &path, const std::vector<DepthFrame> &frames) {
+    std::string types = "('frame', '<f8')";
+    for (const Column &column : columns)
+        types += fmt::format(", ('{}', '<f8')", column.name);
+    std::size_t count = 0;
+    for (const DepthFrame &frame : frames)
+        count += frame.result.dots.size();
+    std::string text = fmt::format("{{'descr': [{}], 'fortran_order': False, 'shape': ({},), }}", types, count);
+    // Magic, version 1.0, length: 10 bytes; the whole is a multiple of 64 and ends with a new line.
+    text.append(63 - (10 + text.size()) % 64, ' ');
+    text += '\n';
+    std::string header = "\x93NUMPY";
+    header += {'\x01', '\x00', static_cast<char>(text.size() % 256), static_cast<char>(text.size() / 256)};
+    image_io::AtomicFile file(path);
+    file.write(header.data(), header.size());
+    file.write(text.data(), text.size());
+    for (std::size_t f = 0; f < frames.size(); ++f)
+        for (const ClspDepthDot &dot : frames[f].result.dots) {
+            std::vector<double> row{double(f)};
+            for (const Column &column : columns)
+                row.push_back(column.value(dot));
+            file.write(row.data(), row.size() * sizeof(double));
+        }
+    file.commit();
+}
+
+void write_depth_pictures(const std::string &folder, std::uint64_t number, const image_io::Plane &plane,
+                          const DepthFrame &frame) {
+    const PreviewScale scale = PreviewScale::of(plane.values);
+    std::vector<std::uint8_t> pixels(plane.values.size());
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+        // Half of the range, so that marks show on dots.
+        pixels[i] = static_cast<std::uint8_t>(std::lround(
+            160.0f * std::clamp((plane.values[i] - scale.black) / (scale.white - scale.black), 0.0f, 1.0f)));
+    std::vector<float> depth(plane.values.size(), std::numeric_limits<float>::quiet_NaN());
+    for (const ClspDepthDot &dot : frame.result.dots) {
+        const long x = std::lround(dot.x_px), y = std::lround(dot.y_px);
+        if (dot.reason == CLSP_DEPTH_REASON_PLACED) {
+            for (long k = -3; k <= 3; ++k) {
+                mark(pixels, plane, x + k, y, 255);
+                mark(pixels, plane, x, y + k, 255);
+            }
+            if (x >= 0 && y >= 0 && x < long(plane.width) && y < long(plane.height))
+                depth[std::size_t(y) * plane.width + std::size_t(x)] = static_cast<float>(dot.depth_m);
+        } else {
+            for (long k = -3; k <= 3; ++k)
+                for (const auto &[u, v] : {std::pair(k, -4L), std::pair(k, 4L), std::pair(-4L, k), std::pair(4L, k)})
+                    mark(pixels, plane, x + u, y + v, 255);
+        }
+    }
+    const auto path = [&](const char *name) {
+        return (std::filesystem::path(folder) / fmt::format("{}_{:06}", name, number)).string();
+    };
+    image_io::write_png8(path("overlay") + ".png", plane.width, plane.height, pixels.data());
+    image_io::write_npy(path("depth") + ".npy", plane.width, plane.height, depth.data());
+}
+
+} // namespace tools

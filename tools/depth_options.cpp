@@ -1,0 +1,59 @@
+#include "depth.hpp"
+
+#include <fmt/format.h>
+
+namespace tools {
+
+void add_depth(CLI::App &app, DepthArguments &a) {
+    app.footer(
+        R"(FRAMES show the dots of a laser: images, stacks, folders or glob patterns, all of one size; values as stored. Of each
+frame the dots are found with centres to a fraction of a pixel, identified by their neighbourhood along their
+epipolar lines, and triangulated (docs/depth.md). Dots without a depth get a reason.
+
+--dots LIST: the directions of the pattern's dots in the laser's frame, two numbers in a line (x/z, y/z), or an NPY array
+of two columns and at most 16384 rows. --geometry FILE: a sequence.json, or a JSON file with these members of it:
+  {"camera": {"fx_px": 560, "fy_px": 560, "cx_px": 319.5, "cy_px": 239.5},
+   "laser": {"laser_from_geometry": [1,0,0,-0.075, 0,1,0,0, 0,0,1,0], "pattern": {"projection": "tangent_plane"}},
+   "depth_range_m": [0.4, 4]}
+laser_from_geometry is [R|t] by rows from the camera's frame to the laser's; projection and depth_range_m may be left out.
+
+Examples:
+  clspeckle depth out/frame_*.png --dots dots.txt --geometry sequence.json --near-m 0.4 --far-m 4
+  clspeckle depth out/frames.npy --dots dots.npy --geometry rig.json --read-noise-dn 4 --black-level-dn 64 --csv dots.csv
+  clspeckle depth frame.png --dots dots.txt --geometry rig.json --pictures pictures --json
+)");
+    app.add_option("FRAMES", a.files, "Images, stacks, folders or glob patterns")->required()->type_name("");
+    const auto text = [&](const char *name, std::string &value, const char *what, const char *type) {
+        return app.add_option(name, value, what)->type_name(type)->take_last();
+    };
+    text("--dots", a.dots, "List of the directions of the pattern's dots", "FILE")->required();
+    text("--geometry", a.geometry, "JSON with camera and laser, for example sequence.json", "FILE")->required();
+    text("--csv", a.csv, "Write all dots of all frames, also those without a depth, as a table", "FILE");
+    text("--npy", a.npy, "Write the same as a structured NumPy array", "FILE");
+    text("--pictures", a.pictures, "Write an overlay and a depth map of each frame into this folder", "FOLDER");
+    app.add_option("--near-m", a.near_m, "Least depth in m, above 0 (default: the geometry file's, else 0.2)")
+        ->type_name("NUMBER")
+        ->take_last();
+    app.add_option("--far-m", a.far_m, "Largest depth in m (default: the geometry file's, else 10)")
+        ->type_name("NUMBER")
+        ->take_last();
+    const auto number = [&](const char *name, auto &value, const char *what, const char *type = "NUMBER") {
+        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+    };
+    ClspDepthDesc &d = a.desc;
+    number("--dot-sigma-px", d.dot_sigma_px, "Expected width of the dots in px, 0.5 to 5");
+    number("--read-noise-dn", d.read_noise_dn, "Standard deviation of the noise in the dark; 0: unknown");
+    number("--dn-per-electron", d.dn_per_electron, "Of the shot noise; 0: none");
+    number("--black-level-dn", d.black_level_dn, "Value without light");
+    number("--saturation-dn", d.saturation_dn, "Pixels at or above it are saturated; 0: none is");
+    number("--min-amplitude-dn", d.min_amplitude_dn, "Dots below it are not looked at");
+    number("--threshold-sigmas", d.threshold_sigmas, "Of the noise, where it is known");
+    number("--min-correlation", d.min_correlation, "With the expected dot, 0 to below 1");
+    number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
+    number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
+    number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000", "INTEGER");
+    text("--channel", a.channel, "Channel of EXR files", "TEXT");
+    text("--device", a.device, "OpenCL device, as for render", "TEXT");
+}
+
+} // namespace tools
