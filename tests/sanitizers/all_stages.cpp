@@ -424,6 +424,8 @@ void run_doe_design() {
             if (!(design.report().efficiency > 0.1))
                 throw std::runtime_error("a design puts no light into its orders");
         }
+}
+
 // Dots found, fitted beside a neighbour and a saturated pixel, and placed, from each format of a frame.
 void run_depth() {
     const clspeckle::Context context;
