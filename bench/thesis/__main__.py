@@ -17,11 +17,29 @@ import json
 import sys
 from pathlib import Path
 
-from . import aperture_series, beam_profile, decorrelation, intensity_law, run_time, sensor_noise, wavelength_shift
+from . import (
+    aperture_series,
+    beam_profile,
+    decorrelation,
+    depth_estimates,
+    intensity_law,
+    run_time,
+    sensor_noise,
+    wavelength_shift,
+)
 from .experiment import Experiment, Record, carry_out
 from .page import write_page
 
-MODULES = (wavelength_shift, sensor_noise, decorrelation, beam_profile, run_time, intensity_law, aperture_series)
+MODULES = (
+    wavelength_shift,
+    sensor_noise,
+    decorrelation,
+    beam_profile,
+    run_time,
+    intensity_law,
+    aperture_series,
+    depth_estimates,
+)
 EXPERIMENTS: list[Experiment] = [experiment for module in MODULES for experiment in module.EXPERIMENTS]
 
 

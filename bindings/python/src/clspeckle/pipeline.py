@@ -539,8 +539,8 @@ class Pipeline(Handle):
                 integers, or a uint8 device image: new phases where it is not 0. The first frame always draws all
                 phases.
             motion: how the scene moved since the last frame, with a motion stage; None: it rests.
-            material: (height, width) ids of the material table, integers 0 to 255 or a uint8 device image; the motion's,
-                too, where it brings none.
+            material: (height, width) ids of the material table, integers 0 to 255 or a uint8 device image; those of the
+                motion, too, where it brings none.
             illumination: "laser" (None): speckle; "incoherent": an LED or a lamp, no speckle, the scene is an ideal
                 image whatever the pattern or the dots; "dark": a covered lens, no scene is looked at.
             dtype: uint16 codes (default), uint8 codes (bits = 8 only) or float32; without a sensor float32.
