@@ -21,7 +21,14 @@ library, each with a verdict: a number that was measured beside the one that the
 
 """
 
-ASSUMPTIONS = """## What the thesis leaves out, and what was assumed
+ASSUMPTIONS = """## Figures elsewhere
+
+- Fig. 16, what the beam splitter does to the light, and Fig. 5 from a diffractive element's own phase: [doe.md](doe.md).
+- Fig. 22 to 24 beside real speckle: [motion.md](motion.md).
+- Fig. 39, before and after: the office desk of the [README](../README.md).
+- Fig. 25, airflow: [optics.md](optics.md). Fig. 36 shows measurements, of which the thesis gives no numbers.
+
+## What the thesis leaves out, and what was assumed
 
 - **Pixel pitch, lens, focal length, resolution.** Not given. A pitch of 2.9 um and f/5.6 at 940 nm (D = 0.55), unless an experiment says otherwise.
 - **The element's design and the layout of its dots.** Company secrets. Dots lie on a lattice here: averages over dots do not depend on where they lie.

@@ -36,6 +36,8 @@ SMALL = {
     },
     "aperture_series": {"dots": 36, "frames": 8, "shown_dot": 20},
     "wavelength_shift": {"shape": [160, 240]},
+    "depth_consistency": {"shape": [240, 320], "dots": 375, "frames": 12},
+    "depth_f_number": {"shape": [240, 320], "dots": 375, "frames": 2},
     "run_time": {"sides": [16, 64, 128], "pixels_each": 1e5, "fit_from_side": 64},
 }
 
