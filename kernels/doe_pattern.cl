@@ -33,13 +33,14 @@ __kernel void doe_blur(__global const float *from, uint width, uint height, uint
     if (x >= width || y >= height)
         return;
     const int length = along_y ? (int)height : (int)width, position = along_y ? (int)y : (int)x;
-    float sum = 0.0f;
-    for (int k = -(int)radius; k <= (int)radius; ++k) {
-        int at = position + k;
-        at = wrap ? (at % length + length) % length : clamp(at, 0, length - 1);
-        const ulong index = along_y ? (ulong)at * width + x : (ulong)y * width + (uint)at;
-        sum = fma(taps[k < 0 ? -k : k], from[index], sum);
-    }
+    float sum = taps[0] * from[(ulong)y * width + x];
+    for (int k = 1; k <= (int)radius; ++k)
+        for (int side = -1; side <= 1; side += 2) {
+            int at = position + side * k;
+            at = wrap ? (at % length + length) % length : clamp(at, 0, length - 1);
+            const ulong index = along_y ? (ulong)at * width + x : (ulong)y * width + (uint)at;
+            sum = fma(taps[k], from[index], sum);
+        }
     to[(ulong)y * width + x] = sum;
 }
 
