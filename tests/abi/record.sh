@@ -8,7 +8,7 @@ if [ $# -eq 0 ]; then
     trap 'rm -rf "$build"' EXIT
     cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS="-ffile-prefix-map=$root/=" \
           -DCLSP_BUILD_TOOLS=OFF -DCLSP_BUILD_EXAMPLES=OFF -DCLSP_BUILD_TESTS=OFF -DCLSP_BUILD_BENCH=OFF >/dev/null
-    cmake --build "$build" --target clspeckle --parallel >/dev/null
+    cmake --build "$build" --target clspeckle --parallel 2 >/dev/null
     set -- "$build/lib/libclspeckle.so" "$root/tests/abi/clspeckle.abi"
 fi
 # Only what the exported functions reach, and nothing of the machine that it was recorded on.
