@@ -43,14 +43,11 @@ void phase_refresh(benchmark::State &state) {
 }
 BENCHMARK(phase_refresh)->Apply(bench::sizes);
 
-void pattern_lookup(benchmark::State &state) {
+// A wall at 1 m.
+void look_up(benchmark::State &state, const ClspPatternDesc &desc) {
     const Size size(state);
     const clspeckle::Context &context = bench::context();
     const clspeckle::Queue queue(context);
-    const std::vector<float> texels(1024 * 1024, 1.0f);
-    auto desc = clspeckle::make<ClspPatternDesc>();
-    desc.width = desc.height = 1024;
-    desc.texels = texels.data();
     const clspeckle::Pattern pattern(context, desc);
     const clspeckle::Buffer depth(context, queue, std::vector<float>(size.pixels, 1.0f));
     const clspeckle::Buffer albedo(context, queue, std::vector<float>(size.pixels, 0.5f));
@@ -66,9 +63,17 @@ void pattern_lookup(benchmark::State &state) {
         queue.finish();
     }
 }
+
+void pattern_lookup(benchmark::State &state) {
+    const std::vector<float> texels(1024 * 1024, 1.0f);
+    auto desc = clspeckle::make<ClspPatternDesc>();
+    desc.width = desc.height = 1024;
+    desc.texels = texels.data();
+    look_up(state, desc);
+}
 BENCHMARK(pattern_lookup)->Apply(bench::sizes);
 
-// A wall at 1 m under 2048 x 2048 texels of about 2500 dots: of a diffractive element, ideal, ideal with means over footprints.
+// 2048 x 2048 texels of about 2500 dots: of a diffractive element, ideal, ideal with means over footprints.
 enum class Source { kElement, kIdeal, kIdealArea };
 
 clspeckle::DoePattern doe_texels(Source source) {
@@ -95,27 +100,13 @@ clspeckle::DoePattern doe_texels(Source source) {
 }
 
 void doe_lookup(benchmark::State &state, Source source) {
-    const Size size(state);
-    const clspeckle::Context &context = bench::context();
-    const clspeckle::Queue queue(context);
     const std::vector<float> texels = doe_texels(source).texels();
     auto desc = clspeckle::make<ClspPatternDesc>();
     desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
     desc.width = desc.height = 2048;
     desc.texels = texels.data();
     desc.filter = source == Source::kIdealArea ? CLSP_FILTER_AREA : CLSP_FILTER_BILINEAR;
-    const clspeckle::Pattern pattern(context, desc);
-    const clspeckle::Buffer depth(context, queue, std::vector<float>(size.pixels, 1.0f));
-    const clspeckle::Buffer irradiance(context, size.pixels * sizeof(float));
-    auto geometry = clspeckle::make<ClspGeometry>();
-    geometry.depth = depth.image(size.width, size.height, CLSP_FORMAT_FLOAT32);
-    geometry.fx_px = geometry.fy_px = size.width;
-    geometry.cx_px = 0.5 * (size.width - 1);
-    geometry.cy_px = 0.5 * (size.height - 1);
-    for (auto _ : state) {
-        pattern.enqueue_lookup(queue, geometry, irradiance.image(size.width, size.height, CLSP_FORMAT_FLOAT32));
-        queue.finish();
-    }
+    look_up(state, desc);
 }
 BENCHMARK_CAPTURE(doe_lookup, element, Source::kElement)->Apply(bench::sizes);
 BENCHMARK_CAPTURE(doe_lookup, ideal, Source::kIdeal)->Apply(bench::sizes);

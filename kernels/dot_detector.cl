@@ -1,14 +1,6 @@
 // Dots of a frame: found by a matched filter, their centres by least squares, all dots at once. The equations are in depth.h of the
 // C API. WINDOW: half the side of a dot's window in pixels.
-#include "common.h"
-
-#if IMAGE_FORMAT == FORMAT_UINT8
-typedef uchar pixel_t;
-#elif IMAGE_FORMAT == FORMAT_UINT16
-typedef ushort pixel_t;
-#else
-typedef float pixel_t;
-#endif
+#include "pixel.h"
 
 #define SIDE (2 * WINDOW + 1)
 #define PIXELS (SIDE * SIDE)

@@ -1,14 +1,6 @@
 // Reductions for the statistics calls. Each work-item strides over the pixels and leaves partial sums for the host to add in double
 // precision; inside a work-item sums are carried as two floats (Knuth's two-sum), so the pixel count does not cost accuracy.
-#include "common.h"
-
-#if IMAGE_FORMAT == FORMAT_UINT8
-typedef uchar pixel_t;
-#elif IMAGE_FORMAT == FORMAT_UINT16
-typedef ushort pixel_t;
-#else
-typedef float pixel_t;
-#endif
+#include "pixel.h"
 
 static inline float2 add(float2 sum, float value) {
     const float s = sum.x + value;

@@ -84,8 +84,8 @@ DotDetector::DotDetector(std::shared_ptr<Context> context, const DotDetectorPara
     for (DeviceBuffer &state : states_)
         state = DeviceBuffer(context_, std::size_t{p.max_dots} * kState * sizeof(cl_float));
     results_ = DeviceBuffer(context_, std::size_t{p.max_dots} * kResult * sizeof(cl_float));
-    kernels(Format::kFloat32); // what all formats share is of this program
-    kernels(Format::kUint16);
+    for (const Format format : {Format::kFloat32, Format::kUint16, Format::kUint8}) // none is built at a frame
+        kernels(format);
 }
 
 DotDetector::Kernels &DotDetector::kernels(Format format) {

@@ -63,6 +63,14 @@ class Capture {
 
 } // namespace
 
+void begin_books(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
+                 DoePatternBooks &books) {
+    static_cast<PatternImage &>(books) = image;
+    books.m_squared = beam.m_squared();
+    books.divergence_x_rad = std::asin(std::min(1.0, half_u));
+    books.divergence_y_rad = std::asin(std::min(1.0, half_v));
+}
+
 void balance_orders(const DoeElement &element, const DoeLight &light, DoePatternResult &result) {
     const auto columns = std::int64_t{element.sampled_width()}, rows = std::int64_t{element.sampled_height()};
     const bool envelope = element.parameters.pixel_envelope;

@@ -6,6 +6,9 @@
 
 namespace clsp {
 
+// What is known before any light is counted; half_u, half_v: a spot's half-angle in direction cosines.
+void begin_books(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
+                 DoePatternBooks &books);
 // From the bins of the cell's transform.
 void balance_orders(const DoeElement &element, const DoeLight &light, DoePatternResult &result);
 // From the texels; half_u, half_v: a spot's half-angle at the mean wavelength.

@@ -1,7 +1,8 @@
 #include "doe/doe_cache.hpp"
 
+#include "runtime/whole_file.hpp"
+
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -9,15 +10,13 @@
 #include <fstream>
 #include <type_traits>
 
-#include <unistd.h>
-
 namespace clsp {
 namespace {
 
 namespace fs = std::filesystem;
 
 // Changes whenever the same description gives another pattern, or the file another layout.
-constexpr char kMagic[16] = "clsp-pattern-1\n";
+constexpr char kMagic[16] = "clsp-pattern-2\n";
 
 // Two FNV-1a hashes of 64 bits over 8-byte words, from different bases, each finished by the mixer of splitmix64
 // (Steele, Lea, Flood 2014).
@@ -152,11 +151,6 @@ std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, co
 }
 
 void store_doe_pattern(const std::string &folder, const std::string &key, const DoePatternResult &result) {
-    std::error_code failed;
-    fs::create_directories(folder, failed);
-    static std::atomic<unsigned> counter{0};
-    const fs::path path = path_of(folder, key),
-                   temporary = fmt::format("{}.{}.{}", path.string(), ::getpid(), counter++);
     Header header{};
     std::memcpy(header.magic, kMagic, sizeof kMagic);
     std::memcpy(header.key, key.data(), sizeof header.key);
@@ -164,21 +158,13 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     header.dot_count = result.dot_shares.size();
     header.hash = content_hash(result);
     header.books = result.books;
-    bool good = false;
-    {
-        std::ofstream file(temporary, std::ios::binary);
+    write_whole_file(path_of(folder, key), [&](std::ostream &file) {
         file.write(reinterpret_cast<const char *>(&header), sizeof header);
         file.write(reinterpret_cast<const char *>(result.texels.data()),
                    std::streamsize(result.texels.size() * sizeof(float)));
         file.write(reinterpret_cast<const char *>(result.dot_shares.data()),
                    std::streamsize(result.dot_shares.size() * sizeof(double)));
-        file.close();
-        good = file.good();
-    }
-    if (good)
-        fs::rename(temporary, path, failed);
-    if (!good || failed)
-        fs::remove(temporary, failed);
+    });
 }
 
 } // namespace clsp

@@ -104,9 +104,10 @@ void check_phase(const DoeDesignParameters &p, const std::vector<float> &phase) 
                                                           phase.size(), p.width, p.height));
     for (std::size_t i = 0; i < pixels; ++i) {
         const auto value = double(phase[i]);
-        const std::string name = fmt::format("phase[{}][{}] (row, column)", i / p.width, i % p.width);
+        const auto name = [&] { return fmt::format("phase[{}][{}] (row, column)", i / p.width, i % p.width); };
         if (!(std::abs(value) <= 1e4))
-            throw Error(Status::kInvalidData, fmt::format("{} is {}; phases are radians, within +-10000", name, value));
+            throw Error(Status::kInvalidData,
+                        fmt::format("{} is {}; phases are radians, within +-10000", name(), value));
         if (p.levels == 0)
             continue;
         const double level = value * p.levels / kTurn;
@@ -115,7 +116,7 @@ void check_phase(const DoeDesignParameters &p, const std::vector<float> &phase) 
                 Status::kInvalidData,
                 fmt::format("{} is {}, none of the {} levels (multiples of 2 pi / {}); give the levels that the "
                             "design has, or 0 for a continuous one",
-                            name, value, p.levels, p.levels));
+                            name(), value, p.levels, p.levels));
     }
 }
 

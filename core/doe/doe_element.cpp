@@ -52,21 +52,6 @@ void check_design(const DoePatternParameters &p) {
                                 p.width, p.height, p.pixel_pitch_m, p.doe_width_m, p.doe_height_m));
 }
 
-void check_image(const DoePatternParameters &p) {
-    check_positive(p.power_w, "power_w");
-    if (p.image_width < 2 || p.image_height < 2 || p.image_width > kMaxImageSide || p.image_height > kMaxImageSide)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the image is {} x {} texels (width x height); each side must be 2 to {}",
-                                p.image_width, p.image_height, kMaxImageSide));
-    for (const auto &[extent, name] :
-         {std::pair{p.half_extent_x, "half_extent_x"}, std::pair{p.half_extent_y, "half_extent_y"}})
-        if (!(extent >= 0 && extent <= 1))
-            throw Error(
-                Status::kInvalidArgument,
-                fmt::format("{} is {}; it is a direction cosine, above 0 to 1, or 0 for all that the design can reach",
-                            name, extent));
-}
-
 void check_defects(const DoePatternParameters &p) {
     const DoeDefects &d = p.defects;
     if (d.levels == 1 || d.levels > 65536)
@@ -194,7 +179,7 @@ std::array<double, 2> DoeElement::direction(std::size_t dot, double wavelength_m
 
 DoeElement make_doe_element(const DoePatternParameters &p) {
     check_design(p);
-    check_image(p);
+    check_pattern_image(p, true);
     check_defects(p);
     DoeElement element;
     element.parameters = p;

@@ -76,16 +76,9 @@ std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &con
 
     auto result = std::make_shared<DoePatternResult>();
     DoePatternBooks &books = result->books;
-    books.image_width = p.image_width;
-    books.image_height = p.image_height;
-    books.half_extent_x = p.half_extent_x;
-    books.half_extent_y = p.half_extent_y;
-    books.power_w = p.power_w;
-    books.m_squared = beam.m_squared();
     const double half_u = spot.half_u_per_m * element.mean_wavelength_m,
                  half_v = spot.half_v_per_m * element.mean_wavelength_m;
-    books.divergence_x_rad = std::asin(std::min(1.0, half_u));
-    books.divergence_y_rad = std::asin(std::min(1.0, half_v));
+    begin_books(p, beam, half_u, half_v, books);
     if (p.periodic) {
         books.order_spacing_x = element.mean_wavelength_m / (p.width * p.pixel_pitch_m);
         books.order_spacing_y = element.mean_wavelength_m / (p.height * p.pixel_pitch_m);

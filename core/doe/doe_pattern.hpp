@@ -2,6 +2,7 @@
 #pragma once
 
 #include "doe/beam_profile.hpp"
+#include "doe/pattern_image.hpp"
 #include "runtime/context.hpp"
 
 #include <cstdint>
@@ -27,7 +28,7 @@ struct DoeDefects {
     std::uint32_t feature_samples = 4;
 };
 
-struct DoePatternParameters {
+struct DoePatternParameters : PatternImage {
     std::uint32_t width = 0, height = 0;
     bool periodic = true;
     const float *phase = nullptr; // host memory, only read during construction; so are all pointers here
@@ -43,27 +44,21 @@ struct DoePatternParameters {
     std::uint32_t line_count = 0, oversampling = 2;
     const double *line_wavelengths_m = nullptr, *line_powers = nullptr;
     double doe_width_m = 0, doe_height_m = 0;
-    double power_w = 1;
-    std::uint32_t image_width = 2048, image_height = 2048;
-    double half_extent_x = 0, half_extent_y = 0;
     bool pixel_envelope = true;
     std::uint64_t max_memory_bytes = 0;
     std::string cache_dir;
 };
 
-struct SpotPatternParameters {
+struct SpotPatternParameters : PatternImage {
+    SpotPatternParameters() { half_extent_x = half_extent_y = 0.5; }
     std::uint64_t count = 0;
     const double *directions = nullptr, *powers = nullptr;
     BeamParameters beam;
-    double wavelength_m = 940e-9, power_w = 1;
-    std::uint32_t image_width = 2048, image_height = 2048;
-    double half_extent_x = 0.5, half_extent_y = 0.5;
+    double wavelength_m = 940e-9;
 };
 
 // What doe.h calls ClspDoePatternInfo, and the texels.
-struct DoePatternBooks {
-    std::uint32_t image_width = 0, image_height = 0;
-    double half_extent_x = 0, half_extent_y = 0, power_w = 0;
+struct DoePatternBooks : PatternImage {
     double dots = 0, zero_order = 0, ghosts = 0, scatter = 0, inside_image = 0, uniformity_rms = 0;
     double divergence_x_rad = 0, divergence_y_rad = 0, m_squared = 0, order_spacing_x = 0, order_spacing_y = 0;
     std::uint64_t device_memory_bytes = 0;

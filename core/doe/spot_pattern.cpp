@@ -1,7 +1,6 @@
 // Ideal dots: the beam's far field at given directions. On the host: a few thousand spots of a few texels each.
 #include "doe/doe_books.hpp"
 #include "runtime/checks.hpp"
-#include "runtime/image_view.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,16 +30,7 @@ void check_spots(const SpotPatternParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("directions is NULL; it must point to {} times u, v", p.count));
     check_positive(p.wavelength_m, "wavelength_m");
-    check_positive(p.power_w, "power_w");
-    if (p.image_width < 2 || p.image_height < 2 || p.image_width > kMaxImageSide || p.image_height > kMaxImageSide)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the image is {} x {} texels (width x height); each side must be 2 to {}",
-                                p.image_width, p.image_height, kMaxImageSide));
-    for (const auto &[extent, name] :
-         {std::pair{p.half_extent_x, "half_extent_x"}, std::pair{p.half_extent_y, "half_extent_y"}})
-        if (!(extent > 0 && extent <= 1))
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("{} is {}; it is a direction cosine, above 0 to 1", name, extent));
+    check_pattern_image(p, false);
     for (std::uint64_t i = 0; i < p.count; ++i) {
         const double u = p.directions[2 * i], v = p.directions[2 * i + 1];
         if (!(u * u + v * v < 1))
@@ -65,14 +55,7 @@ std::shared_ptr<DoePattern> make_spot_pattern(const SpotPatternParameters &p) {
     const SpotShape spot = make_spot_shape(beam);
     auto result = std::make_shared<DoePatternResult>();
     DoePatternBooks &books = result->books;
-    books.image_width = p.image_width;
-    books.image_height = p.image_height;
-    books.half_extent_x = p.half_extent_x;
-    books.half_extent_y = p.half_extent_y;
-    books.power_w = p.power_w;
-    books.m_squared = beam.m_squared();
-    books.divergence_x_rad = std::asin(std::min(1.0, spot.half_u_per_m * p.wavelength_m));
-    books.divergence_y_rad = std::asin(std::min(1.0, spot.half_v_per_m * p.wavelength_m));
+    begin_books(p, beam, spot.half_u_per_m * p.wavelength_m, spot.half_v_per_m * p.wavelength_m, books);
     books.dots = 1;
 
     const double texel_u = 2 * p.half_extent_x / p.image_width, texel_v = 2 * p.half_extent_y / p.image_height;

@@ -2,6 +2,7 @@
 
 #include "runtime/embedded_kernels.hpp"
 #include "runtime/error.hpp"
+#include "runtime/whole_file.hpp"
 
 #include <cstring>
 #include <filesystem>
@@ -11,8 +12,6 @@
 #include <sstream>
 #include <utility>
 #include <vector>
-
-#include <unistd.h>
 
 namespace clsp {
 namespace {
@@ -169,8 +168,7 @@ cl::Program ProgramCache::load(const std::string &path, const std::string &optio
     }
 }
 
-// A cache that cannot be written costs time, not correctness: failures are silent. The rename makes a half-written file
-// impossible.
+// A cache that cannot be written costs time, not correctness: failures are silent.
 void ProgramCache::store(const cl::Program &program, const std::string &path, const std::string &options) const {
     try {
         const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
@@ -180,29 +178,14 @@ void ProgramCache::store(const cl::Program &program, const std::string &path, co
                 continue;
             const std::string binary(binaries[i].begin(), binaries[i].end());
             const std::uint64_t size = binary.size(), hash = fnv1a(binary);
-            std::error_code failed;
-            fs::create_directories(fs::path(path).parent_path(), failed);
-            if (failed)
-                return;
-            static std::atomic<unsigned> counter{0};
-            const std::string temporary = fmt::format("{}.{}.{}", path, ::getpid(), counter++);
-            bool good = false;
-            {
-                std::ofstream file(temporary, std::ios::binary);
+            write_whole_file(path, [&](std::ostream &file) {
                 file << kCacheMagic << device_key_ << options << '\n';
                 file.write(reinterpret_cast<const char *>(&size), sizeof size);
                 file.write(reinterpret_cast<const char *>(&hash), sizeof hash);
                 file.write(binary.data(), std::streamsize(binary.size()));
-                file.close();
-                good = file.good();
-            }
-            if (good)
-                fs::rename(temporary, path, failed);
-            if (!good || failed)
-                fs::remove(temporary, failed);
+            });
         }
     } catch (const cl::Error &) {
-    } catch (const fs::filesystem_error &) {
     }
 }
 

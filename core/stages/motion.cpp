@@ -3,6 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "runtime/pose.hpp"
 
 #include <algorithm>
 #include <array>
@@ -23,33 +24,9 @@ float reciprocal(double value) {
 
 // R - I, t and the angle of R, as kernels take a rigid transform. Throws unless R is a rotation.
 std::array<float, kBodyFloats> body_of(const double *pose, std::uint32_t index) {
-    for (int i = 0; i < 12; ++i)
-        if (!std::isfinite(pose[i]))
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("previous_from_current[{}], element {}, is {}; it must be "
-                                    "finite ([R|t], 3 x 4 row-major, t in metres)",
-                                    index, i, pose[i]));
+    check_pose(pose, fmt::format("previous_from_current[{}]", index).c_str());
     const auto row = [&](int i) { return pose + 4 * i; };
-    constexpr double kTolerance = 1e-4; // single-precision poses are let through
-    for (int i = 0; i < 3; ++i)
-        for (int j = i; j < 3; ++j) {
-            const double dot = row(i)[0] * row(j)[0] + row(i)[1] * row(j)[1] + row(i)[2] * row(j)[2];
-            if (std::abs(dot - (i == j ? 1.0 : 0.0)) > kTolerance)
-                throw Error(
-                    Status::kInvalidArgument,
-                    fmt::format("the left 3 x 3 part of previous_from_current[{}] is not a rotation: its rows must be "
-                                "orthonormal (row-major [R|t], t in metres)",
-                                index));
-        }
     const double *a = row(0), *b = row(1), *c = row(2);
-    const double determinant =
-        a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-    if (determinant < 0)
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("the left 3 x 3 part of previous_from_current[{}] is a reflection (determinant -1); flip an "
-                        "axis to get a rotation",
-                        index));
     std::array<float, kBodyFloats> body{};
     for (int i = 0; i < 3; ++i) {
         for (int j = 0; j < 3; ++j)
