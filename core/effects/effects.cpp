@@ -93,10 +93,13 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; }},
     {"airflow", "motion", "smooth phase screens, correlated in time, in front of a resting scene",
      "airflow.cl, field.cl: field_illuminate (SCREEN)", kSetsPipeline,
-     {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8}, {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0}},
+     {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
+      {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
+      {"correlation_frames", "frames", 0.01, 1e6, 3.0, 3.0}},
      [](Model &m, Values v) {
          m.pipeline.airflow.rms_rad = v[0];
          m.pipeline.airflow.scale_px = v[1];
+         m.pipeline.airflow.correlation_frames = v[2];
      }},
     {"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
      "aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,

@@ -112,17 +112,27 @@ DotGeometry make_dot_geometry(const Geometry &geometry, const CaptureDots &layou
             }
     }
 
-    // Far from every dot: four widths, or the farthest twelfth of the pixels of a dense lattice.
+    // Far from every dot: four widths, or the farthest twelfth of the pixels of a dense lattice. Not where dots beyond
+    // the border, which nobody knows, may shed light of their own.
+    const auto margin =
+        std::size_t(std::ceil(std::min(dots.spacing, 0.2 * double(std::min(geometry.width, geometry.height)))));
+    const auto counts = [&](std::size_t i) {
+        const std::size_t x = i % geometry.width, y = i / geometry.width;
+        return geometry.is_used(i) && x >= margin && y >= margin && x + margin < geometry.width &&
+               y + margin < geometry.height;
+    };
     std::vector<float> sorted;
     for (std::size_t i = 0; i < geometry.pixels; ++i)
-        if (geometry.is_used(i))
+        if (counts(i))
             sorted.push_back(dots.distance[i]);
-    const std::size_t rank = sorted.size() - 1 - sorted.size() / 12;
-    std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(rank), sorted.end());
-    const float threshold = std::min(sorted[rank], float(4.0 * dots.sigma));
-    for (std::size_t i = 0; i < geometry.pixels; ++i)
-        if (geometry.is_used(i) && dots.distance[i] >= threshold)
-            dots.between.push_back(std::uint32_t(i));
+    if (!sorted.empty()) { // a mask may leave none
+        const std::size_t rank = sorted.size() - 1 - sorted.size() / 12;
+        std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(rank), sorted.end());
+        const float threshold = std::min(sorted[rank], float(4.0 * dots.sigma));
+        for (std::size_t i = 0; i < geometry.pixels; ++i)
+            if (counts(i) && dots.distance[i] >= threshold)
+                dots.between.push_back(std::uint32_t(i));
+    }
 
     dots.cell_centres = find_cell_centres(geometry, dots, cap);
     for (const Point &dot : dots.positions) {

@@ -103,7 +103,11 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
     ),
     ("power_flicker", {"sigma": 0.1}, {"power_flicker": 0.1}),
     ("surface_boiling", {"correlation_frames": 3.0}, {"boiling_correlation_frames": 3.0}),
-    ("airflow", {"rms_rad": 0.7, "scale_px": 5.0}, {"airflow_rms_rad": 0.7, "airflow_scale_px": 5.0}),
+    (
+        "airflow",
+        {"rms_rad": 0.7, "scale_px": 5.0, "correlation_frames": 8.0},
+        {"airflow_rms_rad": 0.7, "airflow_scale_px": 5.0, "airflow_correlation_frames": 8.0},
+    ),
     ("vibration", {"rms_px": 0.2}, {"vibration_rms_px": 0.2}),
     ("glare", {"fraction": 0.2, "scale_px": 4.0}, {"glare_fraction": 0.2, "glare_scale_px": 4.0}),
     ("vignetting", {"corner_loss": 0.4}, {"vignetting_corner_loss": 0.4}),
