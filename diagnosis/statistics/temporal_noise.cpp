@@ -1,5 +1,6 @@
 #include "statistics/measures.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace clsp::statistics {
@@ -24,15 +25,33 @@ double frame_deviation(const Frames &frames) {
     return std::sqrt(total / double(frames.frame_mean.size() - 1));
 }
 
-// Change of the frame mean over the sequence, by least squares.
-double frame_slope(const Frames &frames) {
+// Differences of frame means are measured by the fluctuation of the others (Student's t): a laser that flickers has a
+// first frame and a slope of any size and sign, which say nothing beyond frame_mean_fluctuation.
+constexpr double kLeastFluctuation = 1e-4; // DN
+
+// Slope of the frame mean over the sequence, by least squares.
+double drift_t(const Frames &frames) {
     const double count = double(frames.frame_mean.size()), middle = 0.5 * (count - 1.0);
-    double product = 0.0, square = 0.0;
+    double product = 0.0, square = 0.0, total = 0.0;
     for (std::size_t t = 0; t < frames.frame_mean.size(); ++t) {
-        product += (double(t) - middle) * frames.frame_mean[t];
+        const double deviation = frames.frame_mean[t] - frames.mean_signal;
+        product += (double(t) - middle) * deviation;
         square += (double(t) - middle) * (double(t) - middle);
+        total += deviation * deviation;
     }
-    return (count - 1.0) * product / square;
+    const double residual = std::max(0.0, total - product * product / square) / (count - 2.0);
+    return product / std::sqrt(square) / (std::sqrt(residual) + kLeastFluctuation);
+}
+
+// The first frame against all others.
+double first_frame_t(const Frames &frames) {
+    const double others = double(frames.frame_mean.size() - 1);
+    double mean = 0.0, variance = 0.0;
+    for (std::size_t t = 1; t < frames.frame_mean.size(); ++t)
+        mean += frames.frame_mean[t] / others;
+    for (std::size_t t = 1; t < frames.frame_mean.size(); ++t)
+        variance += (frames.frame_mean[t] - mean) * (frames.frame_mean[t] - mean) / (others - 1.0);
+    return (frames.frame_mean[0] - mean) / ((std::sqrt(variance) + kLeastFluctuation) * std::sqrt(1.0 + 1.0 / others));
 }
 
 } // namespace
@@ -49,11 +68,8 @@ void measure_temporal_noise(const Measurement &m, Sink &sink) {
     sink.put("sensor", "column_noise", "log", log_ratio(m.residual.column_variance, variance));
     sink.put(source, "frame_mean_fluctuation", "log", std::log((frame_deviation(m.frames) + 1e-4) / m.frames.light));
     if (geometry.frames > 2) {
-        double rest = 0.0;
-        for (std::size_t t = 1; t < geometry.frames; ++t)
-            rest += m.frames.frame_mean[t] / double(geometry.frames - 1);
-        sink.put("sensor", "first_frame", "1", (m.frames.frame_mean[0] - rest) / m.frames.light);
-        sink.put(source, "frame_mean_drift", "1", frame_slope(m.frames) / m.frames.light);
+        sink.put("sensor", "first_frame", "asinh", std::asinh(first_frame_t(m.frames)));
+        sink.put(source, "frame_mean_drift", "asinh", std::asinh(drift_t(m.frames)));
     }
 
     const char *change = geometry.is_laser() ? "motion" : "sensor";

@@ -88,9 +88,13 @@ def temporal_noise(s: Sequence) -> Values:
     values["row_noise", "all"] = log_ratio(float(rows.mean()), variance)
     values["column_noise", "all"] = log_ratio(float(columns.mean()), variance)
     values["frame_mean_fluctuation", "all"] = float(np.log((s.frame_mean.std(ddof=1) + 1e-4) / s.light))
-    values["first_frame", "all"] = float((s.frame_mean[0] - s.frame_mean[1:].mean()) / s.light)
-    slope = np.polyfit(np.arange(s.frames), s.frame_mean, 1)[0]
-    values["frame_mean_drift", "all"] = float(slope * (s.frames - 1) / s.light)
+    others = s.frame_mean[1:]
+    error = (others.std(ddof=1) + 1e-4) * np.sqrt(1 + 1 / others.size)
+    values["first_frame", "all"] = float(np.arcsinh((s.frame_mean[0] - others.mean()) / error))
+    time = np.arange(s.frames) - (s.frames - 1) / 2
+    slope, offset = np.polyfit(time, s.frame_mean, 1)
+    scatter = np.sqrt(((s.frame_mean - offset - slope * time) ** 2).sum() / (s.frames - 2))
+    values["frame_mean_drift", "all"] = float(np.arcsinh(slope * np.sqrt((time**2).sum()) / (scatter + 1e-4)))
     weight = np.ones_like(s.mean)
     if s.scene in ("board", "dots") and not s.moving:
         bright = np.maximum(s.mean, 0.0)
