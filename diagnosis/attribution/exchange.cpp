@@ -9,27 +9,36 @@
 namespace clsp {
 namespace {
 
-// Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are tried for each.
+// Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are
+// tried for each.
 constexpr double kLeastAlike = 0.5;
 constexpr std::size_t kMostAlike = 2;
+// And so many that did nearly as well as the one that was added, by what they gained over what that did.
+constexpr std::size_t kMostRivals = 2;
+constexpr double kLeastRival = 0.5;
 constexpr int kExchangeRounds = 6;
-constexpr double kHopeless = 4.0;    // after the first round
+constexpr double kHopeless = 4.0; // after the first round
+// A quick fit sees few random numbers, not always the same for both models: one that comes that near may be the better
+// one.
+constexpr double kWorthAFit = 1.5;
 constexpr double kStillBetter = 0.9; // than the round before
 // What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it.
 constexpr double kLeastNeeded = 60.0;
-// An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be added: there a
-// residual says that something is missing, here the best of many may have fitted noise.
+// An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
+// added: there a residual says that something is missing, here the best of many may have fitted noise.
 constexpr double kLeastWorth = 30.0;
 // A strength at which most effects do little.
 constexpr double kNothing = -0.4;
 
-// The squared distance that a fit leaves, by a covariance that need not be its own: those of two models differ by chance, too.
+// The squared distance that a fit leaves, by a covariance that need not be its own: those of two models differ by
+// chance, too.
 double square_by(const Covariance &covariance, const ModelFit &fits, const FittedModel &fitted) {
     const Eigen::VectorXd difference = fits.experiment().real().mean() - fitted.model.full().mean();
     return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
 }
 
-// An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put at the end.
+// An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
+// at the end.
 struct Move {
     std::size_t place;
     const Candidate *candidate;
@@ -37,11 +46,32 @@ struct Move {
     bool shares;
 };
 
-// Which effect a move takes out: where there are as many as there may be, sharing takes the place of the last one, which did least.
+// Which effect a move takes out: where there are as many as there may be, sharing takes the place of the last one,
+// which did least.
 std::size_t goes_out(const Path &path, const Move &move, std::size_t max_effects) {
     if (!move.shares)
         return move.place;
     return path.model.effects.size() < max_effects ? path.model.effects.size() : path.model.effects.size() - 1;
+}
+
+// Adds the effects that did next best when the one at `place` was chosen: the others' strengths, wrong at the time, may
+// have chosen.
+void add_rivals(const Path &path, std::size_t place, std::vector<Move> &moves) {
+    const SearchStep &step = path.steps[place];
+    double best = 0.0;
+    for (const RankedEffect &ranked : step.ranking)
+        best = std::max(best, ranked.gain);
+    std::size_t added = 0;
+    for (const RankedEffect &ranked : step.ranking) { // the likeliest first
+        const auto look = std::find_if(path.looks.begin(), path.looks.end(),
+                                       [&](const auto &entry) { return entry.first->id == ranked.effect; });
+        if (added == kMostRivals || ranked.gain < kLeastRival * best || look == path.looks.end() ||
+            path.model.has(*look->first) ||
+            std::any_of(moves.begin(), moves.end(), [&](const Move &move) { return move.candidate == look->first; }))
+            continue;
+        moves.push_back({place, look->first, 1.0, 0.0, false});
+        ++added;
+    }
 }
 
 std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects) {
@@ -68,19 +98,24 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
                     best.sign = cosine < 0.0 ? -1.0 : 1.0;
                 }
             }
-            if (best.alike > kLeastAlike && goes_out(path, best, max_effects) != (share ? place : path.model.effects.size()))
+            if (best.alike > kLeastAlike &&
+                goes_out(path, best, max_effects) != (share ? place : path.model.effects.size()))
                 alike.push_back(best);
         }
         std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
             return a.alike != b.alike ? a.alike > b.alike : a.candidate->id < b.candidate->id;
         });
-        for (std::size_t i = 0; i < std::min(alike.size(), kMostAlike); ++i)
-            result.push_back(alike[i]);
+        std::vector<Move> tried(alike.begin(),
+                                alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kMostAlike)));
+        if (!share)
+            add_rivals(path, place, tried);
+        result.insert(result.end(), tried.begin(), tried.end());
     }
     return result;
 }
 
-// The squared distance that a few rounds of a fit reach, by common random numbers from the path's model, where it is `now`.
+// The squared distance that a few rounds of a fit reach, by common random numbers from the path's model, where it is
+// `now`.
 double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double now) {
     Experiment &experiment = fits.experiment();
     const FittedModel &start = path.models.back();
@@ -94,7 +129,8 @@ double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double no
         const Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, kSearchSeeds);
         for (Eigen::Index p = 0; p < parameters; ++p)
             jacobian.col(p) = fits.slope(model, p, pool, kSearchSeeds);
-        const Eigen::VectorXd target = covariance.whiten(real - (pool.statistics.front() - path.pool.statistics.front()));
+        const Eigen::VectorXd target =
+            covariance.whiten(real - (pool.statistics.front() - path.pool.statistics.front()));
         const Eigen::MatrixXd columns = whiten_columns(covariance, jacobian);
         const Eigen::VectorXd step = solve_least_squares(columns, target);
         const double reached = (target - columns * step).squaredNorm();
@@ -119,17 +155,18 @@ void halve(EffectModel &model, std::size_t effect) {
         if (s.effect != effect || parameter.weak == parameter.strong)
             continue;
         // Where the value falls as the effect grows, it is no measure of the effect.
-        s.strength = parameter.weak < parameter.strong
-                         ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength)))
-                         : 0.5 * (s.strength + kNothing);
+        s.strength =
+            parameter.weak < parameter.strong
+                ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength)))
+                : 0.5 * (s.strength + kNothing);
     }
 }
 
-// The best of some moves, if one is better than what there is: the model with it.
+// The best of some moves, if one is nearly as good as what there is, or better: the model with it.
 const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
     const FittedModel &whole = path.models.back();
     const double now = square_by(whole.model.full(), fits, whole);
-    double best_square = now - kLeastGain;
+    double best_square = kWorthAFit * now;
     const Move *chosen = nullptr;
     for (const Move &move : tried) {
         fits.report(at, "exchanging " + path.model.effects[move.place].candidate->id + " for " + move.candidate->id);
@@ -212,6 +249,8 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
 
 bool exchange(ModelFit &fits, Path &path, double at) {
     for (const bool share : {false, true}) {
+        if (share && !path.models.back().residual.detected)
+            break; // nothing is missing
         const std::vector<Move> tried = moves_of(path, share, fits.options().max_effects);
         EffectModel best;
         const Move *move = best_move(fits, path, tried, best, at);
@@ -231,7 +270,8 @@ void prune(ModelFit &fits, Path &path, double at) {
             fitted = fits.fit(others, pool, fits.options().model_replicates, at);
             const FittedModel &whole = path.models.back();
             const Covariance &covariance = whole.model.full();
-            return !fitted.residual.detected && square_by(covariance, fits, fitted) <= square_by(covariance, fits, whole) + kLeastWorth;
+            return !fitted.residual.detected &&
+                   square_by(covariance, fits, fitted) <= square_by(covariance, fits, whole) + kLeastWorth;
         };
         bool needless = false;
         possible([&] { needless = loss_without(fits, path, out, others) <= kLeastNeeded && explains(); });

@@ -14,7 +14,8 @@ namespace {
 constexpr int kFitRounds = 3;
 // Effects whose gain at a first look is less than that part of the best one's are not fitted.
 constexpr double kLeastLook = 0.2;
-// Later looks take the effects whose change at the last look promises most, and those only of which it promises anything.
+// Later looks take the effects whose change at the last look promises most, and those only of which it promises
+// anything.
 constexpr std::size_t kMostLooks = 14;
 constexpr double kLeastPromise = 4.0;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
@@ -22,6 +23,9 @@ constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 // Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
 constexpr double kExchangeBelow = 0.02;
 constexpr int kMostExchanges = 3;
+// A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
+// of chance.
+constexpr double kSeldom = 0.05;
 
 struct Refined {
     const Candidate *candidate;
@@ -72,7 +76,8 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted) {
         Refined refined;
         refined.candidate = &candidate;
         refined.concerned = fits_.concerned(candidate.id);
-        if (model.has(candidate) || std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
+        if (model.has(candidate) ||
+            std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
             continue;
         const auto look = path.looks.find(&candidate);
         refined.gain = look == path.looks.end() ? 1e300 : gain_of(look->second, refined.sign);
@@ -92,7 +97,8 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted) {
         with.add(candidate, 1.0, 0.5);
         Change change;
         if (!possible([&] {
-                change = simulate_change(experiment_, path.pool, with.settings(), refined.concerned, fits_.options().seed, kSearchSeeds);
+                change = simulate_change(experiment_, path.pool, with.settings(), refined.concerned,
+                                         fits_.options().seed, kSearchSeeds);
             }))
             continue;
         path.looks[&candidate] = change.mean;
@@ -117,8 +123,8 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
     const auto simulate = [&](double strength) {
         EffectModel with = model;
         with.add(*refined.candidate, refined.sign, strength);
-        refined.response.add(strength, simulate_change(experiment_, pool, with.settings(), refined.concerned, fits_.options().seed,
-                                                       kSearchSeeds));
+        refined.response.add(strength, simulate_change(experiment_, pool, with.settings(), refined.concerned,
+                                                       fits_.options().seed, kSearchSeeds));
     };
     for (const double strength : {0.0, 0.5, 1.0})
         if (refined.response.empty() || refined.response.distance(strength) > kNear)
@@ -157,7 +163,8 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
             EffectModel with;
             with.add(*candidate.candidate, candidate.sign, candidate.strength);
             ranked.values = with.settings().back().values;
-            ranked.distance_after = std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
+            ranked.distance_after =
+                std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
         }
         step.ranking.push_back(ranked);
     }
@@ -186,7 +193,8 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
             candidate.gain = 0.0;
         explained = std::max(explained, candidate.gain);
     }
-    std::stable_sort(refined.begin(), refined.end(), [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    std::stable_sort(refined.begin(), refined.end(),
+                     [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
     // Those that the last comparison must decide between: by replicates of their own.
     std::vector<EffectModel> models;
     std::vector<Pool> pools;
@@ -201,14 +209,15 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     for (const Refined &candidate : refined) {
         if (models.size() == fits_.options().finalists || !contends(candidate))
             break;
-        const double begin = from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / fits_.options().finalists);
+        const double begin =
+            from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / fits_.options().finalists);
         EffectModel with = path.model;
         with.add(*candidate.candidate, candidate.sign, candidate.strength);
         Pool own;
         FittedModel fitted;
         if (!possible([&] {
                 fitted = fits_.fit(with, own, current.jacobian, replicates, begin,
-                             begin + 0.6 * share / fits_.options().finalists);
+                                   begin + 0.6 * share / fits_.options().finalists);
             }))
             continue;
         finalists.push_back(&candidate);
@@ -223,8 +232,10 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         if (fits[i].score < fits[best].score)
             best = i;
     const double gain = current.score - fits[best].score;
-    // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by very different ones.
-    if (gain < kLeastGain || (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < kLeastShare * excess))
+    // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
+    // very different ones.
+    if (gain < kLeastGain ||
+        (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < kLeastShare * excess))
         return false;
     path.steps.push_back(described(refined, finalists, fits, best, current));
     path.model = std::move(models[best]);
@@ -253,7 +264,7 @@ SearchResult Search::run() {
         };
         explain();
         for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-            if (explained() || path.models.size() < 2 ||
+            if (path.models.size() < 2 || path.models.back().residual.p_value > kSeldom ||
                 fits_.excess_square(path.models.back()) > kExchangeBelow * fits_.excess_square(baseline) ||
                 !exchange(fits_, path, progress))
                 break;
@@ -262,8 +273,8 @@ SearchResult Search::run() {
         if (explained() && path.models.size() > 2)
             prune(fits_, path, progress);
         if (!path.models.empty())
-            fits_.judge(path.models.back(), path.model, path.models.back().model.replicates(), fits_.options().model_replicates,
-                        progress, 1.0);
+            fits_.judge(path.models.back(), path.model, path.models.back().model.replicates(),
+                        fits_.options().model_replicates, progress, 1.0);
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
     }
