@@ -18,7 +18,8 @@ EffectSettings EffectModel::settings() const {
     for (const ModelEffect &effect : effects)
         result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
     for (const Strength &s : strengths)
-        result[s.effect].values[s.parameter] = effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
+        result[s.effect].values[s.parameter] =
+            effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
     return result;
 }
 
@@ -30,7 +31,9 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
     effects.push_back({&candidate, sign});
     for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
         const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
-        strengths.push_back({effects.size() - 1, p, varied ? candidate.snapped(p, strength) : candidate.strength(p, candidate.parameters[p].weak)});
+        strengths.push_back(
+            {effects.size() - 1, p,
+             varied ? candidate.snapped(p, strength) : candidate.strength(p, candidate.parameters[p].weak)});
     }
 }
 
@@ -53,9 +56,10 @@ EffectModel EffectModel::first(std::size_t count) const {
     return result;
 }
 
-double EffectModel::difference(Eigen::Index strength) const {
+double EffectModel::difference(Eigen::Index strength, double part) const {
     const Strength &s = strengths[static_cast<std::size_t>(strength)];
-    return effects[s.effect].candidate->difference(s.parameter, s.strength);
+    const Candidate &candidate = *effects[s.effect].candidate;
+    return candidate.difference(s.parameter, s.strength) * (candidate.parameters[s.parameter].whole ? 1.0 : part);
 }
 
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step) {
@@ -63,7 +67,8 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step) {
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
         const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
         Strength &s = model.strengths[p];
-        s.strength = model.effects[s.effect].candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, kStrongest));
+        s.strength = model.effects[s.effect].candidate->snapped(s.parameter,
+                                                                std::clamp(s.strength + bounded, kWeakest, kStrongest));
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;
@@ -76,21 +81,26 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
     for (Eigen::Index p = 0; p < strengths.size(); ++p) {
         const Strength &s = model.strengths[static_cast<std::size_t>(p)];
         const ModelEffect &effect = model.effects[s.effect];
-        const auto value = [&](double strength) { return effect.sign * effect.candidate->value(s.parameter, strength); };
+        const auto value = [&](double strength) {
+            return effect.sign * effect.candidate->value(s.parameter, strength);
+        };
         const double a = value(strengths[p] - factor * deviations[p]), b = value(strengths[p] + factor * deviations[p]);
-        result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]), std::min(a, b),
-                          std::max(a, b)});
+        result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]),
+                          std::min(a, b), std::max(a, b)});
     }
     return result;
 }
 
-Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &change) {
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
+                                    const Eigen::VectorXd &change) {
     const Covariance &covariance = model.full();
     Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
     variance += model.coefficients(covariance, kModelError * change).cwiseAbs2();
     for (Eigen::Index k = 0; k < change.size(); ++k)
         if (covariance.tolerance()[k] > 0.0)
-            variance += model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(change.size(), k)).cwiseAbs2();
+            variance +=
+                model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(change.size(), k))
+                    .cwiseAbs2();
     return variance.cwiseSqrt();
 }
 

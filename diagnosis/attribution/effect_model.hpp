@@ -1,5 +1,5 @@
-// A model of effects with a strength for each parameter, and what every search for one goes by: the diagnosis's on simulated captures, the
-// comparison's on finished frames.
+// A model of effects with a strength for each parameter, and what every search for one goes by: the diagnosis's on
+// simulated captures, the comparison's on finished frames.
 #pragma once
 
 #include "attribution/candidate.hpp"
@@ -21,7 +21,8 @@ constexpr double kNear = 0.06;
 // A linear step of a fit is trusted that far.
 constexpr double kLargestStep = 0.4;
 constexpr int kGaussNewtonRounds = 2;
-// Once effects explain that part of the excess, those whose gain at a first look was below the second number need no fit.
+// Once effects explain that part of the excess, those whose gain at a first look was below the second number need no
+// fit.
 constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
 // -2 log of the likelihood ratio below which an effect is not worth a parameter.
 constexpr double kLeastGain = 14.0;
@@ -53,8 +54,10 @@ struct EffectModel {
     EffectModel without(std::size_t effect) const;
     EffectModel first(std::size_t count) const;
     // How far to go with a strength for a finite difference.
-    double difference(Eigen::Index strength) const;
-    const std::string &id_of(Eigen::Index strength) const { return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id; }
+    double difference(Eigen::Index strength, double part = 1.0) const;
+    const std::string &id_of(Eigen::Index strength) const {
+        return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id;
+    }
 };
 
 // A step of strengths, each bounded; the largest one.
@@ -66,15 +69,19 @@ struct FittedParameter {
     double value = 0.0, low = 0.0, high = 0.0; // 95 % interval
 };
 
-// Parameters at strengths, their 95 % intervals from the strengths' standard deviations, which were estimated from so many replicates.
+// Parameters at strengths, their 95 % intervals from the strengths' standard deviations, which were estimated from so
+// many replicates.
 std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
                                                const Eigen::VectorXd &deviations, double replicates);
-// Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of the model do to it:
-// of the size of all changes together, and of each statistic on its own. change: of the mean statistics by the effects.
-Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &change);
+// Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of
+// the model do to it: of the size of all changes together, and of each statistic on its own. change: of the mean
+// statistics by the effects.
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
+                                    const Eigen::VectorXd &change);
 
-// By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before remains in a lagging
-// frame: of its light alone, or of what it was read as, with what had remained in it. Frames two apart are correlated by f^2 or not at all.
+// By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before
+// remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Frames two
+// apart are correlated by f^2 or not at all.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const EffectSettings &effects);
 
 // An effect that was weighed in a step of a search. Those that a first look put aside are not among them.
@@ -84,7 +91,7 @@ struct RankedEffect {
     double gain = 0.0;        // of the held-out squared distance
     double probability = 0.0; // among the effects of this step
     double distance_after = 0.0;
-    bool simulated = false;   // compared by replicates of its own
+    bool simulated = false; // compared by replicates of its own
 };
 // Probabilities from the gains, the most probable effect first.
 void weigh(std::vector<RankedEffect> &ranking);
@@ -95,7 +102,8 @@ struct SearchStep {
     GapTest residual;                  // after the step
 };
 
-// False if the simulator refuses what it was asked for: an effect beyond what a capture's geometry allows is no candidate.
+// False if the simulator refuses what it was asked for: an effect beyond what a capture's geometry allows is no
+// candidate.
 template <typename Work> bool possible(const Work &work) {
     try {
         work();

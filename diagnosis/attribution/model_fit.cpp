@@ -12,6 +12,9 @@ namespace {
 constexpr double kNoDoubt = 1e-9;
 // A round of a fit is taken back where the squared distance grew by that factor.
 constexpr double kMuchWorse = 1.5;
+// Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
+// usual ones.
+constexpr double kNothingMoved = 0.004, kFine = 0.15;
 
 Eigen::VectorXd pool_mean(const Pool &pool) {
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(pool.statistics.front().size());
@@ -38,7 +41,8 @@ void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double fro
 }
 
 Differences ModelFit::differences(const FittedModel &fitted) const {
-    Differences result{experiment_.real().first - fitted.model.first_mean(), experiment_.real().second - fitted.model.second_mean()};
+    Differences result{experiment_.real().first - fitted.model.first_mean(),
+                       experiment_.real().second - fitted.model.second_mean()};
     if (fitted.correction.size()) {
         result.first -= fitted.correction;
         result.second -= fitted.correction;
@@ -90,17 +94,19 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
     return sum;
 }
 
-Eigen::VectorXd ModelFit::slope(const EffectModel &model, Eigen::Index p, const Pool &pool, std::uint32_t seeds) const {
+Eigen::VectorXd ModelFit::slope(const EffectModel &model, Eigen::Index p, const Pool &pool, std::uint32_t seeds,
+                                double part) const {
     EffectModel moved = model;
     double &strength = moved.strengths[static_cast<std::size_t>(p)].strength;
     const double at = strength;
-    double step = model.difference(p);
+    double step = model.difference(p, part);
     strength = at + step;
     if (moved.settings() == pool.effects) { // at the end of its range
         step = -step;
         strength = at + step;
     }
-    return simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(p)), options_.seed, seeds).mean / step;
+    return simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(p)), options_.seed, seeds).mean /
+           step;
 }
 
 FittedModel ModelFit::fit_baseline(double to) {
@@ -112,7 +118,8 @@ FittedModel ModelFit::fit_baseline(double to) {
     replicate(replicates, options_.null_replicates, 0.0, to);
     FittedModel baseline;
     baseline.jacobian.resize(count, 0);
-    baseline.model = GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, Eigen::VectorXd::Zero(count));
+    baseline.model =
+        GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, Eigen::VectorXd::Zero(count));
     baseline.residual = baseline.model.test(experiment_.real());
     baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = baseline.model;
@@ -125,13 +132,34 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, std::uint32_t replicat
     return fit(model, pool, Eigen::MatrixXd(static_cast<Eigen::Index>(experiment_.count()), 0), replicates, at, at);
 }
 
+FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates,
+                          double from, double to) {
+    return fit(model, pool, known, model.strengths.size() == 1 ? 1 : kGaussNewtonRounds, 1.0, replicates, from, to);
+}
+
+void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    EffectModel moved = model;
+    if (move_strengths(moved, fitted.step) < kNothingMoved)
+        return;
+    Pool own;
+    FittedModel again;
+    const Eigen::MatrixXd unknown(static_cast<Eigen::Index>(experiment_.count()), 0);
+    if (!possible(
+            [&] { again = fit(moved, own, unknown, kGaussNewtonRounds, kFine, options_.model_replicates, at, at); }) ||
+        again.score >= fitted.score)
+        return;
+    model = std::move(moved);
+    pool = std::move(own);
+    fitted = std::move(again);
+}
+
 // Strengths by Gauss-Newton rounds, then replicates at the fitted strengths and a last, linear step.
-FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates, double from, double to) {
+FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, int rounds, double part,
+                          std::uint32_t replicates, double from, double to) {
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
     FittedModel fitted;
     Eigen::MatrixXd &jacobian = fitted.jacobian;
     jacobian.resize(static_cast<Eigen::Index>(experiment_.count()), parameters);
-    const int rounds = parameters == 1 ? 1 : kGaussNewtonRounds;
     // Where the round before was, and how near it came.
     EffectModel before = model;
     Pool pool_before;
@@ -146,7 +174,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd 
                 continue;
             }
             report(from, "fitting " + model.id_of(p));
-            jacobian.col(p) = slope(model, p, pool, options_.pool_seeds);
+            jacobian.col(p) = slope(model, p, pool, options_.pool_seeds, part);
         }
         // Common random numbers: the pool's change from the baseline's pool, on the mean of the baseline's replicates.
         const Covariance &covariance = baseline_.full();
@@ -168,7 +196,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd 
         pool_before = pool;
         jacobian_before = jacobian;
         square_before = square;
-        if (move_strengths(model, step) < kNear && known.cols() == 0) {
+        if (move_strengths(model, step) < part * kNear && known.cols() == 0) {
             model = before;
             break;
         }
@@ -180,16 +208,19 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd 
     return fitted;
 }
 
-void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates replicates, std::uint32_t count, double from, double to) {
+void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates replicates, std::uint32_t count,
+                     double from, double to) {
     if (replicates.draws.size() >= count)
         return;
     replicate(replicates, count, from, to);
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
-    const Eigen::VectorXd tolerance = kModelError * fitted.change.cwiseAbs() + reading_tolerance(experiment_.list(), fitted.effects);
+    const Eigen::VectorXd tolerance =
+        kModelError * fitted.change.cwiseAbs() + reading_tolerance(experiment_.list(), fitted.effects);
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
+    fitted.step = step;
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(experiment_.real());
     const Eigen::MatrixXd strays = fitted.model.strays(GapModel::Fit::kBoth);
@@ -201,7 +232,8 @@ void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates r
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
 }
 
-bool ModelFit::fit_prefixes(const EffectModel &model, std::size_t begin, std::vector<FittedModel> &models, FittedModel last, double at) {
+bool ModelFit::fit_prefixes(const EffectModel &model, std::size_t begin, std::vector<FittedModel> &models,
+                            FittedModel last, double at) {
     models.resize(begin);
     for (std::size_t n = begin + 1; n < model.effects.size(); ++n) {
         EffectModel part = model.first(n);

@@ -21,7 +21,7 @@ constexpr double kLeastPromise = 4.0;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 // Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
-constexpr double kExchangeBelow = 0.02;
+constexpr double kLittleLeft = 0.02;
 constexpr int kMostExchanges = 3;
 // A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
 // of chance.
@@ -52,7 +52,13 @@ class Search {
     // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
     bool grow(Path &path, const FittedModel &current, double from, double share);
 
+    // Little of the baseline's excess is left, but what is left is seldom by chance.
+    bool nearly_explained(const FittedModel &fitted) const {
+        return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * baseline_excess_;
+    }
+
     ModelFit &fits_;
+    double baseline_excess_ = 0.0;
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
 };
@@ -231,6 +237,8 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     for (std::size_t i = 1; i < fits.size(); ++i)
         if (fits[i].score < fits[best].score)
             best = i;
+    if (nearly_explained(fits[best]))
+        fits_.polish(models[best], pools[best], fits[best], from + share);
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
@@ -248,6 +256,7 @@ SearchResult Search::run() {
     SearchResult result;
     result.baseline = fits_.fit_baseline(0.3);
     const FittedModel &baseline = result.baseline;
+    baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
         Path path;
         path.pool = fits_.baseline_pool();
@@ -264,9 +273,7 @@ SearchResult Search::run() {
         };
         explain();
         for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-            if (path.models.size() < 2 || path.models.back().residual.p_value > kSeldom ||
-                fits_.excess_square(path.models.back()) > kExchangeBelow * fits_.excess_square(baseline) ||
-                !exchange(fits_, path, progress))
+            if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !exchange(fits_, path, progress))
                 break;
             explain();
         }

@@ -1,4 +1,5 @@
-// Which effects explain a capture: forward selection with parameters fitted on common random numbers, judged on the other half of the frames.
+// Which effects explain a capture: forward selection with parameters fitted on common random numbers, judged on the
+// other half of the frames.
 #pragma once
 
 #include "attribution/candidate.hpp"
@@ -24,8 +25,8 @@ struct SearchOptions {
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     std::uint32_t finalists = 3;
     std::uint32_t max_effects = 6;
-    double level = 0.02;            // of a false alarm
-    double residual_level = 0.005;  // of calling a right model wrong: there are several models to a capture
+    double level = 0.02;           // of a false alarm
+    double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
 };
 
 // The baseline with effects, simulated at its fitted parameters and tested.
@@ -36,7 +37,8 @@ struct FittedModel {
     GapTest residual;           // with the fitted parameters' directions taken out
     Eigen::MatrixXd jacobian;   // change of the statistics per unit of strength of each parameter
     Eigen::VectorXd change;     // of the mean statistics by the effects, without the correction
-    Eigen::VectorXd correction; // of the mean: the last, linear step of the fit
+    Eigen::VectorXd step;       // of each strength: the last, linear one of the fit
+    Eigen::VectorXd correction; // of the mean, by that step
     double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
 };
 
