@@ -24,6 +24,7 @@ from . import (
     depth_estimates,
     intensity_law,
     run_time,
+    scenes,
     sensor_noise,
     wavelength_shift,
 )
@@ -39,6 +40,7 @@ MODULES = (
     intensity_law,
     aperture_series,
     depth_estimates,
+    scenes,
 )
 EXPERIMENTS: list[Experiment] = [experiment for module in MODULES for experiment in module.EXPERIMENTS]
 
