@@ -22,6 +22,7 @@ from . import (
     beam_profile,
     decorrelation,
     depth_estimates,
+    doe_defects,
     intensity_law,
     run_time,
     scenes,
@@ -33,6 +34,7 @@ from .page import write_page
 
 MODULES = (
     wavelength_shift,
+    doe_defects,
     sensor_noise,
     decorrelation,
     beam_profile,
