@@ -20,6 +20,7 @@ from pathlib import Path
 from . import (
     aperture_series,
     beam_profile,
+    before_after,
     decorrelation,
     depth_estimates,
     doe_defects,
@@ -43,6 +44,7 @@ MODULES = (
     aperture_series,
     depth_estimates,
     scenes,
+    before_after,
 )
 EXPERIMENTS: list[Experiment] = [experiment for module in MODULES for experiment in module.EXPERIMENTS]
 
