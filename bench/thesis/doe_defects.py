@@ -6,8 +6,8 @@ import clspeckle
 import numpy as np
 from matplotlib.figure import Figure
 
-from . import theory
 from .experiment import Config, Experiment, Outcome, Progress, Verdict
+
 
 
 def binary_books(phase: np.ndarray, orders: np.ndarray, error: float) -> tuple[float, float]:

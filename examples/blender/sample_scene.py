@@ -1,5 +1,5 @@
-"""Builds a scene of Blender's own objects (Suzanne, torus, cone, sphere, cube, cylinder on a table before a wall), with a
-camera and a point light that is called "Laser".
+"""Builds a scene of Blender's own objects (Suzanne, torus, cone, sphere, cube, cylinder on a table before a wall), with
+a camera and a point light that is called "Laser".
 
     blender -b --factory-startup -noaudio -P examples/blender/sample_scene.py -P examples/blender/render_passes.py \\
         -- --output passes

@@ -272,7 +272,8 @@ def convert(options: argparse.Namespace) -> str:
     )
     return (
         f"{options.output}: {camera.width} x {camera.height}, depth {near:.3f} to {far:.3f} m, "
-        f"{1 - surface.mean():.1%} unknown, {1 - visible.sum() / surface.sum():.1%} of the surfaces in the laser's shadow, {dots.count} dots"
+        f"{1 - surface.mean():.1%} unknown, {1 - visible.sum() / surface.sum():.1%} of the surfaces in the laser's "
+        f"shadow, {dots.count} dots"
     )
 
 
