@@ -122,7 +122,7 @@ def without_noise(chain: Chain, title: str) -> tuple[list[Verdict], np.ndarray, 
     shift = texture_shift(chain)
     both = visible & np.isfinite(error)
     slope = float((error * shift)[both].sum() / (shift**2)[both].sum())
-    rest = spread(error[both] - shift[both]) / spread(error[both])
+    rest = float(np.sqrt(((error - slope * shift)[both] ** 2).sum() / (error[both] ** 2).sum()))
     verdicts = [
         Verdict(
             f"{title}: visible dots placed, without noise",
@@ -147,7 +147,7 @@ def without_noise(chain: Chain, title: str) -> tuple[list[Verdict], np.ndarray, 
             1.0,
             0.1,
             f"a changing albedo moves a dot's fit, to first order by 2 sum(x a G^2) / sum(a G^2): slope of errors over it, median {np.median(np.abs(error[both])):.3f} px; "
-            f"it explains all but {rest:.0%} of their spread",
+            f"{rest:.0%} of their RMS is left",
         ),
     ]
     return verdicts, error, amplitude / chain.config["read_noise_dn"]
