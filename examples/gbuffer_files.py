@@ -22,6 +22,8 @@ import make_pattern
 F_NUMBER = 5.6
 PIXEL_PITCH_M = 2.9e-6
 WAVELENGTH_M = 940e-9
+LARGEST_PATTERN = 8192  # texels along a side
+MOST_DOTS = 16384  # that `clspeckle depth` takes
 DOT_SIGMA_TEXELS = make_pattern.DOT_SIGMA_TEXELS
 
 
@@ -193,8 +195,20 @@ def dots_for(camera: Camera, laser_from_camera: np.ndarray, near_m: float, spaci
     # Beyond near_m a point of a ray tends to the direction of the ray itself.
     near = near_m * rays @ laser_from_camera[:, :3].T + laser_from_camera[:, 3]
     far = rays @ laser_from_camera[:, :3].T
+    if min(near[:, 2].min(), far[:, 2].min()) <= 0:
+        raise SceneError(
+            f"the laser stands behind what the camera sees, from {near_m:.3g} m on, or looks away from it: "
+            "put it beside the camera"
+        )
     seen = np.concatenate([near[:, :2] / near[:, 2:], far[:, :2] / far[:, 2:]])
     texel = sigma_px / DOT_SIGMA_TEXELS / camera.fx_px
     extent = np.ceil((np.abs(seen).max(axis=0) / texel + 5 * DOT_SIGMA_TEXELS) / 8) * 8 * texel
     density = (camera.fx_px / spacing_px) ** 2
-    return Dots(float(extent[0]), float(extent[1]), float(texel), round(4 * extent.prod() * density))
+    dots = Dots(float(extent[0]), float(extent[1]), float(texel), round(4 * extent.prod() * density))
+    if max(dots.shape) > LARGEST_PATTERN or dots.count > MOST_DOTS:
+        raise SceneError(
+            f"a pattern that fills the view needs {dots.shape[1]} x {dots.shape[0]} texels and {dots.count} dots, "
+            f"at most {LARGEST_PATTERN} and {MOST_DOTS} are possible: put the laser nearer to the camera, or take wider "
+            "dots farther apart, or fewer pixels"
+        )
+    return dots

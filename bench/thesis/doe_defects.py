@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from .experiment import Config, Experiment, Outcome, Progress, Verdict
 
 
-
 def binary_books(phase: np.ndarray, orders: np.ndarray, error: float) -> tuple[float, float]:
     """Zero order and sum of the wanted orders of a cell with two levels whose depth is 1 + error times what it should be.
 

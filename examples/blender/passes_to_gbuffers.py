@@ -5,8 +5,8 @@
     clspeckle render gbuffers/sequence.json -o frames --exposure-gain auto
 
 Blender's camera looks along -z with y up, and its normals and positions are the world's. Its depth pass is taken for
-what it is: the position pass tells whether it runs along the axis or along the rays. The laser's diffuse light tells what
-the laser sees.
+what it is: the position pass tells whether it runs along the axis or along the rays. The laser's diffuse light tells
+what the laser sees.
 """
 
 from __future__ import annotations
@@ -187,7 +187,8 @@ def main() -> int:
     print(
         f"{arguments.output}: depth {said['depth']}, reprojected to the position pass within "
         f"{said['position_error_m']:.1e} m (median); the laser's light falls as cos/d^2 within 1e-4 "
-        f"on {said['light_within_1e-4']:.1%} of the lit pixels; it sees {said['lit']:.1%} of the scene; {said['dots']} dots"
+        f"on {said['light_within_1e-4']:.1%} of the lit pixels; it sees {said['lit']:.1%} of the scene; "
+        f"{said['dots']} dots"
     )
     return 0
 

@@ -1,4 +1,4 @@
-"""Scenes from elsewhere: the G-buffers that the examples hold, and the scripts that made them, on maps and passes with known answers."""
+"""Scenes from elsewhere: the G-buffers that the examples hold, and the scripts that made them, with known answers."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_stored_sequences_are_sound(name: str) -> None:
     assert hit.mean() > 0.9
     length = np.linalg.norm(normals(frame), axis=-1)[hit]
     # Rounded for storage, never longer than 1 by more than a half's own rounding.
-    assert 0.95 < length.min()
+    assert length.min() > 0.95
     assert length.max() < 1.001
     # Towards the camera, but for steep surfaces whose normals are rounded to 1/32.
     assert (normals(frame) * rays).sum(axis=-1)[hit].max() < 0.06
@@ -144,12 +144,12 @@ def test_depth_map_gives_depth_normals_and_shadow(tmp_path: Path, photo: Path) -
         *("--disparity-scale", 4, "-o", out),
     )
     assert done.returncode == 0, done.stderr
-    _, frame, rays = sequence(out)
+    _, frame, _ = sequence(out)
     inverse = true_inverse()
     hole = np.zeros(SHAPE, bool)
     hole[5:9, 5:9] = True
     assert np.array_equal(frame["Z"] == 0, hole)
-    # Never farther off than half a step of the map, whose rounding is a quarter of a pixel, and smoother than it inside.
+    # Never farther off than a step of the map, a quarter of a pixel, and smoother than that inside.
     step = 0.25 / (FOCAL * BASELINE)
     error = np.where(hole, 0, 1 / np.where(hole, 1, frame["Z"]) - inverse)
     assert np.abs(error).max() < step
@@ -186,6 +186,7 @@ def test_depth_in_millimetres_gives_the_same_surfaces(tmp_path: Path, photo: Pat
         (["--disparity", "map.png"], "a disparity needs --baseline-m"),
         (["--disparity", "map.png", "--baseline-m", 0.1, "--disparity-offset-px", -1000], "no depth"),
         (["--depth", "small.png"], "they must be of the same view"),
+        (["--depth", "map.png", "--laser-x-m", 9], "put the laser nearer to the camera"),
         (["--depth", "map.png", "--jump", 2], "--jump must lie in"),
         (["--depth", "map.png", "--laser-x-m", 0], "the laser must stand beside the camera"),
         (["--depth", "map.png", "--width", 1], "--width must lie in 32 to 8192"),
@@ -210,7 +211,9 @@ def test_depth_map_refuses(tmp_path: Path, photo: Path, arguments: list, words: 
 WIDTH, HEIGHT, LENS = 64, 48, 50.0
 
 
-def save_passes(folder: Path, radial: bool = False, wall_m: float = 1.5, **changes: object) -> Path:
+def save_passes(
+    folder: Path, radial: bool = False, wall_m: float = 1.5, light: float = 0.25, **changes: object
+) -> Path:
     """A camera at (1, 2, 3) that looks along the world's +y, its x along the world's x; a wall at y = 2 + wall_m."""
     folder.mkdir(exist_ok=True)
 
@@ -241,8 +244,8 @@ def save_passes(folder: Path, radial: bool = False, wall_m: float = 1.5, **chang
     points = np.stack([1 + wall_m * u, np.full(u.shape, 2 + wall_m), 3 + wall_m * v], axis=-1)
     way = np.array([1.08, 2, 3]) - points
     distance = np.linalg.norm(way, axis=-1)
-    light = 0.25 * -way[..., 1] / distance**3
-    light[10:20, 10:20] = 0  # something that is not in the picture stands before the laser
+    shining = light * -way[..., 1] / distance**3
+    shining[10:20, 10:20] = 0  # something that is not in the picture stands before the laser
     depth = wall_m * (np.sqrt(1 + u**2 + v**2) if radial else np.ones(u.shape))
     depth[0, 0] = 1e10
     planes = {
@@ -250,7 +253,7 @@ def save_passes(folder: Path, radial: bool = False, wall_m: float = 1.5, **chang
         **{f"Normal.{axis}": np.full(u.shape, value) for axis, value in zip("XYZ", (0.0, -1.0, 0.0))},
         **{f"Position.{axis}": points[..., i] for i, axis in enumerate("XYZ")},
         **{f"DiffCol.{part}": np.full(u.shape, 0.6) for part in "RGB"},
-        **{f"DiffDir.{part}": light for part in "RGB"},
+        **{f"DiffDir.{part}": shining for part in "RGB"},
         "IndexMA.X": np.ones(u.shape),
     }
     channels = {f"ViewLayer.{name}": np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
@@ -297,6 +300,9 @@ def test_passes_are_refused(tmp_path: Path) -> None:
     assert "contradict each other" in said(save_passes(tmp_path / "lens", lens_mm=40.0))
     assert "64 x 48 pixels, view.json says 64 x 40" in said(save_passes(tmp_path / "size", height=40))
     assert "pixels must be square" in said(save_passes(tmp_path / "aspect", pixel_aspect=[1, 2]))
+    behind = [[1.0, 0, 0, 1.0], [0, 0, -1, 6.0], [0, 1, 0, 3.0], [0, 0, 0, 1]]
+    assert "the laser lights nothing" in said(save_passes(tmp_path / "dark", light=0.0))
+    assert "put it beside the camera" in said(save_passes(tmp_path / "behind", world_from_laser=behind))
     assert "no channel 'Other.Depth.Z'" in said(save_passes(tmp_path / "layer", layer="Other"))
     bare = save_passes(tmp_path / "bare")
     (bare / "view.json").write_text('{"layer": "ViewLayer"}')
