@@ -16,15 +16,12 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-sys.path.insert(0, str(Path(__file__).resolve().parent / "office"))
-import make_pattern
-
 F_NUMBER = 5.6
 PIXEL_PITCH_M = 2.9e-6
 WAVELENGTH_M = 940e-9
 LARGEST_PATTERN = 8192  # texels along a side
 MOST_DOTS = 16384  # that `clspeckle depth` takes
-DOT_SIGMA_TEXELS = make_pattern.DOT_SIGMA_TEXELS
+DOT_SIGMA_TEXELS = 2.5
 
 
 class SceneError(Exception):
@@ -57,7 +54,7 @@ class Dots:
     half_extent_y: float
     texel: float
     count: int
-    seed: int = make_pattern.SEED
+    seed: int = 940
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -123,6 +120,10 @@ def read_channels(path: Path) -> dict[str, np.ndarray]:
 
 def write_pattern(folder: Path, dots: Dots) -> np.ndarray:
     """pattern.png, and the dots' directions (x/z, y/z in the laser's frame) as dots.txt for `clspeckle depth`."""
+    # Not at the top: SciPy takes longer to load than a wrong option to refuse.
+    sys.path.insert(0, str(Path(__file__).resolve().parent / "office"))
+    import make_pattern
+
     height, width = dots.shape
     margin = 4.0 * DOT_SIGMA_TEXELS
     centres = make_pattern.dot_centers(dots.count, width, height, margin, dots.seed)
@@ -208,7 +209,7 @@ def dots_for(camera: Camera, laser_from_camera: np.ndarray, near_m: float, spaci
     if max(dots.shape) > LARGEST_PATTERN or dots.count > MOST_DOTS:
         raise SceneError(
             f"a pattern that fills the view needs {dots.shape[1]} x {dots.shape[0]} texels and {dots.count} dots, "
-            f"at most {LARGEST_PATTERN} and {MOST_DOTS} are possible: put the laser nearer to the camera, or take wider "
-            "dots farther apart, or fewer pixels"
+            f"at most {LARGEST_PATTERN} and {MOST_DOTS} are possible: put the laser nearer to the camera, or take "
+            "wider dots farther apart, or fewer pixels"
         )
     return dots
