@@ -20,10 +20,13 @@ from pathlib import Path
 from . import (
     aperture_series,
     beam_profile,
+    before_after,
     decorrelation,
     depth_estimates,
+    doe_defects,
     intensity_law,
     run_time,
+    scenes,
     sensor_noise,
     wavelength_shift,
 )
@@ -32,6 +35,7 @@ from .page import write_page
 
 MODULES = (
     wavelength_shift,
+    doe_defects,
     sensor_noise,
     decorrelation,
     beam_profile,
@@ -39,6 +43,8 @@ MODULES = (
     intensity_law,
     aperture_series,
     depth_estimates,
+    scenes,
+    before_after,
 )
 EXPERIMENTS: list[Experiment] = [experiment for module in MODULES for experiment in module.EXPERIMENTS]
 

@@ -23,9 +23,8 @@ library, each with a verdict: a number that was measured beside the one that the
 
 ASSUMPTIONS = """## Figures elsewhere
 
-- Fig. 16, what the beam splitter does to the light, and Fig. 5 from a diffractive element's own phase: [doe.md](doe.md).
+- Fig. 5 and 16 from a diffractive element's own phase, without a camera: [doe.md](doe.md).
 - Fig. 22 to 24 beside real speckle: [motion.md](motion.md).
-- Fig. 39, before and after: the office desk of the [README](../README.md).
 - Fig. 25, airflow: [optics.md](optics.md). Fig. 36 shows measurements, of which the thesis gives no numbers.
 
 ## What the thesis leaves out, and what was assumed

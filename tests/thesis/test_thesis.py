@@ -38,6 +38,9 @@ SMALL = {
     "wavelength_shift": {"shape": [160, 240]},
     "depth_consistency": {"shape": [240, 320], "dots": 375, "frames": 12},
     "depth_f_number": {"shape": [240, 320], "dots": 375, "frames": 2},
+    "doe_defects": {"cell": [256, 256], "dots": 800, "twin_dots": 400, "image_px": 180, "frames": 50},
+    "scenes": {"scenes": ["depth_map"]},
+    "before_after": {"crop": [0, 0, 320, 240]},
     "run_time": {"sides": [16, 64, 128], "pixels_each": 1e5, "fit_from_side": 64},
 }
 
