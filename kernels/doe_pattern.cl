@@ -7,7 +7,7 @@ static inline float sinc(float x) {
 }
 
 // The phase as manufactured, at `samples` x `samples` points for each pixel. levels 0: as it is;
-// else multiples of 2 pi / levels above zero_level, which is taken off.
+// else multiples of 2 pi / levels above zero_level, which is taken off: the least phase, wherever a cell that repeats begins.
 __kernel void doe_height(__global const float *phase, uint width, uint height, uint samples, uint levels, float zero_level,
                          __global float *result) {
     const uint x = get_global_id(0), y = get_global_id(1);

@@ -339,23 +339,30 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
         data[k] = value;
         ++used;
     }
+    bool alone = true;
     // Their light matters as far as their windows reach. In the order of the pixels, whatever the order in which dots were counted.
     for (int y = max(py - 2 * WINDOW, 0); y <= min(py + 2 * WINDOW, height - 1); ++y)
         for (int x = max(px - 2 * WINDOW, 0); x <= min(px + 2 * WINDOW, width - 1); ++x) {
             const uint other = map[(ulong)y * width + x];
             if (other == 0 || other == dot + 1)
                 continue;
+            alone = false;
             float q[STATE];
             for (int i = 0; i < STATE; ++i)
                 q[i] = before[(ulong)(other - 1) * STATE + i];
             const float ox = convert_float(x - px), oy = convert_float(y - py);
             const float dx = ox + q[1] - start[1], dy = oy + q[2] - start[2];
-            if (dx * dx + dy * dy < 6.25f * sigma * sigma)
+            if (dx * dx + dy * dy < 12.25f * sigma * sigma) // nearer than 3.5 sigma the passes do not converge
                 flags |= FLAG_MERGED;
             for (int k = 0; k < PIXELS; ++k)
                 if (data[k] != EXCLUDED)
                     data[k] -= dot_at(q, convert_float(k % SIDE - WINDOW) - ox, convert_float(k / SIDE - WINDOW) - oy);
         }
+    __global float *s = after + (ulong)dot * STATE;
+    for (int i = 0; i < STATE; ++i)
+        s[i] = start[i];
+    if (alone && start[7] == 1.0f && !last) // nothing new since its fit
+        return;
     for (int k = 0; k < PIXELS; ++k)
         if (data[k] != EXCLUDED)
             data[k] = (data[k] - base) * inverse_unit;
@@ -378,9 +385,6 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
         if (good)
             flags |= FLAG_FIXED_SHAPE;
     }
-    __global float *s = after + (ulong)dot * STATE;
-    for (int i = 0; i < STATE; ++i)
-        s[i] = start[i];
     if (good) {
         s[0] = p[0] * unit;
         for (int i = 1; i < 6; ++i)

@@ -12,7 +12,7 @@ namespace clsp {
 namespace {
 
 constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of dot_detector.cl
-constexpr int kPasses = 4;                      // neighbours' light is taken off ever more exactly
+constexpr int kPasses = 12;                     // neighbours' light is taken off ever more exactly
 constexpr int kMaxIterations = 20;              // of one fit in one pass
 constexpr double kMergedSigma = 1.6;            // wider than so many expected ones: two dots in one
 

@@ -210,7 +210,11 @@ std::vector<Identity> identify(const std::vector<DetectedDot> &dots, const std::
         identity.dot = likeliest.dot;
         identity.confidence = likeliest.belief;
         identity.place = likeliest.place;
-        if (likeliest.belief >= p.min_confidence) {
+        // Candidates may lie beyond the range by what speckle moves a dot, so that they vote; depths may not.
+        const double beyond = std::max(likeliest.q_low - likeliest.place.q, likeliest.place.q - likeliest.q_high);
+        if (likeliest.belief >= p.min_confidence && beyond > 3.0 * likeliest.place.q_sd) {
+            identity.reason = DepthReason::kNoCandidate;
+        } else if (likeliest.belief >= p.min_confidence) {
             identity.reason = DepthReason::kPlaced;
             claims.push_back({likeliest.dot, likeliest.belief, std::abs(likeliest.place.error), i});
         } else {

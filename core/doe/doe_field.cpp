@@ -123,7 +123,7 @@ void DoeField::make_design() {
         .add(cl_uint{p.height})
         .add(cl_uint{element_.samples})
         .add(cl_uint{p.defects.levels})
-        .add(cl_float{element_.phase[0]})
+        .add(cl_float{*std::min_element(element_.phase.begin(), element_.phase.end())})
         .add(design_.get());
     chain.run(kStage, make, width, height);
     DeviceBuffer between, taps;

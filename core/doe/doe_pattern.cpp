@@ -14,6 +14,8 @@ namespace {
 
 // A beam may lose this share of its power at the DOE's edge.
 constexpr double kLargestLoss = 0.01;
+// Parts of spots that are added to texels; minutes.
+constexpr double kMostSums = 2e10;
 
 void check_beam(const DoeElement &element, const BeamProfile &beam, const SpotShape &spot) {
     const DoePatternParameters &p = element.parameters;
@@ -37,6 +39,18 @@ void check_beam(const DoeElement &element, const BeamProfile &beam, const SpotSh
         return;
     }
     const double cell_x = p.width * p.pixel_pitch_m, cell_y = p.height * p.pixel_pitch_m;
+    // Orders that reach a texel, over all texels.
+    const auto reaching = [&](double half_extent, std::uint32_t texels, double half_spot_per_m, double cell) {
+        return (2 * half_extent / texels / element.mean_wavelength_m + 2 * half_spot_per_m) * cell + 1;
+    };
+    const double sums = double(p.image_width) * p.image_height *
+                        reaching(p.half_extent_x, p.image_width, spot.half_u_per_m, cell_x) *
+                        reaching(p.half_extent_y, p.image_height, spot.half_v_per_m, cell_y);
+    if (sums > kMostSums)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("a cell of {:g} x {:g} m has so many orders that {:.1e} spots would be summed, at most "
+                                "{:.0e} are; take a smaller cell, a smaller extent, or evaluation APERTURE",
+                                cell_x, cell_y, sums, kMostSums));
     // A cell of one pixel in a row does not split along that axis.
     if ((p.width > 1 && cell_x * 2 * spot.half_u_per_m > 1) || (p.height > 1 && cell_y * 2 * spot.half_v_per_m > 1))
         throw Error(Status::kInvalidArgument,

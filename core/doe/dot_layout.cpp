@@ -12,7 +12,7 @@
 namespace clsp {
 namespace {
 
-constexpr double kHalfTurn = 1.5707963267948966; // a right angle, in radians
+constexpr double kQuarterTurn = 1.5707963267948966; // in radians
 // The densest packing of discs, and how much of the least distance that just fits the automatic one takes.
 constexpr double kHexagonal = 1.0745699318235418;
 constexpr double kSlack = 0.95;
@@ -55,7 +55,7 @@ Region checked_region(const DotLayoutParameters &p) {
     check_positive(p.wavelength_m, "wavelength_m");
     for (const auto &[angle, name] :
          {std::pair{p.half_angle_x_rad, "half_angle_x_rad"}, std::pair{p.half_angle_y_rad, "half_angle_y_rad"}})
-        if (!(angle > 0.0 && angle < kHalfTurn))
+        if (!(angle > 0.0 && angle < kQuarterTurn))
             throw Error(Status::kInvalidArgument,
                         fmt::format("{} is {}, it must be above 0 and below 90 degrees (pi / 2)", name, angle));
     Region region;

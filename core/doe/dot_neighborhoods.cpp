@@ -1,7 +1,10 @@
 #include "doe/dot_neighborhoods.hpp"
 
+#include "runtime/error.hpp"
+
 #include <algorithm>
 #include <cmath>
+#include <fmt/core.h>
 #include <numeric>
 
 namespace clsp {
@@ -9,6 +12,8 @@ namespace {
 
 // Squares of the grid along an axis; few dots do not need many.
 constexpr double kMostSquares = 2048.0;
+// Neighbours of all dots that are kept at once: 800 MB.
+constexpr std::size_t kMostNeighbors = 50000000;
 
 // Sorted by u, so that partners are found by walking along both lists.
 using Neighborhood = std::vector<Direction>;
@@ -76,6 +81,7 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         grid.add(placed, d);
     NeighborhoodMeasure measure;
     std::vector<Neighborhood> neighborhoods(dots.size());
+    std::size_t held = 0;
     for (std::size_t i = 0; i < dots.size(); ++i) {
         grid.near(dots[i], rules.radius, [&](std::uint32_t j) {
             const Direction offset{dots[j].u - dots[i].u, dots[j].v - dots[i].v};
@@ -84,6 +90,13 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         });
         std::sort(neighborhoods[i].begin(), neighborhoods[i].end(),
                   [](const Direction &a, const Direction &b) { return a.u < b.u || (a.u == b.u && a.v < b.v); });
+        held += neighborhoods[i].size();
+        if (held > kMostNeighbors)
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("within neighborhood_radius {:g} the first {} of {} dots have more than {} neighbours "
+                            "together; take a smaller radius, some three times the dots' spacing",
+                            rules.radius, i + 1, dots.size(), kMostNeighbors));
         measure.mean_neighbors += double(neighborhoods[i].size()) / double(dots.size());
     }
     std::vector<std::size_t> by_row(dots.size());

@@ -325,15 +325,43 @@ def test_lattices_are_called_ambiguous(context, measured):
     assert np.count_nonzero(result.pattern["reason"] == _library.CLSP_DEPTH_REASON_AMBIGUOUS) > 100
 
 
-@pytest.mark.parametrize("apart", [3.2, 3.6])
+@pytest.mark.parametrize("apart", [3.2, 3.6, 4.6])
 def test_merged_dots_are_flagged(context, apart):
-    """Nearer than 2.5 sigma."""
+    """Nearer than 3.5 sigma."""
     shape = (64, 64)
     places = [(32 - apart / 2, 32.2), (32 + apart / 2, 32.2)]
     image = clspeckle.Dots(shape, places, sigma_px=1.5, scale=100, context=context).render()
     dots = clspeckle.Depth(shape, dot_sigma_px=1.5, context=context).measure(image).dots
     assert len(dots) >= 1
     assert (dots["flags"] & (_library.CLSP_DOT_MERGED | _library.CLSP_DOT_FIT_FAILED)).all()
+
+
+@pytest.mark.parametrize("apart", [4.6, 4.8, 5.2])
+def test_close_dots_have_honest_deviations(context, apart):
+    """Two equal dots of 1.3 px at 3.5 widths and more: 40 draws of noise. The errors over their deviations, 80 of them along x, have an RMS of 1
+    within 0.25 (3 standard errors), and some more for the bias that is left at 3.5 widths; nothing is flagged."""
+    rng = np.random.default_rng(84)
+    finder = clspeckle.Depth((40, 60), dot_sigma_px=1.3, read_noise_dn=2, context=context)
+    y, x = np.mgrid[:40, :60]
+    ideal = sum(200 * np.exp(-((x - c) ** 2 + (y - 20.2) ** 2) / (2 * 1.3**2)) for c in (25.3, 25.3 + apart))
+    pulls = []
+    for _ in range(40):
+        dots = finder.measure(ideal + rng.normal(0, 2, ideal.shape)).dots
+        assert len(dots) == 2
+        assert not dots["flags"].any()
+        found = np.sort(dots, order="x_px")
+        deviation = np.sqrt(np.array([c[0] for c in found["covariance_px2"]]))
+        pulls += list((found["x_px"] - (25.3, 25.3 + apart)) / deviation)
+    assert 0.75 < np.sqrt(np.mean(np.square(pulls))) < 1.35
+
+
+def test_depths_end_where_the_range_does(context):
+    """A wall at 2 m lies 0.36 px beyond a range that ends at 1.95 m: within the slack that speckle needs for candidates, and yet without depths."""
+    frame = frame_of("far wall").image.astype(np.float32)
+    inside, outside = (make(context, far_m=far_m).measure(frame) for far_m in (2.05, 1.95))
+    assert len(inside.placed) > 0.9 * len(inside.dots)
+    assert len(outside.placed) < 0.02 * len(outside.dots)
+    assert (outside.dots["reason"] == _library.CLSP_DEPTH_REASON_NO_CANDIDATE).mean() > 0.9
 
 
 def test_direction_cosines_are_the_same_dots(context):

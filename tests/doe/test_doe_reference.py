@@ -153,6 +153,25 @@ def test_a_design_keeps_its_own_levels(context):
     assert np.allclose(limited.texels, plain.texels, rtol=1e-4, atol=1e-5 * plain.texels.max())
 
 
+def test_levels_do_not_depend_on_where_a_cell_begins(context):
+    """Orders of a cell that repeats: rolled, it has the same powers, with a depth error too; and levels that are there stay as they are."""
+    defects = clspeckle.DoeDefects(levels=8, relative_depth_error=0.1)
+    orders = [[m, n] for m in range(-3, 4) for n in range(-3, 4)]
+    rng = np.random.default_rng(78)
+    on_levels = (rng.integers(0, 8, (16, 16)) * (2 * np.pi / 8)).astype(np.float32)
+    on_levels[0, 0] = 5 * 2 * np.pi / 8
+    for phase in (on_levels, random_cell()):
+        shares = [
+            pattern_of(context, np.roll(phase, roll, axis=(0, 1)), orders=orders, defects=defects).dot_shares
+            for roll in (0, 1, 5)
+        ]
+        assert shares[1] == pytest.approx(shares[0], abs=1e-6)
+        assert shares[2] == pytest.approx(shares[0], abs=1e-6)
+    plain = pattern_of(context, on_levels, orders=orders, defects=clspeckle.DoeDefects(relative_depth_error=0.1))
+    limited = pattern_of(context, on_levels, orders=orders, defects=defects)
+    assert limited.dot_shares == pytest.approx(plain.dot_shares, abs=1e-6)
+
+
 @pytest.mark.parametrize("wavelength", [910e-9, 940e-9, 980e-9])
 def test_wavelength_moves_and_spoils_dots(context, wavelength):
     """Thesis Fig. 5: directions go with the wavelength; the depth, a length, is wrong for it. Centroid of the dot to 1e-3."""
@@ -424,6 +443,10 @@ REFUSED = {
     "negative noise": ({"defects": clspeckle.DoeDefects(etch_noise_rms_m=-1e-9)}, "etch_noise_rms_m"),
     "no power": ({"power_w": 0.0}, "power_w"),
     "extent": ({"half_extent": 1.5}, "half_extent_x"),
+    "endless orders": (
+        {"phase": np.zeros((1, 1), np.float32), "pitch": 0.3, "half_extent": 1.0, "image_shape": (8, 8)},
+        "smaller cell",
+    ),
 }
 
 

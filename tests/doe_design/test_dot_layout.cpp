@@ -138,6 +138,11 @@ TEST(DotLayout, BadDescriptionsAreRefused) {
     });
     refused("diffraction limit", [](D &d) { d.beam_diameter_m = 20e-6; });
     refused("tolerance", [](D &d) { d.tolerance = 0.5; });
+    refused("take a smaller radius", [](D &d) {
+        d.lattice = 0;
+        d.count = 8000;
+        d.neighborhood_radius = 2.0;
+    });
     refused("min_difference", [](D &d) { d.min_difference = 1.5; });
     auto d = desc();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "NULL", clspDotLayoutCreate(&d, nullptr, nullptr, nullptr));

@@ -51,7 +51,7 @@ extern "C" {
 /** @{ */
 #define CLSP_DOT_SATURATED 1u  /**< Pixels within 2.5 dot_sigma_px are at saturation_dn or above; they are left out of the fit. */
 #define CLSP_DOT_BORDER 2u     /**< The window is cut by the image's border. */
-#define CLSP_DOT_MERGED 4u     /**< Another dot within 2.5 dot_sigma_px, or wider than 1.6 dot_sigma_px. */
+#define CLSP_DOT_MERGED 4u     /**< Another dot within 3.5 dot_sigma_px, or wider than 1.6 dot_sigma_px. */
 #define CLSP_DOT_FIT_FAILED 8u /**< No fit; the centre is that of the pixel, or of the last pass. */
 #define CLSP_DOT_FIXED_SHAPE 16u /**< No ellipse fits; fitted as a round dot of dot_sigma_px: place, amplitude and background. */
 /** @} */

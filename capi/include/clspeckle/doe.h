@@ -18,7 +18,7 @@
  *
  * Defects (ClspDoeDefects, and lines of other wavelengths), lambda_0 the design's wavelength, n the refractive index:
  *     phase -> (1 + relative_depth_error) (lambda_0 / lambda) (n(lambda) - 1) / (n(lambda_0) - 1) phase,
- *     levels L: the phase above phase[0][0] is rounded to multiples of 2 pi / L (L = 2 is a binary design: 0 or pi);
+ *     levels L: the phase above its least value is rounded to multiples of 2 pi / L (L = 2 is a binary design: 0 or pi);
  *     rounding_sigma_m: the depths are blurred by a Gaussian (each pixel is sampled `feature_samples` times along each side);
  *     etch_noise_rms_m, sigma: every pixel's depth has an independent normal error: a phase error of RMS
  *     s = 2 pi (n - 1) sigma / lambda. The share 1 - exp(-s^2) of the light is scattered evenly under the pixel's envelope.
@@ -131,7 +131,7 @@ CLSP_API ClspStatus clspDoePatternDescInit(ClspDoePatternDesc *desc, uint32_t st
  * Fails with CLSP_ERROR_INVALID_ARGUMENT where the description contradicts itself (a beam larger than the DOE, a cell larger than the
  * DOE, spots that overlap, wanted directions beyond 90 degrees), CLSP_ERROR_INVALID_DATA for phases that are not finite or not on
  * design_levels, and CLSP_ERROR_OUT_OF_MEMORY, naming the need, if it does not fit.
- * Device memory: 4 bytes for each texel; 16 bytes for each sample of the design (20 with rounding) in ORDERS; 8 bytes for each sample of
+ * Device memory: 4 bytes for each texel; 16 bytes for each sample of the design in ORDERS; 8 bytes for each sample of
  * the aperture and 4 (8) for each of the design in APERTURE; and as much as the Fourier transform asks for.
  */
 CLSP_API ClspStatus clspDoePatternCreate(ClspContext context, const ClspDoePatternDesc *desc, ClspDoePattern *pattern);
