@@ -13,7 +13,7 @@ namespace {
 // Squares of the grid along an axis; few dots do not need many.
 constexpr double kMostSquares = 2048.0;
 // Neighbours of all dots that are kept at once: 800 MB.
-constexpr std::size_t kMostNeighbors = 50000000;
+constexpr double kMostNeighbors = 5e7;
 
 // Sorted by u, so that partners are found by walking along both lists.
 using Neighborhood = std::vector<Direction>;
@@ -74,6 +74,14 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         half_u = std::max(half_u, std::abs(d.u));
         half_v = std::max(half_v, std::abs(d.v));
     }
+    constexpr double kPi = 3.14159265358979323846;
+    const double count = double(dots.size()), area = std::max(4.0 * half_u * half_v, 1e-24);
+    const double neighbors = count * std::min(count, count * kPi * rules.radius * rules.radius / area);
+    if (neighbors > kMostNeighbors)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("within neighborhood_radius {:g} {} dots have some {:.1e} neighbours together, at most "
+                                "{:.0e} are compared; take a smaller radius, some three times the dots' spacing",
+                                rules.radius, dots.size(), neighbors, kMostNeighbors));
     DirectionGrid grid(std::max(half_u, 1e-12), std::max(half_v, 1e-12), rules.radius);
     std::vector<Direction> placed;
     placed.reserve(dots.size());
@@ -81,7 +89,6 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         grid.add(placed, d);
     NeighborhoodMeasure measure;
     std::vector<Neighborhood> neighborhoods(dots.size());
-    std::size_t held = 0;
     for (std::size_t i = 0; i < dots.size(); ++i) {
         grid.near(dots[i], rules.radius, [&](std::uint32_t j) {
             const Direction offset{dots[j].u - dots[i].u, dots[j].v - dots[i].v};
@@ -90,13 +97,6 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         });
         std::sort(neighborhoods[i].begin(), neighborhoods[i].end(),
                   [](const Direction &a, const Direction &b) { return a.u < b.u || (a.u == b.u && a.v < b.v); });
-        held += neighborhoods[i].size();
-        if (held > kMostNeighbors)
-            throw Error(
-                Status::kInvalidArgument,
-                fmt::format("within neighborhood_radius {:g} the first {} of {} dots have more than {} neighbours "
-                            "together; take a smaller radius, some three times the dots' spacing",
-                            rules.radius, i + 1, dots.size(), kMostNeighbors));
         measure.mean_neighbors += double(neighborhoods[i].size()) / double(dots.size());
     }
     std::vector<std::size_t> by_row(dots.size());
