@@ -107,27 +107,48 @@ void print_frames(const std::vector<DepthFrame> &frames, Console &console) {
     console.result("\n" + table(rows));
 }
 
+/** True for what write_depth_pictures() may write into the folder. */
+bool is_picture(const std::string &file, const std::string &folder) {
+    std::error_code code; // a link and what it leads to
+    const auto has_picture_name = [&](const std::filesystem::path &path) {
+        const std::string name = path.filename().string();
+        const bool overlay = name.rfind("overlay_", 0) == 0 && path.extension() == ".png";
+        const bool depth = name.rfind("depth_", 0) == 0 && path.extension() == ".npy";
+        return (overlay || depth) && same_file(path.parent_path().empty() ? "." : path.parent_path().string(), folder);
+    };
+    return has_picture_name(file) || has_picture_name(std::filesystem::weakly_canonical(file, code));
+}
+
 /** An output that is an input would be lost. */
 void refuse_replacing(const DepthArguments &arguments, const std::vector<std::string> &files) {
     std::vector<std::string> inputs = files;
     inputs.insert(inputs.end(), {arguments.dots, arguments.geometry});
-    for (const std::string &output : {arguments.csv, arguments.npy})
-        for (const std::string &input : inputs) {
-            std::error_code code; // what does not exist is no input
-            if (!output.empty() && std::filesystem::equivalent(output, input, code))
+    for (const auto &[output, option] : {std::pair(arguments.csv, "--csv"), std::pair(arguments.npy, "--npy")}) {
+        if (output.empty())
+            continue;
+        for (const std::string &input : inputs)
+            if (same_file(output, input))
                 throw InputError(
-                    fmt::format("{}: is an input, which the output would replace; name another file", output));
-        }
-    if (!arguments.csv.empty() && arguments.csv == arguments.npy)
+                    fmt::format("{}: is an input, which {} would replace; name another file", output, option));
+        if (!arguments.pictures.empty() && is_picture(output, arguments.pictures))
+            throw InputError(fmt::format("{}: is a name that --pictures takes; name another file", output));
+    }
+    if (!arguments.csv.empty() && !arguments.npy.empty() && same_file(arguments.csv, arguments.npy))
         throw InputError(fmt::format("{}: --csv and --npy name the same file", arguments.csv));
+    if (!arguments.pictures.empty())
+        for (const std::string &input : inputs)
+            if (is_picture(input, arguments.pictures))
+                throw InputError(
+                    fmt::format("{}: is an input, which --pictures might replace; name another folder", input));
 }
 
 } // namespace
 
 void run_depth(DepthArguments &arguments, Console &console) {
     ClspDepthDesc &desc = arguments.desc;
-    const std::vector<double> directions = read_directions(arguments.dots);
+    DotDirections dots = read_directions(arguments.dots);
     read_geometry(arguments.geometry, desc);
+    const std::vector<double> directions = projected(std::move(dots), desc.projection, arguments.dots);
     desc.near_m = arguments.near_m.value_or(desc.near_m);
     desc.far_m = arguments.far_m.value_or(desc.far_m);
     desc.directions = directions.data();
@@ -138,6 +159,9 @@ void run_depth(DepthArguments &arguments, Console &console) {
         for (std::string &file : expand(argument, Purpose::measurement))
             files.push_back(std::move(file));
     refuse_replacing(arguments, files);
+    for (const std::string &output : {arguments.csv, arguments.npy})
+        if (!output.empty())
+            const image_io::AtomicFile probe(output); // fails before the work, not after it
     std::uint64_t total = 0, done = 0;
     for (const std::string &file : files) {
         const auto reader = image_io::open(file, {arguments.channel});
@@ -157,7 +181,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
     const clspeckle::Depth depth(context, desc);
     const clspeckle::Buffer buffer(context, std::uint64_t{desc.width} * desc.height * sizeof(float));
     if (!arguments.pictures.empty())
-        make_output_folder(arguments.pictures);
+        make_output_folder(arguments.pictures, "--pictures");
 
     std::vector<DepthFrame> frames;
     std::vector<std::string> warnings;

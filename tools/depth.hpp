@@ -49,9 +49,17 @@ struct DepthFrame {
     std::vector<ClspDepthPatternDot> pattern;
 };
 
+/** Directions of the pattern's dots. */
+struct DotDirections {
+    std::vector<double> values;     ///< x, y of each.
+    bool direction_cosines = false; ///< As layouts and designs have them, whatever the geometry's projection is.
+};
+
 /** Reads x and y of each dot: two numbers in a line, with a comma or a space between, # begins a comment; or an NPY
- * array. */
-std::vector<double> read_directions(const std::string &path);
+ * array; or the JSON of `doe layout` or `doe design`. */
+DotDirections read_directions(const std::string &path);
+/** The directions as the geometry's projection (CLSP_PROJECTION_*) has them. */
+std::vector<double> projected(DotDirections directions, std::uint32_t projection, const std::string &path);
 /** Reads camera, laser, projection and range of depth of a sequence.json, or of a file with the same members. */
 void read_geometry(const std::string &path, ClspDepthDesc &desc);
 

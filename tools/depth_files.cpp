@@ -1,5 +1,6 @@
 #include "depth.hpp"
 
+#include "doe_files.hpp"
 #include "errors.hpp"
 #include "files.hpp"
 #include "output.hpp"
@@ -82,6 +83,34 @@ void mark(std::vector<std::uint8_t> &pixels, const image_io::Plane &plane, long 
         pixels[std::size_t(y) * plane.width + std::size_t(x)] = value;
 }
 
+/** The begin of a text that may be anything, for a message. */
+std::string quotation(const std::string &text) {
+    constexpr std::size_t most = 40;
+    std::string shown;
+    for (const char c : text.substr(0, most))
+        shown += c >= ' ' && c <= '~' ? c : '?';
+    return text.size() > most ? shown + "..." : shown;
+}
+
+/** The numbers of a line; one that is no number comes back as NaN, and ends it. */
+std::vector<double> numbers_of(const std::string &line) {
+    constexpr const char *separators = " ,;\t\r";
+    std::vector<double> numbers;
+    for (std::size_t at = line.find_first_not_of(separators); at != std::string::npos;) {
+        const std::size_t end = std::min(line.find_first_of(separators, at), line.size());
+        const bool plus = line[at] == '+' && end - at > 1 && line[at + 1] != '-'; // which from_chars refuses
+        double value = 0.0;
+        const auto result = std::from_chars(line.data() + at + plus, line.data() + end, value);
+        if (result.ec != std::errc() || result.ptr != line.data() + end) {
+            numbers.push_back(std::numeric_limits<double>::quiet_NaN());
+            break;
+        }
+        numbers.push_back(value);
+        at = line.find_first_not_of(separators, end);
+    }
+    return numbers;
+}
+
 double number_at(const Json &json, const std::string &path, const char *section, const char *name) {
     if (!json.is_object() || !json.contains(name))
         throw InputError(fmt::format("{}: {}.{} is missing", path, section, name));
@@ -92,9 +121,15 @@ double number_at(const Json &json, const std::string &path, const char *section,
 
 } // namespace
 
-std::vector<double> read_directions(const std::string &path) {
+DotDirections read_directions(const std::string &path) {
     if (ends_with(path, ".npy"))
-        return read_npy_directions(path);
+        return {read_npy_directions(path)};
+    if (ends_with(path, ".json")) {
+        DotDirections directions{read_direction_cosines(path), true};
+        if (directions.values.empty())
+            throw InputError(fmt::format("{}: has no dots", path));
+        return directions;
+    }
     image_io::detail::InputFile file(path);
     if (file.size() > max_list_bytes)
         throw InputError(fmt::format("{}: {} bytes are too many for a list of dots", path, file.size()));
@@ -102,40 +137,40 @@ std::vector<double> read_directions(const std::string &path) {
     file.read(text.data(), text.size());
     std::vector<double> directions;
     std::uint64_t line_number = 0;
-    for (std::size_t begin = 0; begin < text.size();) {
+    const std::string byte_order_mark = "\xef\xbb\xbf";
+    for (std::size_t begin = text.rfind(byte_order_mark, 0) == 0 ? byte_order_mark.size() : 0; begin < text.size();) {
         const std::size_t end = std::min(text.find('\n', begin), text.size());
-        std::string line = text.substr(begin, std::min(end, text.find('#', begin)) - begin);
+        const std::string line = text.substr(begin, std::min(end, text.find('#', begin)) - begin);
         begin = end + 1;
         ++line_number;
-        for (char &c : line)
-            if (c == ',' || c == ';' || c == '\t' || c == '\r')
-                c = ' ';
-        std::vector<double> numbers;
-        const char *at = line.data(), *const last = line.data() + line.size();
-        while (at != last) {
-            if (*at == ' ') {
-                ++at;
-                continue;
-            }
-            double value = 0.0;
-            const auto result = std::from_chars(at, last, value);
-            if (result.ec != std::errc() || (result.ptr != last && *result.ptr != ' '))
-                throw InputError(
-                    fmt::format("{}: line {} is \"{}\", expected two numbers (x and y of a dot's direction)", path,
-                                line_number, line));
-            numbers.push_back(value);
-            at = result.ptr;
-        }
+        const std::vector<double> numbers = numbers_of(line);
         if (numbers.empty())
             continue;
         if (numbers.size() != 2 || !std::isfinite(numbers[0]) || !std::isfinite(numbers[1]))
             throw InputError(
-                fmt::format("{}: line {} is \"{}\", expected two finite numbers", path, line_number, line));
+                fmt::format("{}: line {} is \"{}\", expected two finite numbers (x and y of a dot's direction)", path,
+                            line_number, quotation(line)));
         directions.insert(directions.end(), numbers.begin(), numbers.end());
     }
     if (directions.empty())
         throw InputError(fmt::format("{}: has no dots; write the direction of one in each line, as x and y", path));
-    return directions;
+    return {directions};
+}
+
+std::vector<double> projected(DotDirections directions, std::uint32_t projection, const std::string &path) {
+    if (!directions.direction_cosines || projection == CLSP_PROJECTION_DIRECTION_COSINES)
+        return std::move(directions.values);
+    for (std::size_t k = 0; k < directions.values.size(); k += 2) {
+        double &u = directions.values[k], &v = directions.values[k + 1];
+        const double z = std::sqrt(1.0 - u * u - v * v); // the third direction cosine
+        if (!(z > 0.0))
+            throw InputError(
+                fmt::format("{}: dot {} has the direction cosines ({}, {}), which are 90 degrees or more off the axis",
+                            path, k / 2, u, v));
+        u /= z;
+        v /= z;
+    }
+    return std::move(directions.values);
 }
 
 void read_geometry(const std::string &path, ClspDepthDesc &desc) {

@@ -1,4 +1,5 @@
 #include "depth.hpp"
+#include "number_options.hpp"
 
 #include <fmt/format.h>
 
@@ -11,7 +12,8 @@ frame the dots are found with centres to a fraction of a pixel, identified by th
 epipolar lines, and triangulated (docs/depth.md). Dots without a depth get a reason.
 
 --dots LIST: the directions of the pattern's dots in the laser's frame, two numbers in a line (x/z, y/z), or an NPY array
-of two columns and at most 16384 rows. --geometry FILE: a sequence.json, or a JSON file with these members of it:
+of two columns, at most 16384 rows. Or the JSON of `clspeckle doe layout` or `doe design`, whose direction cosines are
+converted as the projection of the geometry file asks. --geometry FILE: a sequence.json, or a JSON file with these members of it:
   {"camera": {"fx_px": 560, "fy_px": 560, "cx_px": 319.5, "cy_px": 239.5},
    "laser": {"laser_from_geometry": [1,0,0,-0.075, 0,1,0,0, 0,0,1,0], "pattern": {"projection": "tangent_plane"}},
    "depth_range_m": [0.4, 4]}
@@ -20,7 +22,7 @@ laser_from_geometry is [R|t] by rows from the camera's frame to the laser's; pro
 Examples:
   clspeckle depth out/frame_*.png --dots dots.txt --geometry sequence.json --near-m 0.4 --far-m 4
   clspeckle depth out/frames.npy --dots dots.npy --geometry rig.json --read-noise-dn 4 --black-level-dn 64 --csv dots.csv
-  clspeckle depth frame.png --dots dots.txt --geometry rig.json --pictures pictures --json
+  clspeckle depth frame.png --dots layout.json --geometry rig.json --pictures pictures --json
 )");
     app.add_option("FRAMES", a.files, "Images, stacks, folders or glob patterns")->required()->type_name("");
     const auto text = [&](const char *name, std::string &value, const char *what, const char *type) {
@@ -37,8 +39,8 @@ Examples:
     app.add_option("--far-m", a.far_m, "Largest depth in m (default: the geometry file's, else 10)")
         ->type_name("NUMBER")
         ->take_last();
-    const auto number = [&](const char *name, auto &value, const char *what, const char *type = "NUMBER") {
-        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name(type)->take_last();
+    const auto number = [&](const char *name, auto &value, const char *what) {
+        add_number_with_default(app, name, value, what);
     };
     ClspDepthDesc &d = a.desc;
     number("--dot-sigma-px", d.dot_sigma_px, "Expected width of the dots in px, 0.5 to 5");
@@ -51,7 +53,7 @@ Examples:
     number("--min-correlation", d.min_correlation, "With the expected dot, 0 to below 1");
     number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
     number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
-    number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000", "INTEGER");
+    number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000");
     text("--channel", a.channel, "Channel of EXR files", "TEXT");
     text("--device", a.device, "OpenCL device, as for render", "TEXT");
 }

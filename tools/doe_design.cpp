@@ -1,23 +1,22 @@
 #include "doe_design.hpp"
 
 #include "commands.hpp"
+#include "doe_files.hpp"
 #include "errors.hpp"
 #include "files.hpp"
 #include "image_io/image_io.hpp"
+#include "number_options.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
-#include <type_traits>
+#include <utility>
 
 namespace tools {
 
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char *design_examples =
     R"(Designs the phase of a cell of square pixels that repeats over the beam and splits it into the wanted orders, by
@@ -50,25 +49,41 @@ Examples:
   clspeckle doe layout -o free --dots 2509 --free --field-of-view 70,50
 )";
 
+/** Of the layout that is made without a list. */
+constexpr std::initializer_list<const char *> layout_options = {"--dots", "--field-of-view", "--min-distance",
+                                                                "--min-difference", "--symmetric"};
+
+/** What the library's messages call the options. */
+const std::vector<std::pair<std::string, std::string>> option_names = {
+    {"mirror_orders is set", "--mirror is given"},
+    {"set mirror_orders", "give --mirror"},
+    {"mirror_orders", "--mirror"},
+    {"search_sweeps", "--search"},
+    {"fix_phase_iteration", "--fix-phase-iteration"},
+    {"quantization_iterations", "--quantization-iterations"},
+    {"beam_diameter_m", "--beam-um"},
+    {"pixel_pitch_m", "--pitch-um"},
+    {"min_distance", "--min-distance"},
+    {"min_difference", "--min-difference"},
+    {"half_angle_[xy]_rad", "half of --field-of-view"},
+    {"row_half_height", "--row"},
+    {"neighborhood_radius", "--radius"},
+    {"repair_rounds", "--repair-rounds"},
+    {"count(?= is)", "--dots"}};
+
+/** An option that would do nothing hides a mistake. */
+void refuse_options(const CLI::App &app, std::initializer_list<const char *> names, const char *why) {
+    for (const char *name : names)
+        if (app.count(name) > 0)
+            throw InputError(fmt::format("{} has no effect {}; leave it out", name, why));
+}
+
 /** The list of a file; directions are snapped when the cell is known. */
 struct Wanted {
     std::vector<ClspDoeDesignOrder> orders;
     std::vector<double> directions, weights; ///< Of directions.
     std::map<std::string, double> cell;      ///< What the file says of the cell.
 };
-
-double number(const Json &value, const std::string &where) {
-    if (!value.is_number())
-        throw InputError(fmt::format("{} is {}, a number is needed", where, value.dump()));
-    return value.get<double>();
-}
-
-std::int32_t order_number(const Json &value, const std::string &where) {
-    const double found = number(value, where);
-    if (!(std::abs(found) <= 1e6) || found != std::floor(found))
-        throw InputError(fmt::format("{} is {}, an order is an integer", where, value.dump()));
-    return static_cast<std::int32_t>(found);
-}
 
 Wanted read_wanted(const std::string &path) {
     const Json file = read_json(path);
@@ -82,27 +97,17 @@ Wanted read_wanted(const std::string &path) {
     if (!list.is_array() || list.empty())
         throw InputError(fmt::format("{}: \"{}\" is {}; a list with at least one entry is needed", path, key,
                                      list.is_array() ? "empty" : "no list"));
+    DotList dots = read_dot_list(file, path, key);
     Wanted wanted;
-    for (std::size_t k = 0; k < list.size(); ++k) {
-        const std::string where = fmt::format("{}: {}[{}]", path, key, k);
-        const Json &entry = list[k];
-        if (!entry.is_array() || entry.size() < 2 || entry.size() > 3)
-            throw InputError(
-                fmt::format("{} is {}; two numbers and an optional weight are needed", where, entry.dump()));
-        const double weight = entry.size() > 2 ? number(entry[2], where + "[2]") : 1.0;
-        if (orders) {
-            wanted.orders.push_back(
-                {order_number(entry[0], where + "[0]"), order_number(entry[1], where + "[1]"), weight});
-        } else {
-            wanted.directions.push_back(number(entry[0], where + "[0]"));
-            wanted.directions.push_back(number(entry[1], where + "[1]"));
-            wanted.weights.push_back(weight);
-        }
-    }
+    if (orders)
+        for (std::size_t k = 0; k < dots.weights.size(); ++k)
+            wanted.orders.push_back({dots.numbers[2 * k], dots.numbers[2 * k + 1], dots.weights[k]});
+    wanted.directions = std::move(dots.directions);
+    wanted.weights = std::move(dots.weights);
     if (orders) // directions mean the same with any cell
         for (const char *name : {"width", "height", "pixel_pitch_m", "wavelength_m"})
             if (file.contains(name))
-                wanted.cell[name] = number(file[name], fmt::format("{}: \"{}\"", path, name));
+                wanted.cell[name] = json_number(file[name], fmt::format("{}: \"{}\"", path, name));
     return wanted;
 }
 
@@ -201,43 +206,8 @@ Json report_numbers(const ClspDoeDesignReport &report) {
             {"seconds", report.seconds}};
 }
 
-/** The name without .npy or .json, after a check that files can be made there. */
-std::string checked_output(std::string name, std::initializer_list<const char *> extensions, bool overwrite) {
-    for (const char *extension : {".npy", ".json"})
-        if (name.size() > 5 && fs::path(name).extension() == extension)
-            name.resize(name.size() - std::string(extension).size());
-    const fs::path parent = fs::path(name).parent_path();
-    std::error_code code;
-    if (!parent.empty() && !fs::is_directory(parent, code))
-        throw OutputError(fmt::format("{}: the folder {} does not exist; make it first", name, parent.string()));
-    for (const char *extension : extensions)
-        if (!overwrite && fs::exists(name + extension, code))
-            throw OutputError(fmt::format("{}{} exists; choose another name with -o, or replace it with --overwrite",
-                                          name, extension));
-    { const image_io::AtomicFile probe(name + ".json"); } // fails before the work, not after it
-    return name;
-}
-
 std::string percent(double fraction) {
     return fraction < 1e-3 ? fmt::format("{:.2g} %", 100.0 * fraction) : fmt::format("{:.2f} %", 100.0 * fraction);
-}
-
-/** Refuses a sign, which the parser would take for a large number. */
-CLI::Validator unsigned_integer() {
-    return CLI::Validator(
-        [](std::string &text) {
-            const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-            return digits ? std::string() : fmt::format("is \"{}\"; expected an integer of at least 0", text);
-        },
-        "");
-}
-
-/** An option of one number; its range is checked by the library. */
-template <typename T> CLI::Option *add_number(CLI::App &app, const char *name, T &value, const std::string &what) {
-    CLI::Option *option = app.add_option(name, value, what)->take_last();
-    if constexpr (std::is_integral_v<T>)
-        option->check(unsigned_integer());
-    return option->type_name(std::is_integral_v<T> ? "INTEGER" : "NUMBER");
 }
 
 std::string summary(const ClspDoeDesignReport &r, const std::string &name) {
@@ -272,13 +242,12 @@ void write_design(const std::string &name, const ClspDoeDesignDesc &desc, const 
     json.update(extra);
     for (const ClspDoeDesignOrder &order : design.orders())
         json["orders"].push_back({order.m, order.n, order.weight});
-    // The phase appears first: who finds the JSON finds both.
-    image_io::write_npy(name + ".npy", desc.width, desc.height, phase.data());
-    image_io::write_text(name + ".json", json.dump() + "\n");
+    write_npy_with_json(name, desc.width, desc.height, phase, json.dump() + "\n");
 }
 
 void run_design(const DoeDesignArguments &a, Console &console) {
-    const std::string name = checked_output(a.output, {".npy", ".json"}, a.cell.overwrite);
+    const std::vector<std::string> inputs = a.orders.empty() ? std::vector<std::string>() : std::vector{a.orders};
+    const std::string name = checked_stem(a.output, {".npy", ".json"}, a.cell.overwrite, inputs);
     Wanted wanted;
     if (!a.orders.empty())
         wanted = read_wanted(a.orders);
@@ -356,7 +325,7 @@ void run_design(const DoeDesignArguments &a, Console &console) {
 }
 
 void run_layout(const DoeLayoutArguments &a, Console &console) {
-    const std::string name = checked_output(a.output, {".json"}, a.cell.overwrite);
+    const std::string name = checked_stem(a.output, {".json"}, a.cell.overwrite, {});
     const Cell cell = settle(a.cell, {});
     ClspDotLayoutDesc desc = layout_desc(a.cell, cell);
     desc.lattice = a.free ? 0 : 1;
@@ -405,7 +374,7 @@ void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
         ->delimiter(',')
         ->expected(1, 2)
         ->allow_extra_args(false)
-        ->check(unsigned_integer())
+        ->check(unsigned_integer<std::uint32_t>())
         ->type_name("INTEGER,...");
     add_number(app, "--pitch-um", a.pixel_pitch_um, "Side of a pixel in um (default 0.4)");
     add_number(app, "--wavelength-nm", a.wavelength_nm, "Wavelength in nm (default 940)");
@@ -434,9 +403,6 @@ void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
 } // namespace
 
 void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bool &quiet) {
-    const auto number = [](CLI::App &app, const char *name, auto &value, const char *what) {
-        add_number(app, name, value, fmt::format("{} (default {})", what, value));
-    };
     DoeDesignArguments &d = commands.design;
     CLI::App &design = *group.add_subcommand("design", "Design the phase of a beam splitter");
     commands.design_command = &design;
@@ -447,7 +413,7 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
     design.add_option("-o,--output", d.output, "Name of the files, without .npy and .json")
         ->required()
         ->type_name("NAME");
-    number(design, "--levels", d.levels, "Phase levels, 2 to 256; 0: continuous");
+    add_number_with_default(design, "--levels", d.levels, "Phase levels, 2 to 256; 0: continuous");
     design
         .add_option("--rule", d.rule,
                     "How the weights of the orders are adapted: gs, gsw, nogrette or kim (default gsw)")
@@ -455,10 +421,12 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
         ->take_last()
         ->check(CLI::IsMember({"gs", "gsw", "nogrette", "kim"}));
     add_number(design, "--feedback", d.feedback, "Of the rule (default 1; nogrette 0.7)");
-    number(design, "--iterations", d.iterations, "Before the phase is quantized");
-    number(design, "--quantization-iterations", d.quantization_iterations, "In which the levels are taken");
-    number(design, "--fix-phase-iteration", d.fix_phase_iteration, "From which on kim keeps the phases of the orders");
-    number(design, "--search", d.search_sweeps, "Sweeps of direct binary search at most");
+    add_number_with_default(design, "--iterations", d.iterations, "Before the phase is quantized");
+    add_number_with_default(design, "--quantization-iterations", d.quantization_iterations,
+                            "In which the levels are taken");
+    add_number_with_default(design, "--fix-phase-iteration", d.fix_phase_iteration,
+                            "From which on kim keeps the phases of the orders");
+    add_number_with_default(design, "--search", d.search_sweeps, "Sweeps of direct binary search at most");
     design.add_flag("--keep-envelope", d.keep_envelope,
                     "Make the powers before the pixels' envelope as wanted, not those behind it");
     design.add_flag("--mirror", d.mirror, "With two levels: add missing mirror images to the list");
@@ -480,17 +448,22 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
                "Of a neighbourhood, in direction cosines (default: three mean spacings)");
     add_number(layout, "--tolerance", l.tolerance,
                "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
-    number(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved");
+    add_number_with_default(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved");
     add_cell(layout, l.cell, json, quiet);
 }
 
 bool run_doe_design(const DoeDesignCommands &commands, Console &console) {
-    if (commands.design_command->parsed())
-        run_design(commands.design, console);
-    else if (commands.layout_command->parsed())
-        run_layout(commands.layout, console);
-    else
+    if (commands.design_command->parsed()) {
+        if (!commands.design.orders.empty())
+            refuse_options(*commands.design_command, layout_options, "beside a list of orders or directions");
+        with_option_names(option_names, [&] { run_design(commands.design, console); });
+    } else if (commands.layout_command->parsed()) {
+        if (commands.layout.free)
+            refuse_options(*commands.layout_command, {"--size", "--pitch-um"}, "with --free, which knows no cell");
+        with_option_names(option_names, [&] { run_layout(commands.layout, console); });
+    } else {
         return false;
+    }
     return true;
 }
 

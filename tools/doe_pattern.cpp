@@ -1,15 +1,16 @@
 #include "doe_pattern.hpp"
 
 #include "commands.hpp"
+#include "doe_files.hpp"
 #include "errors.hpp"
 #include "files.hpp"
 #include "image_io/image_io.hpp"
+#include "number_options.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 namespace tools {
 
@@ -26,91 +27,15 @@ Examples:
   clspeckle doe inspect cell.npy -o cell.png --wavelength-nm 910
 )";
 
+/** What the library's messages call the options. */
+const std::vector<std::pair<std::string, std::string>> option_names = {
+    {"relative_depth_error", "--depth-error"},   {"rounding_sigma_m", "--rounding-um"},
+    {"etch_noise_rms_m", "--etch-noise-nm"},     {"refractive_index", "--refractive-index"},
+    {"dispersion_per_m", "--dispersion-per-um"}, {"m_squared", "--m-squared"},
+    {"oversampling", "--oversampling"},          {"power_w", "--power-w"}};
+
 constexpr std::uint32_t panel_side = 900; // of the figure
 constexpr double gamma_of_figure = 0.5;
-
-std::string stem_of(const std::string &path) {
-    return path.size() > 4 && path.compare(path.size() - 4, 4, ".npy") == 0 ? path.substr(0, path.size() - 4) : path;
-}
-
-image_io::Plane read_plane(const std::string &path, Console &console) {
-    try {
-        const auto reader = image_io::open(path);
-        std::vector<std::string> warnings;
-        image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
-        for (const std::string &warning : warnings)
-            console.warn(warning);
-        return plane;
-    } catch (const image_io::ReadError &error) {
-        throw InputError(error.what());
-    }
-}
-
-/** What a design's files hold. */
-struct Design {
-    image_io::Plane phase;
-    double pixel_pitch_m = 0, wavelength_m = 0;
-    bool periodic = true;
-    std::uint32_t levels = 0;
-    std::vector<std::int32_t> orders;
-    std::vector<double> directions, weights;
-};
-
-template <typename T> T member(const Json &about, const std::string &file, const char *name) {
-    const auto found = about.find(name);
-    if (found == about.end())
-        throw InputError(fmt::format("{}: \"{}\" is missing", file, name));
-    try {
-        return found->get<T>();
-    } catch (const Json::exception &) {
-        throw InputError(fmt::format("{}: \"{}\" is {}, which it cannot be", file, name, found->dump()));
-    }
-}
-
-Design read_design(const std::string &path, Console &console) {
-    const std::string stem = stem_of(path), file = stem + ".json";
-    Design design;
-    design.phase = read_plane(stem + ".npy", console);
-    const Json about = read_json(file);
-    if (!about.is_object())
-        throw InputError(fmt::format("{}: expected an object with \"pixel_pitch_m\" and \"wavelength_m\"", file));
-    design.pixel_pitch_m = member<double>(about, file, "pixel_pitch_m");
-    design.wavelength_m = member<double>(about, file, "wavelength_m");
-    if (about.contains("periodic"))
-        design.periodic = member<bool>(about, file, "periodic");
-    if (about.contains("levels"))
-        design.levels = member<std::uint32_t>(about, file, "levels");
-    const char *list = design.periodic ? "orders" : "directions";
-    if (!about.contains(list))
-        return design;
-    for (const auto &row : member<std::vector<std::vector<double>>>(about, file, list)) {
-        if (row.size() != 2 && row.size() != 3)
-            throw InputError(fmt::format("{}: an entry of \"{}\" has {} numbers, expected 2 and perhaps a weight", file,
-                                         list, row.size()));
-        if (design.periodic) {
-            for (int k = 0; k < 2; ++k) {
-                const double value = row[std::size_t(k)];
-                if (value != std::round(value) || std::abs(value) > 1e6)
-                    throw InputError(fmt::format("{}: \"orders\" holds {}, expected integers", file, value));
-                design.orders.push_back(static_cast<std::int32_t>(value));
-            }
-        } else {
-            design.directions.insert(design.directions.end(), {row[0], row[1]});
-        }
-        design.weights.push_back(row.size() == 3 ? row[2] : 1.0);
-    }
-    return design;
-}
-
-/** One number for both axes, or one for each. */
-void take_pair(const std::vector<double> &given, double factor, double &x, double &y, const char *name) {
-    if (given.empty())
-        return;
-    if (given.size() > 2)
-        throw InputError(fmt::format("{} takes one number, or two: along x and y", name));
-    x = given.front() * factor;
-    y = given.back() * factor;
-}
 
 std::uint32_t word_index(const std::string &word, const std::vector<std::string> &words, const char *name) {
     const auto found = std::find(words.begin(), words.end(), word);
@@ -124,10 +49,10 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     beam.kind =
         word_index(a.beam, {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"}, "--beam");
     double sigma_x = std::sqrt(beam.covariance_xx_m2), sigma_y = std::sqrt(beam.covariance_yy_m2);
-    take_pair(a.beam_sigma_um, 1e-6, sigma_x, sigma_y, "--beam-sigma-um");
+    take_positive_pair(a.beam_sigma_um, 1e-6, sigma_x, sigma_y, "--beam-sigma-um");
     beam.covariance_xx_m2 = sigma_x * sigma_x;
     beam.covariance_yy_m2 = sigma_y * sigma_y;
-    take_pair(a.beam_width_um, 1e-6, beam.width_m, beam.height_m, "--beam-width-um");
+    take_positive_pair(a.beam_width_um, 1e-6, beam.width_m, beam.height_m, "--beam-width-um");
     take_pair(a.beam_skew, 1, beam.skew_x, beam.skew_y, "--beam-skew");
     beam.order = a.beam_order;
     beam.m_squared = a.m_squared;
@@ -146,8 +71,7 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     defects.relative_depth_error = a.depth_error;
     defects.rounding_sigma_m = a.rounding_um * 1e-6;
     defects.etch_noise_rms_m = a.etch_noise_nm * 1e-9;
-    if (a.refractive_index != 0)
-        defects.refractive_index = a.refractive_index;
+    defects.refractive_index = a.refractive_index.value_or(defects.refractive_index);
     defects.dispersion_per_m = a.dispersion_per_um * 1e6;
     defects.seed = a.seed;
     auto desc = clspeckle::make<ClspDoePatternDesc>();
@@ -158,10 +82,11 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     desc.pixel_pitch_m = design.pixel_pitch_m;
     desc.wavelength_m = design.wavelength_m;
     desc.design_levels = design.levels;
-    desc.dot_count = design.weights.size();
-    desc.dot_orders = design.orders.empty() ? nullptr : design.orders.data();
-    desc.dot_directions = design.directions.empty() ? nullptr : design.directions.data();
-    desc.dot_weights = design.weights.empty() ? nullptr : design.weights.data();
+    const DotList &dots = design.dots;
+    desc.dot_count = dots.weights.size();
+    desc.dot_orders = dots.numbers.empty() ? nullptr : dots.numbers.data();
+    desc.dot_directions = dots.directions.empty() ? nullptr : dots.directions.data();
+    desc.dot_weights = dots.weights.empty() ? nullptr : dots.weights.data();
     desc.beam = &beam;
     desc.defects = &defects;
     desc.evaluation = word_index(a.evaluation, {"auto", "orders", "aperture"}, "--evaluation");
@@ -175,13 +100,13 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     desc.line_count = static_cast<std::uint32_t>(wavelengths_m.size());
     desc.line_wavelengths_m = wavelengths_m.empty() ? nullptr : wavelengths_m.data();
     desc.line_powers = a.line_powers.empty() ? nullptr : a.line_powers.data();
-    take_pair(a.doe_size_mm, 1e-3, desc.doe_width_m, desc.doe_height_m, "--doe-size-mm");
+    take_positive_pair(a.doe_size_mm, 1e-3, desc.doe_width_m, desc.doe_height_m, "--doe-size-mm");
     desc.power_w = a.power_w;
     if (!a.texels.empty()) {
         desc.image_width = a.texels.front();
         desc.image_height = a.texels.back();
     }
-    take_pair(a.half_extent, 1, desc.half_extent_x, desc.half_extent_y, "--half-extent");
+    take_positive_pair(a.half_extent, 1, desc.half_extent_x, desc.half_extent_y, "--half-extent");
     desc.pixel_envelope = a.smooth ? 0 : 1;
     desc.cache_dir = a.cache.empty() ? nullptr : a.cache.c_str();
     const clspeckle::Context context = make_context(a.device);
@@ -284,7 +209,7 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
         ->required()
         ->type_name("");
     const auto number = [&](const char *name, auto &value, const char *what) {
-        app.add_option(name, value, fmt::format("{} (default {})", what, value))->type_name("NUMBER")->take_last();
+        add_number_with_default(app, name, value, what);
     };
     const auto numbers = [&](const char *name, auto &value, const char *what) {
         app.add_option(name, value, what)->delimiter(',')->type_name("NUMBER,...");
@@ -318,33 +243,51 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     app.add_option("--texels", a.texels, "Size of the image: width,height (default 2048,2048)")
         ->delimiter(',')
         ->expected(2)
+        ->check(unsigned_integer<std::uint32_t>())
         ->type_name("W,H");
     numbers("--half-extent", a.half_extent,
             "The image covers so much to each side in direction cosines, or x,y (default: all)");
     app.add_flag("--smooth", a.smooth, "The phase is smooth between the pixels' centres: no envelope of square pixels");
     app.add_option("--cache", a.cache, "Folder in which patterns are kept between runs")->type_name("FOLDER");
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
     app.add_flag("--json", json, "Print JSON");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
+/** A part that shows nothing of the pattern is a mistake. */
+void check_zoom(const std::vector<double> &zoom, double extent_x, double extent_y) {
+    if (zoom.empty())
+        return;
+    if (!(zoom[2] > 0 && zoom[2] <= 1 && std::isfinite(zoom[0]) && std::isfinite(zoom[1])))
+        throw InputError("--zoom U,V,HALF: the half width must be above 0 and at most 1, the centre finite");
+    if (std::abs(zoom[0]) - zoom[2] >= extent_x || std::abs(zoom[1]) - zoom[2] >= extent_y)
+        throw InputError(fmt::format("--zoom {},{},{}: lies outside of the pattern, which reaches from -{:g} to {:g} "
+                                     "and from -{:g} to {:g} in direction cosines",
+                                     zoom[0], zoom[1], zoom[2], extent_x, extent_x, extent_y, extent_y));
+}
+
 void run(const DoePatternArguments &a, bool to_file, Console &console) {
-    if (!a.zoom.empty() && !(a.zoom[2] > 0 && std::isfinite(a.zoom[0]) && std::isfinite(a.zoom[1])))
-        throw InputError("--zoom U,V,HALF: the half width must be above 0");
-    const std::string stem = stem_of(a.output), design_stem = stem_of(a.design);
-    std::error_code ignored;
-    if (to_file && (stem == design_stem || std::filesystem::equivalent(stem + ".npy", design_stem + ".npy", ignored)))
-        throw InputError(fmt::format("the output would overwrite the design {}; choose another --output", a.design));
+    check_zoom(a.zoom, 1, 1);
+    const std::string design_stem = without_npy(a.design);
+    std::vector<std::string> inputs = {design_stem + ".npy", design_stem + ".json"};
+    if (!a.beam_image.empty())
+        inputs.push_back(a.beam_image);
+    std::string stem;
+    if (to_file)
+        stem = checked_stem(a.output, {".npy", ".json"}, a.overwrite, inputs);
+    else if (a.figure)
+        check_output_file(a.output, a.overwrite, inputs);
     const Design design = read_design(a.design, console);
     const clspeckle::DoePattern pattern = compute(a, design, console);
     const ClspDoePatternInfo info = pattern.info();
+    check_zoom(a.zoom, info.half_extent_x, info.half_extent_y);
     check_interrupt();
     Json books = books_of(info);
     if (to_file) {
         const std::vector<float> texels = pattern.texels();
-        image_io::write_npy(stem + ".npy", info.image_width, info.image_height, texels.data());
-        image_io::write_text(stem + ".json", books.dump(2) + "\n");
-    } else if (!a.output.empty()) {
+        write_npy_with_json(stem, info.image_width, info.image_height, texels, books.dump(2) + "\n");
+    } else if (a.figure) {
         write_figure(a.output, info, pattern.texels(), a.zoom);
     }
     if (console.json()) {
@@ -355,7 +298,7 @@ void run(const DoePatternArguments &a, bool to_file, Console &console) {
     if (to_file)
         console.print(fmt::format(
             "Look it up with: clspeckle render SCENE -o FOLDER --pattern {}.npy --pattern-projection direction_cosines "
-            "--pattern-half-extent-x {:.9g} --pattern-half-extent-y {:.9g}",
+            "--pattern-half-extent-x {:.9g} --pattern-half-extent-y {:.9g} --pattern-filter area",
             stem, info.half_extent_x, info.half_extent_y));
 }
 
@@ -390,7 +333,14 @@ bool run_doe_pattern(const DoePatternCommands &commands, Console &console) {
     const bool to_file = commands.pattern_command->parsed();
     if (!to_file && !commands.inspect_command->parsed())
         return false;
-    run(commands.arguments, to_file, console);
+    DoePatternArguments arguments = commands.arguments;
+    arguments.figure = !to_file && commands.inspect_command->count("--output") > 0;
+    if (!to_file && !arguments.figure && !arguments.zoom.empty())
+        throw InputError("--zoom is a part of the figure, which is drawn with -o FILE.png");
+    const CLI::App &command = to_file ? *commands.pattern_command : *commands.inspect_command;
+    if (command.count("--beam-image") > 0 && command.count("--beam") > 0 && arguments.beam != "image")
+        throw InputError(fmt::format("--beam {} has no effect beside --beam-image; leave it out", arguments.beam));
+    with_option_names(option_names, [&] { run(arguments, to_file, console); });
     return true;
 }
 

@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ namespace tools {
 struct DoePatternArguments {
     std::string design; ///< NAME.npy, with NAME.json beside it.
     std::string output;
+    bool figure = false; ///< Of inspect: output was given.
+    bool overwrite = false;
     std::string beam = "gaussian";
     std::vector<double> beam_sigma_um; ///< Of the intensity: one, or x and y; empty: the library's default.
     std::vector<double> beam_width_um;
@@ -29,7 +32,7 @@ struct DoePatternArguments {
     double depth_error = 0;
     double rounding_um = 0;
     double etch_noise_nm = 0;
-    double refractive_index = 0; ///< 0: the library's default.
+    std::optional<double> refractive_index;
     double dispersion_per_um = 0;
     std::uint64_t seed = 0;
     std::vector<double> wavelengths_nm, line_powers;

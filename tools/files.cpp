@@ -175,7 +175,33 @@ std::vector<std::string> expand(const std::string &argument, Purpose purpose) {
     return files;
 }
 
-std::vector<std::string> make_output_folder(const std::string &path) {
+bool same_file(const std::string &first, const std::string &second) {
+    std::error_code code;
+    if (fs::equivalent(first, second, code))
+        return true;
+    const fs::path a = fs::weakly_canonical(fs::absolute(first), code);
+    if (code)
+        return false;
+    const fs::path b = fs::weakly_canonical(fs::absolute(second), code);
+    return !code && a == b;
+}
+
+void check_output_file(const std::string &path, bool overwrite, const std::vector<std::string> &inputs) {
+    if (!fs::path(path).has_filename())
+        throw InputError(fmt::format("the output \"{}\" is no name of a file; choose another --output", path));
+    for (const std::string &input : inputs)
+        if (same_file(path, input))
+            throw InputError(fmt::format("the output would overwrite the input {}; choose another --output", input));
+    const fs::path folder = fs::path(path).parent_path();
+    std::error_code code;
+    if (!folder.empty() && !fs::is_directory(folder, code))
+        throw OutputError(fmt::format("{}: the folder {} does not exist; make it first", path, folder.string()));
+    if (!overwrite && fs::is_regular_file(path, code))
+        throw OutputError(fmt::format("{} exists; choose another name with -o, or replace it with --overwrite", path));
+    const image_io::AtomicFile probe(path);
+}
+
+std::vector<std::string> make_output_folder(const std::string &path, const char *option) {
     std::vector<std::string> created;
     std::error_code code;
     for (fs::path part = fs::absolute(path).lexically_normal(); !fs::exists(part, code) && part.has_relative_path();
@@ -186,13 +212,13 @@ std::vector<std::string> make_output_folder(const std::string &path) {
     if (code || !fs::is_directory(path)) {
         const std::string reason = code ? code.message() : "it is not a folder";
         throw OutputError(
-            fmt::format("{}: the output folder cannot be made: {}; choose another one with -o", path, reason));
+            fmt::format("{}: the output folder cannot be made: {}; choose another one with {}", path, reason, option));
     }
     try {
         const image_io::AtomicFile probe((fs::path(path) / "probe").string());
     } catch (const image_io::WriteError &error) {
-        throw OutputError(
-            fmt::format("no files can be made in the output folder; choose another one with -o ({})", error.what()));
+        throw OutputError(fmt::format("no files can be made in the output folder; choose another one with {} ({})",
+                                      option, error.what()));
     }
     return created;
 }

@@ -25,9 +25,19 @@ enum class Purpose { ideal_images, measurement };
  */
 std::vector<std::string> expand(const std::string &argument, Purpose purpose);
 
-/** Makes the folder and checks that files can be made in it. @return the folders that did not exist before, outermost
- * first. */
-std::vector<std::string> make_output_folder(const std::string &path);
+/** True if both names mean one file, or would once it is made. */
+bool same_file(const std::string &first, const std::string &second);
+
+/**
+ * Checks that a file can be made there, before the work that fills it.
+ * @param overwrite a file that exists may be replaced.
+ * @param inputs files that must not be replaced, whatever `overwrite` says.
+ */
+void check_output_file(const std::string &path, bool overwrite, const std::vector<std::string> &inputs);
+
+/** Makes the folder and checks that files can be made in it. @param option that names it. @return the folders that did
+ * not exist before, outermost first. */
+std::vector<std::string> make_output_folder(const std::string &path, const char *option = "-o");
 
 } // namespace tools
 

@@ -15,7 +15,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any
 
 from . import (
     aperture_series,
@@ -80,6 +82,31 @@ def show(record: Record) -> None:
         )
 
 
+def refuse(message: str) -> int:
+    print(f"thesis: {message}", file=sys.stderr)
+    return 2
+
+
+def read_settings(path: Path, names: list[str]) -> dict[str, dict[str, Any]]:
+    """The settings of all experiments that are to run."""
+    settings = json.loads(path.read_text())
+    if not isinstance(settings, dict):
+        raise ValueError("an object with the settings of each experiment is needed")
+    for name in names:
+        if name not in settings:
+            raise ValueError(f"there are no settings of {name}")
+        if not isinstance(settings[name], dict):
+            raise ValueError(f"the settings of {name} are {settings[name]!r}, an object is needed")
+    return settings
+
+
+def check_folder(folder: Path) -> None:
+    """Fails before an experiment runs, not when its results are to be written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
 def main() -> int:
     arguments = parser().parse_args()
     if arguments.action == "list":
@@ -87,23 +114,26 @@ def main() -> int:
             print(f"{experiment.name:18} Fig. {experiment.figures:12} {experiment.title}")
         return 0
     if arguments.action == "page":
-        write_page(EXPERIMENTS, arguments.out, arguments.page)
+        try:
+            write_page(EXPERIMENTS, arguments.out, arguments.page)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            return refuse(f"the page {arguments.page} of {arguments.out} cannot be made: {error!r}")
         return 0
     by_name = {experiment.name: experiment for experiment in EXPERIMENTS}
     for name in arguments.names:
         if name not in by_name:
-            print(f"thesis: there is no experiment {name!r}; there are: {', '.join(by_name)}", file=sys.stderr)
-            return 2
+            return refuse(f"there is no experiment {name!r}; there are: {', '.join(by_name)}")
+    names = arguments.names or list(by_name)
     try:
-        settings = json.loads(arguments.config.read_text())
+        settings = read_settings(arguments.config, names)
     except (OSError, ValueError) as error:
-        print(f"thesis: the settings {arguments.config} cannot be read: {error}", file=sys.stderr)
-        return 2
+        return refuse(f"the settings {arguments.config} cannot be read: {error}")
+    try:
+        check_folder(arguments.out)
+    except OSError as error:
+        return refuse(f"nothing can be written to {arguments.out}: {error}")
     failed = 0
-    for name in arguments.names or by_name:
-        if name not in settings:
-            print(f"thesis: {arguments.config} has no settings of {name}", file=sys.stderr)
-            return 2
+    for name in names:
         experiment = by_name[name]
         print(f"{name} (Fig. {experiment.figures}): {experiment.title}", flush=True)
         record = carry_out(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import platform
 import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,15 +47,19 @@ def table(record: Record) -> str:
 
 
 def write_page(experiments: Sequence[Experiment], out: Path, page: Path) -> None:
-    """Writes the page and copies the figures; says which experiments have not run."""
+    """Writes the page of all experiments that OUT holds, and copies their figures; says which have not run."""
+    records = {experiment.name: read_record(experiment, out / experiment.name) for experiment in experiments}
+    missing = [name for name, record in records.items() if record is None]
+    if len(missing) == len(records):
+        raise SystemExit(f"thesis: {out} has no result of any experiment; run them first")
     images = page.parent / "images" / "thesis"
     images.mkdir(parents=True, exist_ok=True)
     device = clspeckle.default_context().info().device_name
     sections, passed, count, seconds = [], 0, 0, 0.0
     for experiment in experiments:
-        record = read_record(experiment, out / experiment.name)
+        record = records[experiment.name]
         if record is None:
-            raise SystemExit(f"thesis: {out} has no result of {experiment.name}; run it first")
+            continue
         passed += sum(v.passed for v in record.verdicts)
         count += len(record.verdicts)
         seconds += record.seconds
@@ -68,5 +73,9 @@ def write_page(experiments: Sequence[Experiment], out: Path, page: Path) -> None
         f"{datetime.date.today().isoformat()}, {device}, Python {platform.python_version()}: {passed} of {count} verdicts passed, "
         f"{seconds / 60:.1f} minutes. But for run times the numbers are the same each time.\n"
     )
+    if missing:
+        summary += f"\nNot run: {', '.join(missing)}.\n"
     write_whole(page, lambda path: path.write_text(HEAD + summary + "\n" + "\n".join(sections) + "\n" + ASSUMPTIONS))
     print(f"page: {page}")
+    for name in missing:
+        print(f"thesis: {out} has no result of {name}; the page leaves it out", file=sys.stderr)

@@ -139,3 +139,59 @@ def test_bad_input(refused, tmp_path: Path, scene) -> None:
     assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "out")
     assert "required" in refused("depth", "frame_0.png", "--dots", "dots.txt")
     refused("depth", "frame_0.png", *scene, "--csv", "no/folder/dots.csv", code=3)
+    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "./out")
+    refused("depth", "frame_0.png", *scene, "--csv", "", "--npy", "no/folder/dots.npy", code=3)
+    (tmp_path / "file").write_text("mine")
+    assert "with --pictures" in refused("depth", "frame_0.png", *scene, "--pictures", "file", code=3)
+    assert "--max-dots" in refused("depth", "frame_0.png", *scene, "--max-dots", "-1")
+
+
+def test_inputs_outlive_the_pictures(refused, tmp_path: Path, scene, frame: reference.Frame) -> None:
+    np.save(tmp_path / "depth_000000.npy", frame.image.astype(np.float32))
+    message = refused("depth", "depth_000000.npy", *scene, "--pictures", ".")
+    assert "is an input, which --pictures" in message
+    message = refused("depth", "frame_0.png", *scene, "--pictures", ".", "--csv", "overlay_000000.png")
+    assert "is a name that --pictures takes" in message
+
+
+def test_lists_as_other_programs_write_them(ok, refused, tmp_path: Path, scene) -> None:
+    lines = [f"{x:+.17e};{y:+.17e}\r\n" for x, y in DIRECTIONS]
+    (tmp_path / "excel.txt").write_bytes(b"\xef\xbb\xbf" + "".join(lines).encode())
+    plain = ok("depth", "frame_0.png", *scene, "--json").json()
+    assert ok("depth", "frame_0.png", *scene, "--dots", "excel.txt", "--json").json()["frames"] == plain["frames"]
+    for text in ("+-1 2\n", "1 +\n", "x" * 100000 + "\x07"):
+        (tmp_path / "wrong.txt").write_text(text)
+        message = refused("depth", "frame_0.png", *scene, "--dots", "wrong.txt")
+        assert "line 1" in message
+        assert len(message) < 300
+
+
+def test_layouts_and_designs_are_lists_of_dots(ok, refused, tmp_path: Path, scene) -> None:
+    """x/z and y/z from direction cosines; exact orders from a cell whose orders are 1e-3 apart."""
+    orders = np.rint(DIRECTIONS / np.sqrt(1 + (DIRECTIONS**2).sum(axis=1, keepdims=True)) / 1e-3).astype(int)
+    cosines = orders * 1e-3
+    tangents = cosines / np.sqrt(1 - (cosines**2).sum(axis=1, keepdims=True))
+    np.savetxt(tmp_path / "tangents.txt", tangents, fmt="%.17g")
+    (tmp_path / "layout.json").write_text(json.dumps({"directions": cosines.tolist()}))
+    about = {"orders": orders.tolist(), "wavelength_m": 1e-6, "pixel_pitch_m": 1e-6, "width": 1000, "height": 1000}
+    (tmp_path / "design.json").write_text(json.dumps(about))
+    expected = ok("depth", "frame_0.png", *scene, "--dots", "tangents.txt", "--json").json()
+    assert expected["frames"][0]["placed_count"] > 300
+    for name in ("layout.json", "design.json"):
+        found = ok("depth", "frame_0.png", *scene, "--dots", name, "--json").json()["frames"][0]
+        assert found["placed_count"] == expected["frames"][0]["placed_count"]
+        assert found["median_depth_m"] == pytest.approx(expected["frames"][0]["median_depth_m"], rel=1e-6)
+    by_cosines = geometry()
+    by_cosines["laser"]["pattern"] = {"projection": "direction_cosines"}
+    (tmp_path / "cosines.json").write_text(json.dumps(by_cosines))
+    same = ok("depth", "frame_0.png", *scene, "--dots", "layout.json", "--geometry", "cosines.json", "--json").json()
+    assert same["frames"][0]["placed_count"] == expected["frames"][0]["placed_count"]
+    for text, word in (
+        ("{}", "neither"),
+        ('{"directions": [[0.8, 0.7]]}', "90 degrees"),
+        ('{"directions": []}', "no dots"),
+        ('{"orders": [[1, 2]]}', "pixel_pitch_m"),
+        (json.dumps(about | {"width": 0}), '"width" is 0'),
+    ):
+        (tmp_path / "wrong.json").write_text(text)
+        assert word in refused("depth", "frame_0.png", *scene, "--dots", "wrong.json")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,7 +63,9 @@ def test_figure_and_cache(ok: Callable[..., Run], design: Path, tmp_path: Path) 
     options = [*SMALL, "--cache", tmp_path / "cache"]
     assert "computed" in ok("doe", "inspect", design, "-o", tmp_path / "figure.png", *options).out
     assert (tmp_path / "figure.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert "from the cache" in ok("doe", "inspect", design, *options, "--zoom", "0.03,0,0.01").out
+    again = ok("doe", "inspect", design, "-o", tmp_path / "zoom.png", *options, "--zoom", "0.03,0,0.01")
+    assert "from the cache" in again.out
+    assert (tmp_path / "zoom.png").read_bytes() != (tmp_path / "figure.png").read_bytes()
     assert [path.suffix for path in (tmp_path / "cache").iterdir()] == [".doe"]
 
 
@@ -71,11 +74,21 @@ def test_figure_and_cache(ok: Callable[..., Run], design: Path, tmp_path: Path) 
     [
         (["--beam", "round"], "super_gaussian"),
         (["--beam", "image"], "--beam-image"),
-        (["--depth-error", "2"], "relative_depth_error"),
+        (["--depth-error", "2"], "--depth-error"),
+        (["--seed", "-1"], "0 to 18446744073709551615"),
+        (["--seed", str(2**64)], "--seed"),
+        (["--levels", str(2**32 + 2)], "--levels"),
+        (["--beam-sigma-um", "-250"], "--beam-sigma-um is -250"),
+        (["--refractive-index", "0"], "--refractive-index"),
+        (["--beam", "flat_circle", "--beam-image", "cell.npy"], "no effect"),
         (["--doe-size-mm", "0.1"], "larger than the DOE"),
         (["--wavelength-nm", "940", "--line-power", "1,2"], "--line-power"),
         (["--half-extent", "1,2,3"], "--half-extent"),
-        (["--zoom", "0,0,0"], "--zoom"),
+        (["--zoom", "0,0,0", "-o", "new.png"], "--zoom"),
+        (["--zoom", "0,0,inf", "-o", "new.png"], "--zoom"),
+        (["--zoom", "5,5,0.1", "-o", "new.png"], "outside of the pattern"),
+        (["--zoom", "0.6,0,0.1", "-o", "new.png"], "outside of the pattern"),
+        (["--zoom", "0,0,0.1"], "-o FILE.png"),
     ],
 )
 def test_bad_options(refused: Callable[..., str], design: Path, arguments: list[str], message: str) -> None:
@@ -88,12 +101,55 @@ def test_bad_designs(refused: Callable[..., str], design: Path, tmp_path: Path) 
     for change, message in (
         ({"pixel_pitch_m": None}, "pixel_pitch_m"),
         ({"levels": 3}, "3 levels"),
-        ({"orders": [[0.5, 1]]}, "integers"),
-        ({"orders": [[1]]}, "expected 2"),
+        ({"levels": 2.5}, '"levels" is 2.5'),
+        ({"levels": -2}, '"levels" is -2'),
+        ({"levels": 2**32 + 2}, '"levels" is 4294967298'),
+        ({"periodic": "false"}, "expected true or false"),
+        ({"directions": [[0.1, 0.1]]}, 'has "directions", but'),
+        ({"orders": [[0.5, 1]]}, "an integer"),
+        ({"orders": [[1]]}, "two numbers"),
         ({"orders": [[1000, 0]]}, "beyond 90 degrees"),
     ):
         design.with_suffix(".json").write_text(json.dumps(about | change))
         assert message in refused("doe", "inspect", design, *SMALL)
+    design.with_suffix(".json").write_text('{"pixel_pitch_m": 1e-6, "pixel_pitch_m": 2e-6}')
+    assert "given twice" in refused("doe", "inspect", design, *SMALL)
+    design.with_suffix(".json").write_text(json.dumps(about))
+    np.save(tmp_path / "cell.npy", np.zeros((1, 16, 16), np.float32))
+    assert "has 3 axes" in refused("doe", "inspect", design, *SMALL)
+    np.save(tmp_path / "cell.npy", np.zeros((16, 16), np.uint16))
+    assert "floating-point" in refused("doe", "inspect", design, *SMALL)
+    np.save(tmp_path / "cell.npy", np.zeros((16, 16), np.float32))
     design.with_suffix(".json").unlink()
     assert "cell.json" in refused("doe", "inspect", design, *SMALL)
     assert "nothing" in refused("doe", "inspect", tmp_path / "nothing.npy")
+
+
+def test_no_file_is_replaced_unasked(ok: Callable[..., Run], refused: Callable[..., str], design: Path) -> None:
+    folder = design.parent
+    for command in ("inspect", "pattern"):
+        for output in ("cell.npy", "./cell.json", folder / "cell.npy"):
+            message = refused("doe", command, "cell.npy", "-o", output, "--overwrite", *SMALL)
+            assert "overwrite the input" in message
+    (folder / "link.png").symlink_to("cell.npy")
+    assert "overwrite the input" in refused("doe", "inspect", "cell.npy", "-o", "link.png", "--overwrite", *SMALL)
+    for command, output in (("inspect", "figure.png"), ("pattern", "pattern.npy")):
+        (folder / output).write_text("mine")
+        assert "--overwrite" in refused("doe", command, "cell.npy", "-o", output, *SMALL, code=3)
+        assert (folder / output).read_text() == "mine"
+        ok("doe", command, "cell.npy", "-o", output, *SMALL, "--overwrite")
+        assert (folder / output).stat().st_size > 1000
+    (folder / "other.json").write_text("mine")
+    assert "other.json exists" in refused("doe", "pattern", "cell.npy", "-o", "other", *SMALL, code=3)
+
+
+@pytest.mark.parametrize("command", ["inspect", "pattern"])
+def test_a_pipe_stays_what_it_is(refused: Callable[..., str], design: Path, command: str) -> None:
+    """A device would be refused in the same place; none is risked here."""
+    pipe = design.parent / "pipe.npy"
+    os.mkfifo(pipe)
+    assert "is a pipe, a device" in refused("doe", command, design, "-o", pipe, *SMALL, "--overwrite", code=3)
+    assert pipe.is_fifo()
+    (design.parent / "link.npy").symlink_to("pipe.npy")
+    assert "is a pipe, a device" in refused("doe", command, design, "-o", "link.npy", *SMALL, "--overwrite", code=3)
+    assert pipe.is_fifo()

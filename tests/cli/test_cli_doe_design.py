@@ -100,10 +100,13 @@ def test_directions_are_snapped(ok, tmp_path: Path) -> None:
         ('{"directions": [[0.8, 0.8]]}', (), "90 degrees"),
         ('{"directions": [[0.1, 0.1], [0.1001, 0.1]]}', (), "both"),
         ('{"orders": [[1, 2]]}', ("--levels", "1"), "levels"),
-        ('{"orders": [[1, 2]]}', ("--levels", "2"), "mirror"),
-        ('{"orders": [[1, 2]]}', ("--levels", "0", "--search", "3"), "search_sweeps"),
+        ('{"orders": [[1, 2]]}', ("--levels", "2"), "give --mirror"),
+        ('{"orders": [[1, 2]]}', ("--levels", "0", "--search", "3"), "--search"),
         ('{"orders": [[1, 2]]}', ("--levels", "-3"), "--levels"),
         ('{"orders": [[1, 2]]}', ("--dots", "-1"), "--dots"),
+        ('{"orders": [[1, 2]]}', ("--dots", "70"), "no effect beside a list"),
+        ('{"orders": [[1, 2]]}', ("--symmetric",), "no effect beside a list"),
+        ('{"orders": [[1, 2]]}', ("--seed", str(2**64)), "--seed"),
         ('{"orders": [[1, 2]]}', ("--rule", "newton"), "newton"),
         ('{"orders": [[1, 2]]}', ("--period-um", "50"), "--period-um"),
         ('{"orders": [[1, 2]]}', ("--pitch-um", "nan"), "--pitch-um"),
@@ -138,14 +141,15 @@ def test_files_are_not_overwritten_unasked(cli, ok, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--dots", "0"), "count"),
+        (("--dots", "0"), "--dots is 0"),
+        (("--free",), "no effect with --free"),
         (("--dots", "100000"), "orders within"),
-        (("--field-of-view", "0,20"), "half_angle_x"),
+        (("--field-of-view", "0,20"), "half of --field-of-view"),
         (("--field-of-view", "100,100"), "90 degrees"),
         (("--min-distance", "0.2"), "find a place"),
-        (("--min-distance", "nan"), "min_distance"),
+        (("--min-distance", "nan"), "--min-distance"),
         (("--beam-um", "20"), "diffraction limit"),
-        (("--min-difference", "2"), "min_difference"),
+        (("--min-difference", "2"), "--min-difference"),
     ],
 )
 def test_bad_layouts_are_refused(cli, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
@@ -165,3 +169,19 @@ def test_ctrl_c_leaves_nothing(program: Path, tmp_path: Path) -> None:
     assert process.stderr is not None
     assert "interrupted" in process.stderr.read()
     assert not list(tmp_path.iterdir())
+
+
+def test_output_is_both_files_or_none(ok, refused, tmp_path: Path) -> None:
+    (tmp_path / "d.npy").write_text("mine")
+    (tmp_path / "d.json").mkdir()
+    assert "d.json" in refused("doe", "design", "-o", "d", *SMALL, "--overwrite", code=3)
+    assert (tmp_path / "d.npy").read_text() == "mine"
+    (tmp_path / "list.json").write_text('{"orders": [[1, 2]]}')
+    message = refused("doe", "design", "list.json", "-o", "list", *CELL[:4], "--overwrite")
+    assert "overwrite the input list.json" in message
+    assert (tmp_path / "list.json").read_text() == '{"orders": [[1, 2]]}'
+    assert not (tmp_path / "list.npy").exists()
+    for name in ("", "sub/", "./"):
+        assert "a name is needed" in refused("doe", "layout", "-o", name, *SMALL)
+    ok("doe", "design", "-o", "a.npy", *SMALL)
+    assert {path.name for path in tmp_path.glob("a.*")} == {"a.npy", "a.json"}

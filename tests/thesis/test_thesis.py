@@ -110,8 +110,19 @@ def test_page_shows_every_figure_and_verdict(results: Path, tmp_path: Path) -> N
         record = experiment.read_record(e, results / e.name)
         assert record is not None
         assert all(f"| {v.what} |" in text for v in record.verdicts)
-    with pytest.raises(SystemExit, match="no result of wavelength_shift"):
+    with pytest.raises(SystemExit, match="no result of any experiment"):
         write_page(program.EXPERIMENTS, tmp_path, page)
+
+
+def test_page_shows_what_there_is(results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = program.EXPERIMENTS[:2]
+    (tmp_path / first.name).symlink_to(results / first.name)
+    write_page([first, second], tmp_path, tmp_path / "page.md")
+    text = (tmp_path / "page.md").read_text()
+    assert first.title in text
+    assert second.title not in text
+    assert f"Not run: {second.name}." in text
+    assert f"no result of {second.name}" in capsys.readouterr().err
 
 
 def test_a_wrong_theory_fails(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,4 +166,17 @@ def test_bad_input(tmp_path: Path) -> None:
     done = thesis("run", "decorrelation", "--out", tmp_path, "--config", tmp_path / "empty.json")
     assert done.returncode == 2
     assert "no settings of decorrelation" in done.stderr
+    for text, word in (("[]", "an object"), ('{"decorrelation": 3}', "an object is needed")):
+        (tmp_path / "empty.json").write_text(text)
+        done = thesis("run", "decorrelation", "--out", tmp_path, "--config", tmp_path / "empty.json")
+        assert done.returncode == 2
+        assert word in done.stderr
+        assert "Traceback" not in done.stderr
+    done = thesis("run", "decorrelation", "--out", tmp_path / "empty.json" / "out")
+    assert done.returncode == 2
+    assert "nothing can be written" in done.stderr
+    assert "Traceback" not in done.stderr
+    done = thesis("page", "--out", tmp_path, "--page", tmp_path / "page.md")
+    assert done.returncode == 1
+    assert "no result of any experiment" in done.stderr
     assert "Fig. 22, 23, 24" in thesis("list").stdout

@@ -141,6 +141,7 @@ AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
     const std::string folder = slash == std::string::npos ? "" : path_.substr(0, slash + 1);
     const std::string name = slash == std::string::npos ? path_ : path_.substr(slash + 1);
     temporary_path_ = fmt::format("{}.{}.{}-{}.part", folder, name, ::getpid(), counter++);
+    check_target();
     stream_ = std::fopen(temporary_path_.c_str(), "wb");
     if (!stream_)
         throw WriteError(path_, "cannot be written: " + error_text(errno));
@@ -155,6 +156,15 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::fail(const char *what, int code) const {
     throw WriteError(path_, fmt::format("{}: {}", what, error_text(code)));
+}
+
+void AtomicFile::check_target() const {
+    struct stat status {};
+    if (::stat(path_.c_str(), &status) != 0 || S_ISREG(status.st_mode))
+        return;
+    if (S_ISDIR(status.st_mode))
+        throw WriteError(path_, "is a folder; name a file");
+    throw WriteError(path_, "is a pipe, a device or a socket, which the file would replace; name a regular file");
 }
 
 void AtomicFile::write(const void *data, std::size_t size_bytes) {
@@ -176,6 +186,7 @@ void AtomicFile::close() {
 
 void AtomicFile::commit() {
     close();
+    check_target();
     if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
         fail("cannot be put in place", errno);
     done_ = true;

@@ -48,6 +48,7 @@ struct Info {
     bool alpha = false;                ///< The last channel is an opacity, no measurement.
     std::uint64_t frame_count = 1;     ///< Pages of a TIFF, frames of an NPY stack.
     double full_scale = 0;             ///< Top code of an unsigned integer format; 0: the values are what they are.
+    std::uint32_t axes = 2;            ///< Of an NPY array, before they are told apart as frames and channels.
     std::vector<std::string> warnings; ///< What was ignored.
 };
 
@@ -150,7 +151,8 @@ class ExrFile {
  *  Everything is written to a temporary name in the same folder and renamed when it is complete. */
 /** @{ */
 
-/** A file that appears under its name only when it is complete. */
+/** A file that appears under its name only when it is complete. A pipe, a device or a folder of that name is refused:
+ * the file would take its place. */
 class AtomicFile {
   public:
     explicit AtomicFile(std::string path);
@@ -168,6 +170,7 @@ class AtomicFile {
 
   private:
     [[noreturn]] void fail(const char *what, int code) const;
+    void check_target() const;
     std::string path_;
     std::string temporary_path_;
     std::FILE *stream_ = nullptr;
@@ -181,6 +184,16 @@ void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t heig
 void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
 void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
 void write_text(const std::string &path, const std::string &text);
+
+/** An NPY file that is complete before it gets its name, for those that must appear together with others. */
+class NpyWriter {
+  public:
+    NpyWriter(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
+    void commit() { file_.commit(); }
+
+  private:
+    AtomicFile file_;
+};
 
 /** A 3-D NPY file, frame by frame. */
 class NpyStackWriter {

@@ -213,6 +213,7 @@ class NpyReader final : public Reader {
         for (const std::uint64_t side : shape)
             if (side == 0)
                 fail(fmt::format("holds an empty array ({})", text));
+        info_.axes = static_cast<std::uint32_t>(shape.size());
         // A stack of frames that are 1 to 4 pixels wide makes no sense, so a short last axis is the channels.
         const bool colored =
             (shape.size() == 3 && shape[2] <= 4 && shape[1] > 4) || (shape.size() == 4 && shape[3] <= 4);
@@ -319,6 +320,14 @@ void write_npy(const std::string &path, std::uint32_t width, std::uint32_t heigh
 
 void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values) {
     write_npy(path, npy_header("<f4", {height, width}), values, std::size_t{width} * height * sizeof(*values));
+}
+
+NpyWriter::NpyWriter(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values)
+    : file_(path) {
+    const std::string header = npy_header("<f4", {height, width});
+    file_.write(header.data(), header.size());
+    file_.write(values, std::size_t{width} * height * sizeof(*values));
+    file_.close();
 }
 
 NpyStackWriter::NpyStackWriter(const std::string &path, std::uint64_t frame_count, std::uint32_t width,

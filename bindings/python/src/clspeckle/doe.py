@@ -106,42 +106,125 @@ class DoeElement:
         try:
             phase = np.load(stem + ".npy", allow_pickle=False)
             with open(stem + ".json", encoding="utf-8") as file:
-                about = json.load(file)
-            return DoeElement(
-                phase,
-                pixel_pitch_m=float(about["pixel_pitch_m"]),
-                wavelength_m=float(about["wavelength_m"]),
-                periodic=bool(about.get("periodic", True)),
-                levels=int(about.get("levels", 0)),
-                orders=about.get("orders") or None,
-                directions=about.get("directions") or None,
-            )
+                about = json.load(file, object_pairs_hook=_without_double_keys, parse_constant=_no_constant)
         except OSError as error:
             raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be read: {error}") from error
-        except (KeyError, ValueError, TypeError, AttributeError) as error:
-            raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error!r}") from error
+        except (EOFError, ValueError) as error:
+            raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error}") from error
+        try:
+            return _stored(phase, about)
+        except (TypeError, ValueError) as error:
+            raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error}") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes NAME.npy and NAME.json."""
+        """Writes NAME.npy and NAME.json; both are complete before either gets its name."""
         name = os.fspath(path)
         stem = name[:-4] if name.endswith(".npy") else name
+        phase = _check.float_plane(self.phase, "phase", (None, None))
         about: dict[str, Any] = {
-            "pixel_pitch_m": self.pixel_pitch_m,
-            "wavelength_m": self.wavelength_m,
-            "periodic": self.periodic,
-            "levels": self.levels,
+            "pixel_pitch_m": _check.real(self.pixel_pitch_m, "pixel_pitch_m"),
+            "wavelength_m": _check.real(self.wavelength_m, "wavelength_m"),
+            "periodic": bool(_check.flag(self.periodic, "periodic")),
+            "levels": _check.integer(self.levels, "levels"),
         }
         for key, value in (("orders", self.orders), ("directions", self.directions)):
             if value is not None:
-                about[key] = np.asarray(value).tolist()
-        for suffix, write in (
-            (".npy", lambda file: np.save(file, np.asarray(self.phase, np.float32))),
-            (".json", lambda file: file.write(json.dumps(about).encode())),
-        ):
-            temporary = f"{stem}{suffix}.{os.getpid()}"
-            with open(temporary, "wb") as file:
-                write(file)
-            os.replace(temporary, stem + suffix)
+                about[key] = _check.array(value, key).tolist()
+        temporary = {suffix: f"{stem}{suffix}.{os.getpid()}" for suffix in (".npy", ".json")}
+        try:
+            text = json.dumps(about, allow_nan=False)
+            with open(temporary[".npy"], "wb") as file:
+                np.save(file, phase)
+            with open(temporary[".json"], "w", encoding="utf-8") as file:
+                file.write(text)
+            for suffix in temporary:
+                if os.path.isdir(stem + suffix):
+                    raise IsADirectoryError(f"{stem}{suffix} is a folder")
+            for suffix, written in temporary.items():
+                os.replace(written, stem + suffix)
+        except OSError as error:
+            raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be written: {error}") from error
+        except (TypeError, ValueError) as error:
+            raise errors.InvalidDataError(f"the design cannot be written: {error}") from error
+        finally:
+            for written in temporary.values():
+                if os.path.exists(written):
+                    os.remove(written)
+
+
+def _without_double_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """JSON leaves open which of two equal keys counts, so neither is taken."""
+    result = dict(pairs)
+    if len(result) != len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f'the key "{next(k for k in keys if keys.count(k) > 1)}" is given twice; keep one of them')
+    return result
+
+
+def _no_constant(word: str) -> None:
+    raise ValueError(f"{word} is no JSON number")
+
+
+def _stored(phase: npt.NDArray[Any], about: Any) -> DoeElement:
+    """The design of the two files, by the rules of ``clspeckle doe``."""
+    if not isinstance(phase, np.ndarray) or phase.dtype.kind != "f" or phase.ndim != 2:
+        raise ValueError(f"the phase is {_check.kind(phase)}, expected floating-point numbers, height x width")
+    if not isinstance(about, dict):
+        raise ValueError('the JSON must be an object with "pixel_pitch_m" and "wavelength_m"')
+    for name in ("pixel_pitch_m", "wavelength_m"):
+        if name not in about:
+            raise ValueError(f'"{name}" is missing')
+        if isinstance(about[name], bool) or not isinstance(about[name], (int, float)):
+            raise ValueError(f'"{name}" is {about[name]!r}, a number is needed')
+    periodic, levels = about.get("periodic", True), about.get("levels", 0)
+    if not isinstance(periodic, bool):
+        raise ValueError(f'"periodic" is {periodic!r}, expected true or false')
+    if isinstance(levels, bool) or not isinstance(levels, int) or not 0 <= levels < 2**32:
+        raise ValueError(f'"levels" is {levels!r}, expected an integer, 0 or above')
+    key, other = ("orders", "directions") if periodic else ("directions", "orders")
+    if other in about:
+        raise ValueError(f'has "{other}", but a design with "periodic": {str(periodic).lower()} has "{key}"')
+    dots = about.get(key, [])
+    if not isinstance(dots, list):
+        raise ValueError(f'"{key}" is no list; [[number, number, weight], ...] is needed')
+    table = [_entry(entry, f"{key}[{k}]", periodic) for k, entry in enumerate(dots)] or None
+    return DoeElement(
+        phase,
+        pixel_pitch_m=float(about["pixel_pitch_m"]),
+        wavelength_m=float(about["wavelength_m"]),
+        periodic=periodic,
+        levels=levels,
+        orders=table if periodic else None,
+        directions=None if periodic else table,
+    )
+
+
+def _entry(entry: Any, where: str, order: bool) -> list[float]:
+    """Two numbers and a weight."""
+    if not isinstance(entry, list) or len(entry) not in (2, 3):
+        raise ValueError(f"{where} is {entry!r}; two numbers and an optional weight are needed")
+    for k, number in enumerate(entry):
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ValueError(f"{where}[{k}] is {number!r}, a number is needed")
+        if order and k < 2 and (number != int(number) or abs(number) > 1e6):
+            raise ValueError(f"{where}[{k}] is {number!r}, an order is an integer")
+    return [*map(float, entry[:2]), float(entry[2]) if len(entry) == 3 else 1.0]
+
+
+def _numbers(value: Any, name: str) -> npt.NDArray[np.float64]:
+    """An array of real numbers."""
+    given = _check.array(value, name)
+    if given.dtype.kind not in "fiu":
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected real numbers")
+    return np.asarray(given, np.float64)
+
+
+def _pair(value: Any, name: str, expected: str) -> tuple[float, float]:
+    """Two numbers."""
+    given = _numbers(value, name)
+    if given.shape != (2,):
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {expected}")
+    return float(given[0]), float(given[1])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,7 +285,7 @@ def _beam(beam: Beam, kept: _Kept) -> Any:
     elif beam.image is not None:
         struct.kind = _library.CLSP_BEAM_IMAGE
     if beam.covariance_m2 is not None:
-        given = np.asarray(beam.covariance_m2, np.float64)
+        given = _numbers(beam.covariance_m2, "beam.covariance_m2")
         if given.shape == (2, 2) and given[0, 1] == given[1, 0]:
             xx, xy, yy = given[0, 0], given[0, 1], given[1, 1]
         elif given.shape == (2,):
@@ -218,7 +301,7 @@ def _beam(beam: Beam, kept: _Kept) -> Any:
     height = beam.width_m if beam.height_m is None else beam.height_m
     reals = {"width_m": beam.width_m, "height_m": height, "order": beam.order, "m_squared": beam.m_squared}
     if beam.skew is not None:
-        reals["skew_x"], reals["skew_y"] = beam.skew
+        reals["skew_x"], reals["skew_y"] = _pair(beam.skew, "beam.skew", "(along x, along y)")
     _check.assign(struct, reals, {}, reals)
     if beam.image is not None:
         struct.image, struct.image_width, struct.image_height = _plane(beam.image, "beam.image", kept)
@@ -249,7 +332,7 @@ def _design(design: DoeElement, desc: _library.ClspDoePatternDesc, kept: _Kept) 
         raise errors.InvalidArgumentError("a periodic design has orders, a whole aperture has directions")
     if value is None:
         return
-    table = np.asarray(value, np.float64)
+    table = _numbers(value, f"design.{name}")
     if table.ndim != 2 or table.shape[1] not in (2, 3) or len(table) == 0:
         raise errors.InvalidArgumentError(
             f"design.{name} has shape {table.shape}, expected (n, 2) or (n, 3), n at least 1"
@@ -269,8 +352,9 @@ def _image(desc: Any, image_shape: tuple[int, int] | None, half_extent: Any) -> 
     if image_shape is not None:
         desc.image_height, desc.image_width = _check.image_shape(image_shape, "image_shape")
     if half_extent is not None:
-        x, y = half_extent if np.ndim(half_extent) else (half_extent, half_extent)
-        desc.half_extent_x, desc.half_extent_y = _check.real(x, "half_extent"), _check.real(y, "half_extent")
+        given = _numbers(half_extent, "half_extent")
+        pair = (half_extent, half_extent) if given.ndim == 0 else half_extent
+        desc.half_extent_x, desc.half_extent_y = _pair(pair, "half_extent", "a number or (x, y)")
 
 
 class DoePattern(Handle):
@@ -324,7 +408,7 @@ class DoePattern(Handle):
         if defects is not None:
             desc.defects = _defects(defects, kept)
         if lines is not None:
-            table = np.asarray(lines, np.float64)
+            table = _numbers(lines, "lines")
             if table.ndim not in (1, 2) or len(table) == 0 or (table.ndim == 2 and table.shape[1] != 2):
                 raise errors.InvalidArgumentError(
                     f"lines has shape {table.shape}, "
@@ -338,7 +422,7 @@ class DoePattern(Handle):
         if evaluation is not None:
             desc.evaluation = _check.choice(evaluation, "evaluation", _EVALUATIONS)
         if doe_size_m is not None:
-            desc.doe_width_m, desc.doe_height_m = (_check.real(side, "doe_size_m") for side in doe_size_m)
+            desc.doe_width_m, desc.doe_height_m = _pair(doe_size_m, "doe_size_m", "(width, height) in m")
         _image(desc, image_shape, half_extent)
         given = {"oversampling": oversampling, "max_memory_bytes": max_memory_bytes, "power_w": power_w}
         _check.assign(desc, given, {"oversampling": 32, "max_memory_bytes": 64}, ("power_w",))
