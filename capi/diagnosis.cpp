@@ -5,6 +5,7 @@
 #include "capture_handle.hpp"
 #include "comparison/comparison.hpp"
 #include "image_io/image_io.hpp"
+#include "progress.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
 #include "status.hpp"
@@ -210,10 +211,7 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
         required(d.hypotheses, "desc->hypotheses");
     for (std::uint32_t i = 0; i < d.hypothesis_count; ++i)
         options.hypotheses.push_back(checked_hypothesis(d.hypotheses[i], i));
-    if (d.progress)
-        options.progress = [function = d.progress, data = d.progress_data](const std::string &what, double fraction) {
-            return function(data, what.c_str(), fraction) != 0;
-        };
+    options.progress = progress_function(d.progress, d.progress_data);
     return options;
 }
 

@@ -3,6 +3,7 @@
 #include "convert.hpp"
 #include "doe/doe_pattern.hpp"
 #include "handles.hpp"
+#include "progress.hpp"
 
 #include <algorithm>
 
@@ -133,6 +134,7 @@ DoePatternParameters doe_parameters(const ClspDoePatternDesc *user) {
     p.pixel_envelope = checked_flag(d.pixel_envelope, "desc->pixel_envelope");
     p.max_memory_bytes = d.max_memory_bytes;
     p.cache_dir = d.cache_dir ? d.cache_dir : "";
+    p.progress = progress_function(d.progress, d.progress_data);
     return p;
 }
 

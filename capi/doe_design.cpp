@@ -2,6 +2,7 @@
 
 #include "doe/doe_design.hpp"
 #include "handles.hpp"
+#include "progress.hpp"
 #include "runtime/checks.hpp"
 #include "status.hpp"
 #include "structs.hpp"
@@ -75,10 +76,7 @@ DoeDesignParameters design_parameters(const ClspDoeDesignDesc *user) {
         required(d.orders, "desc->orders");
     for (std::uint64_t k = 0; k < d.order_count; ++k)
         p.orders.push_back({d.orders[k].m, d.orders[k].n, d.orders[k].weight});
-    if (d.progress)
-        p.progress = [function = d.progress, data = d.progress_data](const std::string &what, double fraction) {
-            return function(data, what.c_str(), fraction) != 0;
-        };
+    p.progress = progress_function(d.progress, d.progress_data);
     return p;
 }
 

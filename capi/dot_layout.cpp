@@ -1,6 +1,7 @@
 #include "clspeckle/dot_layout.h"
 
 #include "doe/dot_layout.hpp"
+#include "progress.hpp"
 #include "status.hpp"
 #include "structs.hpp"
 
@@ -65,6 +66,7 @@ CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *d
         p.min_difference = d.min_difference;
         p.point_symmetric = checked_flag(d.point_symmetric, "desc->point_symmetric");
         p.repair_rounds = d.repair_rounds;
+        p.progress = progress_function(d.progress, d.progress_data);
         if (!p.lattice && orders)
             throw Error(Status::kInvalidArgument,
                         "orders is given, but desc->lattice is 0: free directions are no orders; pass NULL");

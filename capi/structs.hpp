@@ -17,11 +17,14 @@ namespace clsp::capi {
 template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
+template <> inline constexpr std::uint32_t kFirstSize<ClspDoePatternDesc> = 200;
+template <> inline constexpr std::uint32_t kFirstSize<ClspDotLayoutDesc> = 120;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPatternDesc> = 160;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspSensorDesc> = 112;
+
 inline void check_struct_size(std::uint32_t size, std::uint32_t first, const char *name) {
     if (size < first)
         throw Error(

@@ -144,10 +144,11 @@ static inline int modulo(int k, int n) { return (k % n + n) % n; }
 
 // Adds the orders' spots to the texels. In units of texels: axis = where order (0, 0) lies, spacing = from order to order, node = from
 // node to node of the spot's table (s0 to s5). envelope: order m is damped by sinc^2(m / columns), and all orders count; without it only
-// those within the sampling limit.
+// those within the sampling limit. From row first_row on.
 __kernel void doe_add_orders(__global const float *power, int columns, int rows, __global const uint *table, int nodes_x, int nodes_y,
-                             float8 scale, float weight, uint envelope, uint width, uint height, __global float *texels) {
-    const uint i = get_global_id(0), j = get_global_id(1);
+                             float8 scale, float weight, uint envelope, uint first_row, uint width, uint height,
+                             __global float *texels) {
+    const uint i = get_global_id(0), j = first_row + get_global_id(1);
     if (i >= width || j >= height)
         return;
     const float axis_x = scale.s0, axis_y = scale.s1, spacing_x = scale.s2, spacing_y = scale.s3, node_x = scale.s4, node_y = scale.s5;

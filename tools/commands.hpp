@@ -50,6 +50,9 @@ void run_statistics(const StatisticsArguments &arguments, Console &console);
 /** Throws Interrupted once the user has asked the program to stop. */
 void check_interrupt();
 
+/** A progress function that draws the bar and stops the call once the user has asked for it. */
+clspeckle::Progress progress_on(Console &console);
+
 } // namespace tools
 
 #endif // CLSPECKLE_TOOLS_COMMANDS_HPP

@@ -106,11 +106,7 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     options.threads = arguments.threads;
     options.evidence = !arguments.html.empty();
     options.without = std::move(without);
-    options.progress = [&](const std::string &what, double fraction) {
-        check_interrupt();
-        console.progress(fraction, what);
-        return true;
-    };
+    options.progress = progress_on(console);
     const clspeckle::Context context = make_context(arguments.device);
     const auto diagnosis =
         sim ? clspeckle::compare(context, capture, sim, options) : clspeckle::diagnose(context, capture, options);

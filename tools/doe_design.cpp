@@ -306,11 +306,7 @@ void run_design(const DoeDesignArguments &a, Console &console) {
     desc.compensate_envelope = a.keep_envelope ? 0 : 1;
     desc.mirror_orders = a.mirror ? 1 : 0;
     const clspeckle::Context context = make_context(a.device);
-    const clspeckle::DoeDesign design(context, desc, [&](const std::string &what, double fraction) {
-        check_interrupt();
-        console.progress(fraction, what);
-        return true;
-    });
+    const clspeckle::DoeDesign design(context, desc, progress_on(console));
     extra["rule"] = a.rule;
     write_design(name, desc, design, extra);
     const ClspDoeDesignReport report = design.report();
@@ -333,7 +329,7 @@ void run_layout(const DoeLayoutArguments &a, Console &console) {
     desc.neighborhood_radius = a.neighborhood_radius;
     desc.tolerance = a.tolerance;
     desc.repair_rounds = a.repair_rounds;
-    const clspeckle::DotLayout layout = clspeckle::dot_layout(desc);
+    const clspeckle::DotLayout layout = clspeckle::dot_layout(desc, progress_on(console));
     const Json numbers = layout_numbers(layout.info);
     Json json = {{"wavelength_m", desc.wavelength_m},
                  {"seed", desc.seed},

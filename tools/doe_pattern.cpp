@@ -110,7 +110,7 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     desc.pixel_envelope = a.smooth ? 0 : 1;
     desc.cache_dir = a.cache.empty() ? nullptr : a.cache.c_str();
     const clspeckle::Context context = make_context(a.device);
-    return clspeckle::DoePattern(context, desc);
+    return clspeckle::DoePattern(context, desc, progress_on(console));
 }
 
 Json books_of(const ClspDoePatternInfo &i) {

@@ -774,6 +774,14 @@ void tools::check_interrupt() {
         throw Interrupted();
 }
 
+clspeckle::Progress tools::progress_on(Console &console) {
+    return [&console](const std::string &what, double fraction) {
+        check_interrupt();
+        console.progress(fraction, what);
+        return true;
+    };
+}
+
 namespace {
 
 /** The message and the exit code of what ended the program. The library's errors without the names of C functions. */

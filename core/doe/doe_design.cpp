@@ -138,11 +138,6 @@ std::complex<double> doe_level_phasor(std::uint32_t level, std::uint32_t levels)
     return std::polar(1.0, kTurn * level / levels);
 }
 
-void report_doe_progress(const DoeDesignParameters &parameters, const std::string &what, double fraction) {
-    if (parameters.progress && !parameters.progress(what, fraction))
-        throw Error(Status::kCancelled, "the progress function asked to stop");
-}
-
 DoeDevice::DoeDevice(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height)
     : context_(std::move(context)), pixels_(std::size_t{width} * height) {
     const auto largest = context_->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
@@ -195,7 +190,7 @@ std::shared_ptr<const DoeDesign> design_doe(const std::shared_ptr<Context> &cont
         for (std::size_t i = 0; i < field.size(); ++i)
             design->phase[i] = static_cast<float>(kTurn * levels[i] / p.levels);
     }
-    report_doe_progress(p, "measuring the orders", 0.98);
+    report_progress(p.progress, "measuring the orders", 0.98);
     measure_design(device, *design);
     design->history.push_back({design->report.efficiency, design->report.uniformity_rms});
     design->report.seconds = seconds_since(start);

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "runtime/context.hpp"
+#include "runtime/progress.hpp"
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,7 +35,7 @@ struct DoeDesignParameters {
     std::uint32_t fix_phase_iteration = 12; // of kPhaseFixed
     std::uint32_t search_sweeps = 0;
     bool compensate_envelope = true, mirror_orders = false;
-    std::function<bool(const std::string &, double)> progress; // false: cancel
+    ProgressFunction progress;
 };
 
 struct DoeDesignReport {

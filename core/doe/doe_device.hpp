@@ -55,9 +55,6 @@ inline std::uint32_t doe_bin(const DoeOrder &order, std::uint32_t width, std::ui
 // exp(2 pi i level / levels), exact at multiples of a quarter turn.
 std::complex<double> doe_level_phasor(std::uint32_t level, std::uint32_t levels);
 
-// Told how far the work is; throws kCancelled if the caller wants no more.
-void report_doe_progress(const DoeDesignParameters &parameters, const std::string &what, double fraction);
-
 // Weighted Gerchberg-Saxton. Leaves the element's field in device.field(); gives the convergence.
 std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParameters &parameters);
 

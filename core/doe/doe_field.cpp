@@ -15,6 +15,8 @@ namespace {
 constexpr const char *kFile = "doe_pattern.cl", *kStage = "doe";
 constexpr std::uint32_t kBeamTableSide = 513;
 constexpr double kBlurReach = 5; // standard deviations
+// Parts of spots that one kernel adds: about a second on a slow device, after which whoever waits may stop it.
+constexpr double kSumsAtOnce = 5e8, kLeastSlices = 4;
 
 std::string mebibytes(std::uint64_t bytes) {
     return fmt::format("{:.0f} MiB", std::ceil(double(bytes) / (1 << 20)));
@@ -32,6 +34,17 @@ void check_fft_size(std::uint32_t length, const char *what, std::uint32_t sample
 }
 
 } // namespace
+
+double spot_sums(const DoeElement &element, const SpotShape &spot) {
+    const DoePatternParameters &p = element.parameters;
+    // Orders that reach a texel, over all texels.
+    const auto reaching = [&](double half_extent, std::uint32_t texels, double half_spot_per_m, double cell) {
+        return (2 * half_extent / texels / element.mean_wavelength_m + 2 * half_spot_per_m) * cell + 1;
+    };
+    return double(p.image_width) * p.image_height *
+           reaching(p.half_extent_x, p.image_width, spot.half_u_per_m, p.width * p.pixel_pitch_m) *
+           reaching(p.half_extent_y, p.image_height, spot.half_v_per_m, p.height * p.pixel_pitch_m);
+}
 
 DoeField::DoeField(std::shared_ptr<Context> context, const DoeElement &element, const BeamProfile &beam)
     : context_(std::move(context)), element_(element), beam_(beam), queue_(context_->cl_context(), context_->device()) {
@@ -193,8 +206,17 @@ void DoeField::enqueue_field(CommandChain &chain, double wavelength_m, float shi
     chain.run(kStage, make, columns_, rows_);
 }
 
-void DoeField::add_line_orders(const LaserLine &line, const SpotShape &spot, DoeLight &light) {
+void DoeField::tell(std::size_t number, double part) const {
+    const std::size_t lines = element_.lines.size();
+    report_progress(element_.parameters.progress,
+                    lines > 1 ? fmt::format("laser line {} of {}", number + 1, lines) : "spreading the light",
+                    (double(number) + part) / double(lines));
+}
+
+void DoeField::add_line_orders(std::size_t number, const SpotShape &spot, DoeLight &light) {
     const DoePatternParameters &p = element_.parameters;
+    const LaserLine &line = element_.lines[number];
+    tell(number, 0.0);
     CommandChain chain(queue_(), 0, nullptr);
     enqueue_field(chain, line.wavelength_m, 0, 0);
     fft_->enqueue(chain, FftDirection::kForward, kStage, field_.get(), scratch_.get());
@@ -216,22 +238,33 @@ void DoeField::add_line_orders(const LaserLine &line, const SpotShape &spot, Doe
     scale.s[3] = static_cast<float>(line.wavelength_m / (p.height * p.pixel_pitch_m) / texel_v);
     scale.s[4] = static_cast<float>(spot.step_u_per_m * line.wavelength_m / texel_u);
     scale.s[5] = static_cast<float>(spot.step_v_per_m * line.wavelength_m / texel_v);
-    cl::Kernel add = context_->kernel(kFile, "doe_add_orders", "-DHAS_BEAM=0");
-    KernelArguments(add)
-        .add(power_.get())
-        .add(static_cast<cl_int>(columns_))
-        .add(static_cast<cl_int>(rows_))
-        .add(spot_table_.get())
-        .add(static_cast<cl_int>(spot.nodes_x))
-        .add(static_cast<cl_int>(spot.nodes_y))
-        .add(scale)
-        .add(static_cast<cl_float>(line.share * kept * spot.unit))
-        .add(cl_uint{p.pixel_envelope ? 1u : 0u})
-        .add(cl_uint{p.image_width})
-        .add(cl_uint{p.image_height})
-        .add(texels_.get());
-    chain.run(kStage, add, p.image_width, p.image_height);
     chain.finish(nullptr);
+    cl::Kernel add = context_->kernel(kFile, "doe_add_orders", "-DHAS_BEAM=0");
+    const auto slices = static_cast<std::uint32_t>(
+        std::clamp(std::ceil(spot_sums(element_, spot) / kSumsAtOnce), std::min(kLeastSlices, double(p.image_height)),
+                   double(p.image_height)));
+    const std::uint32_t slice = (p.image_height + slices - 1) / slices;
+    for (std::uint32_t first = 0; first < p.image_height; first += slice) {
+        KernelArguments(add)
+            .add(power_.get())
+            .add(static_cast<cl_int>(columns_))
+            .add(static_cast<cl_int>(rows_))
+            .add(spot_table_.get())
+            .add(static_cast<cl_int>(spot.nodes_x))
+            .add(static_cast<cl_int>(spot.nodes_y))
+            .add(scale)
+            .add(static_cast<cl_float>(line.share * kept * spot.unit))
+            .add(cl_uint{p.pixel_envelope ? 1u : 0u})
+            .add(cl_uint{first})
+            .add(cl_uint{p.image_width})
+            .add(cl_uint{p.image_height})
+            .add(texels_.get());
+        CommandChain rows(queue_(), 0, nullptr);
+        rows.run(kStage, add, p.image_width, std::min(slice, p.image_height - first));
+        rows.finish(nullptr);
+        check_opencl(clFinish(queue_()), "clFinish");
+        tell(number, double(std::min(first + slice, p.image_height)) / p.image_height);
+    }
     std::vector<float> power;
     read(power_, power);
     light.order_power.resize(power.size(), 0.0);
@@ -239,8 +272,9 @@ void DoeField::add_line_orders(const LaserLine &line, const SpotShape &spot, Doe
         light.order_power[i] += line.share * kept * power[i];
 }
 
-void DoeField::add_line_aperture(const LaserLine &line) {
+void DoeField::add_line_aperture(std::size_t number) {
     const DoePatternParameters &p = element_.parameters;
+    const LaserLine &line = element_.lines[number];
     const std::uint32_t q = p.oversampling;
     const double texel_u = 2 * p.half_extent_x / p.image_width, texel_v = 2 * p.half_extent_y / p.image_height;
     const double bin_u = line.wavelength_m / (columns_ * element_.sample_pitch_m()),
@@ -248,6 +282,7 @@ void DoeField::add_line_aperture(const LaserLine &line) {
     cl::Kernel add = context_->kernel(kFile, "doe_add_samples", "-DHAS_BEAM=1");
     for (std::uint32_t b = 0; b < q; ++b)
         for (std::uint32_t a = 0; a < q; ++a) {
+            tell(number, double(b * q + a) / (q * q));
             const float shift_x = static_cast<float>(a) / static_cast<float>(q),
                         shift_y = static_cast<float>(b) / static_cast<float>(q);
             CommandChain chain(queue_(), 0, nullptr);
@@ -287,7 +322,7 @@ DoeLight DoeField::evaluate(const SpotShape &spot) {
     if (element_.orders) {
         power_ = DeviceBuffer(context_, std::size_t{columns_} * rows_ * sizeof(float));
         spot_table_ = DeviceBuffer(context_, spot.table.size() * sizeof(std::uint32_t), spot.table.data());
-        for (const LaserLine &line : element_.lines)
+        for (std::size_t line = 0; line < element_.lines.size(); ++line)
             add_line_orders(line, spot, light);
     } else {
         const std::vector<float> table = beam_.amplitudes(kBeamTableSide);
@@ -308,7 +343,7 @@ DoeLight DoeField::evaluate(const SpotShape &spot) {
         if (!(beam_norm_ > 0))
             throw Error(Status::kInvalidArgument,
                         "no light of the beam meets the design's samples; the beam is narrower than a pixel");
-        for (const LaserLine &line : element_.lines)
+        for (std::size_t line = 0; line < element_.lines.size(); ++line)
             add_line_aperture(line);
     }
     read(texels_, light.texel_shares);

@@ -22,6 +22,9 @@ struct DoeLight {
     std::uint64_t device_memory_bytes = 0;
 };
 
+// Parts of spots that ORDERS adds to texels, of one line.
+double spot_sums(const DoeElement &element, const SpotShape &spot);
+
 // Works on one element with a queue of its own. Everything blocks.
 class DoeField {
   public:
@@ -34,8 +37,10 @@ class DoeField {
   private:
     void plan_memory();
     void make_design();
-    void add_line_orders(const LaserLine &line, const SpotShape &spot, DoeLight &light);
-    void add_line_aperture(const LaserLine &line);
+    void add_line_orders(std::size_t number, const SpotShape &spot, DoeLight &light);
+    void add_line_aperture(std::size_t number);
+    // part: of laser line `number`
+    void tell(std::size_t number, double part) const;
     void enqueue_field(CommandChain &chain, double wavelength_m, float shift_x, float shift_y);
     template <typename T> void read(const DeviceBuffer &buffer, std::vector<T> &values);
 

@@ -121,7 +121,7 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
     std::vector<cl_float> products(items);
     const double share = p.search_sweeps > 0 ? 0.5 : 0.98; // of the progress bar
     for (std::uint32_t i = 0; i < total; ++i) {
-        report_doe_progress(p, fmt::format("iteration {} of {}", i + 1, total), share * i / total);
+        report_progress(p.progress, fmt::format("iteration {} of {}", i + 1, total), share * i / total);
         // Binary: the gain grows through the free iterations. Else: the soft part of the quantization.
         double fraction = 0.0, gain = 0.0;
         if (i >= p.iterations)

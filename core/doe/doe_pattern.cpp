@@ -39,14 +39,7 @@ void check_beam(const DoeElement &element, const BeamProfile &beam, const SpotSh
         return;
     }
     const double cell_x = p.width * p.pixel_pitch_m, cell_y = p.height * p.pixel_pitch_m;
-    // Orders that reach a texel, over all texels.
-    const auto reaching = [&](double half_extent, std::uint32_t texels, double half_spot_per_m, double cell) {
-        return (2 * half_extent / texels / element.mean_wavelength_m + 2 * half_spot_per_m) * cell + 1;
-    };
-    const double sums = double(p.image_width) * p.image_height *
-                        reaching(p.half_extent_x, p.image_width, spot.half_u_per_m, cell_x) *
-                        reaching(p.half_extent_y, p.image_height, spot.half_v_per_m, cell_y);
-    if (sums > kMostSums)
+    if (const double sums = spot_sums(element, spot); sums > kMostSums)
         throw Error(Status::kInvalidArgument,
                     fmt::format("a cell of {:g} x {:g} m has so many orders that {:.1e} spots would be summed, at most "
                                 "{:.0e} are; take a smaller cell, a smaller extent, or evaluation APERTURE",

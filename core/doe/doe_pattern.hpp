@@ -4,6 +4,7 @@
 #include "doe/beam_profile.hpp"
 #include "doe/pattern_image.hpp"
 #include "runtime/context.hpp"
+#include "runtime/progress.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -47,6 +48,7 @@ struct DoePatternParameters : PatternImage {
     bool pixel_envelope = true;
     std::uint64_t max_memory_bytes = 0;
     std::string cache_dir;
+    ProgressFunction progress;
 };
 
 struct SpotPatternParameters : PatternImage {

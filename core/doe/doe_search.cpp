@@ -132,8 +132,8 @@ DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &p, std:
     DoeSearchResult result;
     for (std::uint32_t sweep = 0; sweep < p.search_sweeps; ++sweep) {
         const auto tell = [&](double part) {
-            report_doe_progress(p, fmt::format("search, sweep {} of at most {}", sweep + 1, p.search_sweeps),
-                                0.5 + 0.48 * (sweep + part) / p.search_sweeps);
+            report_progress(p.progress, fmt::format("search, sweep {} of at most {}", sweep + 1, p.search_sweeps),
+                            0.5 + 0.48 * (sweep + part) / p.search_sweeps);
         };
         tell(0.0);
         amplitudes.measure(levels);

@@ -17,6 +17,10 @@ constexpr double kQuarterTurn = 1.5707963267948966; // in radians
 constexpr double kHexagonal = 1.0745699318235418;
 constexpr double kSlack = 0.95;
 constexpr int kBisections = 12;
+// Shares of the progress: finding places, comparing neighbourhoods for the first time.
+constexpr double kPlacing = 0.3, kFirstLook = 0.5;
+// Places that are tried between two words to whoever waits.
+constexpr std::uint64_t kTellEvery = 1 << 16;
 // Darts for each dot before a free layout counts as full.
 constexpr std::uint64_t kDartsPerDot = 60;
 
@@ -113,8 +117,8 @@ void check_measure(const DotLayoutParameters &p) {
 using Dots = std::vector<Direction>;
 
 // Dots one after the other at random places, each kept if it is far enough from those before; random sequential
-// adsorption. Fewer than wanted: no more were found.
-Dots draw(const DotLayoutParameters &p, const Region &region, double distance) {
+// adsorption. Fewer than wanted: no more were found. `tell` hears of it now and then.
+Dots draw(const DotLayoutParameters &p, const Region &region, double distance, const std::function<void()> &tell) {
     Dots dots;
     DirectionGrid grid(region.u, region.v, distance);
     const auto put = [&](Direction d) {
@@ -138,6 +142,8 @@ Dots draw(const DotLayoutParameters &p, const Region &region, double distance) {
         for (std::size_t i = 0; i < places.size(); ++i)
             places[i] = static_cast<std::uint32_t>(i);
         for (std::size_t left = places.size(); left > 0 && dots.size() < p.count; --left) {
+            if (left % kTellEvery == 0)
+                tell();
             const std::size_t pick = source.below(left);
             const std::uint32_t place = places[pick];
             std::swap(places[pick], places[left - 1]);
@@ -147,6 +153,8 @@ Dots draw(const DotLayoutParameters &p, const Region &region, double distance) {
         }
     } else {
         for (std::uint64_t dart = 0; dart < kDartsPerDot * p.count && dots.size() < p.count; ++dart) {
+            if (dart % kTellEvery == 0)
+                tell();
             const auto block = source.next();
             put({region.u * ((block[0] + 0.5) * 0x1p-31 - 1.0), region.v * ((block[1] + 0.5) * 0x1p-31 - 1.0)});
         }
@@ -158,7 +166,7 @@ Dots draw(const DotLayoutParameters &p, const Region &region, double distance) {
 Dots place(const DotLayoutParameters &p, const Region &region, double &distance) {
     if (p.min_distance > 0.0) {
         distance = p.min_distance;
-        Dots dots = draw(p, region, distance);
+        Dots dots = draw(p, region, distance, [&] { report_progress(p.progress, "placing the dots", 0.0); });
         if (dots.size() < p.count)
             throw Error(Status::kInvalidArgument,
                         fmt::format("only {} of {} dots find a place at a min_distance of {:.4g}; about {:.4g} is "
@@ -169,9 +177,14 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
     }
     const double least = p.beam_diameter_m > 0.0 ? 1.22 * p.wavelength_m / p.beam_diameter_m : 0.0;
     double low = 0.0, high = kHexagonal * std::sqrt(region.area() / double(p.count));
-    for (int i = 0; i < kBisections; ++i) {
+    int step = 0;
+    const auto tell = [&] {
+        report_progress(p.progress, "looking for the largest distance", kPlacing * step / (kBisections + 1));
+    };
+    for (; step < kBisections; ++step) {
+        tell();
         const double middle = 0.5 * (low + high);
-        (draw(p, region, middle).size() == p.count ? low : high) = middle;
+        (draw(p, region, middle, tell).size() == p.count ? low : high) = middle;
     }
     distance = low * kSlack;
     if (distance < least)
@@ -180,9 +193,9 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
             fmt::format("{} dots in this field of view are {:.4g} apart, below the diffraction limit {:.4g} of a "
                         "beam of {} m: widen the beam or the field of view",
                         p.count, distance, least, p.beam_diameter_m));
-    Dots dots = draw(p, region, distance);
+    Dots dots = draw(p, region, distance, tell);
     if (dots.size() < p.count) // where a smaller distance happens to hold fewer
-        dots = draw(p, region, distance = low);
+        dots = draw(p, region, distance = low, tell);
     if (dots.size() < p.count)
         throw Error(Status::kInvalidArgument,
                     fmt::format("{} dots do not fit: {} found a place; take a larger field of view or cell", p.count,
@@ -246,8 +259,18 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
                         layout.tolerance, layout.min_distance));
     const NeighborhoodRules rules{layout.row_half_height, layout.neighborhood_radius, layout.tolerance};
     Source source(p.seed, 1);
-    NeighborhoodMeasure measure = measure_neighborhoods(dots, rules, p.min_difference);
+    NeighborhoodMeasure measure = measure_neighborhoods(dots, rules, p.min_difference, [&](double part) {
+        report_progress(p.progress, "comparing neighbourhoods", kPlacing + (kFirstLook - kPlacing) * part);
+    });
     for (std::uint32_t round = 0; round < p.repair_rounds && !measure.alike.empty(); ++round) {
+        // Most layouts need few rounds.
+        const auto tell = [&](double part) {
+            report_progress(p.progress,
+                            fmt::format("round {} of at most {}: moving {} pairs of alike dots", round + 1,
+                                        p.repair_rounds, measure.alike.size()),
+                            1.0 - (1.0 - kFirstLook) * std::pow(0.5, round + part));
+        };
+        tell(0.0);
         std::vector<bool> touched(dots.size());
         for (const auto &[i, j] : measure.alike) {
             if (touched[i] || touched[j])
@@ -258,7 +281,7 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
                 ++layout.moved;
             touched[i] = touched[j] = true;
         }
-        measure = measure_neighborhoods(dots, rules, p.min_difference);
+        measure = measure_neighborhoods(dots, rules, p.min_difference, tell);
     }
     if (!measure.alike.empty())
         throw Error(Status::kInvalidArgument,

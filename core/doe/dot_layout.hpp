@@ -2,6 +2,8 @@
 // definitions are in dot_layout.h of the C API.
 #pragma once
 
+#include "runtime/progress.hpp"
+
 #include <cstdint>
 #include <vector>
 
@@ -20,6 +22,7 @@ struct DotLayoutParameters {
     double min_difference = 0.25;
     std::uint32_t repair_rounds = 50;
     std::uint64_t seed = 0;
+    ProgressFunction progress;
 };
 
 constexpr std::uint64_t kMostLayoutDots = 100000;

@@ -12,6 +12,8 @@ namespace {
 
 // Squares of the grid along an axis; few dots do not need many.
 constexpr double kMostSquares = 2048.0;
+// Dots between two words to whoever waits.
+constexpr std::size_t kTellEvery = 256;
 // Neighbours of all dots that are kept at once: 800 MB.
 constexpr double kMostNeighbors = 5e7;
 
@@ -68,7 +70,7 @@ bool DirectionGrid::free(const std::vector<Direction> &dots, const Direction &pl
 }
 
 NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, const NeighborhoodRules &rules,
-                                          double wanted) {
+                                          double wanted, const std::function<void(double)> &tell) {
     double half_u = 0.0, half_v = 0.0;
     for (const Direction &d : dots) {
         half_u = std::max(half_u, std::abs(d.u));
@@ -104,7 +106,9 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
     std::sort(by_row.begin(), by_row.end(),
               [&](std::size_t a, std::size_t b) { return dots[a].v < dots[b].v || (dots[a].v == dots[b].v && a < b); });
     double sum = 0.0;
-    for (std::size_t a = 0; a < by_row.size(); ++a)
+    for (std::size_t a = 0; a < by_row.size(); ++a) {
+        if (a % kTellEvery == 0)
+            tell(double(a) / double(by_row.size()));
         for (std::size_t b = a + 1; b < by_row.size(); ++b) {
             const std::size_t i = by_row[a], j = by_row[b];
             if (dots[j].v - dots[i].v > rules.row_half_height * (1 + 1e-9))
@@ -123,6 +127,7 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
                 measure.second = j;
             }
         }
+    }
     if (measure.pairs > 0)
         measure.mean = sum / double(measure.pairs);
     return measure;

@@ -2,10 +2,10 @@
 #pragma once
 
 #include "attribution/search.hpp"
+#include "runtime/progress.hpp"
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,7 +23,7 @@ struct DiagnosisOptions {
     std::vector<Hypothesis> hypotheses;
     std::uint32_t max_effects = 6;
     unsigned threads = 0;             // of the statistics; 0: as many as the machine has
-    std::function<bool(const std::string &what, double fraction)> progress; // false cancels
+    ProgressFunction progress;
     bool evidence = true;             // pictures and curves for the HTML report are collected
 };
 

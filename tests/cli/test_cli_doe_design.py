@@ -160,8 +160,15 @@ def test_bad_layouts_are_refused(cli, tmp_path: Path, options: tuple[str, ...], 
     assert not list(tmp_path.iterdir())
 
 
-def test_ctrl_c_leaves_nothing(program: Path, tmp_path: Path) -> None:
-    command = [program, "doe", "design", "-o", tmp_path / "d", *SMALL, "--iterations", "100000"]
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("design", *SMALL, "--iterations", "100000"),
+        ("layout", *SMALL[:-2], "--min-difference", "1", "--repair-rounds", "1000000"),
+    ],
+)
+def test_ctrl_c_leaves_nothing(program: Path, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    command = [program, "doe", arguments[0], "-o", tmp_path / "d", *arguments[1:]]
     process = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True)
     time.sleep(2)
     process.send_signal(signal.SIGINT)

@@ -103,6 +103,37 @@ TEST_F(Doe, TheSameAgainComesFromMemory) {
     EXPECT_EQ(CLSP_DOE_SOURCE_COMPUTED, clspeckle::DoePattern(context, desc).info().source);
 }
 
+TEST_F(Doe, ProgressIsToldAndCancels) {
+    auto desc = valid();
+    const double wavelengths[] = {930e-9, 950e-9};
+    desc.line_count = 2;
+    desc.line_wavelengths_m = wavelengths;
+    for (const std::uint32_t evaluation : {CLSP_DOE_EVALUATION_ORDERS, CLSP_DOE_EVALUATION_APERTURE}) {
+        desc.evaluation = evaluation;
+        desc.power_w = 3.5; // not asked for before
+        const std::uint64_t before = context.info().allocated_bytes;
+        ClspDoePattern pattern = nullptr;
+        desc.progress = [](void *, const char *what, double fraction) -> std::int32_t {
+            EXPECT_NE(nullptr, std::strstr(what, "laser line"));
+            return fraction < 0.5;
+        };
+        EXPECT_CLSP_FAILS(CLSP_ERROR_CANCELLED, "stop", clspDoePatternCreate(context, &desc, &pattern));
+        EXPECT_EQ(nullptr, pattern);
+        EXPECT_EQ(before, context.info().allocated_bytes);
+        desc.progress = nullptr;
+        std::vector<double> calls;
+        const clspeckle::DoePattern told(context, desc, [&](const std::string &, double fraction) {
+            if (!calls.empty()) {
+                EXPECT_GE(fraction, calls.back());
+            }
+            calls.push_back(fraction);
+            return true;
+        });
+        EXPECT_EQ(evaluation == CLSP_DOE_EVALUATION_ORDERS ? 10u : 8u, calls.size());
+        EXPECT_EQ(CLSP_DOE_SOURCE_COMPUTED, told.info().source); // what was cancelled is not remembered
+    }
+}
+
 TEST_F(Doe, NoDeviceMemoryStays) {
     const ClspContextInfo before = context.info();
     auto desc = valid();

@@ -196,7 +196,25 @@ def test_bad_input(change: dict[str, object], words: str) -> None:
         clspeckle.design_doe(**arguments)
 
 
-def test_progress_cancels_and_lets_exceptions_through() -> None:
+LONG_CALLS = {
+    "design_doe": lambda progress: clspeckle.design_doe(
+        [[1, 2], [4, 0]], shape=(32, 32), pixel_pitch_m=PITCH, progress=progress
+    ),
+    "dot_layout": lambda progress: clspeckle.dot_layout(
+        60, shape=(96, 96), pixel_pitch_m=1e-6, half_angle_x_rad=0.2, half_angle_y_rad=0.2, progress=progress
+    ),
+    "DoePattern": lambda progress: clspeckle.DoePattern(
+        clspeckle.DoeElement(np.eye(8, dtype=np.float32), PITCH),
+        lines=[930e-9, 950e-9],
+        image_shape=(64, 64),
+        progress=progress,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LONG_CALLS)
+def test_progress_cancels_and_lets_exceptions_through(name: str) -> None:
+    call = LONG_CALLS[name]
     told: list[float] = []
 
     def stop(what: str, fraction: float) -> bool:
@@ -204,7 +222,7 @@ def test_progress_cancels_and_lets_exceptions_through() -> None:
         return fraction < 0.3
 
     with pytest.raises(clspeckle.errors.CancelledError):
-        clspeckle.design_doe([[1, 2], [4, 0]], shape=(32, 32), pixel_pitch_m=PITCH, progress=stop)
+        call(stop)
     assert told == sorted(told)
     assert told[-1] >= 0.3
 
@@ -212,4 +230,6 @@ def test_progress_cancels_and_lets_exceptions_through() -> None:
         raise KeyError(what)
 
     with pytest.raises(KeyError):
-        clspeckle.design_doe([[1, 2], [4, 0]], shape=(32, 32), pixel_pitch_m=PITCH, progress=fail)
+        call(fail)
+    with pytest.raises(TypeError, match="progress"):
+        call("a bar")

@@ -107,6 +107,34 @@ TEST(DotLayout, TheCamerasCounts) {
     }
 }
 
+TEST(DotLayout, ProgressIsToldAndCancels) {
+    auto d = desc();
+    std::vector<double> calls;
+    const auto note = [&](const std::string &what, double fraction) {
+        EXPECT_FALSE(what.empty());
+        if (!calls.empty()) {
+            EXPECT_GE(fraction, calls.back());
+        }
+        EXPECT_LE(fraction, 1.0);
+        calls.push_back(fraction);
+        return true;
+    };
+    const clspeckle::DotLayout layout = clspeckle::dot_layout(d, note);
+    EXPECT_GT(calls.size(), 10u);
+    EXPECT_EQ(clspeckle::dot_layout(d).directions, layout.directions);
+    // A layout that is never good enough can be left at any time.
+    d.min_difference = 1.0;
+    d.repair_rounds = 100000;
+    try {
+        clspeckle::dot_layout(d, [](const std::string &, double fraction) { return fraction < 0.7; });
+        FAIL() << "the layout went on";
+    } catch (const clspeckle::Error &error) {
+        EXPECT_EQ(CLSP_ERROR_CANCELLED, error.status());
+    }
+    struct Stop {};
+    EXPECT_THROW(clspeckle::dot_layout(d, [](const std::string &, double) -> bool { throw Stop{}; }), Stop);
+}
+
 TEST(DotLayout, BadDescriptionsAreRefused) {
     std::vector<double> directions(2 * CLSP_MAX_LAYOUT_DOTS);
     std::vector<std::int32_t> orders(directions.size());

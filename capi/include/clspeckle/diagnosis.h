@@ -77,14 +77,6 @@ typedef struct ClspHypothesis {
     void *user_data;          /**< Handed to `apply`; default NULL. */
 } ClspHypothesis;
 
-/**
- * Told how far a diagnosis is; called often, on the thread of clspDiagnose().
- * @param what what is being done, in words; good until the return.
- * @param fraction 0 to 1, never less than before.
- * @return 0 to cancel, anything else to go on.
- */
-typedef int32_t (*ClspProgressFunction)(void *user_data, const char *what, double fraction);
-
 /** How to diagnose. */
 typedef struct ClspDiagnoseDesc {
     uint32_t struct_size;      /**< Size of the struct as the caller knows it. */

@@ -119,6 +119,8 @@ typedef struct ClspDoePatternDesc {
     uint32_t reserved;             /**< 0. */
     uint64_t max_memory_bytes;     /**< Device memory that may be taken; 0 (default): what the device has. */
     const char *cache_dir;         /**< Folder in which patterns are kept between runs; NULL (default): memory only. */
+    ClspProgressFunction progress; /**< Told how far the pattern is; NULL (default): nobody is told. */
+    void *progress_data;           /**< Handed to `progress`; default NULL. */
 } ClspDoePatternDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspDoePatternDesc). */
@@ -130,7 +132,8 @@ CLSP_API ClspStatus clspDoePatternDescInit(ClspDoePatternDesc *desc, uint32_t st
  * is damaged is ignored and written anew; one that cannot be written is not an error.
  * Fails with CLSP_ERROR_INVALID_ARGUMENT where the description contradicts itself (a beam larger than the DOE, a cell larger than the
  * DOE, spots that overlap, wanted directions beyond 90 degrees), CLSP_ERROR_INVALID_DATA for phases that are not finite or not on
- * design_levels, and CLSP_ERROR_OUT_OF_MEMORY, naming the need, if it does not fit.
+ * design_levels, CLSP_ERROR_OUT_OF_MEMORY, naming the need, if it does not fit, and CLSP_ERROR_CANCELLED when the progress function
+ * returned 0.
  * Device memory: 4 bytes for each texel; 16 bytes for each sample of the design in ORDERS; 8 bytes for each sample of
  * the aperture and 4 (8) for each of the design in APERTURE; and as much as the Fourier transform asks for.
  */
@@ -175,7 +178,8 @@ typedef struct ClspDoePatternInfo {
     double half_extent_x;  /**< The image covers [-half_extent_x, half_extent_x] in u. */
     double half_extent_y;  /**< Likewise in v. */
     double power_w;        /**< Of the beam. */
-    /** Share in the wanted dots. ORDERS: exact. APERTURE: in the texels within twice the spot's half-angle of a wanted direction. */
+    /** Share in the wanted dots. ORDERS: exact. APERTURE: in the texels within twice the spot's half-angle, and at least 1.5
+     *  texels, of a wanted direction: books of an image whose texels are wider than that depend on them. */
     double dots;
     double zero_order;     /**< Share in order (0, 0), unless it is wanted. */
     /** Share in other orders, those outside of the image and beyond 90 degrees included (ORDERS); around the twins -(u, v) of wanted

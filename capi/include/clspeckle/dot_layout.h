@@ -51,6 +51,8 @@ typedef struct ClspDotLayoutDesc {
     uint32_t point_symmetric; /**< 1: with every dot (u, v) there is (-u, -v), as binary elements make them, and with an odd count the
                                    zero order; default 0. */
     uint32_t repair_rounds; /**< In which alike dots are moved, at most; default 50. */
+    ClspProgressFunction progress; /**< Told how far the layout is; NULL (default): nobody is told. */
+    void *progress_data;   /**< Handed to `progress`; default NULL. */
 } ClspDotLayoutDesc;
 
 /** What a layout is like. */
@@ -81,7 +83,7 @@ CLSP_API ClspStatus clspDotLayoutDescInit(ClspDotLayoutDesc *desc, uint32_t stru
  * @param info       with its struct_size set; NULL: not wanted.
  * @return CLSP_ERROR_INVALID_ARGUMENT where the field of view reaches beyond 90 degrees or out of the pixels' reach, so many dots do not
  *         fit at that distance, the distance is below the diffraction limit, or dots still look alike after repair_rounds: the message says
- *         what is possible.
+ *         what is possible; CLSP_ERROR_CANCELLED when the progress function returned 0.
  */
 CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *directions, int32_t *orders, ClspDotLayoutInfo *info);
 

@@ -132,6 +132,14 @@ typedef struct ClspDoeDesign_ *ClspDoeDesign; /**< A designed diffractive elemen
 typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (depth.h). */
 /** @} */
 
+/**
+ * Told how far a long call is; called often, on the thread of the call. The call then fails with CLSP_ERROR_CANCELLED and has no effect.
+ * @param what what is being done, in words; good until the return.
+ * @param fraction 0 to 1, never less than before.
+ * @return 0 to cancel, anything else to go on.
+ */
+typedef int32_t (*ClspProgressFunction)(void *user_data, const char *what, double fraction);
+
 /** @name Images in device memory */
 /** @{ */
 #define CLSP_FORMAT_NONE 0u       /**< Not an image. */

@@ -74,6 +74,10 @@ inline void check(ClspStatus status) {
     throw Error(status, 0, "clspeckle", "no details are known", "");
 }
 
+/** Told what is being done and the fraction that is done; false cancels: the call throws CLSP_ERROR_CANCELLED. On the thread of the
+ *  call; what it throws leaves the call. */
+using Progress = std::function<bool(const std::string &what, double fraction)>;
+
 namespace detail {
 
 inline void init(ClspContextDesc &desc) {
@@ -196,6 +200,36 @@ inline void init(ClspDiagnosisPlace &place) {
 }
 inline void init(ClspDiagnosisStep &step) {
     step.struct_size = sizeof(step);
+}
+
+/** A caller's function, and the first exception of any of them, on its way through C. */
+template <typename Function> struct Carried {
+    const Function *function;
+    std::exception_ptr *thrown;
+};
+
+extern "C" inline std::int32_t clspeckle_detail_progress(void *data, const char *what, double fraction) {
+    const auto *carried = static_cast<const Carried<Progress> *>(data);
+    try {
+        return (*carried->function)(what, fraction) ? 1 : 0;
+    } catch (...) {
+        *carried->thrown = std::current_exception();
+        return 0;
+    }
+}
+
+/** Makes call(desc) with `progress` in the place of desc.progress, if it is not empty. */
+template <typename Desc, typename Call> void call_with_progress(Desc desc, const Progress &progress, Call call) {
+    std::exception_ptr thrown;
+    Carried<Progress> carried{&progress, &thrown};
+    if (progress) {
+        desc.progress = clspeckle_detail_progress;
+        desc.progress_data = &carried;
+    }
+    const ClspStatus status = call(&desc);
+    if (thrown && status != CLSP_SUCCESS)
+        std::rethrow_exception(thrown);
+    check(status);
 }
 
 /** One reference of a counted handle. */
@@ -614,7 +648,10 @@ class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatter
 class DoePattern : public detail::Shared<ClspDoePattern, clspDoePatternRetain, clspDoePatternRelease> {
   public:
     DoePattern() noexcept = default;
-    DoePattern(const Context &context, const ClspDoePatternDesc &desc) { check(clspDoePatternCreate(context, &desc, &handle_)); }
+    /** Computes; blocks. `progress` takes the place of desc.progress if it is not empty. */
+    DoePattern(const Context &context, const ClspDoePatternDesc &desc, const Progress &progress = {}) {
+        detail::call_with_progress(desc, progress, [&](const ClspDoePatternDesc *d) { return clspDoePatternCreate(context, d, &handle_); });
+    }
     DoePattern(const Context &context, const ClspSpotPatternDesc &desc) { check(clspSpotPatternCreate(context, &desc, &handle_)); }
     /** Takes over one reference of a C handle. */
     static DoePattern adopt(ClspDoePattern handle) noexcept { return DoePattern(handle); }
@@ -1205,18 +1242,10 @@ struct DiagnoseOptions {
     bool evidence = true; /**< Pictures and curves for Diagnosis::write_html() are collected. */
     std::vector<std::string> without;
     std::vector<Hypothesis> hypotheses;
-    /** False cancels: diagnose() throws CLSP_ERROR_CANCELLED. On the thread of diagnose(); what it throws leaves
-     *  diagnose(). */
-    std::function<bool(const std::string &what, double fraction)> progress;
+    Progress progress;
 };
 
 namespace detail {
-
-/** A caller's function, and the first exception of any of them, on its way through C. */
-template <typename Function> struct Carried {
-    const Function *function;
-    std::exception_ptr *thrown;
-};
 
 extern "C" inline std::int32_t clspeckle_detail_apply(void *data, const ClspHypothesisFrame *frame) {
     const auto *carried = static_cast<const Carried<std::function<void(const ClspHypothesisFrame &)>> *>(data);
@@ -1226,16 +1255,6 @@ extern "C" inline std::int32_t clspeckle_detail_apply(void *data, const ClspHypo
     } catch (...) {
         *carried->thrown = std::current_exception();
         return 1;
-    }
-}
-
-extern "C" inline std::int32_t clspeckle_detail_progress(void *data, const char *what, double fraction) {
-    const auto *carried = static_cast<const Carried<std::function<bool(const std::string &, double)>> *>(data);
-    try {
-        return (*carried->function)(what, fraction) ? 1 : 0;
-    } catch (...) {
-        *carried->thrown = std::current_exception();
-        return 0;
     }
 }
 
@@ -1282,7 +1301,7 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
     std::vector<const char *> without;
     for (const std::string &id : options.without)
         without.push_back(id.c_str());
-    detail::Carried<std::function<bool(const std::string &, double)>> progress{&options.progress, &thrown};
+    detail::Carried<Progress> progress{&options.progress, &thrown};
     auto desc = make<ClspDiagnoseDesc>();
     desc.seed = options.seed;
     desc.null_replicates = options.null_replicates;
@@ -1326,22 +1345,10 @@ inline Diagnosis compare(const Context &context, const Capture &real, const Capt
 /** Phase of a diffractive beam splitter, see doe_design.h. May be read from any number of threads at once. */
 class DoeDesign : public detail::Shared<ClspDoeDesign, clspDoeDesignRetain, clspDoeDesignRelease> {
   public:
-    /** Told what is being done and the fraction that is done; false cancels. What it throws leaves the constructor. */
-    using Progress = std::function<bool(const std::string &what, double fraction)>;
-
     DoeDesign() noexcept = default;
     /** Designs; blocks. `progress` takes the place of desc.progress if it is not empty. */
-    DoeDesign(const Context &context, ClspDoeDesignDesc desc, const Progress &progress = {}) {
-        std::exception_ptr thrown;
-        const detail::Carried<Progress> carried{&progress, &thrown};
-        if (progress) {
-            desc.progress = detail::clspeckle_detail_progress;
-            desc.progress_data = const_cast<detail::Carried<Progress> *>(&carried);
-        }
-        const ClspStatus status = clspDoeDesignCreate(context, &desc, &handle_);
-        if (thrown && status != CLSP_SUCCESS)
-            std::rethrow_exception(thrown);
-        check(status);
+    DoeDesign(const Context &context, const ClspDoeDesignDesc &desc, const Progress &progress = {}) {
+        detail::call_with_progress(desc, progress, [&](const ClspDoeDesignDesc *d) { return clspDoeDesignCreate(context, d, &handle_); });
     }
     /** The report of a phase that exists already: desc.height x desc.width radians. */
     static DoeDesign evaluate(const Context &context, const ClspDoeDesignDesc &desc, const std::vector<float> &phase) {
@@ -1415,16 +1422,18 @@ struct DotLayout {
     ClspDotLayoutInfo info;
 };
 
-/** clspDotLayoutCreate(). May be called from any thread. */
-inline DotLayout dot_layout(const ClspDotLayoutDesc &desc) {
+/** clspDotLayoutCreate(). May be called from any thread. `progress` takes the place of desc.progress if it is not empty. */
+inline DotLayout dot_layout(const ClspDotLayoutDesc &desc, const Progress &progress = {}) {
     DotLayout result{{}, {}, make<ClspDotLayoutInfo>()};
     if (desc.count <= CLSP_MAX_LAYOUT_DOTS) { // else the call says so
         result.directions.resize(static_cast<std::size_t>(2 * desc.count));
         result.orders.resize(desc.lattice ? result.directions.size() : 0);
     }
     double none = 0.0; // an empty vector has no memory, which is not what is wrong then
-    check(clspDotLayoutCreate(&desc, result.directions.empty() ? &none : result.directions.data(),
-                              result.orders.empty() ? nullptr : result.orders.data(), &result.info));
+    detail::call_with_progress(desc, progress, [&](const ClspDotLayoutDesc *d) {
+        return clspDotLayoutCreate(d, result.directions.empty() ? &none : result.directions.data(),
+                                   result.orders.empty() ? nullptr : result.orders.data(), &result.info);
+    });
     return result;
 }
 

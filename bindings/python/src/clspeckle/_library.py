@@ -164,6 +164,9 @@ CLSP_DEPTH_WARNING_MERGED = 16
 # --- Structs, member by member as in the headers ---
 
 
+PROGRESS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, c_char_p, c_double)
+
+
 class ClspErrorInfo(ctypes.Structure):
     _fields_ = [
         ("struct_size", c_uint32),
@@ -351,6 +354,8 @@ class ClspDoePatternDesc(ctypes.Structure):
         ("reserved", c_uint32),
         ("max_memory_bytes", c_uint64),
         ("cache_dir", c_char_p),
+        ("progress", PROGRESS_FUNCTION),
+        ("progress_data", c_void_p),
     ]
 
 
@@ -881,7 +886,6 @@ class ClspHypothesisFrame(ctypes.Structure):
 
 
 HYPOTHESIS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, POINTER(ClspHypothesisFrame))
-PROGRESS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, c_char_p, c_double)
 
 
 class ClspHypothesis(ctypes.Structure):
@@ -1079,6 +1083,8 @@ class ClspDotLayoutDesc(ctypes.Structure):
         ("min_difference", c_double),
         ("point_symmetric", c_uint32),
         ("repair_rounds", c_uint32),
+        ("progress", PROGRESS_FUNCTION),
+        ("progress_data", c_void_p),
     ]
 
 

@@ -8,18 +8,15 @@ The method and every number of the report: ``docs/diagnosis.md``; the C interfac
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import dataclasses
 import json
 import math
 import os
 import re
-import signal
 import sys
-import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Callable, Union
 
 import numpy as np
@@ -27,6 +24,7 @@ import numpy.typing as npt
 
 from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
+from ._progress import Call, Progress
 from .capture import Capture, CaptureSequence
 from .runtime import Context, resolve_context
 
@@ -53,9 +51,6 @@ _ID = re.compile(r"[A-Za-z0-9_.-]{1,31}")
 _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 0.5
 _RANGES = {"null_replicates": (12, 100000), "max_effects": (1, 64), "threads": (1, 1024)}
 """Those of the C library (diagnosis.h), so that messages name the arguments of :func:`diagnose`."""
-
-Progress = Callable[[str, float], Union[bool, None]]
-"""Told what is being done and the fraction that is done; returning False cancels."""
 
 CaptureLike = Union[Capture, str, "os.PathLike[str]", Mapping[str, Union[npt.ArrayLike, CaptureSequence]]]
 
@@ -440,49 +435,8 @@ def _range_of(given: Sequence[float], name: str) -> tuple[float, float, float, f
     return numbers[0], numbers[1], minimum, maximum
 
 
-class _Call:
-    """One call of clspDiagnose(): keeps what C points to, and the first exception of the user's functions."""
-
-    def __init__(self) -> None:
-        self.thrown: BaseException | None = None
-        self.interrupted = False
-        self.kept: list[Any] = []
-
-    def keep(self, value: Any) -> Any:
-        self.kept.append(value)
-        return value
-
-    @contextlib.contextmanager
-    def interruptible(self) -> Iterator[None]:
-        """Ctrl-C during the call cancels it. Python's own handler would raise within a callback before its first line,
-        where nothing can catch it."""
-        handler = signal.getsignal(signal.SIGINT)
-        if threading.current_thread() is not threading.main_thread() or not callable(handler):
-            yield
-            return
-
-        def note(_number: int, _frame: Any) -> None:
-            self.interrupted = True
-
-        signal.signal(signal.SIGINT, note)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, handler)
-            if self.interrupted:
-                handler(signal.SIGINT, sys._getframe())
-
-    def progress(self, report: Progress | None) -> Any:
-        def tell(_data: int | None, what: bytes, fraction: float) -> int:
-            try:
-                if self.interrupted or self.thrown is not None:
-                    return 0
-                return 0 if report is not None and report(_library.text(what), fraction) is False else 1
-            except BaseException as error:
-                self.thrown = self.thrown or error
-                return 0
-
-        return self.keep(_library.PROGRESS_FUNCTION(tell))
+class _DiagnosisCall(Call):
+    """One call of clspDiagnose() or clspCompare()."""
 
     def hypothesis(self, hypothesis: Hypothesis) -> _library.ClspHypothesis:
         if not isinstance(hypothesis, Hypothesis):
@@ -737,7 +691,7 @@ def _run(
     context: Context | None,
 ) -> Diagnosis:
     """clspDiagnose() or clspCompare()."""
-    call = _Call()
+    call = _DiagnosisCall()
     desc = _library.initialized(_library.ClspDiagnoseDesc)
     given = {"null_replicates": null_replicates, "max_effects": max_effects, "threads": threads, "seed": seed}
     bits = {"null_replicates": 32, "max_effects": 32, "threads": 32, "seed": 64}
@@ -765,12 +719,8 @@ def _run(
     device = resolve_context(context)
     handles = [capture._get() for capture in captures]
     try:
-        with call.interruptible():
+        with call.running():
             return Diagnosis._of(create(function, device._get(), *handles, ctypes.byref(desc)))
-    except errors.ClspeckleError as error:
-        if call.thrown is not None:
-            raise call.thrown from error
-        raise
     finally:
         if bar is not None:
             bar.clear()

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from . import _check, _library, errors
 from ._handle import Handle, create
+from ._progress import Call, Progress
 from .pattern import Pattern
 from .runtime import Context, resolve_context
 
@@ -375,6 +376,7 @@ class DoePattern(Handle):
         pixel_envelope: pixels are squares; False: the phase is smooth.
         max_memory_bytes: of the device; None: what it has.
         cache_dir: a folder in which patterns are kept between runs; None: none.
+        progress: called with what is being done and the fraction that is done; returning False cancels.
         context: None for :func:`default_context`.
 
     What is None has the C library's default.
@@ -398,6 +400,7 @@ class DoePattern(Handle):
         pixel_envelope: bool | None = None,
         max_memory_bytes: int | None = None,
         cache_dir: str | os.PathLike[str] | None = None,
+        progress: Progress | None = None,
         context: Context | None = None,
     ) -> None:
         kept = _Kept()
@@ -431,7 +434,10 @@ class DoePattern(Handle):
         if cache_dir is not None:
             desc.cache_dir = _check.path(cache_dir, "cache_dir")
         self.context = resolve_context(context)
-        self._adopt(create("clspDoePatternCreate", self.context._get(), ctypes.byref(desc)))
+        call = Call()
+        desc.progress = call.progress(progress)
+        with call.running():
+            self._adopt(create("clspDoePatternCreate", self.context._get(), ctypes.byref(desc)))
 
     @classmethod
     def ideal(

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from . import _check, _library, errors
 from ._handle import Handle, create
-from .diagnosis import Progress, _Call
+from ._progress import Call, Progress
 from .runtime import Context, resolve_context
 
 __all__ = ["DoeDesign", "SnappedOrders", "design_doe", "evaluate_doe", "snap_directions"]
@@ -213,15 +213,10 @@ def design_doe(
     table = _order_table(orders, weights)
     desc = _desc(table, shape, rule, parameters)
     device = resolve_context(context)
-    call = _Call()
+    call = Call()
     desc.progress = call.progress(progress)
-    with call.interruptible():
-        try:
-            pointer = create("clspDoeDesignCreate", device._get(), ctypes.byref(desc))
-        except errors.ClspeckleError:
-            if call.thrown is not None:
-                raise call.thrown from None
-            raise
+    with call.running():
+        pointer = create("clspDoeDesignCreate", device._get(), ctypes.byref(desc))
     return DoeDesign._of(pointer, (desc.height, desc.width))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
+from ._progress import Call, Progress
 
 __all__ = ["DotLayout", "dot_layout"]
 
@@ -70,6 +71,7 @@ def dot_layout(
     point_symmetric: bool = False,
     seed: int = 0,
     repair_rounds: int | None = None,
+    progress: Progress | None = None,
     **parameters: float,
 ) -> DotLayout:
     """Puts dots into a field of view.
@@ -81,6 +83,7 @@ def dot_layout(
         point_symmetric: with every dot its mirror image, as binary elements make them.
         seed: the same seed gives the same layout.
         repair_rounds: in which dots that look alike are moved.
+        progress: called with what is being done and the fraction that is done; returning False cancels.
         **parameters: `pixel_pitch_m`, `wavelength_m`, `half_angle_x_rad`, `half_angle_y_rad`, `min_distance`,
             `beam_diameter_m`, `row_half_height`, `neighborhood_radius`, `tolerance`, `min_difference`, as in
             ClspDotLayoutDesc.
@@ -97,13 +100,16 @@ def dot_layout(
     directions = np.empty((desc.count, 2))
     orders = np.empty((desc.count, 2), np.int32) if lattice else None
     info = _library.initialized(_library.ClspDotLayoutInfo)
-    _library.call(
-        "clspDotLayoutCreate",
-        ctypes.byref(desc),
-        directions.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
-        None if orders is None else orders.ctypes.data_as(ctypes.POINTER(ctypes.c_int32)),
-        ctypes.byref(info),
-    )
+    call = Call()
+    desc.progress = call.progress(progress)
+    with call.running():
+        _library.call(
+            "clspDotLayoutCreate",
+            ctypes.byref(desc),
+            directions.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
+            None if orders is None else orders.ctypes.data_as(ctypes.POINTER(ctypes.c_int32)),
+            ctypes.byref(info),
+        )
     numbers = {
         field.name: getattr(info, field.name)
         for field in dataclasses.fields(DotLayout)
