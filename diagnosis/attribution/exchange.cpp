@@ -186,15 +186,40 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
     return chosen;
 }
 
+// An effect that would have done nearly as well in the place of the one that is there: the data may not tell which.
+void note_rival(SearchStep &step, const std::string &effect, const FittedModel &fitted, double behind) {
+    double chosen = 0.0;
+    for (const RankedEffect &ranked : step.ranking)
+        if (ranked.effect == step.added)
+            chosen = ranked.gain;
+    RankedEffect rival;
+    rival.effect = effect;
+    rival.values = fitted.effects.back().values;
+    rival.distance_after = fitted.residual.distance;
+    rival.simulated = true;
+    rival.gain = std::min(chosen, chosen - behind);
+    const auto known = std::find_if(step.ranking.begin(), step.ranking.end(),
+                                    [&](const RankedEffect &ranked) { return ranked.effect == effect; });
+    if (known == step.ranking.end())
+        step.ranking.push_back(rival);
+    else if (known->gain < rival.gain)
+        *known = rival;
+    weigh(step.ranking);
+}
+
 bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
     const FittedModel &whole = path.models.back();
     Path other;
     other.looks = path.looks;
     other.model = std::move(model);
     FittedModel fitted;
-    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at); }) ||
-        fitted.score > whole.score - kLeastGain)
+    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at); }))
         return false;
+    if (fitted.score > whole.score - kLeastGain) {
+        if (!move.shares)
+            note_rival(path.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
+        return false;
+    }
     const double gain = whole.score - fitted.score;
     RankedEffect ranked;
     ranked.effect = move.candidate->id;

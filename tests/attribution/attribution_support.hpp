@@ -45,8 +45,9 @@ inline CaptureLayout small_layout() {
     return layout;
 }
 
-inline Capture simulated(const EffectSettings &effects, std::uint64_t seed) {
-    Simulator simulator(context(), small_layout());
+inline Capture simulated(const EffectSettings &effects, std::uint64_t seed,
+                         const std::vector<Hypothesis> &hypotheses = {}) {
+    Simulator simulator(context(), small_layout(), hypotheses);
     Capture capture;
     capture.layout = small_layout();
     for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {

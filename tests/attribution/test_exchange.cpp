@@ -2,6 +2,7 @@
 #include "attribution/attribution_support.hpp"
 #include "attribution/candidate.hpp"
 #include "attribution/exchange.hpp"
+#include "attribution/verdict.hpp"
 
 #include <algorithm>
 #include <gtest/gtest.h>
@@ -67,7 +68,7 @@ class Exchange : public testing::Test {
         }
         EXPECT_EQ(path.pool.effects, path.models.back().effects);
     }
-    const std::vector<Candidate> all = candidates({}, {});
+    std::vector<Candidate> all = candidates({}, {});
 };
 
 TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
@@ -91,6 +92,41 @@ TEST_F(Exchange, NothingForWhatIsRight) {
     EXPECT_FALSE(exchange(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
     expect_consistent(path);
+}
+
+// Two names for one thing: nothing is exchanged, but the choice is no certain one any more.
+TEST_F(Exchange, WhatDoesAsWellIsARival) {
+    std::vector<Hypothesis> twins(2);
+    for (std::size_t i = 0; i < twins.size(); ++i) {
+        Hypothesis &twin = twins[i];
+        twin.id = i == 0 ? "tilt" : "slope";
+        twin.stage = "optics";
+        twin.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
+        twin.apply = [](const HypothesisFrame &frame) {
+            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
+                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at)
+                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
+        };
+    }
+    Experiment experiment(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5, twins), twins, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    all = candidates(twins, {});
+    Path path = path_of(fits, {"tilt", "row_noise"}, {"slope"});
+    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"tilt", "row_noise"}));
+    const std::vector<RankedEffect> &ranking = path.steps.front().ranking;
+    ASSERT_EQ(2u, ranking.size());
+    EXPECT_EQ(1u, path.steps.back().ranking.size());
+    for (const RankedEffect &ranked : ranking) {
+        EXPECT_TRUE(ranked.effect == "tilt" || ranked.effect == "slope");
+        EXPECT_GT(ranked.probability, 0.1);
+    }
+    DiagnosisResult result;
+    name_effects(path.steps, result);
+    EXPECT_EQ(Verdict::kAmbiguous, result.verdict);
+    EXPECT_EQ((std::vector<std::string>{"tilt", "row_noise"}), result.effects);
+    EXPECT_EQ(2u, result.equivalent.size());
 }
 
 TEST_F(Exchange, NeedlessEffectsArePruned) {
