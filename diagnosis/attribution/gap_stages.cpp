@@ -15,6 +15,35 @@ struct Seen {
     bool recorded = false, differs = false;
 };
 
+// The standard deviation of a place's statistic; 0 where nothing tells.
+double deviation_of(const GapPlace &place) {
+    return place.z != 0.0 ? std::abs((place.real - place.sim) / place.z) : 0.0;
+}
+
+// What differs in one kind of scene would differ in the other, too, if it were there: its statistics are as sharp. Fringes that many
+// moving surfaces show drown in the grain of one that rests.
+bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places, bool moving, double least) {
+    const auto sequence_of = [&](const GapPlace &place) {
+        return std::find_if(layout.sequences.begin(), layout.sequences.end(),
+                            [&](const SequenceLayout &s) { return s.name == place.statistic.sequence; });
+    };
+    for (const GapPlace &place : places) {
+        const auto sequence = sequence_of(place);
+        if (std::abs(place.z) <= least || sequence == layout.sequences.end() || sequence->moving != moving)
+            continue;
+        for (const GapPlace &other : places) {
+            const auto there = sequence_of(other);
+            if (there == layout.sequences.end() || there->scene != sequence->scene || there->moving == moving ||
+                other.statistic.name != place.statistic.name || other.statistic.region != place.statistic.region)
+                continue;
+            const double here = deviation_of(place), same = deviation_of(other);
+            if (std::abs(place.z) * (here > 0.0 && same > 0.0 ? here / same : 1.0) > kDeviations)
+                return true;
+        }
+    }
+    return false;
+}
+
 bool is_one_of(const std::string &stage, std::initializer_list<const char *> stages) {
     return std::any_of(stages.begin(), stages.end(), [&](const char *s) { return stage == s; });
 }
@@ -31,10 +60,11 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
     double worst = 0.0;
     for (const GapPlace &place : places)
         worst = std::max(worst, std::abs(place.z));
+    const double least = std::max(kDeviations, kPartOfWorst * worst);
     Seen dark, flat, boards, dots, resting, moving;
     for (const SequenceLayout &sequence : layout.sequences) {
         const bool differs = std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {
-            return place.statistic.sequence == sequence.name && std::abs(place.z) > std::max(kDeviations, kPartOfWorst * worst);
+            return place.statistic.sequence == sequence.name && std::abs(place.z) > least;
         });
         const auto see = [&](Seen &group) {
             group.recorded = true;
@@ -52,12 +82,17 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
         set_stage(places, "sensor", {});
     else if (flat.differs)
         set_stage(places, "sensor", {"sensor", "optics"});
-    else if (resting.differs && moving.recorded && !moving.differs)
+    else if (resting.differs && moving.recorded && !moving.differs && would_show(layout, places, false, least))
         set_stage(places, "motion", {});
-    else if (moving.differs && resting.recorded && !resting.differs)
+    else if (moving.differs && resting.recorded && !resting.differs && would_show(layout, places, true, least))
         set_stage(places, "motion", {"motion", "sensor"});
     else if (dots.differs && boards.recorded && !boards.differs)
         set_stage(places, "doe", {"doe", "laser", "optics"});
+    else if (boards.differs)
+        // One cause at a time: no pattern falls on the boards.
+        for (GapPlace &place : places)
+            if (place.statistic.stage == "doe")
+                place.statistic.stage = "optics";
 }
 
 } // namespace clsp

@@ -67,6 +67,31 @@ TEST_F(Stages, WhatOnlyRestingOrMovingScenesShowIsMotion) {
     EXPECT_EQ(placed("board_moving", "sensor", {{"board_moving", 20.0}}), "sensor");
 }
 
+TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
+    const auto place = [](const char *sequence, double z, double deviation, const char *stage) {
+        GapPlace result;
+        result.statistic.sequence = sequence;
+        result.statistic.name = "intensity_skewness";
+        result.statistic.stage = stage;
+        result.z = z;
+        result.real = 1.0 + z * deviation;
+        result.sim = 1.0;
+        return result;
+    };
+    // Of one resting surface the skewness is known five times worse than of many: 8 deviations would be less than 2.
+    std::vector<GapPlace> places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.05, "laser")};
+    place_stages(layout, places);
+    EXPECT_EQ(places[0].statistic.stage, "laser");
+    places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.012, "laser")};
+    place_stages(layout, places);
+    EXPECT_EQ(places[0].statistic.stage, "motion");
+    // A pattern falls on dots only: one cause for boards and dots is no pattern.
+    places = {place("dots_moving", 80.0, 0.01, "doe"), place("board_moving", 70.0, 0.01, "optics"),
+              place("board_static", 70.0, 0.01, "optics")};
+    place_stages(layout, places);
+    EXPECT_EQ(places[0].statistic.stage, "optics");
+}
+
 TEST_F(Stages, DotsOnASurfaceThatAgrees) {
     EXPECT_EQ(placed("dots_moving", "surface", {{"dots_moving", 20.0}, {"dots_static", -12.0}}), "doe");
     EXPECT_EQ(placed("dots_moving", "laser", {{"dots_moving", 20.0}, {"dots_static", -12.0}}), "laser");
