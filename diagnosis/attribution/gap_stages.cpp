@@ -20,13 +20,14 @@ double deviation_of(const GapPlace &place) {
     return place.z != 0.0 ? std::abs((place.real - place.sim) / place.z) : 0.0;
 }
 
-// What differs in one kind of scene would differ in the other, too, if it were there: its statistics are as sharp. Fringes that many
-// moving surfaces show drown in the grain of one that rests.
+// What differs in one kind of scene would differ in the other, too, if it were there: most of those statistics are as sharp there. Fringes
+// that many moving surfaces show drown in the grain of one that rests.
 bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places, bool moving, double least) {
     const auto sequence_of = [&](const GapPlace &place) {
         return std::find_if(layout.sequences.begin(), layout.sequences.end(),
                             [&](const SequenceLayout &s) { return s.name == place.statistic.sequence; });
     };
+    int compared = 0, seen = 0;
     for (const GapPlace &place : places) {
         const auto sequence = sequence_of(place);
         if (std::abs(place.z) <= least || sequence == layout.sequences.end() || sequence->moving != moving)
@@ -37,11 +38,21 @@ bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places
                 other.statistic.name != place.statistic.name || other.statistic.region != place.statistic.region)
                 continue;
             const double here = deviation_of(place), same = deviation_of(other);
-            if (std::abs(place.z) * (here > 0.0 && same > 0.0 ? here / same : 1.0) > kDeviations)
-                return true;
+            ++compared;
+            seen += std::abs(place.z) * (here > 0.0 && same > 0.0 ? here / same : 1.0) > kDeviations ? 1 : 0;
         }
     }
-    return false;
+    return 2 * seen >= compared;
+}
+
+// Wider dots by that part of the worst deviation: what lies between them may be their tails.
+constexpr double kWider = 0.2;
+bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
+    return std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {
+        const std::string &name = place.statistic.name;
+        return (name == "dot_width" || name == "dot_width_x" || name == "dot_width_y") && place.z > kDeviations &&
+               place.z > kWider * worst;
+    });
 }
 
 bool is_one_of(const std::string &stage, std::initializer_list<const char *> stages) {
@@ -84,12 +95,15 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
         set_stage(places, "sensor", {"sensor", "optics"});
     else if (resting.differs && moving.recorded && !moving.differs && would_show(layout, places, false, least))
         set_stage(places, "motion", {});
-    else if (moving.differs && resting.recorded && !resting.differs && would_show(layout, places, true, least))
-        set_stage(places, "motion", {"motion", "sensor"});
-    else if (dots.differs && boards.recorded && !boards.differs)
+    else if (moving.differs && resting.recorded && !resting.differs && would_show(layout, places, true, least)) {
+        // What a sensor remembers shows where something moves; one that repeats frames would repeat dark ones, too.
+        for (GapPlace &place : places)
+            if (place.statistic.stage != "sensor" || place.statistic.name == "repeated_frames")
+                place.statistic.stage = "motion";
+    } else if (dots.differs && boards.recorded && !boards.differs)
         set_stage(places, "doe", {"doe", "laser", "optics"});
-    else if (boards.differs)
-        // One cause at a time: no pattern falls on the boards.
+    // One cause at a time: no pattern falls on the boards, and none makes dots wider.
+    if (boards.differs || (dots.differs && dots_are_wider(places, worst)))
         for (GapPlace &place : places)
             if (place.statistic.stage == "doe")
                 place.statistic.stage = "optics";

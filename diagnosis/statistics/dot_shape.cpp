@@ -13,6 +13,10 @@ namespace {
 
 using Point = std::array<double, 2>;
 
+// No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are quotients of noise,
+// and are kept within what spots can have.
+constexpr double kLeastVariance = 1.0 / 12.0, kLargestMoment = 10.0;
+
 // The pixels about a point, and a Gaussian window there, which is a product of one along x and one along y.
 struct Window {
     std::size_t left = 0, right = 0, top = 0, bottom = 0; // right and bottom are past the end
@@ -228,19 +232,21 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     if (!(all.light > 0.0))
         return shape;
     const double mean_x = all.x / all.light, mean_y = all.y / all.light;
-    const double xx = std::max(all.xx / all.light - mean_x * mean_x, 1e-6),
-                 yy = std::max(all.yy / all.light - mean_y * mean_y, 1e-6);
+    const double xx = std::max(all.xx / all.light - mean_x * mean_x, kLeastVariance),
+                 yy = std::max(all.yy / all.light - mean_y * mean_y, kLeastVariance);
     shape.width_x = std::sqrt(xx);
     shape.width_y = std::sqrt(yy);
-    shape.covariance_xy = (all.xy / all.light - mean_x * mean_y) / std::sqrt(xx * yy);
+    shape.covariance_xy = std::clamp((all.xy / all.light - mean_x * mean_y) / std::sqrt(xx * yy), -1.0, 1.0);
     const auto skewness = [&](double cube, double square, double mean, double variance) {
-        return (cube / all.light - 3.0 * mean * square / all.light + 2.0 * mean * mean * mean) /
-               std::pow(variance, 1.5);
+        return std::clamp((cube / all.light - 3.0 * mean * square / all.light + 2.0 * mean * mean * mean) /
+                              std::pow(variance, 1.5),
+                          -kLargestMoment, kLargestMoment);
     };
     shape.skewness_x = skewness(all.x_cubed, all.xx, mean_x, xx);
     shape.skewness_y = skewness(all.y_cubed, all.yy, mean_y, yy);
     const double squared = (all.xx + all.yy) / all.light;
-    shape.kurtosis = all.r_fourth / all.light / std::max(squared * squared, 1e-6);
+    shape.kurtosis = std::clamp(all.r_fourth / all.light / std::max(squared * squared, 4 * kLeastVariance * kLeastVariance),
+                                -kLargestMoment, kLargestMoment);
     return shape;
 }
 

@@ -85,6 +85,21 @@ TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
     places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.012, "laser")};
     place_stages(layout, places);
     EXPECT_EQ(places[0].statistic.stage, "motion");
+    // Frames are repeated where the scene moves, and nowhere else: it stood still.
+    places = {place("board_moving", 900.0, 0.01, "sensor"), place("board_static", 0.5, 0.01, "sensor")};
+    place_stages(layout, places);
+    EXPECT_EQ(places[0].statistic.stage, "sensor");
+    places[0].statistic.name = places[1].statistic.name = "repeated_frames";
+    place_stages(layout, places);
+    EXPECT_EQ(places[0].statistic.stage, "motion");
+    // Light between dots that are wider is that of their tails; beside narrower ones (ghosts) it is the pattern's.
+    for (const double width : {60.0, -60.0}) {
+        places = {place("dots_moving", 200.0, 0.01, "doe"), place("dots_moving", width, 0.01, "optics"),
+                  place("dots_static", 20.0, 0.01, "doe"), place("board_moving", 1.0, 0.01, "surface")};
+        places[1].statistic.name = "dot_width_x";
+        place_stages(layout, places);
+        EXPECT_EQ(places[0].statistic.stage, width > 0.0 ? "optics" : "doe");
+    }
     // A pattern falls on dots only: one cause for boards and dots is no pattern.
     places = {place("dots_moving", 80.0, 0.01, "doe"), place("board_moving", 70.0, 0.01, "optics"),
               place("board_static", 70.0, 0.01, "optics")};
