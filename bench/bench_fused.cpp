@@ -57,6 +57,7 @@ void cases(benchmark::internal::Benchmark *b) {
 }
 
 BENCHMARK_CAPTURE(intensity, fused, "fused")->Apply(cases);
+BENCHMARK_CAPTURE(intensity, fused_groups, "fused-groups")->Apply(cases);
 BENCHMARK_CAPTURE(intensity, clfft, "clfft")->Apply(cases);
 
 } // namespace

@@ -4,14 +4,9 @@
 //   ACCUMULATE 1     the intensity is added to what there is
 //   SAMPLE_POWERS 1  aperture_intensity takes |V|^2 of the samples, not V
 //   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own samples
-#include "philox.h"
+#include "phasor.h"
 
 #if COMPLEX_PUPIL || SHIFT
-static inline complex_float product(complex_float a, complex_float b) {
-    const complex_float c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-    return c;
-}
-
 // Multiplies the spectrum by the pupil's amplitude, and by exp(-2 pi i (fx shift_x + fy shift_y)), shift in samples.
 __kernel void aperture_pupil(__global complex_float *spectrum,
 #if COMPLEX_PUPIL
@@ -34,9 +29,7 @@ __kernel void aperture_pupil(__global complex_float *spectrum,
 #endif
 #if SHIFT
     const float kx = (float)((int)x - (2u * x < width ? 0 : (int)width)), ky = (float)((int)y - (2u * y < height ? 0 : (int)height));
-    const float turns = -(kx / (float)width * shift_x + ky / (float)height * shift_y);
-    const float fraction = turns - rint(turns);
-    p = product(p, phasor_from_word((uint)(int)(fraction * 0x1p31f) << 1));
+    p = product(p, phasor_from_turns(-(kx / (float)width * shift_x + ky / (float)height * shift_y)));
 #endif
     spectrum[i] = product(spectrum[i], p);
 }

@@ -1,14 +1,13 @@
-// Pass A of the fused speckle engine: the field of STRIPS times LANES columns at once (what field.cl does, the same bits), its transform along the
+// Pass A of the fused speckle engine: the field of STRIPS times LANES columns at once (what field_sample.h does, the same bits), its transform along the
 // columns, and of that only the lines that the pupil lets through.
-//   MATERIALS, COHERENT, LINES, SCREEN, FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in field.cl
+//   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
 //   STRIPS n      strips of LANES columns side by side: rows are far apart in memory, and what a row brings should be used up
 //   PREFETCH n    rows that are asked for ahead; 0 for none
 //
 // Kept lines lie in groups of LANES, in the order in which the transform leaves them: point x of group g is a pair of vectors (re, im) at
 // lines[2 (g grid_width + x)], lane l the l-th line of the group.
-#include "field_grid.h"
-#include "phase_state.h"
+#include "field_sample.h"
 #include "fused_lanes.h"
 
 #define FFT_TILE __local
@@ -187,21 +186,7 @@ static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *i
 
 // positions: of each kept line in the transform, groups of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
 // blocks: for each block of the transform three numbers, of which the first counts the groups that are complete behind it.
-__kernel void fused_columns_forward(__global const state_word *state, ulong samples, ulong first, uint grid_width, uint grid_height,
-                                    uint polarization, __global const float *irradiance, ulong irradiance_offset,
-                                    uint irradiance_pitch, uint width, uint height, uint oversampling,
-#if MATERIALS
-                                    __global const uchar *material, ulong material_offset, uint material_pitch, uint material_count,
-                                    __global const float *table, __global uint *bad_material,
-#elif COHERENT
-                                    float random_amplitude, float coherent_amplitude,
-#endif
-#if LINES
-                                    float line_turns, uint quarter, uint2 key, uint epoch_low, uint epoch_high,
-#endif
-#if SCREEN
-                                    __global const float *screen,
-#endif
+__kernel void fused_columns_forward(FIELD_PARAMETERS,
                                     __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
                                     __global const uint *positions, __global const uint *blocks, __local lanes_f *tiles) {
     if (get_global_id(0) * STRIPS * LANES >= grid_width)

@@ -34,8 +34,13 @@ FftChoice environment_fft_choice() {
         return FftChoice::kClfft;
     if (choice == "fused")
         return FftChoice::kFused;
+    if (choice == "fused-lanes")
+        return FftChoice::kFusedLanes;
+    if (choice == "fused-groups")
+        return FftChoice::kFusedGroups;
     throw Error(Status::kInvalidArgument,
-                fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft or fused, or unset it",
+                fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft, fused, fused-lanes or "
+                            "fused-groups, or unset it",
                             choice));
 }
 

@@ -14,8 +14,8 @@ class Context;
 
 enum class FftDirection { kForward, kInverse };
 
-// Which engine transforms: the environment variable CLSPECKLE_FFT. kAuto: the fused one where it is made for the device.
-enum class FftChoice { kAuto, kClfft, kFused };
+// Which engine transforms: the environment variable CLSPECKLE_FFT. kFused: the shape that is made for the device; the last two force one.
+enum class FftChoice { kAuto, kClfft, kFused, kFusedLanes, kFusedGroups };
 
 // A 2-D complex single-precision transform of one size: interleaved, tightly packed, in place. The inverse divides by
 // the number of samples. Safe to enqueue from several threads.
@@ -33,7 +33,7 @@ class Fft {
 std::shared_ptr<Fft> make_clfft(const cl::Context &context, const cl::Device &device, std::uint32_t width,
                                 std::uint32_t height);
 
-// The fused engine's transforms, for CPU devices; nullptr where they are not to be used for this size or device.
+// The fused engine's transforms in lanes; nullptr where they are not to be used for this size or device.
 std::shared_ptr<Fft> make_fused_fft(Context &context, std::uint32_t width, std::uint32_t height);
 
 // The largest prime factor that every back-end takes.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <numeric>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -19,8 +21,8 @@ std::uint32_t rest_of(std::uint32_t length) {
     return length;
 }
 
-// Large radices first: the first one decides how many blocks there are, and blocks should fit the first-level cache. Powers
-// of two go in eights, which fit the registers of a CPU best, but for a last 4 or 2.
+// Large radices first: the first one decides how many blocks there are, and blocks should fit the first-level cache.
+// Powers of two go in eights, which fit the registers of a CPU best, but for a last 4 or 2.
 std::vector<std::uint32_t> radices_of(std::uint32_t length) {
     std::vector<std::uint32_t> radices;
     for (const std::uint32_t radix : {13u, 11u, 8u, 7u, 5u, 4u, 3u, 2u})
@@ -35,21 +37,35 @@ std::vector<std::uint32_t> radices_of(std::uint32_t length) {
     return radices;
 }
 
-} // namespace
-
-bool fused_plan_exists(std::uint32_t length) {
-    return length >= 2 && length <= kLongestFusedLine && rest_of(length) == 1;
+// Stages and the sum of their radices, which grows with the operations.
+std::pair<std::size_t, std::uint32_t> cost_of(const std::vector<std::uint32_t> &radices) {
+    return {radices.size(), std::accumulate(radices.begin(), radices.end(), 0u)};
 }
 
-FusedPlan make_fused_plan(std::uint32_t length) {
-    if (!fused_plan_exists(length))
-        throw Error(Status::kUnsupported,
-                    fmt::format("the fused engine has no transform of {} points: lines have 2 to {} points and no prime "
-                                "factor above {}",
-                                length, kLongestFusedLine, kLargestFusedFactor));
+// The cheapest way to take `length` apart in radices up to `largest`, none larger than the one before; empty if there
+// is none.
+std::vector<std::uint32_t> cheapest_radices(std::uint32_t length, std::uint32_t largest) {
+    std::vector<std::uint32_t> best;
+    for (std::uint32_t radix = std::min(length, largest); radix >= 2; --radix) {
+        if (length % radix != 0)
+            continue;
+        std::vector<std::uint32_t> radices{radix};
+        if (length > radix) {
+            const std::vector<std::uint32_t> rest = cheapest_radices(length / radix, radix);
+            if (rest.empty())
+                continue;
+            radices.insert(radices.end(), rest.begin(), rest.end());
+        }
+        if (best.empty() || cost_of(radices) < cost_of(best))
+            best = radices;
+    }
+    return best;
+}
+
+FusedPlan plan_of(std::uint32_t length, std::vector<std::uint32_t> radices) {
     FusedPlan plan;
     plan.length = length;
-    plan.radices = radices_of(length);
+    plan.radices = std::move(radices);
     plan.frequencies.assign(length, 0);
     std::uint32_t block = length, weight = 1;
     for (const std::uint32_t radix : plan.radices) {
@@ -68,6 +84,31 @@ FusedPlan make_fused_plan(std::uint32_t length) {
         block = m;
     }
     return plan;
+}
+
+void check_length(std::uint32_t length) {
+    if (!fused_plan_exists(length))
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("the fused engine has no transform of {} points: lines have 2 to {} points and no prime "
+                        "factor above {}",
+                        length, kLongestFusedLine, kLargestFusedFactor));
+}
+
+} // namespace
+
+bool fused_plan_exists(std::uint32_t length) {
+    return length >= 2 && length <= kLongestFusedLine && rest_of(length) == 1;
+}
+
+FusedPlan make_fused_plan(std::uint32_t length) {
+    check_length(length);
+    return plan_of(length, radices_of(length));
+}
+
+FusedPlan make_group_plan(std::uint32_t length) {
+    check_length(length);
+    return plan_of(length, cheapest_radices(length, kLargestGroupRadix));
 }
 
 } // namespace clsp

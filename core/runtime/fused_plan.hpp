@@ -17,8 +17,8 @@ struct FusedPlan {
     std::vector<std::uint32_t> radices; // first stage to last
     // Frequency, 0 .. length - 1, that stands at each position behind the forward transform.
     std::vector<std::uint32_t> frequencies;
-    // Stage after stage: for each j the real and imaginary parts of w^j, w^(2 j) .. w^((r - 1) j). The last stage (m = 1)
-    // has none.
+    // Stage after stage: for each j the real and imaginary parts of w^j, w^(2 j) .. w^((r - 1) j). The last stage (m =
+    // 1) has none.
     std::vector<float> twiddles;
 
     // Points of each block that the first stage leaves.
@@ -32,5 +32,10 @@ constexpr std::uint32_t kLongestFusedLine = 8192;
 // True if make_fused_plan() takes the length: 2 to kLongestFusedLine, no prime factor above kLargestFusedFactor.
 bool fused_plan_exists(std::uint32_t length);
 FusedPlan make_fused_plan(std::uint32_t length);
+
+// The same for work-groups: as few stages as radices up to kLargestGroupRadix allow, since each ends at a barrier, and
+// among those the one with the smallest radices.
+constexpr std::uint32_t kLargestGroupRadix = 16;
+FusedPlan make_group_plan(std::uint32_t length);
 
 } // namespace clsp

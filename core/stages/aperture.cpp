@@ -76,13 +76,11 @@ void Aperture::configure(const ApertureParameters &p) {
                                     tap_count, tap_count, grid_.grid_width, grid_.grid_height));
         taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
     }
-    const std::string refusal = FusedPasses::refusal(*context_, grid_);
-    const bool sample_powers =
-        refusal.empty() && (tap_count > 0 || !FusedPasses::sums_pixels(*context_, grid_.oversampling));
-    std::unique_ptr<FusedPasses> fused;
-    if (refusal.empty())
-        fused = std::make_unique<FusedPasses>(context_, grid_, pupil, p.workspace_from_host, sample_powers);
-    else if (!fft_)
+    std::string refusal;
+    std::unique_ptr<FusedEngine> fused =
+        make_fused_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0}, refusal);
+    const bool sample_powers = fused && fused->leaves_sample_powers();
+    if (!fused && !fft_)
         fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
 
     // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the samples'
@@ -286,10 +284,10 @@ void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &fie
     const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
     if (fused_) {
         fused_->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());
+        std::optional<std::array<double, 2>> shift;
         if (exposure.moves_image)
-            fused_->enqueue_pupil(chain, field_, shift_x, shift_y);
-        else
-            fused_->enqueue_pupil(chain, field_);
+            shift = {shift_x, shift_y};
+        fused_->enqueue_pupil(chain, field_, shift);
         return;
     }
     field.enqueue_illuminate(chain, phase, input, polarization, line, field_, bad_pixels_.buffer());

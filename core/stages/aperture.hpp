@@ -8,7 +8,7 @@
 #include "stages/bad_pixels.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
-#include "stages/fused_passes.hpp"
+#include "stages/fused_engine.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
 
@@ -94,7 +94,7 @@ class Aperture {
     double mean_transmission_ = 0.0;
     std::uint32_t pupil_samples_ = 0;
     std::shared_ptr<Fft> fft_;           // one of the two
-    std::unique_ptr<FusedPasses> fused_;
+    std::unique_ptr<FusedEngine> fused_;
     std::string fft_reason_;
     bool sample_powers_ = false; // the fused engine leaves the samples' powers in the scratch memory
     DeviceBuffer pupil_, taps_;

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import clspeckle
@@ -14,9 +17,10 @@ from reference import aperture, phase
 BOUND = 2e-6
 
 
-@pytest.fixture
-def fused(monkeypatch: pytest.MonkeyPatch) -> Iterator[clspeckle.Context]:
-    monkeypatch.setenv("CLSPECKLE_FFT", "fused")
+@pytest.fixture(params=["fused-lanes", "fused-groups"])
+def fused(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[clspeckle.Context]:
+    """Both shapes of the engine, whatever the device."""
+    monkeypatch.setenv("CLSPECKLE_FFT", request.param)
     with clspeckle.Context() as context:
         yield context
 
@@ -51,11 +55,18 @@ def relative_error(got: np.ndarray, expected: np.ndarray) -> float:
         (33, 40, 3, 1, 2.2),
         (25, 31, 4, 0, 1.0),
         (15, 14, 8, 0, 0.4),
+        # long lines of every kind, in images that are small nevertheless
+        (1080, 12, 1, 0, 0.5),
+        (9, 1280, 1, 0, 0.6),
+        (720, 7, 1, 0, 0.4),
+        (1001, 6, 1, 0, 0.5),
+        (4, 2310, 1, 0, 0.3),
+        (2048, 10, 1, 0, 0.2),
     ],
     ids=lambda case: "{}x{} s{} guard{} D{}".format(*case),
 )
 def test_intensity_against_the_reference(fused, measured, case):
-    """Relative L2 error below 2e-6; strips, lines and blocks that end anywhere; all ways to sum a pixel's samples."""
+    """Relative L2 error below 2e-6; strips, groups and blocks that end anywhere; all ways to sum a pixel's samples."""
     height, width, oversampling, guard_px, diameter = case
     grid = phase.FieldGrid(width, height, oversampling, guard_px)
     irradiance = noise_image(height, width)
@@ -194,7 +205,52 @@ def test_what_the_engine_does_not_take_goes_to_clfft(fused):
     assert "40 x 1" in info.fft_reason
 
 
-@pytest.mark.parametrize("choice", ["auto", ""])
+def test_both_shapes_keep_the_same_lines(monkeypatch):
+    """Lanes fill up their last group of lines; work-groups keep the 255 lines of 512 inside the pupil as such."""
+    sizes = {}
+    for choice in ("fused-lanes", "fused-groups"):
+        monkeypatch.setenv("CLSPECKLE_FFT", choice)
+        with clspeckle.Context() as context:
+            info = clspeckle.Aperture((512, 512), relative_diameter=0.5, context=context).info()
+            sizes[choice] = info.workspace_bytes
+    assert sizes["fused-groups"] == 8 * 512 * 255
+    assert sizes["fused-groups"] < sizes["fused-lanes"] <= 8 * 512 * (255 + 15)
+
+
+SMALL_DEVICE = """
+import sys, clspeckle
+info = clspeckle.Aperture((int(sys.argv[1]), int(sys.argv[2])), relative_diameter=0.5).info()
+print(info.fft_backend, info.fft_reason, sep="|")
+"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "options", "expected"),
+    [
+        (
+            (2, 8192),
+            ["--local-mem-size", "16384"],
+            "clFFT|lines of 8192 points need 36864 bytes of local memory, the device has 16384",
+        ),
+        ((4, 1080), ["--local-mem-size", "16384"], "fused|"),
+        ((64, 64), ["--max-wgsize", "16"], "fused|"),
+    ],
+    ids=["no room for a line", "room for fewer lines", "few work-items"],
+)
+def test_groups_fit_the_device_or_leave_it_to_clfft(shape, options, expected):
+    """On oclgrind's device with less local memory and smaller work-groups."""
+    done = subprocess.run(
+        ["oclgrind", *options, sys.executable, "-c", SMALL_DEVICE, *map(str, shape)],
+        env={**os.environ, "CLSPECKLE_FFT": "fused-groups", "CLSPECKLE_DEVICE": "oclgrind"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert expected in done.stdout.splitlines(), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("choice", ["auto", "", "fused"])
 def test_cpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
     monkeypatch.setenv("CLSPECKLE_FFT", choice)
     with clspeckle.Context() as context:
@@ -202,14 +258,16 @@ def test_cpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
         (device,) = {d.type for d in clspeckle.devices() if d.name == context.info().device_name}
         if "cpu" in device:
             assert (info.fft_backend, info.fft_reason) == ("fused", "")
+        elif choice == "fused":
+            assert info.fft_backend == "fused"
         else:
             assert info.fft_backend == "clFFT"
-            assert "made for CPUs" in info.fft_reason
+            assert "the device is no CPU" in info.fft_reason
 
 
 def test_the_choice_must_be_one(monkeypatch):
     monkeypatch.setenv("CLSPECKLE_FFT", "fftw")
-    with pytest.raises(errors.InvalidArgumentError, match=r"fftw.*auto, clfft or fused"):
+    with pytest.raises(errors.InvalidArgumentError, match=r"fftw.*auto, clfft, fused, fused-lanes or fused-groups"):
         clspeckle.Context()
 
 

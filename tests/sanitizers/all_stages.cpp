@@ -264,18 +264,16 @@ void run_effects() {
 }
 
 // Lines, strips and blocks that end anywhere, and every way from samples to pixels, with what else the aperture can do.
-void run_apertures() {
+struct ApertureCase {
+    std::uint32_t width, height, oversampling, guard_px;
+    double diameter, fill_factor, defocus_waves;
+    std::uint32_t field;
+};
+
+void run_apertures(const std::vector<ApertureCase> &cases) {
     const clspeckle::Context context;
     const clspeckle::Queue queue(context);
-    struct Case {
-        std::uint32_t width, height, oversampling, guard_px;
-        double diameter, fill_factor, defocus_waves;
-        std::uint32_t field;
-    };
-    for (const Case &c : {Case{18, 15, 1, 0, 0.5, 0.0, 0.2, CLSP_FIELD_UNIT_PHASOR},
-                          Case{10, 9, 2, 1, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
-                          Case{7, 5, 3, 0, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
-                          Case{11, 7, 2, 0, 0.6, 0.7, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN}}) {
+    for (const ApertureCase &c : cases) {
         auto phase_desc = clspeckle::make<ClspPhaseDesc>();
         auto aperture_desc = clspeckle::make<ClspApertureDesc>();
         phase_desc.width = aperture_desc.width = c.width;
@@ -489,11 +487,23 @@ int main(int argc, char **argv) {
         run();
         run_effects();
         run_doe_design();
-        setenv("CLSPECKLE_FFT", "fused", 1);
+        setenv("CLSPECKLE_FFT", "fused-lanes", 1);
         run_effects();
         run_doe_design();
-        run_apertures();
+        std::vector<ApertureCase> apertures{{18, 15, 1, 0, 0.5, 0.0, 0.2, CLSP_FIELD_UNIT_PHASOR},
+                                            {10, 9, 2, 1, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
+                                            {7, 5, 3, 0, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
+                                            {11, 7, 2, 0, 0.6, 0.7, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN}};
+        run_apertures(apertures);
         run_doe();
+        // Again in work-groups; columns too long for both parts of them to stand in local memory at once, and butterflies for which
+        // there are too few work-items and too many.
+        setenv("CLSPECKLE_FFT", "fused-groups", 1);
+        run_effects();
+        apertures.push_back({5, 1080, 1, 0, 0.3, 0.0, 0.0, CLSP_FIELD_UNIT_PHASOR});
+        apertures.push_back({250, 4, 1, 0, 0.5, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN});
+        run_apertures(apertures);
+        setenv("CLSPECKLE_FFT", "fused-lanes", 1);
         run_depth();
         run_simulator();
     } catch (const std::exception &error) {

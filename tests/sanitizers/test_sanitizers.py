@@ -27,8 +27,9 @@ GTEST_PROGRAMS = (BUILD / "tests" / "gtest_programs.txt").read_text().split()
 # What cannot run: the reason.
 EXCLUDED = {"test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory"}
 PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
-# Programs that run once more with clFFT, whose plans several apertures and threads share.
-RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft"]
+# Programs that run once more with clFFT, whose plans several apertures and threads share, and in the fused engine's
+# other shape.
+RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft", "test_aperture-fused-groups"]
 Done = subprocess.CompletedProcess[str]
 # Programs of which a part is enough: the same code, hundreds of times.
 FILTERS = {

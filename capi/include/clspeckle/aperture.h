@@ -89,7 +89,7 @@ typedef struct ClspApertureInfo {
     double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies with CLSP_NORMALIZATION_TRANSMISSION: E[I] / I0 of a flat
                                        image, about pi D^2 / 4 for a circle. */
     uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
-    char fft_backend[32];         /**< "fused" (the library's own passes, made for CPUs) or "clFFT". */
+    char fft_backend[32];         /**< "fused" (the library's own passes, in either shape) or "clFFT". */
     char fft_reason[192];         /**< Why it is not "fused": CLSPECKLE_FFT, the device, the size of the grid; "" if it is. */
 } ClspApertureInfo;
 

@@ -81,7 +81,7 @@ class ApertureInfo:
     workspace_bytes: int
     """Work memory that a frame needs."""
     fft_backend: str
-    """"fused" (the library's own passes, made for CPUs) or "clFFT"."""
+    """"fused" (the library's own passes, in either shape) or "clFFT"."""
     fft_reason: str
     """Why it is not "fused"; empty if it is."""
 

@@ -1,0 +1,271 @@
+#include "runtime/fused_group_codelets.hpp"
+
+#include "runtime/fused_butterfly.hpp"
+
+#include <algorithm>
+#include <fmt/core.h>
+#include <limits>
+
+namespace clsp {
+namespace {
+
+std::uint32_t rounds(std::uint32_t count, std::uint32_t items) {
+    return (count + items - 1) / items;
+}
+
+// A stop in the tile is followed by the points of another stage, which are an even number of points apart where radices
+// are even: a point of room behind every block of the last stage makes that odd.
+std::uint32_t room_every(const FusedPlan &plan) {
+    return plan.radices.size() > 1 && plan.radices.back() % 2 == 0 ? plan.radices.back() : 0;
+}
+
+std::uint32_t tile_points(const FusedPlan &plan) {
+    const std::uint32_t every = room_every(plan);
+    return plan.length + (every ? plan.length / every : 0);
+}
+
+// Code of one stage: the butterflies b = t, t + items, .. of a line.
+class GroupStage {
+  public:
+    GroupStage(const FusedPlan &plan, const FusedStage &stage, std::size_t number, std::uint32_t items)
+        : plan_(plan), stage_(stage), number_(number), items_(items), butterflies_(plan.length / stage.radix) {}
+
+    // The numbers of its butterflies, and where their points are.
+    std::string defines(const char *name, const char *small_name) const {
+        return fmt::format("#define {0}_RADIX {2}u\n#define {0}_BUTTERFLIES {3}u\n#define {0}_COUNT {4}u\n"
+                           "#define {1}_takes(b) {5}\n#define {1}_point(b, q) ({6})\n",
+                           name, small_name, stage_.radix, butterflies_, rounds(butterflies_, items_),
+                           exact() ? "1" : fmt::format("((b) < {}u)", butterflies_),
+                           stage_.m == 1 ? fmt::format("(b) * {}u + (q)", stage_.radix)
+                                         : fmt::format("(b) + (q) * {}u", stage_.m));
+    }
+
+    // From the points in registers to the points in registers.
+    std::string step(bool inverse) const {
+        Butterfly butterfly("        ", inverse);
+        Butterfly::Values values;
+        std::string body;
+        for (std::uint32_t q = 0; q < stage_.radix; ++q) {
+            body += fmt::format("        const lanes_f x{0}r = re[{1}], x{0}i = im[{1}];\n", q, held(q));
+            values.push_back({fmt::format("x{}r", q), fmt::format("x{}i", q)});
+        }
+        std::string factors;
+        if (stage_.m > 1) {
+            factors += fmt::format("        const uint j = {};\n",
+                                   butterflies_ == stage_.m ? "b" : fmt::format("b % {}u", stage_.m));
+            for (std::uint32_t k = 1; k < stage_.radix; ++k)
+                factors += fmt::format("        const float2 w{} = twiddles[{}u + j];\n", k,
+                                       stage_.twiddles / 2 + (k - 1) * stage_.m);
+        }
+        if (inverse)
+            twiddle(butterfly, values);
+        values = butterfly.transform(values);
+        if (!inverse)
+            twiddle(butterfly, values);
+        body += factors + butterfly.text();
+        for (std::uint32_t q = 0; q < stage_.radix; ++q)
+            body +=
+                fmt::format("        re[{0}] = {1};\n        im[{0}] = {2};\n", held(q), values[q].re, values[q].im);
+        return function(fmt::format("fft_{}_{}", inverse ? "inverse" : "forward", number_),
+                        "lanes_f *re, lanes_f *im, __global const float2 *twiddles", body);
+    }
+
+    // Its points between registers and the tile.
+    std::string exchange() const {
+        const std::uint32_t every = room_every(plan_), span = stage_.radix * stage_.m;
+        std::string at;
+        std::uint32_t apart = stage_.m;
+        if (stage_.m == 1) {
+            at = fmt::format("b * {}u", span + (every ? 1 : 0));
+        } else {
+            // Blocks and strides of this stage are multiples of the last one's.
+            const std::uint32_t room = every ? span / every : 0;
+            apart += every ? stage_.m / every : 0;
+            const bool one_block = butterflies_ == stage_.m;
+            const std::string j = one_block ? "b" : fmt::format("(b % {}u)", stage_.m);
+            at = (one_block ? std::string() : fmt::format("b / {}u * {}u + ", stage_.m, span + room)) + j +
+                 (every ? fmt::format(" + {} / {}u", j, every) : std::string());
+        }
+        std::string put = fmt::format("        const uint at = {};\n", at), take = put;
+        for (std::uint32_t q = 0; q < stage_.radix; ++q) {
+            const std::string place = fmt::format("tile[FFT_TILE_STRIDE * (at + {}u)]", q * apart);
+            put += fmt::format("        {} = v[{}];\n", place, held(q));
+            take += fmt::format("        v[{}] = {};\n", held(q), place);
+        }
+        return function(fmt::format("fft_put_{}", number_), "const lanes_f *v, __local lanes_f *tile", put) +
+               function(fmt::format("fft_take_{}", number_), "lanes_f *v, __local const lanes_f *tile", take);
+    }
+
+  private:
+    bool exact() const { return butterflies_ % items_ == 0; }
+    std::string held(std::uint32_t q) const {
+        return rounds(butterflies_, items_) == 1 ? fmt::format("{}", q) : fmt::format("{}u * c + {}u", stage_.radix, q);
+    }
+
+    // The body for each of the work-item's butterflies.
+    std::string function(const std::string &name, const char *parameters, const std::string &body) const {
+        const std::uint32_t count = rounds(butterflies_, items_);
+        std::string text = fmt::format("static inline ALWAYS_INLINE void {}(uint t, {}) {{\n", name, parameters);
+        if (count == 1)
+            text += "    const uint b = t;\n    {\n";
+        else
+            text += fmt::format(
+                "#pragma unroll\n    for (uint c = 0; c < {}u; ++c) {{\n        const uint b = t + c * {}u;\n", count,
+                items_);
+        if (exact())
+            return text + body + "    }\n}\n";
+        return text + fmt::format("        if (b < {}u) {{\n", butterflies_) + body + "        }\n    }\n}\n";
+    }
+
+    void twiddle(Butterfly &butterfly, Butterfly::Values &values) const {
+        if (stage_.m == 1)
+            return;
+        for (std::uint32_t k = 1; k < stage_.radix; ++k)
+            values[k] = butterfly.twiddled(values[k], fmt::format("w{}.x", k), fmt::format("w{}.y", k));
+    }
+
+    const FusedPlan &plan_;
+    FusedStage stage_;
+    std::size_t number_;
+    std::uint32_t items_, butterflies_;
+};
+
+// Points go from one stage's work-items to another's. What a work-item puts down it has read itself, so that nobody
+// waits before.
+std::string exchange(std::size_t from, std::size_t to, bool split) {
+    const char *barrier = "    barrier(CLK_LOCAL_MEM_FENCE);\n";
+    const auto put = [&](const char *values, const char *tile) {
+        return fmt::format("    fft_put_{}(t, {}, {});\n", from, values, tile);
+    };
+    const auto take = [&](const char *values, const char *tile) {
+        return fmt::format("    fft_take_{}(t, {}, {});\n", to, values, tile);
+    };
+    if (split)
+        return put("re", "tile") + barrier + take("re", "tile") + barrier + put("im", "tile") + barrier +
+               take("im", "tile");
+    return put("re", "tile") + put("im", "tile + FFT_PLANE") + barrier + take("re", "tile") +
+           take("im", "tile + FFT_PLANE");
+}
+
+} // namespace
+
+std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
+    std::uint32_t most = 0;
+    for (const std::uint32_t radix : plan.radices)
+        most = std::max(most, rounds(plan.length / radix, items) * radix);
+    return most;
+}
+
+std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held) {
+    std::uint32_t best = 0;
+    std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+    const std::uint32_t most = std::min(limit, plan.length / plan.radices.back()); // more have nothing to do
+    for (std::uint32_t items = 1; items <= most; ++items) {
+        if (held_points(plan, items) > held)
+            continue;
+        std::uint64_t slots = 0; // for points, all work-items and stages, idle ones included
+        for (const std::uint32_t radix : plan.radices)
+            slots += std::uint64_t{items} * rounds(plan.length / radix, items) * radix;
+        if (slots < least) {
+            least = slots;
+            best = items;
+        }
+    }
+    return best;
+}
+
+std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape) {
+    return std::uint64_t{tile_points(plan)} * shape.lines * (shape.split ? 1 : 2) * sizeof(float);
+}
+
+std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across) {
+    constexpr std::uint32_t kWavefront = 64;
+    // Larger groups wait longer at their barriers and leave fewer of them to a processor.
+    const std::uint32_t group_items = std::min(limits.group_items, std::uint32_t{512});
+    const auto fitting = [&](std::uint32_t lines, std::uint32_t held) -> std::optional<GroupShape> {
+        const std::uint32_t items = items_for(plan, group_items / lines, held);
+        for (const bool split : {false, true}) {
+            const GroupShape shape{lines, items, split, across};
+            if (items != 0 && group_tile_bytes(plan, shape) <= limits.local_bytes)
+                return shape;
+        }
+        return {};
+    };
+    // Points in registers: sixteen leave room for what else a kernel needs, twice as many are a strain, more are a
+    // makeshift.
+    const std::uint32_t helds[] = {16, 32, std::max(plan.length, 33u)};
+    if (across) {
+        for (const std::vector<std::uint32_t> &counts : {std::vector<std::uint32_t>{8, 4}, {2}, {1}})
+            for (const std::uint32_t held : helds)
+                for (const std::uint32_t lines : counts)
+                    if (const auto shape = held > 32 && lines > 1 ? std::nullopt : fitting(lines, held); shape)
+                        return shape;
+        return {};
+    }
+    for (const std::uint32_t held : helds) {
+        std::optional<GroupShape> best;
+        for (const std::uint32_t lines : {1u, 2u, 4u, 8u}) {
+            const std::optional<GroupShape> shape = fitting(lines, held);
+            if (shape && (!best || !shape->split))
+                best = shape;
+            if (best && best->group_items() >= kWavefront)
+                break;
+        }
+        if (best)
+            return best;
+    }
+    return {};
+}
+
+std::string group_codelets(const FusedPlan &plan, const GroupShape &shape) {
+    const std::vector<FusedStage> stages = stages_of(plan);
+    std::string text = fmt::format("// {} points =", plan.length);
+    for (const FusedStage &stage : stages)
+        text += fmt::format(" {}", stage.radix);
+    const std::uint32_t points = tile_points(plan), every = room_every(plan);
+    text += fmt::format(
+        "\n#define FFT_LENGTH {}u\n#define FFT_LINES {}u\n#define FFT_ITEMS {}u\n#define FFT_GROUP_ITEMS {}\n"
+        "#define FFT_ACROSS {}\n#define FFT_HELD {}\n#define FFT_TILE_STRIDE {}u\n#define FFT_LINE_STRIDE {}u\n"
+        "#define FFT_PLANE {}u\n#define fft_tile_at(p) ({})\n",
+        plan.length, shape.lines, shape.items, shape.group_items(), shape.across ? 1 : 0,
+        held_points(plan, shape.items), shape.across ? shape.lines : 1, shape.across ? 1 : points, points * shape.lines,
+        every ? fmt::format("(p) + (p) / {}u", every) : std::string("(p)"));
+    std::string forward, inverse;
+    const std::size_t count = stages.size();
+    for (std::size_t s = 0; s < count; ++s) {
+        const GroupStage stage(plan, stages[s], s, shape.items);
+        if (s == 0)
+            text += stage.defines("FFT_FIRST", "fft_first");
+        if (s + 1 == count)
+            text += stage.defines("FFT_LAST", "fft_last");
+        text += stage.step(false) + stage.step(true);
+        if (count > 1)
+            text += stage.exchange();
+        if (s > 0)
+            forward += exchange(s - 1, s, shape.split);
+        forward += fmt::format("    fft_forward_{}(t, re, im, twiddles);\n", s);
+        const std::size_t back = count - 1 - s;
+        if (s > 0)
+            inverse += exchange(back + 1, back, shape.split);
+        inverse += fmt::format("    fft_inverse_{}(t, re, im, twiddles);\n", back);
+    }
+    for (const auto &[name, body] : {std::pair{"fft_forward", forward}, std::pair{"fft_inverse", inverse}})
+        text +=
+            fmt::format("static inline ALWAYS_INLINE void {}(uint t, lanes_f *re, lanes_f *im, __local lanes_f *tile,\n"
+                        "                                    __global const float2 *twiddles) {{\n{}}}\n",
+                        name, body);
+    return text;
+}
+
+std::vector<float> group_twiddles(const FusedPlan &plan) {
+    std::vector<float> result;
+    for (const FusedStage &stage : stages_of(plan))
+        if (stage.m > 1)
+            for (std::uint32_t k = 1; k < stage.radix; ++k)
+                for (std::uint32_t j = 0; j < stage.m; ++j)
+                    for (std::uint32_t part = 0; part < 2; ++part)
+                        result.push_back(plan.twiddles[stage.twiddles + 2 * (j * (stage.radix - 1) + k - 1) + part]);
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,66 @@
+// OpenCL source of a plan's transform by a work-group: lines stand in local memory, and several work-items share each
+// of them.
+#pragma once
+
+#include "runtime/fused_plan.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// What a work-group is. A work-item holds the points of its butterflies in registers; between stages points change
+// hands in a tile of local memory, where a point behind each block of the last stage keeps work-items off each other's
+// banks.
+struct GroupShape {
+    std::uint32_t lines = 1; // in a work-group
+    std::uint32_t items = 1; // work-items for each line
+    bool split = false; // real parts go through the tile first, then imaginary ones: half the memory, three barriers
+                        // instead of one
+    // Neighbouring work-items take neighbouring lines (columns), not neighbouring points of a line (rows).
+    bool across = false;
+
+    std::uint32_t group_items() const { return lines * items; }
+};
+
+struct GroupLimits {
+    std::uint32_t group_items; // work-items in a work-group
+    std::uint64_t local_bytes;
+};
+
+// The most points that a work-item holds.
+std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items);
+// Work-items for each line, at most `limit`, such that the fewest stand idle and none holds more than `held` points; 0
+// if there is no such number.
+std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held);
+std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape);
+
+// A shape that fits the limits; none if a line alone does not. Lines across: eight side by side fill a cache line of
+// every row, four fill the sectors that GPUs fetch; fewer only where memory allows no more. Lines along: as few as make
+// up a wavefront.
+std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across);
+
+constexpr const char *kFusedGroupCodeletsName = "fused_group_codelets.h";
+
+// The text that the kernels fused_groups_*.cl include under that name. It reads the types of fused_groups.h and defines
+//   FFT_LENGTH, FFT_LINES, FFT_ITEMS, FFT_GROUP_ITEMS
+//   FFT_ACROSS      1: neighbouring work-items take neighbouring lines
+//   FFT_HELD        points that a work-item holds in re[] and im[]
+//   FFT_TILE_STRIDE, FFT_LINE_STRIDE  of neighbouring points and of lines in the tile, in floats
+//   fft_tile_at(p)  which point of a line in the tile is point p
+//   FFT_FIRST_RADIX, FFT_FIRST_BUTTERFLIES, FFT_FIRST_COUNT, fft_first_takes(b), fft_first_point(b, q)
+//                   of the first stage: work-item t takes butterflies b = t + c FFT_ITEMS, c below FFT_FIRST_COUNT,
+//                   where fft_first_takes(b); point q of that is held as number c FFT_FIRST_RADIX + q
+//   FFT_LAST_..     the same of the last stage, whose points are positions of the plan
+//   fft_forward(t, re, im, tile, twiddles)   from the first stage's points to the last one's; all work-items call it
+//   fft_inverse(t, re, im, tile, twiddles)   back
+// tile: of the work-item's line. After either, a work-item may write the tile's points that it holds without a barrier.
+std::string group_codelets(const FusedPlan &plan, const GroupShape &shape);
+
+// The plan's twiddle factors in the order in which neighbouring work-items read them: stage after stage, for each k = 1
+// .. r - 1 those of all j.
+std::vector<float> group_twiddles(const FusedPlan &plan);
+
+} // namespace clsp

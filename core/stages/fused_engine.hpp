@@ -1,0 +1,64 @@
+// The fused, pruned speckle engine: field, transform, pupil, transform back and intensity in three passes over the
+// frame, of which only lines that the pupil lets through are ever stored.
+//   A  columns: field, forward transform; the kept lines
+//   B  kept lines: forward transform, pupil, inverse transform, in place
+//   C  columns: inverse transform of the kept lines, |V|^2
+// It has two shapes: lanes for CPUs (fused_lanes.cpp), work-groups for GPUs (fused_groups.cpp).
+#pragma once
+
+#include "runtime/command_chain.hpp"
+#include "runtime/image_view.hpp"
+#include "stages/field.hpp"
+#include "stages/field_grid.hpp"
+#include "stages/phase.hpp"
+#include "stages/pupil.hpp"
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace clsp {
+
+class FusedEngine {
+  public:
+    virtual ~FusedEngine() = default;
+
+    // Work memory for the kept lines.
+    virtual std::uint64_t lines_bytes() const = 0;
+    // Pass C writes |V|^2 of every sample of the grid instead of pixels.
+    virtual bool leaves_sample_powers() const = 0;
+
+    // Builds what such frames need; nothing is built later.
+    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) = 0;
+
+    // A: from the irradiance to the kept lines.
+    virtual void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                               std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                               const cl::Buffer &bad_pixels) = 0;
+    // B. shift: along x and y, in samples of the grid.
+    virtual void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                               const std::optional<std::array<double, 2>> &shift) = 0;
+    // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels.
+    virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                                   const ImageView &intensity) = 0;
+};
+
+struct FusedRequest {
+    bool every_line = false;    // room for all lines, whatever the pupil
+    bool sample_powers = false; // as in leaves_sample_powers(): for weights over samples
+};
+
+// In the shape that the context calls for. nullptr if it is not to be used for this grid on this device; `refusal` then
+// says why.
+std::unique_ptr<FusedEngine> make_fused_engine(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                               const Pupil &pupil, const FusedRequest &request, std::string &refusal);
+
+// The two shapes. They throw kUnsupported where a device cannot hold the grid's lines.
+std::unique_ptr<FusedEngine> make_fused_lanes(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                              const Pupil &pupil, const FusedRequest &request);
+std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                               const Pupil &pupil, const FusedRequest &request);
+
+} // namespace clsp

@@ -1,0 +1,250 @@
+// The fused engine in work-groups, for GPUs: a work-group has several columns or kept lines in local memory and shares
+// out their butterflies (kernels/fused_groups_columns_forward.cl, fused_groups_rows.cl,
+// fused_groups_columns_inverse.cl).
+#include "stages/fused_engine.hpp"
+
+#include "runtime/device_buffer.hpp"
+#include "runtime/error.hpp"
+#include "runtime/fused_group_codelets.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "stages/fused_tables.hpp"
+
+#include <algorithm>
+#include <fmt/core.h>
+#include <map>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fused_groups.h
+
+GroupLimits limits_of(const Context &context) {
+    const auto largest = std::min(context.device().getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>(),
+                                  context.device().getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>()[0]);
+    return {static_cast<std::uint32_t>(std::min<std::size_t>(largest, 1u << 16)),
+            context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()};
+}
+
+[[noreturn]] void throw_no_room(std::uint32_t length, std::uint64_t needed, std::uint64_t local) {
+    throw Error(Status::kUnsupported, fmt::format("lines of {} points need {} bytes of local memory, the device has {}",
+                                                  length, needed, local));
+}
+
+GroupShape shape_for(const Context &context, const FusedPlan &plan, bool across) {
+    const GroupLimits limits = limits_of(context);
+    const std::optional<GroupShape> shape = choose_group_shape(plan, limits, across);
+    if (!shape)
+        throw_no_room(plan.length, group_tile_bytes(plan, {1, 1, true, across}), limits.local_bytes);
+    return *shape;
+}
+
+// A kernel and the work-groups that it was built for.
+struct GroupKernel {
+    cl::Kernel kernel;
+    GroupShape shape;
+    std::uint64_t tile_bytes = 0;
+
+    void enqueue(CommandChain &chain, const char *stage, std::uint32_t lines) const {
+        const std::size_t groups = (lines + shape.lines - 1) / shape.lines;
+        chain.run(stage, kernel, groups * shape.group_items(), 1, 1, shape.group_items());
+    }
+};
+
+// A kernel may need more registers than its work-group leaves it; then it gets fewer work-items.
+GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const char *name,
+                  const std::string &options) {
+    for (;;) {
+        const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape)};
+        const cl::Kernel kernel = context.kernel(fmt::format("{}.cl", name), name, options, &codelets);
+        const std::uint64_t tile_bytes = group_tile_bytes(plan, shape),
+                            needed = tile_bytes + kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
+                            local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+        if (needed > local)
+            throw_no_room(plan.length, needed, local);
+        const std::size_t most = kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(context.device());
+        if (shape.group_items() <= most)
+            return {kernel, shape, tile_bytes};
+        if (most < shape.lines)
+            throw Error(Status::kUnsupported,
+                        fmt::format("the kernel {} takes work-groups of at most {} work-items, {} lines of {} "
+                                    "points need at least {}",
+                                    name, most, shape.lines, plan.length, shape.lines));
+        shape.items = items_for(plan, static_cast<std::uint32_t>(most) / shape.lines, plan.length);
+    }
+}
+
+class FusedGroups final : public FusedEngine {
+  public:
+    FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+                const FusedRequest &request);
+
+    std::uint64_t lines_bytes() const override {
+        return std::uint64_t{capacity_} * grid_.grid_width * sizeof(cl_float2);
+    }
+    bool leaves_sample_powers() const override { return sample_powers_; }
+    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) override;
+    void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                       std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                       const cl::Buffer &bad_pixels) override;
+    void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                       const std::optional<std::array<double, 2>> &shift) override;
+    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                           const ImageView &intensity) override;
+
+  private:
+    GroupKernel &columns_kernel(const std::string &field_options);
+    GroupKernel &rows_kernel(bool shifted);
+    void make_tables(const Pupil &pupil, bool every_line);
+
+    std::shared_ptr<Context> context_;
+    FieldGrid grid_;
+    FusedPlan row_plan_, column_plan_;
+    GroupShape row_shape_, column_shape_;
+    bool sample_powers_;
+    std::uint32_t pixel_samples_; // along each axis, of what pass C writes
+    bool complex_pupil_;
+    std::uint32_t kept_ = 0, capacity_ = 0; // lines
+    DeviceBuffer row_twiddles_, column_twiddles_;
+    DeviceBuffer slots_;
+    DeviceBuffer pupil_;
+    DeviceBuffer frequencies_, line_frequencies_;
+    std::map<std::string, GroupKernel> columns_;
+    GroupKernel rows_, shifted_rows_, inverse_;
+};
+
+FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+                         const FusedRequest &request)
+    : context_(std::move(context)), grid_(grid), row_plan_(make_group_plan(grid.grid_width)),
+      column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false)),
+      column_shape_(shape_for(*context_, column_plan_, true)),
+      // A pixel's samples lie in one work-group, or pass C leaves them to another kernel.
+      sample_powers_(request.sample_powers || column_shape_.lines % grid.oversampling != 0),
+      pixel_samples_(sample_powers_ ? 1 : grid.oversampling), complex_pupil_(!pupil.phase_turns.empty()) {
+    inverse_ = build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
+                     fmt::format("-DOVERSAMPLING={}", pixel_samples_));
+    rows_kernel(false);
+    make_tables(pupil, request.every_line);
+    // Sizes that a frame's kernels have.
+    grid_.width = sample_powers_ ? grid.grid_width : grid.width;
+    grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+}
+
+void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
+    const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
+    // Tables over the positions are in the order in which neighbouring work-items read them (last_entry() of
+    // kernels/fused_groups.h).
+    const auto entry = [](const FusedPlan &plan, std::uint32_t position) {
+        const std::uint32_t radix = plan.radices.back();
+        return position % radix * (plan.length / radix) + position / radix;
+    };
+    std::vector<cl_uint> slots(height, kNoSlot), rows;
+    for (std::uint32_t position = 0; position < height; ++position) {
+        const std::uint32_t row = column_plan_.frequencies[position];
+        if (!row_passes(pupil, grid_, row))
+            continue;
+        slots[entry(column_plan_, position)] = static_cast<cl_uint>(rows.size());
+        rows.push_back(row);
+    }
+    kept_ = static_cast<std::uint32_t>(rows.size());
+    capacity_ = every_line ? height : kept_;
+
+    const std::size_t parts = complex_pupil_ ? 2 : 1;
+    std::vector<float> amplitudes(parts * width * kept_), line_frequencies, frequencies(width);
+    for (std::uint32_t k = 0; k < kept_; ++k) {
+        line_frequencies.push_back(signed_frequency(rows[k], height));
+        for (std::uint32_t position = 0; position < width; ++position) {
+            float *to = &amplitudes[parts * (std::size_t{k} * width + entry(row_plan_, position))];
+            const std::complex<float> t = scaled_amplitude(pupil, grid_, rows[k], row_plan_.frequencies[position]);
+            to[0] = t.real();
+            if (complex_pupil_)
+                to[1] = t.imag();
+        }
+    }
+    for (std::uint32_t position = 0; position < width; ++position)
+        frequencies[entry(row_plan_, position)] = signed_frequency(row_plan_.frequencies[position], width);
+    slots_ = device_table(context_, slots);
+    pupil_ = device_table(context_, amplitudes);
+    row_twiddles_ = device_table(context_, group_twiddles(row_plan_));
+    column_twiddles_ = device_table(context_, group_twiddles(column_plan_));
+    frequencies_ = device_table(context_, frequencies);
+    line_frequencies_ = device_table(context_, line_frequencies);
+}
+
+GroupKernel &FusedGroups::columns_kernel(const std::string &field_options) {
+    const auto found = columns_.find(field_options);
+    if (found != columns_.end())
+        return found->second;
+    return columns_
+        .emplace(field_options, build(*context_, column_plan_, column_shape_, "fused_groups_columns_forward",
+                                      fmt::format("{} -DOVERSAMPLING={}", field_options, grid_.oversampling)))
+        .first->second;
+}
+
+GroupKernel &FusedGroups::rows_kernel(bool shifted) {
+    GroupKernel &rows = shifted ? shifted_rows_ : rows_;
+    if (!rows.kernel())
+        rows = build(*context_, row_plan_, row_shape_, "fused_groups_rows",
+                     fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT={}", complex_pupil_ ? 1 : 0, shifted ? 1 : 0));
+    return rows;
+}
+
+void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) {
+    for (std::size_t line = 0; line < field.lines().size(); ++line)
+        columns_kernel(field.options(phase, line, with_screen));
+    rows_kernel(shifted);
+}
+
+void FusedGroups::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                                std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                                const cl::Buffer &bad_pixels) {
+    GroupKernel &columns = columns_kernel(field.options(phase, line, input.screen != nullptr));
+    KernelArguments arguments(columns.kernel);
+    field.add_arguments(arguments, phase, input, polarization, line);
+    arguments.add(lines)
+        .add(bad_pixels)
+        .add(column_twiddles_.get())
+        .add(slots_.get())
+        .add(cl::Local(columns.tile_bytes));
+    columns.enqueue(chain, "fft", grid_.grid_width);
+}
+
+void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                                const std::optional<std::array<double, 2>> &shift) {
+    GroupKernel &rows = rows_kernel(shift.has_value());
+    KernelArguments arguments(rows.kernel);
+    arguments.add(lines).add(cl_uint{kept_}).add(row_twiddles_.get()).add(pupil_.get());
+    if (shift)
+        arguments.add(frequencies_.get())
+            .add(line_frequencies_.get())
+            .add(static_cast<cl_float>((*shift)[0]))
+            .add(static_cast<cl_float>((*shift)[1]));
+    arguments.add(cl::Local(rows.tile_bytes));
+    rows.enqueue(chain, "pupil", kept_);
+}
+
+void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight,
+                                    const ImageView &before, const ImageView &intensity) {
+    KernelArguments(inverse_.kernel)
+        .add(lines)
+        .add(cl_uint{grid_.grid_width})
+        .add(column_twiddles_.get())
+        .add(slots_.get())
+        .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
+        .add(cl_uint{before ? 1u : 0u})
+        .add(before ? before : intensity)
+        .add(intensity)
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl::Local(inverse_.tile_bytes));
+    inverse_.enqueue(chain, "inverse_fft", grid_.width * pixel_samples_);
+}
+
+} // namespace
+
+std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                               const Pupil &pupil, const FusedRequest &request) {
+    return std::make_unique<FusedGroups>(std::move(context), grid, pupil, request);
+}
+
+} // namespace clsp

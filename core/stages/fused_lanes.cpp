@@ -1,0 +1,241 @@
+// The fused engine in lanes, for CPU devices: a work-item is a work-group and works on `lanes` columns or lines at
+// once, with explicit vectors (kernels/fused_columns_forward.cl, fused_rows.cl, fused_columns_inverse.cl).
+#include "stages/fused_engine.hpp"
+
+#include "runtime/device_buffer.hpp"
+#include "runtime/error.hpp"
+#include "runtime/fused_codelets.hpp"
+#include "runtime/fused_device.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "stages/fused_tables.hpp"
+
+#include <algorithm>
+#include <fmt/core.h>
+#include <map>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+// Two strips of columns use up the cache lines of a row between them, if their tiles leave room for what passes by.
+std::uint32_t strips_of(const Context &context, std::uint32_t length, std::uint32_t lanes) {
+    const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    return 2 * fused_tile_bytes(length, lanes) <= local / 4 * 3 ? 2 : 1;
+}
+
+// How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
+std::uint32_t prefetch_rows(const Context &context) {
+    return context.platform_name().find("Portable Computing Language") != std::string::npos ? 3 : 0;
+}
+
+class FusedLanes final : public FusedEngine {
+  public:
+    FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+               const FusedRequest &request);
+
+    std::uint64_t lines_bytes() const override;
+    bool leaves_sample_powers() const override { return sample_powers_; }
+    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) override;
+    void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                       std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                       const cl::Buffer &bad_pixels) override;
+    void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                       const std::optional<std::array<double, 2>> &shift) override;
+    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                           const ImageView &intensity) override;
+
+  private:
+    std::size_t column_items(std::uint32_t columns) const {
+        return (columns + strips_ * lanes_ - 1) / (strips_ * lanes_);
+    }
+    cl::Kernel &columns_kernel(const std::string &field_options);
+    cl::Kernel &rows_kernel(bool shifted);
+    void make_tables(const Pupil &pupil, bool every_line);
+
+    std::shared_ptr<Context> context_;
+    FieldGrid grid_;
+    std::uint32_t lanes_;
+    std::uint32_t strips_; // of columns, side by side
+    bool sample_powers_;
+    std::uint32_t pixel_samples_; // along each axis, of what pass C writes
+    FusedPlan row_plan_, column_plan_;
+    ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
+    std::uint32_t kept_ = 0, groups_ = 0, capacity_groups_ = 0;
+    bool complex_pupil_ = false;
+    DeviceBuffer row_twiddles_, column_twiddles_;
+    DeviceBuffer positions_, blocks_;
+    DeviceBuffer pupil_;
+    DeviceBuffer frequencies_, line_frequencies_;
+    std::map<std::string, cl::Kernel> columns_;
+    cl::Kernel rows_, shifted_rows_, inverse_;
+};
+
+// A pixel's samples lie in one vector, or pass C leaves them to another kernel.
+bool sums_pixels(std::uint32_t lanes, std::uint32_t oversampling) {
+    return oversampling <= lanes && lanes % oversampling == 0;
+}
+
+FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+                       const FusedRequest &request)
+    : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
+      strips_(strips_of(*context_, grid.grid_height, lanes_)),
+      sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
+      pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
+      column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
+                                                                     fused_codelets(row_plan_, lanes_)},
+      column_codelets_{kFusedCodeletsName, fused_codelets(column_plan_, lanes_)},
+      complex_pupil_(!pupil.phase_turns.empty()) {
+    const std::uint32_t longest = std::max(grid.grid_width, grid.grid_height);
+    const std::uint64_t needed = fused_tile_bytes(longest, lanes_);
+    const std::uint64_t local = context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    if (needed > local)
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("lines of {} points need {} bytes of local memory, the device has {}", longest, needed, local));
+    make_tables(pupil, request.every_line);
+    // Sizes that a frame's kernels have.
+    grid_.width = sample_powers_ ? grid.grid_width : grid.width;
+    grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+    inverse_ = context_->kernel(
+        "fused_columns_inverse.cl", "fused_columns_inverse",
+        fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING={}", lanes_, strips_, pixel_samples_), &column_codelets_);
+    rows_kernel(false);
+}
+
+void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
+    const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
+    // Lines that pass something, at the positions where the columns' transform leaves them.
+    std::vector<cl_uint> kept, others;
+    std::vector<cl_uint> blocks;
+    const std::uint32_t block_length = column_plan_.block_length();
+    for (std::uint32_t position = 0; position < height; ++position) {
+        (row_passes(pupil, grid_, column_plan_.frequencies[position]) ? kept : others).push_back(position);
+        if ((position + 1) % block_length == 0) {
+            const auto count = static_cast<cl_uint>(kept.size());
+            blocks.insert(blocks.end(),
+                          {count / lanes_, (count + lanes_ - 1) / lanes_, static_cast<cl_uint>(others.size())});
+        }
+    }
+    kept_ = static_cast<std::uint32_t>(kept.size());
+    groups_ = (kept_ + lanes_ - 1) / lanes_;
+    capacity_groups_ = every_line ? (height + lanes_ - 1) / lanes_ : groups_;
+    blocks[blocks.size() - 3] = groups_; // the last group need not be full
+    kept.resize(std::size_t{groups_} * lanes_, height);
+
+    const std::uint32_t parts = complex_pupil_ ? 2 : 1;
+    std::vector<float> amplitudes(std::size_t{groups_} * width * parts * lanes_, 0.0f);
+    std::vector<float> line_frequencies(std::size_t{groups_} * lanes_, 0.0f);
+    for (std::uint32_t i = 0; i < kept_; ++i) {
+        const std::uint32_t row = column_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
+        line_frequencies[i] = signed_frequency(row, height);
+        for (std::uint32_t position = 0; position < width; ++position) {
+            float *to = &amplitudes[(std::size_t{group} * width + position) * parts * lanes_ + lane];
+            const std::complex<float> t = scaled_amplitude(pupil, grid_, row, row_plan_.frequencies[position]);
+            to[0] = t.real();
+            if (complex_pupil_)
+                to[lanes_] = t.imag();
+        }
+    }
+    std::vector<float> frequencies(width);
+    for (std::uint32_t position = 0; position < width; ++position)
+        frequencies[position] = signed_frequency(row_plan_.frequencies[position], width);
+    kept.insert(kept.end(), others.begin(), others.end());
+    positions_ = device_table(context_, kept);
+    blocks_ = device_table(context_, blocks);
+    pupil_ = device_table(context_, amplitudes);
+    row_twiddles_ = device_table(context_, row_plan_.twiddles);
+    column_twiddles_ = device_table(context_, column_plan_.twiddles);
+    frequencies_ = device_table(context_, frequencies);
+    line_frequencies_ = device_table(context_, line_frequencies);
+}
+
+std::uint64_t FusedLanes::lines_bytes() const {
+    return std::uint64_t{capacity_groups_} * grid_.grid_width * lanes_ * 2 * sizeof(float);
+}
+
+cl::Kernel &FusedLanes::columns_kernel(const std::string &field_options) {
+    const auto found = columns_.find(field_options);
+    if (found != columns_.end())
+        return found->second;
+    return columns_
+        .emplace(
+            field_options,
+            context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
+                             fmt::format("{} -DLANES={} -DSTRIPS={} -DPREFETCH={} -DOVERSAMPLING={}", field_options,
+                                         lanes_, strips_, prefetch_rows(*context_), grid_.oversampling),
+                             &column_codelets_))
+        .first->second;
+}
+
+cl::Kernel &FusedLanes::rows_kernel(bool shifted) {
+    cl::Kernel &kernel = shifted ? shifted_rows_ : rows_;
+    if (!kernel())
+        kernel = context_->kernel(
+            "fused_rows.cl", "fused_rows",
+            fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DSHIFT={}", lanes_, complex_pupil_ ? 1 : 0, shifted ? 1 : 0),
+            &row_codelets_);
+    return kernel;
+}
+
+void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) {
+    for (std::size_t line = 0; line < field.lines().size(); ++line)
+        columns_kernel(field.options(phase, line, with_screen));
+    rows_kernel(shifted);
+}
+
+void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                               std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                               const cl::Buffer &bad_pixels) {
+    cl::Kernel &kernel = columns_kernel(field.options(phase, line, input.screen != nullptr));
+    KernelArguments arguments(kernel);
+    field.add_arguments(arguments, phase, input, polarization, line);
+    arguments.add(lines)
+        .add(bad_pixels)
+        .add(column_twiddles_.get())
+        .add(positions_.get())
+        .add(blocks_.get())
+        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
+    chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
+}
+
+void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                               const std::optional<std::array<double, 2>> &shift) {
+    cl::Kernel &kernel = rows_kernel(shift.has_value());
+    KernelArguments arguments(kernel);
+    arguments.add(lines).add(cl_uint{groups_}).add(row_twiddles_.get()).add(pupil_.get());
+    if (shift)
+        arguments.add(frequencies_.get())
+            .add(line_frequencies_.get())
+            .add(static_cast<cl_float>((*shift)[0]))
+            .add(static_cast<cl_float>((*shift)[1]));
+    arguments.add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
+    chain.run("pupil", kernel, groups_, 1, 1, 1);
+}
+
+void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                                   const ImageView &intensity) {
+    KernelArguments(inverse_)
+        .add(lines)
+        .add(cl_uint{grid_.grid_width})
+        .add(column_twiddles_.get())
+        .add(positions_.get())
+        .add(cl_uint{groups_})
+        .add(blocks_.get())
+        .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
+        .add(cl_uint{before ? 1u : 0u})
+        .add(before ? before : intensity)
+        .add(intensity)
+        .add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
+    chain.run("inverse_fft", inverse_, column_items(grid_.width * pixel_samples_), 1, 1, 1);
+}
+
+} // namespace
+
+std::unique_ptr<FusedEngine> make_fused_lanes(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                              const Pupil &pupil, const FusedRequest &request) {
+    return std::make_unique<FusedLanes>(std::move(context), grid, pupil, request);
+}
+
+} // namespace clsp

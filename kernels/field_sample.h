@@ -1,0 +1,97 @@
+// One sample of the field that leaves the surface towards the lens: U = sqrt(I0) z, with what the surface, the laser's lines and the air
+// do to it. The equations are in aperture.h and pipeline.h of the C API.
+//   MATERIALS 1  a table says for each pixel's material how much of the light stays coherent and how it is polarized
+//   COHERENT 1   the same coherent fraction everywhere (MATERIALS 0)
+//   LINES 1      one of several laser lines: the phase turns by k s h, h the surface's height
+//   SCREEN 1     a phase screen in front of the surface (airflow)
+#ifndef CLSP_FIELD_SAMPLE_H
+#define CLSP_FIELD_SAMPLE_H
+
+#include "field_grid.h"
+#include "phase_state.h"
+#include "phasor.h"
+
+// What kernels that make the field are given for it, and how they hand it on: with the oversampling as they know it, best a constant.
+#if MATERIALS
+#define FIELD_SURFACE_PARAMETERS                                                                                                           \
+    , __global const uchar *material, ulong material_offset, uint material_pitch, uint material_count, __global const float *table,        \
+        __global uint *bad_material
+#define FIELD_SURFACE_ARGUMENTS , material, material_offset, material_pitch, material_count, table, bad_material
+#elif COHERENT
+#define FIELD_SURFACE_PARAMETERS , float random_amplitude, float coherent_amplitude
+#define FIELD_SURFACE_ARGUMENTS , random_amplitude, coherent_amplitude
+#else
+#define FIELD_SURFACE_PARAMETERS
+#define FIELD_SURFACE_ARGUMENTS
+#endif
+#if LINES
+#define FIELD_LINE_PARAMETERS , float line_turns, uint quarter, uint2 key, uint epoch_low, uint epoch_high
+#define FIELD_LINE_ARGUMENTS , line_turns, quarter, key, epoch_low, epoch_high
+#else
+#define FIELD_LINE_PARAMETERS
+#define FIELD_LINE_ARGUMENTS
+#endif
+#if SCREEN
+#define FIELD_SCREEN_PARAMETERS , __global const float *screen
+#define FIELD_SCREEN_ARGUMENTS , screen
+#else
+#define FIELD_SCREEN_PARAMETERS
+#define FIELD_SCREEN_ARGUMENTS
+#endif
+#define FIELD_PARAMETERS                                                                                                                   \
+    __global const state_word *state, ulong samples, ulong first, uint grid_width, uint grid_height, uint polarization,                    \
+        __global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch, uint width, uint height,                         \
+        uint oversampling FIELD_SURFACE_PARAMETERS FIELD_LINE_PARAMETERS FIELD_SCREEN_PARAMETERS
+#define FIELD_ARGUMENTS(samples_per_pixel)                                                                                                 \
+    state, samples, first, grid_width, grid_height, polarization, irradiance, irradiance_offset, irradiance_pitch, width, height,          \
+        samples_per_pixel FIELD_SURFACE_ARGUMENTS FIELD_LINE_ARGUMENTS FIELD_SCREEN_ARGUMENTS
+
+// U of sample (x, y). bad: where pixels that are no irradiance are counted.
+static inline ALWAYS_INLINE complex_float field_sample(FIELD_PARAMETERS, __global uint *bad, uint x, uint y) {
+    const uint pixel_x = pixel_of_sample(x, oversampling, width, grid_width);
+    const uint pixel_y = pixel_of_sample(y, oversampling, height, grid_height);
+    // Several samples, the padding and the second polarization share a pixel: what is wrong with it is counted once.
+    const bool counts = polarization == 0 && x == oversampling * pixel_x && y == oversampling * pixel_y;
+    float i0 = irradiance[irradiance_offset + (ulong)pixel_y * irradiance_pitch + pixel_x];
+    if (!(i0 >= 0.0f && i0 <= FLT_MAX)) {
+        if (counts)
+            report_bad(bad, i0, pixel_y * width + pixel_x);
+        i0 = 0.0f;
+    }
+    const ulong i = (ulong)y * grid_width + x;
+    complex_float z = unit_field(state, samples, first, i);
+    float amplitude = sqrt(i0);
+#if MATERIALS
+    uint id = material[material_offset + (ulong)pixel_y * material_pitch + pixel_x];
+    if (id >= material_count) {
+        if (counts)
+            report_bad(bad_material, -1.0f, pixel_y * width + pixel_x);
+        id = 0;
+    }
+    // Rows of the table: random and coherent amplitude, amplitudes of the two polarizations.
+    __global const float *entry = table + 4u * id;
+    z.re = entry[0] * z.re + entry[1];
+    z.im = entry[0] * z.im;
+    amplitude *= entry[2u + polarization];
+#elif COHERENT
+    z.re = random_amplitude * z.re + coherent_amplitude;
+    z.im = random_amplitude * z.im;
+#endif
+    complex_float u = {amplitude * z.re, amplitude * z.im};
+#if LINES || SCREEN
+    float turns = 0.0f;
+#if LINES
+    // Height of the sample in standard deviations: it belongs to the surface that `epoch` drew.
+    const uint j = y / quarter;
+    const normals4 heights = normals_from_block(image_block(x, y - j * quarter, epoch_low, epoch_high, STREAM_SURFACE_HEIGHT, key));
+    turns += line_turns * (j == 0 ? heights.n0 : j == 1 ? heights.n1 : j == 2 ? heights.n2 : heights.n3);
+#endif
+#if SCREEN
+    turns += screen[i];
+#endif
+    u = product(u, phasor_from_turns(turns));
+#endif
+    return u;
+}
+
+#endif
