@@ -1,9 +1,12 @@
 """The diagnosis on published speckle images: what it says of cameras of which little is known.
 
-    python examples/real_data/real_data.py --data ../shared/data --out real-data
+    pip install pillow scipy tqdm
+    python examples/real_data/real_data.py --data IMAGES --out real-data
 
-Each folder of images becomes a capture set with what its source states of the set-up; what is not stated is assumed, and
-said so. The reports (JSON and HTML) land in OUT, a table of them in OUT/table.md.
+docs/real-data.md says where the images come from, and what came out.
+
+Each folder of images becomes a capture set with what its source states of the set-up; what is not stated is assumed,
+and said so. The reports (JSON and HTML) land in OUT, a table of them in OUT/table.md.
 """
 
 from __future__ import annotations
@@ -53,7 +56,7 @@ def grey(path: Path) -> Codes:
 
 
 def relative_diameter(fwhm_px: float) -> float:
-    """Of the pupil whose speckle's autocorrelation, |2 J1(pi D x) / (pi D x)|^2, has that full width at half maximum."""
+    """Of the pupil whose speckle's autocorrelation, |2 J1(pi D x) / (pi D x)|^2, has that width at half maximum."""
     return 1.029 / fwhm_px
 
 
@@ -115,17 +118,15 @@ def row(entry: Set, found: clspeckle.Diagnosis) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--data", type=Path, default=Path("../shared/data"), help="folder of the images (default: %(default)s)"
-    )
+    parser.add_argument("--data", type=Path, required=True, help="folder that holds the folders of the images")
     parser.add_argument(
         "--out", type=Path, default=Path("real-data"), help="folder of the results (default: %(default)s)"
     )
     arguments = parser.parse_args()
     sets = list(read(arguments.data))
     if not sets:
-        print(f"real_data: {arguments.data} has none of the folders spark_grit, spark_memory_effect, lsci_invitro_inaoe, "
-              "bu_deepspeckle; give --data", file=sys.stderr)  # fmt: skip
+        print(f"real_data: {arguments.data} has none of the folders spark_grit, spark_memory_effect, "
+              "lsci_invitro_inaoe, bu_deepspeckle; give --data", file=sys.stderr)  # fmt: skip
         return 1
     arguments.out.mkdir(parents=True, exist_ok=True)
     lines = ["| set | frames | verdict | effects | part of the gap that is gone | residual | worst statistics |",
