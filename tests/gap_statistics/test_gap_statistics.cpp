@@ -345,6 +345,35 @@ TEST(GapStatistics, DotsAreMeasuredWhereTheyAre) {
     EXPECT_NEAR(stretched.at("dot_turn"), 0.0, 0.02);
 }
 
+// Spots with a moat around them, deeper and deeper: less light than between the dots, so that second moments vanish and become negative.
+TEST(GapStatistics, MomentsOfWhatIsNoDotAreBounded) {
+    const CaptureLayout layout = make_layout(CaptureScene::kDots, false, 2);
+    bool narrowest = false;
+    for (std::uint32_t seed = 0; seed < 40; ++seed) {
+        const double moat = 2.0 * seed;
+        std::vector<double> image(kPixels, 100.0);
+        for (std::size_t i = 0; i < kPixels; ++i)
+            for (const auto &dot : layout.dots->positions_px) {
+                const double r = std::hypot(double(i % kWidth) - dot[0], double(i / kWidth) - dot[1]);
+                image[i] += 120.0 * std::exp(-0.5 * r * r) - moat * std::exp(-0.5 * (r - 4.0) * (r - 4.0));
+            }
+        std::mt19937 random(seed);
+        std::normal_distribution<double> noise(0.0, 10.0);
+        Codes codes;
+        for (std::size_t i = 0; i < 2 * kPixels; ++i)
+            codes.push_back(std::uint16_t(std::max(0.0, std::round(kBlack + image[i % kPixels] + noise(random)))));
+        const Values values = named(layout, codes);
+        for (const char *name : {"dot_skewness_x", "dot_skewness_y", "dot_kurtosis"})
+            EXPECT_LE(std::abs(values.at(name)), 10.0) << name << ", seed " << seed;
+        EXPECT_LE(std::abs(values.at("dot_covariance_xy")), 1.0) << "seed " << seed;
+        for (const char *name : {"dot_width_x", "dot_width_y"}) // 0 where there is no light at all
+            EXPECT_TRUE(values.at(name) == 0.0 || values.at(name) >= std::sqrt(1.0 / 12.0) * (1 - 1e-9)) << name;
+        narrowest = narrowest || std::abs(values.at("dot_width_x") - std::sqrt(1.0 / 12.0)) < 1e-9 ||
+                    std::abs(values.at("dot_kurtosis")) == 10.0;
+    }
+    EXPECT_TRUE(narrowest) << "no seed reached a bound: the test tests nothing";
+}
+
 // 10 frames of 96 x 80: the standard error of the noise is 4 / sqrt(2 * 69120) = 0.011 DN; the margin is four of them.
 // Rounding adds 1/12.
 TEST(GapStatistics, LevelIsRobust) {
