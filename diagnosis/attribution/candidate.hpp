@@ -22,6 +22,8 @@ struct Candidate {
     double snapped(std::size_t parameter, double strength) const;
     // How far to go from a strength for a finite difference; where nothing lies there, the same way back.
     double difference(std::size_t parameter, double strength) const;
+    // Its first parameter may be below zero, where the effect goes the other way.
+    bool has_direction() const { return parameters.front().minimum < 0.0 && parameters.front().weak > 0.0; }
 };
 
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.

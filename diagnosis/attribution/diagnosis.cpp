@@ -17,8 +17,25 @@
 namespace clsp {
 namespace {
 
-// Beside an unknown cause several effects count as found that together take away that part of the gap: what is left is small beside each.
-constexpr double kNearlyWhole = 0.97;
+// Beside an unknown cause several effects count as found that together take away that part of the gap: what imitates an effect in no
+// catalogue took at most 0.7 of it (see docs/gap-check.md).
+constexpr double kNearlyWhole = 0.8;
+// An effect that takes away that part of the gap of an unknown cause imitates it.
+constexpr double kAlike = 0.5;
+
+// The stage of the effect that imitates most of an unknown cause; empty if none does.
+std::string alike_stage(const DiagnosisResult &result) {
+    double before = 0.0, most = kAlike;
+    std::string stage;
+    for (const ShrinkStep &step : result.steps) {
+        if (step.fraction - before >= most) {
+            most = step.fraction - before;
+            stage = std::find_if(result.candidates.begin(), result.candidates.end(), [&](const Candidate &c) { return c.id == step.effect; })->stage;
+        }
+        before = std::max(before, step.fraction);
+    }
+    return stage;
+}
 
 // By an effect, in standard deviations.
 Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
@@ -161,7 +178,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             for (std::size_t i = 0; i < found.models.size(); ++i)
                 if (nearly_whole || explained(moved_by(found, i), last.residual.z))
                     result.effects.push_back(found.steps[i].added);
-            place_stages(experiment.layout(), result.places);
+            place_stages(experiment.layout(), result.places, alike_stage(result));
         } else {
             name_effects(found.steps, result);
         }

@@ -56,6 +56,13 @@ EffectModel EffectModel::first(std::size_t count) const {
     return result;
 }
 
+Eigen::VectorXd EffectModel::distance_from(const EffectModel &other) const {
+    Eigen::VectorXd result(static_cast<Eigen::Index>(strengths.size()));
+    for (std::size_t p = 0; p < strengths.size(); ++p)
+        result[static_cast<Eigen::Index>(p)] = strengths[p].strength - other.strengths[p].strength;
+    return result;
+}
+
 double EffectModel::difference(Eigen::Index strength, double part) const {
     const Strength &s = strengths[static_cast<std::size_t>(strength)];
     const Candidate &candidate = *effects[s.effect].candidate;

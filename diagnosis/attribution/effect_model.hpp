@@ -53,6 +53,8 @@ struct EffectModel {
     void add(const Candidate &candidate, double sign, double strength);
     EffectModel without(std::size_t effect) const;
     EffectModel first(std::size_t count) const;
+    // Of each strength from that of a model of the same effects.
+    Eigen::VectorXd distance_from(const EffectModel &other) const;
     // How far to go with a strength for a finite difference.
     double difference(Eigen::Index strength, double part = 1.0) const;
     const std::string &id_of(Eigen::Index strength) const {

@@ -16,12 +16,13 @@ constexpr std::size_t kMostAlike = 2;
 // And so many that did nearly as well as the one that was added, by what they gained over what that did.
 constexpr std::size_t kMostRivals = 2;
 constexpr double kLeastRival = 0.5;
-constexpr int kExchangeRounds = 6;
-constexpr double kHopeless = 4.0; // after the first round
+constexpr int kExchangeRounds = 8;
+constexpr double kHopeless = 4.0; // after some rounds
+// Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
+constexpr std::size_t kMostAdded = 5;
 // A quick fit sees few random numbers, not always the same for both models: one that comes that near may be the better
 // one.
 constexpr double kWorthAFit = 1.5;
-constexpr double kStillBetter = 0.9; // than the round before
 // What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it.
 constexpr double kLeastNeeded = 60.0;
 // An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
@@ -38,7 +39,7 @@ double square_by(const Covariance &covariance, const ModelFit &fits, const Fitte
 }
 
 // An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
-// at the end.
+// at the end. place: the number of effects where none goes.
 struct Move {
     std::size_t place;
     const Candidate *candidate;
@@ -50,7 +51,7 @@ struct Move {
 // which did least.
 std::size_t goes_out(const Path &path, const Move &move, std::size_t max_effects) {
     if (!move.shares)
-        return move.place;
+        return move.place; // also where none goes
     return path.model.effects.size() < max_effects ? path.model.effects.size() : path.model.effects.size() - 1;
 }
 
@@ -90,8 +91,7 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
                     continue;
                 const Eigen::VectorXd column = covariance.whiten(whole.jacobian.col(static_cast<Eigen::Index>(p)));
                 const double cosine = change.dot(column) / std::max(1e-30, change.norm() * column.norm());
-                const HypothesisParameter &first = candidate->parameters.front();
-                if (cosine < 0.0 && !(first.minimum < 0.0 && first.weak > 0.0))
+                if (cosine < 0.0 && !candidate->has_direction())
                     continue;
                 if (std::abs(cosine) > best.alike) {
                     best.alike = std::abs(cosine);
@@ -114,46 +114,64 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
     return result;
 }
 
+// One effect more. A search that fits strengths one effect at a time may see no gain in what only helps once the
+// others have moved far.
+std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    const Eigen::VectorXd target = covariance.whiten(fits.differences(whole).mean());
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, whole.jacobian);
+    std::vector<std::pair<double, Move>> promising;
+    for (const auto &[candidate, look] : path.looks) {
+        if (path.model.has(*candidate))
+            continue;
+        const Promise promise = promise_of(covariance.whiten(look), jacobian, target);
+        const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
+        if (promise.gain >= kLeastGain && (sign > 0.0 || candidate->has_direction()))
+            promising.push_back({promise.gain, {path.model.effects.size(), candidate, sign, 0.0, false}});
+    }
+    std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
+        return a.first != b.first ? a.first > b.first : a.second.candidate->id < b.second.candidate->id;
+    });
+    std::vector<Move> result;
+    for (std::size_t i = 0; i < std::min(promising.size(), kMostAdded); ++i)
+        result.push_back(promising[i].second);
+    return result;
+}
+
 // The squared distance that a few rounds of a fit reach, by common random numbers from the path's model, where it is
 // `now`.
 double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double now) {
-    Experiment &experiment = fits.experiment();
     const FittedModel &start = path.models.back();
-    const Covariance &covariance = start.model.full();
-    const Eigen::VectorXd real = experiment.real().mean() - covariance.mean();
-    const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
-    Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(experiment.count()), parameters);
-    double square = 1e300;
-    EffectModel best = model;
-    for (int round = 0; round < kExchangeRounds; ++round) {
-        const Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, kSearchSeeds);
-        for (Eigen::Index p = 0; p < parameters; ++p)
-            jacobian.col(p) = fits.slope(model, p, pool, kSearchSeeds);
-        const Eigen::VectorXd target =
-            covariance.whiten(real - (pool.statistics.front() - path.pool.statistics.front()));
-        const Eigen::MatrixXd columns = whiten_columns(covariance, jacobian);
-        const Eigen::VectorXd step = solve_least_squares(columns, target);
-        const double reached = (target - columns * step).squaredNorm();
-        const bool better = reached < kStillBetter * square;
-        const double moved = move_strengths(model, step);
-        if (reached < square) {
-            square = reached;
-            best = model;
-        }
-        if (moved < kNear || square > kHopeless * now || !better)
-            break;
-    }
-    model = std::move(best);
-    return square;
+    std::vector<Eigen::VectorXd> known(model.strengths.size());
+    for (std::size_t p = 0; p < model.strengths.size(); ++p)
+        for (std::size_t q = 0; q < path.model.strengths.size(); ++q)
+            if (model.strengths[p].parameter == path.model.strengths[q].parameter &&
+                model.effects[model.strengths[p].effect].candidate ==
+                    path.model.effects[path.model.strengths[q].effect].candidate)
+                known[p] = start.jacobian.col(static_cast<Eigen::Index>(q));
+    GaussNewtonOptions options;
+    options.seed = fits.options().seed;
+    options.seeds = kSearchSeeds;
+    options.secant_rounds = kExchangeRounds;
+    options.near = options.far = kNear;
+    options.hopeless = kHopeless * now;
+    GaussNewtonFit fit = gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
+    model = std::move(fit.model);
+    return fit.square;
 }
 
-// Takes an effect to about half of what it does.
+// Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
 void halve(EffectModel &model, std::size_t effect) {
     const Candidate &candidate = *model.effects[effect].candidate;
     for (Strength &s : model.strengths) {
         const HypothesisParameter &parameter = candidate.parameters[s.parameter];
-        if (s.effect != effect || parameter.weak == parameter.strong)
+        if (s.effect != effect)
             continue;
+        if (parameter.weak == parameter.strong) { // what is given away may have moved it
+            s.strength = candidate.strength(s.parameter, parameter.weak);
+            continue;
+        }
         // Where the value falls as the effect grows, it is no measure of the effect.
         s.strength =
             parameter.weak < parameter.strong
@@ -169,15 +187,18 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
     double best_square = kWorthAFit * now;
     const Move *chosen = nullptr;
     for (const Move &move : tried) {
-        fits.report(at, "exchanging " + path.model.effects[move.place].candidate->id + " for " + move.candidate->id);
+        const bool adds = move.place == path.model.effects.size();
+        const std::string what = "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
+        fits.report(at, what + " for " + move.candidate->id);
         EffectModel model = path.model;
         if (move.shares)
             halve(model, move.place);
         if (const std::size_t out = goes_out(path, move, fits.options().max_effects); out < model.effects.size())
             model = model.without(out);
-        model.add(*move.candidate, move.sign, 0.5);
+        model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         double square = 1e300;
-        if (!possible([&] { square = quick_fit(fits, model, path, now); }) || square >= best_square)
+        if (!possible([&] { square = quick_fit(fits, model, path, now) + (adds ? kLeastGain : 0.0); }) ||
+            square >= best_square)
             continue;
         best_square = square;
         best = std::move(model);
@@ -213,10 +234,13 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     other.looks = path.looks;
     other.model = std::move(model);
     FittedModel fitted;
-    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at); }))
+    const Origin origin{whole.model.full(), path.pool};
+    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at, &origin); }))
         return false;
+    if (fitted.residual.p_value <= kSeldom)
+        fits.polish(other.model, other.pool, fitted, at);
     if (fitted.score > whole.score - kLeastGain) {
-        if (!move.shares)
+        if (!move.shares && move.place < path.steps.size())
             note_rival(path.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
         return false;
     }
@@ -273,16 +297,19 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
 } // namespace
 
 bool exchange(ModelFit &fits, Path &path, double at) {
-    for (const bool share : {false, true}) {
-        if (share && !path.models.back().residual.detected)
-            break; // nothing is missing
-        const std::vector<Move> tried = moves_of(path, share, fits.options().max_effects);
+    const auto improves = [&](const std::vector<Move> &tried) {
         EffectModel best;
         const Move *move = best_move(fits, path, tried, best, at);
-        if (move && make_move(fits, path, *move, std::move(best), at))
-            return true;
+        return move && make_move(fits, path, *move, std::move(best), at);
+    };
+    const bool missing = path.models.back().residual.detected;
+    const std::size_t most = fits.options().max_effects;
+    std::vector<Move> tried = moves_of(path, false, most);
+    if (missing && path.model.effects.size() < most) {
+        const std::vector<Move> additions = additions_of(fits, path);
+        tried.insert(tried.end(), additions.begin(), additions.end());
     }
-    return false;
+    return improves(tried) || (missing && improves(moves_of(path, true, most)));
 }
 
 void prune(ModelFit &fits, Path &path, double at) {
@@ -292,8 +319,9 @@ void prune(ModelFit &fits, Path &path, double at) {
         FittedModel fitted;
         std::vector<FittedModel> models;
         const auto explains = [&] {
-            fitted = fits.fit(others, pool, fits.options().model_replicates, at);
             const FittedModel &whole = path.models.back();
+            const Origin origin{whole.model.full(), path.pool};
+            fitted = fits.fit(others, pool, fits.options().model_replicates, at, &origin);
             const Covariance &covariance = whole.model.full();
             return !fitted.residual.detected &&
                    square_by(covariance, fits, fitted) <= square_by(covariance, fits, whole) + kLeastWorth;

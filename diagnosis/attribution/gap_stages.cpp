@@ -55,6 +55,20 @@ bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
     });
 }
 
+// Rows that change from frame to frame by that many times what columns do: light that changes while the shutter rolls over the rows.
+constexpr double kRowsOverColumns = 5.0;
+bool light_rolls(const std::vector<GapPlace> &places) {
+    const auto same_but = [](const GapPlace &place, const GapPlace &other, const char *name) {
+        return other.statistic.sequence == place.statistic.sequence && other.statistic.name == name;
+    };
+    return std::any_of(places.begin(), places.end(), [&](const GapPlace &rows) {
+        if (rows.statistic.name != "row_noise" || rows.z < kDeviations)
+            return false;
+        const auto columns = std::find_if(places.begin(), places.end(), [&](const GapPlace &place) { return same_but(rows, place, "column_noise"); });
+        return columns != places.end() && rows.real - rows.sim > kRowsOverColumns * std::abs(columns->real - columns->sim);
+    });
+}
+
 bool is_one_of(const std::string &stage, std::initializer_list<const char *> stages) {
     return std::any_of(stages.begin(), stages.end(), [&](const char *s) { return stage == s; });
 }
@@ -67,7 +81,7 @@ void set_stage(std::vector<GapPlace> &places, const char *stage, std::initialize
 
 } // namespace
 
-void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
+void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, const std::string &alike) {
     double worst = 0.0;
     for (const GapPlace &place : places)
         worst = std::max(worst, std::abs(place.z));
@@ -93,6 +107,8 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
         set_stage(places, "sensor", {});
     else if (flat.differs)
         set_stage(places, "sensor", {"sensor", "optics"});
+    else if ((dark.recorded || flat.recorded) && light_rolls(places))
+        set_stage(places, "laser", {});
     else if (resting.differs && moving.recorded && !moving.differs && would_show(layout, places, false, least))
         set_stage(places, "motion", {});
     else if (moving.differs && resting.recorded && !resting.differs && would_show(layout, places, true, least)) {
@@ -102,6 +118,8 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places) {
                 place.statistic.stage = "motion";
     } else if (dots.differs && boards.recorded && !boards.differs)
         set_stage(places, "doe", {"doe", "laser", "optics"});
+    else if (!alike.empty())
+        set_stage(places, alike.c_str(), {});
     // One cause at a time: no pattern falls on the boards, and none makes dots wider.
     if (boards.differs || (dots.differs && dots_are_wider(places, worst)))
         for (GapPlace &place : places)

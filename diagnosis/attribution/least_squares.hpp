@@ -30,4 +30,15 @@ inline double residual_square(const Eigen::MatrixXd &matrix, const Eigen::Vector
     return (target - matrix * solve_least_squares(matrix, target)).squaredNorm();
 }
 
+// What one column more, as much of it as fits best, takes off |target - matrix b|^2; all whitened.
+struct Promise {
+    double gain = 0.0, coefficient = 0.0;
+};
+inline Promise promise_of(const Eigen::VectorXd &column, const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
+    Eigen::MatrixXd columns(target.size(), matrix.cols() + 1);
+    columns << column, matrix;
+    const Eigen::VectorXd coefficients = solve_least_squares(columns, target);
+    return {residual_square(matrix, target) - (target - columns * coefficients).squaredNorm(), coefficients[0]};
+}
+
 } // namespace clsp

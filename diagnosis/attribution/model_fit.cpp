@@ -10,18 +10,12 @@ namespace {
 
 // Models on the way are judged by some of the replicates, if those leave no doubt that a residual remains.
 constexpr double kNoDoubt = 1e-9;
-// A round of a fit is taken back where the squared distance grew by that factor.
-constexpr double kMuchWorse = 1.5;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
 constexpr double kNothingMoved = 0.004, kFine = 0.15;
-
-Eigen::VectorXd pool_mean(const Pool &pool) {
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(pool.statistics.front().size());
-    for (const Eigen::VectorXd &statistics : pool.statistics)
-        sum += statistics;
-    return sum / static_cast<double>(pool.statistics.size());
-}
+// Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
+constexpr int kSecantRounds = 4;
+constexpr double kFar = 0.15;
 
 std::string label(const EffectSettings &effects) {
     std::string result;
@@ -50,12 +44,7 @@ Differences ModelFit::differences(const FittedModel &fitted) const {
     return result;
 }
 
-std::vector<bool> ModelFit::concerned(const std::string &id) const {
-    std::vector<bool> result;
-    for (std::size_t s = 0; s < experiment_.layout().sequences.size(); ++s)
-        result.push_back(experiment_.simulator().concerns(id, s));
-    return result;
-}
+std::vector<bool> ModelFit::concerned(const std::string &id) const { return concerned_sequences(experiment_, id); }
 
 double ModelFit::held_out(const FittedModel &fitted, const Response *response, double *strength) const {
     const Covariance &covariance = fitted.model.fold();
@@ -94,21 +83,6 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
     return sum;
 }
 
-Eigen::VectorXd ModelFit::slope(const EffectModel &model, Eigen::Index p, const Pool &pool, std::uint32_t seeds,
-                                double part) const {
-    EffectModel moved = model;
-    double &strength = moved.strengths[static_cast<std::size_t>(p)].strength;
-    const double at = strength;
-    double step = model.difference(p, part);
-    strength = at + step;
-    if (moved.settings() == pool.effects) { // at the end of its range
-        step = -step;
-        strength = at + step;
-    }
-    return simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(p)), options_.seed, seeds).mean /
-           step;
-}
-
 FittedModel ModelFit::fit_baseline(double to) {
     const std::vector<bool> all(experiment_.layout().sequences.size(), true);
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
@@ -128,13 +102,15 @@ FittedModel ModelFit::fit_baseline(double to) {
     return baseline;
 }
 
-FittedModel ModelFit::fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at) {
-    return fit(model, pool, Eigen::MatrixXd(static_cast<Eigen::Index>(experiment_.count()), 0), replicates, at, at);
+FittedModel ModelFit::fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at, const Origin *origin) {
+    const Eigen::MatrixXd unknown(static_cast<Eigen::Index>(experiment_.count()), 0);
+    return fit(model, pool, unknown, replicates, at, at, origin);
 }
 
 FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates,
-                          double from, double to) {
-    return fit(model, pool, known, model.strengths.size() == 1 ? 1 : kGaussNewtonRounds, 1.0, replicates, from, to);
+                          double from, double to, const Origin *origin) {
+    return fit(model, pool, known, model.strengths.size() == 1 ? 1 : kGaussNewtonRounds, 1.0, replicates, from, to,
+               origin);
 }
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
@@ -144,8 +120,10 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     Pool own;
     FittedModel again;
     const Eigen::MatrixXd unknown(static_cast<Eigen::Index>(experiment_.count()), 0);
-    if (!possible(
-            [&] { again = fit(moved, own, unknown, kGaussNewtonRounds, kFine, options_.model_replicates, at, at); }) ||
+    const Origin origin{fitted.model.full(), pool};
+    if (!possible([&] {
+            again = fit(moved, own, unknown, kGaussNewtonRounds, kFine, options_.model_replicates, at, at, &origin);
+        }) ||
         again.score >= fitted.score)
         return;
     model = std::move(moved);
@@ -155,53 +133,27 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
 
 // Strengths by Gauss-Newton rounds, then replicates at the fitted strengths and a last, linear step.
 FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, int rounds, double part,
-                          std::uint32_t replicates, double from, double to) {
-    const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
+                          std::uint32_t replicates, double from, double to, const Origin *origin) {
+    GaussNewtonOptions options;
+    options.seed = options_.seed;
+    options.seeds = options_.pool_seeds;
+    options.rounds = rounds;
+    options.secant_rounds = kSecantRounds;
+    options.part = part;
+    options.near = part * kNear;
+    options.far = part * kFar;
+    std::vector<Eigen::VectorXd> columns;
+    for (Eigen::Index p = 0; p < known.cols(); ++p)
+        columns.push_back(known.col(p));
+    const Origin baseline{baseline_.full(), baseline_pool_};
+    GaussNewtonFit reached = gauss_newton(experiment_, model, origin ? *origin : baseline, columns, options,
+                                          [&](Eigen::Index p) { report(from, "fitting " + model.id_of(p)); });
+    model = std::move(reached.model);
+    pool = std::move(reached.pool);
     FittedModel fitted;
-    Eigen::MatrixXd &jacobian = fitted.jacobian;
-    jacobian.resize(static_cast<Eigen::Index>(experiment_.count()), parameters);
-    // Where the round before was, and how near it came.
-    EffectModel before = model;
-    Pool pool_before;
-    Eigen::MatrixXd jacobian_before;
-    double square_before = 1e300;
-    for (int round = 0; round < rounds; ++round) {
-        fitted.effects = model.settings();
-        pool = simulate_pool(experiment_, fitted.effects, options_.seed, options_.pool_seeds);
-        for (Eigen::Index p = 0; p < parameters; ++p) {
-            if (round == 0 && p < known.cols()) {
-                jacobian.col(p) = known.col(p);
-                continue;
-            }
-            report(from, "fitting " + model.id_of(p));
-            jacobian.col(p) = slope(model, p, pool, options_.pool_seeds, part);
-        }
-        // Common random numbers: the pool's change from the baseline's pool, on the mean of the baseline's replicates.
-        const Covariance &covariance = baseline_.full();
-        const Eigen::VectorXd mean = covariance.mean() + pool_mean(pool) - pool_mean(baseline_pool_);
-        const Eigen::VectorXd target = covariance.whiten(experiment_.real().mean() - mean);
-        const Eigen::MatrixXd columns = whiten_columns(covariance, jacobian);
-        const Eigen::VectorXd step = solve_least_squares(columns, target);
-        const double square = (target - columns * step).squaredNorm();
-        if (square > kMuchWorse * square_before) { // a step too far, of a parameter that works in jumps
-            model = before;
-            fitted.effects = model.settings();
-            pool = std::move(pool_before);
-            jacobian = std::move(jacobian_before);
-            break;
-        }
-        if (round + 1 == rounds)
-            break;
-        before = model;
-        pool_before = pool;
-        jacobian_before = jacobian;
-        square_before = square;
-        if (move_strengths(model, step) < part * kNear && known.cols() == 0) {
-            model = before;
-            break;
-        }
-    }
-    fitted.change = pool_mean(pool) - pool_mean(baseline_pool_);
+    fitted.effects = model.settings();
+    fitted.jacobian = std::move(reached.jacobian);
+    fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
     judge(fitted, model, {fitted.effects, pool.levels, {}}, std::min(replicates, options_.model_replicates), from, to);
     if (fitted.residual.p_value > kNoDoubt)
         judge(fitted, model, fitted.model.replicates(), options_.model_replicates, from, to);

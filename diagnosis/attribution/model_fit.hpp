@@ -2,6 +2,7 @@
 // the search and its exchanges are made of.
 #pragma once
 
+#include "attribution/gauss_newton.hpp"
 #include "attribution/search.hpp"
 
 #include <algorithm>
@@ -15,6 +16,10 @@ namespace clsp {
 
 // Of the pool's seeds, for the search; fits use all.
 constexpr std::uint32_t kSearchSeeds = 1;
+
+// A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
+// of chance.
+constexpr double kSeldom = 0.05;
 
 // Effects in the order in which they were found.
 struct Path {
@@ -50,10 +55,10 @@ class ModelFit {
     const Pool &baseline_pool() const { return baseline_pool_; }
     // The model's strengths and its pool. known: the changes by the model's first parameters when they were last
     // fitted, for the first round; may have no columns. replicates: that many judge the model, or all that the options
-    // say where they leave a doubt.
+    // say where they leave a doubt. origin: null for the baseline.
     FittedModel fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates, double from,
-                    double to);
-    FittedModel fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at);
+                    double to, const Origin *origin = nullptr);
+    FittedModel fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at, const Origin *origin = nullptr);
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
@@ -79,14 +84,10 @@ class ModelFit {
     double excess_square(const FittedModel &fitted) const {
         return held_out(fitted) - 2.0 * static_cast<double>(experiment_.count());
     }
-    // The column of the Jacobian of a strength, by a finite difference from the pool of the model; part: of the usual
-    // difference.
-    Eigen::VectorXd slope(const EffectModel &model, Eigen::Index p, const Pool &pool, std::uint32_t seeds,
-                          double part = 1.0) const;
 
   private:
     FittedModel fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, int rounds, double part,
-                    std::uint32_t replicates, double from, double to);
+                    std::uint32_t replicates, double from, double to, const Origin *origin);
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 

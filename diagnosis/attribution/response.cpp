@@ -5,6 +5,14 @@
 
 namespace clsp {
 
+Eigen::VectorXd Pool::mean(std::uint32_t seeds) const {
+    const std::size_t count = std::min<std::size_t>(seeds, statistics.size());
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(statistics.front().size());
+    for (std::size_t i = 0; i < count; ++i)
+        sum += statistics[i];
+    return sum / static_cast<double>(count);
+}
+
 Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
                    const CalibratedLevels *levels) {
     const std::vector<bool> all(experiment.layout().sequences.size(), true);

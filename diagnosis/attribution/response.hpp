@@ -16,6 +16,8 @@ struct Pool {
     EffectSettings effects;
     CalibratedLevels levels;
     std::vector<Eigen::VectorXd> statistics; // by seed
+
+    Eigen::VectorXd mean(std::uint32_t seeds) const; // of the first ones, or of all where there are fewer
 };
 
 // Seeds of the pool are apart from those of replicates, which count up from 1.

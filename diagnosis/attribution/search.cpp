@@ -14,6 +14,8 @@ namespace {
 constexpr int kFitRounds = 3;
 // Effects whose gain at a first look is less than that part of the best one's are not fitted.
 constexpr double kLeastLook = 0.2;
+// That many times as many are fitted as long as none bears out its first look.
+constexpr std::uint32_t kMorePatient = 2;
 // Later looks take the effects whose change at the last look promises most, and those only of which it promises
 // anything.
 constexpr std::size_t kMostLooks = 14;
@@ -23,9 +25,8 @@ constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 // Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
 constexpr double kLittleLeft = 0.02;
 constexpr int kMostExchanges = 3;
-// A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
-// of chance.
-constexpr double kSeldom = 0.05;
+// There, the effects that are still missing explain less.
+constexpr double kLeastShareOfLittle = 0.04;
 
 struct Refined {
     const Candidate *candidate;
@@ -45,7 +46,10 @@ class Search {
     SearchResult run();
 
   private:
-    std::vector<Refined> screen(Path &path, const FittedModel &fitted);
+    // Effects by what they promise at a first look. fresh: none is put aside by its last look.
+    std::vector<Refined> screen(Path &path, const FittedModel &fitted, bool fresh);
+    // Fits the promising ones of them; false if no fit bears out a look.
+    bool refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at);
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
@@ -63,19 +67,16 @@ class Search {
     const std::vector<Candidate> &candidates_;
 };
 
-std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted) {
+std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool fresh) {
     const EffectModel &model = path.model;
     const Covariance &covariance = fitted.model.fold();
     const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
     const Eigen::VectorXd target = covariance.whiten(fits_.differences(fitted).mean());
-    const double before = residual_square(jacobian, target);
-    // What a change, as much of it as fits best, takes away beside the parameters that are there; its sign.
+    // What a change promises beside the parameters that are there; its sign.
     const auto gain_of = [&](const Eigen::VectorXd &change, double &sign) {
-        Eigen::MatrixXd columns(jacobian.rows(), jacobian.cols() + 1);
-        columns << covariance.whiten(change), jacobian;
-        const Eigen::VectorXd coefficients = solve_least_squares(columns, target);
-        sign = coefficients[0] < 0.0 ? -1.0 : 1.0;
-        return before - (target - columns * coefficients).squaredNorm();
+        const Promise promise = promise_of(covariance.whiten(change), jacobian, target);
+        sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
+        return promise.gain;
     };
     std::vector<Refined> result;
     for (const Candidate &candidate : candidates_) {
@@ -86,12 +87,12 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted) {
             std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
             continue;
         const auto look = path.looks.find(&candidate);
-        refined.gain = look == path.looks.end() ? 1e300 : gain_of(look->second, refined.sign);
+        refined.gain = fresh || look == path.looks.end() ? 1e300 : gain_of(look->second, refined.sign);
         if (refined.gain > kLeastPromise)
             result.push_back(std::move(refined));
     }
     const auto by_gain = [](const Refined &a, const Refined &b) { return a.gain > b.gain; };
-    if (!path.looks.empty()) {
+    if (!path.looks.empty() && !fresh) {
         std::stable_sort(result.begin(), result.end(), by_gain);
         result.resize(std::min(result.size(), kMostLooks));
     }
@@ -114,8 +115,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted) {
             refined.response.add(0.5, std::move(change));
         } else {
             // The other direction of an effect that has one; others cannot be negative.
-            const HypothesisParameter &p = candidate.parameters.front();
-            if (p.minimum < 0.0 && p.weak > 0.0)
+            if (candidate.has_direction())
                 refined.gain = gain;
             else
                 refined.sign = 1.0;
@@ -178,26 +178,43 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
     return step;
 }
 
-bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
-    std::vector<Refined> refined = screen(path, current);
-    if (refined.size() > fits_.options().refined)
-        refined.resize(fits_.options().refined);
-    while (refined.size() > 1 && refined.back().gain < kLeastLook * refined.front().gain)
-        refined.pop_back();
+bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at) {
     const double excess = fits_.excess_square(current);
     const double first_look = refined.empty() ? 0.0 : refined.front().gain;
-    double explained = 0.0;
+    // The best gain of a fit, and at the first look the best gain that a fit bore out.
+    double explained = 0.0, borne_out = 0.0;
+    std::uint32_t tried = 0;
     for (Refined &candidate : refined) {
+        const double look = candidate.gain;
+        candidate.gain = 0.0;
+        if (look <= 0.0 || look < kLeastLook * borne_out ||
+            tried >= fits_.options().refined * (borne_out > 0.0 ? 1 : kMorePatient))
+            continue;
         // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
-        if (explained > kNearlyAll * excess && candidate.gain < kFirstLook * first_look) {
+        if (explained > kNearlyAll * excess && look < kFirstLook * first_look)
+            continue;
+        fits_.report(at, "fitting " + candidate.candidate->id);
+        candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
+        if (!candidate.fitted) {
             candidate.gain = 0.0;
             continue;
         }
-        fits_.report(from + 0.2 * share, "fitting " + candidate.candidate->id);
-        candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
-        if (!candidate.fitted)
-            candidate.gain = 0.0;
+        ++tried;
         explained = std::max(explained, candidate.gain);
+        if (candidate.gain >= kLeastGain)
+            borne_out = std::max(borne_out, look);
+    }
+    return borne_out > 0.0;
+}
+
+bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
+    const double excess = fits_.excess_square(current);
+    const bool little = excess <= kLittleLeft * baseline_excess_, stale = !path.looks.empty();
+    std::vector<Refined> refined = screen(path, current, false);
+    // The last looks may be of another picture: what is lopsided shows late under a defocus.
+    if (!refine_all(refined, path, current, from + 0.2 * share) && little && stale) {
+        refined = screen(path, current, true);
+        refine_all(refined, path, current, from + 0.2 * share);
     }
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
@@ -221,9 +238,10 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         with.add(*candidate.candidate, candidate.sign, candidate.strength);
         Pool own;
         FittedModel fitted;
+        const Origin origin{current.model.full(), path.pool};
         if (!possible([&] {
                 fitted = fits_.fit(with, own, current.jacobian, replicates, begin,
-                                   begin + 0.6 * share / fits_.options().finalists);
+                                   begin + 0.6 * share / fits_.options().finalists, &origin);
             }))
             continue;
         finalists.push_back(&candidate);
@@ -242,8 +260,9 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
+    const double least_share = little ? kLeastShareOfLittle : kLeastShare;
     if (gain < kLeastGain ||
-        (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < kLeastShare * excess))
+        (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
     path.steps.push_back(described(refined, finalists, fits, best, current));
     path.model = std::move(models[best]);

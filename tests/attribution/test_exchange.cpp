@@ -84,6 +84,25 @@ TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
     expect_consistent(path);
 }
 
+TEST_F(Exchange, WhatIsMissingIsAdded) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"crosstalk", {0.15}}}, kCaptureSeed + 9), {}, 2);
+    for (const std::uint32_t most : {1u, 6u}) {
+        SearchOptions limited = options();
+        limited.max_effects = most;
+        ModelFit fits(experiment, limited, {});
+        fits.fit_baseline(0.0);
+        Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
+        ASSERT_TRUE(path.models.back().residual.detected);
+        EXPECT_EQ(exchange(fits, path, 0.0), most > 1);
+        expect_consistent(path);
+        if (most == 1)
+            continue;
+        EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "crosstalk"}));
+        EXPECT_FALSE(path.models.back().residual.detected);
+        EXPECT_NEAR(path.models.back().parameters.back().value, 0.15, 0.02);
+    }
+}
+
 TEST_F(Exchange, NothingForWhatIsRight) {
     Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
     ModelFit fits(experiment, options(), {});
@@ -165,6 +184,40 @@ TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
     const double polished = fitted.score;
     fits.polish(model, pool, fitted, 0.0);
     EXPECT_LE(fitted.score, polished);
+}
+
+// Strengths far from where they begin: rounds with secants lead there at one simulation each.
+TEST_F(Exchange, SecantsReachStrengthsThatAreFar) {
+    Experiment experiment(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    const FittedModel baseline = fits.fit_baseline(0.0);
+    EffectModel model;
+    model.add(candidate("row_noise"), 1.0, 1.0);
+    model.add(candidate("crosstalk"), 1.0, 0.0);
+    GaussNewtonOptions rounds;
+    rounds.seed = fits.options().seed;
+    rounds.seeds = 2;
+    rounds.near = rounds.far = 0.02;
+    const Origin origin{baseline.model.full(), fits.baseline_pool()};
+    const auto values = [](const GaussNewtonFit &fit) {
+        const EffectSettings effects = fit.model.settings();
+        return std::vector<double>{effects[0].values[0], effects[1].values[0]};
+    };
+    int columns = 0;
+    const auto count = [&](Eigen::Index) { ++columns; };
+    const GaussNewtonFit one = gauss_newton(experiment, model, origin, {}, rounds, count);
+    EXPECT_EQ(values(one)[0], candidate("row_noise").value(0, 1.0)) << "no step was looked at";
+    rounds.secant_rounds = 10;
+    const GaussNewtonFit many = gauss_newton(experiment, model, origin, {}, rounds, count);
+    EXPECT_EQ(4, columns) << "no column of a Jacobian after the first round";
+    EXPECT_NEAR(values(many)[0], 0.9, 0.1);
+    EXPECT_NEAR(values(many)[1], 0.3, 0.02);
+    EXPECT_LT(many.square, 0.2 * one.square);
+    EXPECT_EQ(many.pool.effects, many.model.settings());
+    // Known columns are not simulated again.
+    columns = 0;
+    gauss_newton(experiment, model, origin, {many.jacobian.col(0), many.jacobian.col(1)}, rounds, count);
+    EXPECT_EQ(0, columns);
 }
 
 } // namespace

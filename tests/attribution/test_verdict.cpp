@@ -44,7 +44,7 @@ class Stages : public testing::Test {
                     place.z = value;
             places.push_back(place);
         }
-        place_stages(layout, places);
+        place_stages(layout, places, {});
         for (const GapPlace &place : places)
             if (place.statistic.sequence == of)
                 return place.statistic.stage;
@@ -80,31 +80,75 @@ TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
     };
     // Of one resting surface the skewness is known five times worse than of many: 8 deviations would be less than 2.
     std::vector<GapPlace> places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.05, "laser")};
-    place_stages(layout, places);
+    place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "laser");
     places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.012, "laser")};
-    place_stages(layout, places);
+    place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "motion");
     // Frames are repeated where the scene moves, and nowhere else: it stood still.
     places = {place("board_moving", 900.0, 0.01, "sensor"), place("board_static", 0.5, 0.01, "sensor")};
-    place_stages(layout, places);
+    place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "sensor");
     places[0].statistic.name = places[1].statistic.name = "repeated_frames";
-    place_stages(layout, places);
+    place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "motion");
     // Light between dots that are wider is that of their tails; beside narrower ones (ghosts) it is the pattern's.
     for (const double width : {60.0, -60.0}) {
         places = {place("dots_moving", 200.0, 0.01, "doe"), place("dots_moving", width, 0.01, "optics"),
                   place("dots_static", 20.0, 0.01, "doe"), place("board_moving", 1.0, 0.01, "surface")};
         places[1].statistic.name = "dot_width_x";
-        place_stages(layout, places);
+        place_stages(layout, places, {});
         EXPECT_EQ(places[0].statistic.stage, width > 0.0 ? "optics" : "doe");
     }
     // A pattern falls on dots only: one cause for boards and dots is no pattern.
     places = {place("dots_moving", 80.0, 0.01, "doe"), place("board_moving", 70.0, 0.01, "optics"),
               place("board_static", 70.0, 0.01, "optics")};
-    place_stages(layout, places);
+    place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "optics");
+}
+
+TEST_F(Stages, LightThatRollsOverTheRowsIsTheLasers) {
+    const auto place = [](const char *sequence, const char *name, double z, double excess) {
+        GapPlace result;
+        result.statistic.sequence = sequence;
+        result.statistic.name = name;
+        result.statistic.stage = "motion";
+        result.z = z;
+        result.real = excess;
+        return result;
+    };
+    for (const double columns : {0.1, 3.0}) {
+        // Resting scenes alone show it beside the grain; without the rows, that is motion.
+        std::vector<GapPlace> places = {place("board_static", "row_noise", 200.0, 4.0), place("board_static", "column_noise", 40.0 * columns, columns),
+                                        place("board_moving", "row_noise", 1.0, 0.02), place("flat", "row_noise", 1.0, 0.02)};
+        place_stages(layout, places, {});
+        EXPECT_EQ(places[0].statistic.stage, columns < 1.0 ? "laser" : "motion");
+        // The flat has other light: rows that change there are read so.
+        places[3].z = 50.0;
+        place_stages(layout, places, {});
+        EXPECT_EQ(places[0].statistic.stage, "sensor");
+    }
+}
+
+TEST_F(Stages, ACauseThatAKnownEffectImitatesLiesWhereThatDoes) {
+    const auto stages = [&](const std::vector<std::pair<const char *, double>> &z, const std::string &alike) {
+        std::vector<GapPlace> places;
+        for (const auto &[sequence, deviation] : z) {
+            GapPlace result;
+            result.statistic.sequence = sequence;
+            result.statistic.stage = "surface";
+            result.z = deviation;
+            places.push_back(result);
+        }
+        place_stages(layout, places, alike);
+        return places.front().statistic.stage;
+    };
+    const std::vector<std::pair<const char *, double>> lit = {
+        {"board_moving", 90.0}, {"board_static", 80.0}, {"dots_moving", 70.0}, {"dots_static", 60.0}};
+    EXPECT_EQ(stages(lit, ""), "surface");
+    EXPECT_EQ(stages(lit, "optics"), "optics");
+    // What the sequences say is surer.
+    EXPECT_EQ(stages({{"dark", 90.0}, {"board_moving", 80.0}}, "optics"), "sensor");
 }
 
 TEST_F(Stages, DotsOnASurfaceThatAgrees) {
