@@ -17,8 +17,8 @@
 namespace clsp {
 namespace {
 
-// Beside an unknown cause several effects count as found that together take away that part of the gap: what imitates an effect in no
-// catalogue took at most 0.7 of it (see docs/gap-check.md).
+// Beside an unknown cause several effects count as found that together take away that part of the gap: what imitates an
+// effect in no catalogue took at most 0.7 of it (see docs/gap-check.md).
 constexpr double kNearlyWhole = 0.8;
 // An effect that takes away that part of the gap of an unknown cause imitates it.
 constexpr double kAlike = 0.5;
@@ -30,7 +30,9 @@ std::string alike_stage(const DiagnosisResult &result) {
     for (const ShrinkStep &step : result.steps) {
         if (step.fraction - before >= most) {
             most = step.fraction - before;
-            stage = std::find_if(result.candidates.begin(), result.candidates.end(), [&](const Candidate &c) { return c.id == step.effect; })->stage;
+            stage = std::find_if(result.candidates.begin(), result.candidates.end(), [&](const Candidate &c) {
+                        return c.id == step.effect;
+                    })->stage;
         }
         before = std::max(before, step.fraction);
     }
@@ -45,12 +47,14 @@ Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
 
 // A lit sequence without light has no level to be simulated at.
 constexpr double kLeastLightDn = 0.5;
-// Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to it.
+// Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to
+// it.
 constexpr double kMostClipped = 0.2;
 // Of a sequence, without those that its mask takes out: as the statistics ask for.
 constexpr int kLeastPixels = 64;
 // The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
-Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept, DiagnosisResult &result) {
+Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept,
+                  DiagnosisResult &result) {
     Capture judged;
     judged.layout = capture.layout;
     judged.layout.sequences.clear();
@@ -58,13 +62,16 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
         const SequenceLayout &sequence = capture.layout.sequences[s];
         const SequenceSummary &seen = summary.sequences[s];
         std::string reason;
-        const double unmasked = std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
+        const double unmasked =
+            std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
         if (unmasked < kLeastPixels)
             reason = fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kLeastPixels);
         else if (seen.saturated_fraction > kMostClipped)
-            reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known", 100.0 * seen.saturated_fraction);
+            reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known",
+                                 100.0 * seen.saturated_fraction);
         else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
-            reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge", seen.level_above_dark_dn);
+            reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
+                                 seen.level_above_dark_dn);
         if (!reason.empty()) {
             result.left_out.push_back(sequence.name);
             result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));
@@ -78,9 +85,10 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
     return judged;
 }
 
-// What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in them.
-void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences, const std::vector<Candidate> &pool,
-                   DiagnosisResult &result) {
+// What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in
+// them.
+void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences,
+                   const std::vector<Candidate> &pool, DiagnosisResult &result) {
     for (const CaptureAbility &ability : capture_abilities(layout, sequences))
         if (!ability.can) {
             result.untested_topics.push_back(ability.topic);
@@ -88,7 +96,8 @@ void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummar
         }
     std::string unseen;
     for (const EffectVisibility &effect : effect_visibilities(layout)) {
-        const bool candidate = std::any_of(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
+        const bool candidate =
+            std::any_of(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
         if (!candidate || !effect.sequences.empty())
             continue;
         result.untested_effects.push_back(effect.id);
@@ -115,9 +124,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         for (const std::string &note : result.notes)
             if (note.find(" was left out: ") != std::string::npos)
                 reasons += (reasons.empty() ? "" : "; ") + note;
-        throw Error(Status::kInvalidData, fmt::format("no sequence of the capture can be judged: {}. Check that the files belong to the "
-                                                      "scenes that capture.json names, and record again with another exposure",
-                                                      reasons));
+        throw Error(Status::kInvalidData,
+                    fmt::format("no sequence of the capture can be judged: {}. Check that the files belong to the "
+                                "scenes that capture.json names, and record again with another exposure",
+                                reasons));
     }
     note_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
@@ -151,8 +161,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
     const Eigen::VectorXd real = experiment.real().mean();
     for (std::size_t k = 0; k < experiment.count(); ++k)
-        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k], reported_p_value(test.p_adjusted[k]),
-                                 last.residual.z[k]});
+        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
+                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
@@ -186,7 +196,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(experiment, capture, found.baseline, final, options.seed);
     if (options.evidence)
-        result.evidence = std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, options.seed));
+        result.evidence = std::make_shared<const Evidence>(
+            collect_evidence(experiment, capture, found.baseline, final, options.seed));
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;
 }

@@ -116,7 +116,7 @@ Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const 
     for (const EffectSetting &effect : effects)
         if (effect.id == "image_lag")
             for (std::size_t k = 0; k < list.size(); ++k)
-                if (list[k].name == "temporal_correlation_2")
+                if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
                     result[static_cast<Eigen::Index>(k)] = effect.values.front() * effect.values.front();
     return result;
 }

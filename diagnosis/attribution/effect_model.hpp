@@ -82,8 +82,9 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
                                     const Eigen::VectorXd &change);
 
 // By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before
-// remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Frames two
-// apart are correlated by f^2 or not at all.
+// remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Neighbouring
+// frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not at
+// all or by f^2.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const EffectSettings &effects);
 
 // An effect that was weighed in a step of a search. Those that a first look put aside are not among them.

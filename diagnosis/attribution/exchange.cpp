@@ -188,7 +188,8 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
     const Move *chosen = nullptr;
     for (const Move &move : tried) {
         const bool adds = move.place == path.model.effects.size();
-        const std::string what = "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
+        const std::string what =
+            "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
         fits.report(at, what + " for " + move.candidate->id);
         EffectModel model = path.model;
         if (move.shares)

@@ -8,7 +8,8 @@
 namespace clsp {
 namespace {
 
-// A sequence differs if one of its statistics is off by that many standard deviations and by that part of the worst one.
+// A sequence differs if one of its statistics is off by that many standard deviations and by that part of the worst
+// one.
 constexpr double kDeviations = 5.0, kPartOfWorst = 0.01;
 
 struct Seen {
@@ -20,8 +21,8 @@ double deviation_of(const GapPlace &place) {
     return place.z != 0.0 ? std::abs((place.real - place.sim) / place.z) : 0.0;
 }
 
-// What differs in one kind of scene would differ in the other, too, if it were there: most of those statistics are as sharp there. Fringes
-// that many moving surfaces show drown in the grain of one that rests.
+// What differs in one kind of scene would differ in the other, too, if it were there: most of those statistics are as
+// sharp there. Fringes that many moving surfaces show drown in the grain of one that rests.
 bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places, bool moving, double least) {
     const auto sequence_of = [&](const GapPlace &place) {
         return std::find_if(layout.sequences.begin(), layout.sequences.end(),
@@ -55,7 +56,8 @@ bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
     });
 }
 
-// Rows that change from frame to frame by that many times what columns do: light that changes while the shutter rolls over the rows.
+// Rows that change from frame to frame by that many times what columns do: light that changes while the shutter rolls
+// over the rows.
 constexpr double kRowsOverColumns = 5.0;
 bool light_rolls(const std::vector<GapPlace> &places) {
     const auto same_but = [](const GapPlace &place, const GapPlace &other, const char *name) {
@@ -64,8 +66,10 @@ bool light_rolls(const std::vector<GapPlace> &places) {
     return std::any_of(places.begin(), places.end(), [&](const GapPlace &rows) {
         if (rows.statistic.name != "row_noise" || rows.z < kDeviations)
             return false;
-        const auto columns = std::find_if(places.begin(), places.end(), [&](const GapPlace &place) { return same_but(rows, place, "column_noise"); });
-        return columns != places.end() && rows.real - rows.sim > kRowsOverColumns * std::abs(columns->real - columns->sim);
+        const auto columns = std::find_if(places.begin(), places.end(),
+                                          [&](const GapPlace &place) { return same_but(rows, place, "column_noise"); });
+        return columns != places.end() &&
+               rows.real - rows.sim > kRowsOverColumns * std::abs(columns->real - columns->sim);
     });
 }
 

@@ -44,7 +44,9 @@ Differences ModelFit::differences(const FittedModel &fitted) const {
     return result;
 }
 
-std::vector<bool> ModelFit::concerned(const std::string &id) const { return concerned_sequences(experiment_, id); }
+std::vector<bool> ModelFit::concerned(const std::string &id) const {
+    return concerned_sequences(experiment_, id);
+}
 
 double ModelFit::held_out(const FittedModel &fitted, const Response *response, double *strength) const {
     const Covariance &covariance = fitted.model.fold();

@@ -58,7 +58,8 @@ class ModelFit {
     // say where they leave a doubt. origin: null for the baseline.
     FittedModel fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates, double from,
                     double to, const Origin *origin = nullptr);
-    FittedModel fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at, const Origin *origin = nullptr);
+    FittedModel fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at,
+                    const Origin *origin = nullptr);
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);

@@ -28,8 +28,9 @@ Change simulate_change(Experiment &experiment, const Pool &base, const EffectSet
     change.levels = experiment.calibrate(effects, concerned, &base.levels);
     std::vector<Eigen::VectorXd> differences;
     for (std::uint32_t i = 0; i < seed_count; ++i)
-        differences.push_back(experiment.half(effects, change.levels, seed + kPoolSeed + i, concerned, base.statistics[i]) -
-                              base.statistics[i]);
+        differences.push_back(
+            experiment.half(effects, change.levels, seed + kPoolSeed + i, concerned, base.statistics[i]) -
+            base.statistics[i]);
     change.mean = Eigen::VectorXd::Zero(differences.front().size());
     for (const Eigen::VectorXd &difference : differences)
         change.mean += difference / seed_count;
@@ -70,7 +71,8 @@ Eigen::VectorXd Response::at(double strength) const {
     std::size_t begin = 0;
     double best = 1e30;
     for (std::size_t i = 0; i + width <= n; ++i) {
-        const double reach = std::max(std::abs(strengths_[i] - strength), std::abs(strengths_[i + width - 1] - strength));
+        const double reach =
+            std::max(std::abs(strengths_[i] - strength), std::abs(strengths_[i + width - 1] - strength));
         if (reach < best) {
             best = reach;
             begin = i;

@@ -1,4 +1,5 @@
-// How the mean statistics answer to one effect's strength, on top of a set of other effects: simulations with common random numbers.
+// How the mean statistics answer to one effect's strength, on top of a set of other effects: simulations with common
+// random numbers.
 #pragma once
 
 #include "attribution/candidate.hpp"
@@ -28,15 +29,15 @@ Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::u
 
 // Mean change of the statistics from `base` to other effects. concerned: sequences in which they differ.
 struct Change {
-    Eigen::VectorXd mean;      // of the change
-    Eigen::VectorXd variance;  // of a single seed's change about the mean; 0 with one seed
+    Eigen::VectorXd mean;     // of the change
+    Eigen::VectorXd variance; // of a single seed's change about the mean; 0 with one seed
     CalibratedLevels levels;
 };
 Change simulate_change(Experiment &experiment, const Pool &base, const EffectSettings &effects,
                        const std::vector<bool> &concerned, std::uint64_t seed, std::uint32_t seed_count);
 
-// The answer to a strength by interpolation between simulated ones: through the three nearest, a parabola (straight lines cost false
-// rejections).
+// The answer to a strength by interpolation between simulated ones: through the three nearest, a parabola (straight
+// lines cost false rejections).
 class Response {
   public:
     void add(double strength, Change change);
