@@ -169,8 +169,8 @@ class SizeTuning {
         // The reference of the pictures comes first; the order of preference is made at the end.
         const Engine preferred = default_engine(*context_);
         std::vector<EngineSpec> specs = {{Engine::kClfft, {}, {}}, {Engine::kFusedLanes, {}, {}}, {Engine::kFusedGroups, {}, {}}};
-        const bool shapes = preferred != Engine::kFusedLanes && fused_plan_exists(grid_.grid_width) &&
-                            fused_plan_exists(grid_.grid_height);
+        const bool shapes = parameters_.group_shapes.value_or(preferred != Engine::kFusedLanes) &&
+                            fused_plan_exists(grid_.grid_width) && fused_plan_exists(grid_.grid_height);
         const GroupLimits limits = group_limits(*context_);
         if (shapes)
             for (const GroupPick &pick : group_picks(make_group_plan(grid_.grid_height), limits, true))

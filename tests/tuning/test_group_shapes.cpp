@@ -5,11 +5,14 @@
 #include "stages/aperture.hpp"
 #include "stages/fused_engine.hpp"
 #include "stages/phase.hpp"
+#include "tuning/tuning.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <dlfcn.h>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <random>
 #include <string>
@@ -186,6 +189,68 @@ TEST_F(GroupShapes, OversampledPixelsStayInOneGroup) {
     const Aperture aperture(context, p);
     EXPECT_STREQ("clFFT", aperture.fft_backend());
     EXPECT_NE(std::string::npos, aperture.fft_reason().find("need at least 2")) << aperture.fft_reason();
+}
+
+TuneParameters quick() {
+    TuneParameters p;
+    p.sizes = {{24, 16}};
+    p.frames = 2;
+    p.keep = false;
+    return p;
+}
+
+TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
+    TuneParameters p = quick();
+    p.group_shapes = true;
+    const TunedSize size = tune(context, p).measured.sizes.at(0);
+    // The work-groups that the rule takes count once, under no shape of their own.
+    Aperture automatic(context, parameters(24, 16, kGroups));
+    std::size_t columns = 0, rows = 0;
+    for (std::size_t i = 0; i < size.candidates.size(); ++i) {
+        const TunedCandidate &candidate = size.candidates[i];
+        EXPECT_EQ("", candidate.refusal) << describe(candidate.spec);
+        EXPECT_GT(candidate.median_ms, 0.0) << describe(candidate.spec);
+        EXPECT_FALSE(candidate.spec.columns == automatic.engine().columns && candidate.spec.rows == automatic.engine().rows);
+        for (std::size_t k = 0; k < i; ++k)
+            EXPECT_FALSE(candidate.spec == size.candidates[k].spec) << describe(candidate.spec);
+        if (candidate.spec.rows) {
+            EXPECT_TRUE(candidate.spec.columns); // those that were the best
+        }
+        columns += candidate.spec.columns && !candidate.spec.rows;
+        rows += candidate.spec.columns && candidate.spec.rows;
+    }
+    const GroupLimits limits = group_limits(*context);
+    EXPECT_GE(columns + 1, group_picks(make_group_plan(16), limits, true).size());
+    EXPECT_GE(rows + 1, group_picks(make_group_plan(24), limits, false).size());
+    EXPECT_EQ(fused_engine_for(*context) == Engine::kFusedLanes ? Engine::kFusedLanes : Engine::kClfft,
+              size.candidates[0].spec.engine); // the default is the first
+}
+
+TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
+    // Lanes with a third of the light: fast, but wrong.
+    namespace fs = std::filesystem;
+    const fs::path folder = fs::temp_directory_path() / "clspeckle_test_group_shapes";
+    fs::create_directories(folder);
+    std::ifstream original(fs::path(CLSP_KERNEL_SOURCE_DIR) / "fused_columns_inverse.cl");
+    std::string text{std::istreambuf_iterator<char>(original), {}};
+    const std::string name = "float weight,";
+    const std::size_t at = text.find(name);
+    ASSERT_NE(std::string::npos, at);
+    text.replace(at, name.size(), "float whole_weight,");
+    const std::size_t body = text.find("{\n", at);
+    text.insert(body + 2, "    const float weight = whole_weight / 3.0f;\n");
+    std::ofstream(folder / "fused_columns_inverse.cl") << text;
+    ContextParameters wrong;
+    wrong.kernel_dir = folder.string();
+    const TunedSize size = tune(Context::create(wrong), quick()).measured.sizes.at(0);
+    fs::remove_all(folder);
+    EXPECT_NE(Engine::kFusedLanes, size.chosen.engine);
+    for (const TunedCandidate &candidate : size.candidates) {
+        EXPECT_EQ(candidate.spec.engine == Engine::kFusedLanes, !candidate.counts()) << candidate.refusal;
+        if (!candidate.counts()) {
+            EXPECT_EQ("its picture differs from clfft's by 0.67 (relative L2)", candidate.refusal);
+        }
+    }
 }
 
 TEST(GroupShapesAlone, SmallerOnesGetSmaller) {
