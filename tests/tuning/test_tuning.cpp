@@ -206,6 +206,7 @@ TEST_F(Tuning, BadInput) {
         d.sizes = &wrong;
     });
     refuse("cannot be written", [](ClspTuningDesc &d) { d.path = "/dev/null/tuning.json"; }, CLSP_ERROR_IO);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspTuningDescInit(nullptr, sizeof(ClspTuningDesc)));
     const ClspTuningDesc d = desc();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "tuning", clspTuningRun(context, &d, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspTuningRun(nullptr, &d, &handle));
