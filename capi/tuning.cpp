@@ -47,8 +47,9 @@ TuneParameters tuning_parameters(const ClspTuningDesc *user) {
         throw Error(Status::kInvalidArgument, "desc->path names a file, but desc->keep is 0: nothing would be written");
     p.path = d.path ? d.path : "";
     if ((d.size_count == 0) != (d.sizes == nullptr))
-        throw Error(Status::kInvalidArgument, fmt::format("desc->size_count is {} but desc->sizes is {}; give both or neither",
-                                                          d.size_count, d.sizes ? "not NULL" : "NULL"));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("desc->size_count is {} but desc->sizes is {}; give both or neither", d.size_count,
+                                d.sizes ? "not NULL" : "NULL"));
     if (d.size_count > kMostTunedSizes)
         throw Error(Status::kInvalidArgument,
                     fmt::format("desc->size_count is {}, at most {} are taken", d.size_count, kMostTunedSizes));
@@ -93,8 +94,8 @@ CLSP_API ClspStatus clspTuningGetPath(ClspTuning tuning, uint64_t capacity, char
     return guarded("clspTuningGetPath", [&] { give_text(object(tuning)->path, capacity, path, length, "path"); });
 }
 
-CLSP_API ClspStatus clspTuningExplain(ClspContext context, uint32_t width, uint32_t height, uint64_t capacity, char *text,
-                                      uint64_t *length) {
+CLSP_API ClspStatus clspTuningExplain(ClspContext context, uint32_t width, uint32_t height, uint64_t capacity,
+                                      char *text, uint64_t *length) {
     return guarded("clspTuningExplain", [&] {
         const auto c = object(context);
         const FieldGrid grid = make_field_grid(width, height, 1, 0);

@@ -27,7 +27,8 @@ std::string engine_text(const Json &spec) {
     std::string text = spec["engine"].get<std::string>();
     for (const char *name : {"columns", "rows"})
         if (spec.contains(name))
-            text += fmt::format(", {} {} x {}", name, spec[name]["lines"].get<int>(), spec[name]["work_items"].get<int>());
+            text +=
+                fmt::format(", {} {} x {}", name, spec[name]["lines"].get<int>(), spec[name]["work_items"].get<int>());
     return text;
 }
 
@@ -46,7 +47,8 @@ std::string candidates_table(const Json &size) {
     std::vector<std::vector<std::string>> rows = {{"engine", "ms", "+-", "of clFFT's", ""}};
     for (const Json &candidate : size["candidates"]) {
         if (!candidate.contains("median_ms")) {
-            rows.push_back({engine_text(candidate), "-", "", "", "left out: " + candidate["refusal"].get<std::string>()});
+            rows.push_back(
+                {engine_text(candidate), "-", "", "", "left out: " + candidate["refusal"].get<std::string>()});
             continue;
         }
         const double median = candidate["median_ms"].get<double>();

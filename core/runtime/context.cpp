@@ -157,8 +157,8 @@ void Context::read_tuning() {
     try {
         user_tuning_ = load_tuning(tuning_path_);
     } catch (const Error &error) {
-        log(LogLevel::kWarning, fmt::format("the tuning record {} is ignored: {}; `clspeckle tune` renews it",
-                                            tuning_path_, error.what()));
+        log(LogLevel::kWarning,
+            fmt::format("the tuning record {} is ignored: {}; `clspeckle tune` renews it", tuning_path_, error.what()));
         return;
     }
     const TunedDevice device = tuned_device();

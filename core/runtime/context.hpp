@@ -57,8 +57,8 @@ class Context : public std::enable_shared_from_this<Context> {
     cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {},
                       const ProgramCache::GeneratedHeader *generated = nullptr);
 
-    // The plan of a 2-D complex transform; shared between all users of that size, made on first use. only_clfft: not the
-    // fused engine's line transforms.
+    // The plan of a 2-D complex transform; shared between all users of that size, made on first use. only_clfft: not
+    // the fused engine's line transforms.
     std::shared_ptr<Fft> fft(std::uint32_t width, std::uint32_t height, bool only_clfft = false);
 
     FftChoice fft_choice() const { return fft_choice_; }

@@ -268,14 +268,14 @@ std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const Group
                                               std::uint32_t lines_of) {
     // Never larger than it was: a kernel whose limits change with its shape must not be asked in circles.
     const std::uint64_t tile_bytes = group_tile_bytes(plan, shape);
-    const GroupLimits smaller{std::min(limits.group_items, shape.group_items()), std::min(limits.local_bytes, tile_bytes)};
+    const GroupLimits smaller{std::min(limits.group_items, shape.group_items()),
+                              std::min(limits.local_bytes, tile_bytes)};
     for (std::uint32_t lines = shape.lines; lines >= lines_of; lines /= 2) {
         if (lines % lines_of != 0)
             continue;
         const auto fitting =
             with_tile(plan, {lines, most_items(plan, smaller.group_items / lines), false, shape.across}, smaller);
-        if (fitting &&
-            (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
+        if (fitting && (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
             return fitting;
     }
     return {};

@@ -14,9 +14,10 @@ LogFunction environment_log() {
     if (wanted.empty() || wanted == "off")
         return {};
     if (wanted != "warning" && wanted != "info")
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the environment variable CLSPECKLE_LOG is \"{}\"; set it to off, warning or info, or unset it",
-                                wanted));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the environment variable CLSPECKLE_LOG is \"{}\"; set it to off, warning or info, or unset it",
+                        wanted));
     const LogLevel most = wanted == "info" ? LogLevel::kInfo : LogLevel::kWarning;
     return [most](LogLevel level, const std::string &message) {
         if (level > most)

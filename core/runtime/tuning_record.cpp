@@ -160,9 +160,10 @@ void put(Json &json, const EngineSpec &spec) {
 }
 
 [[noreturn]] void refuse_place(const std::string &path) {
-    throw Error(Status::kIo, fmt::format("the tuning record cannot be written to {}; name a file in a folder that can be "
-                                         "written to",
-                                         path));
+    throw Error(Status::kIo,
+                fmt::format("the tuning record cannot be written to {}; name a file in a folder that can be "
+                            "written to",
+                            path));
 }
 
 double rounded_ms(double value) {
@@ -170,12 +171,8 @@ double rounded_ms(double value) {
 }
 
 Json json_of(const TunedSize &size) {
-    Json json = {{"width", size.width},
-                 {"height", size.height},
-                 {"relative_diameter", size.relative_diameter},
-                 {"frames", size.frames},
-                 {"date", size.date},
-                 {"clspeckle_version", size.version}};
+    Json json = {{"width", size.width},   {"height", size.height}, {"relative_diameter", size.relative_diameter},
+                 {"frames", size.frames}, {"date", size.date},     {"clspeckle_version", size.version}};
     json["chosen"] = Json::object();
     put(json["chosen"], size.chosen);
     json["reason"] = size.reason;

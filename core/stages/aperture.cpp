@@ -157,8 +157,9 @@ void Aperture::configure(const ApertureParameters &p) {
     pupil_ = std::move(pupil_buffer);
     taps_ = std::move(taps_buffer);
     if (!(decision.spec == decision_.spec) || decision.source != decision_.source)
-        context_->log(LogLevel::kInfo, fmt::format("{} is used for a field grid of {} x {}: {}", describe(decision.spec),
-                                                   grid_.grid_width, grid_.grid_height, decision.source));
+        context_->log(LogLevel::kInfo,
+                      fmt::format("{} is used for a field grid of {} x {}: {}", describe(decision.spec),
+                                  grid_.grid_width, grid_.grid_height, decision.source));
     decision_ = std::move(decision);
     sample_powers_ = sample_powers;
     complex_pupil_ = is_complex;

@@ -11,8 +11,9 @@ namespace {
 void check_plans(const FieldGrid &grid) {
     for (const std::uint32_t side : {grid.grid_width, grid.grid_height})
         if (!fused_plan_exists(side))
-            throw Error(Status::kUnsupported, fmt::format("the field grid is {} x {}: the fused engine takes sides of 2 to {}",
-                                                          grid.grid_width, grid.grid_height, kLongestFusedLine));
+            throw Error(Status::kUnsupported,
+                        fmt::format("the field grid is {} x {}: the fused engine takes sides of 2 to {}",
+                                    grid.grid_width, grid.grid_height, kLongestFusedLine));
 }
 
 } // namespace
@@ -37,9 +38,9 @@ FusedDecision decide_engine(const std::shared_ptr<Context> &context, const Field
         } catch (const Error &error) {
             if (error.status() != Status::kUnsupported)
                 throw;
-            context->log(LogLevel::kInfo, fmt::format("{} is not used for a field grid of {} x {} ({}): {}",
-                                                      describe(choice.spec), grid.grid_width, grid.grid_height,
-                                                      choice.source, error.what()));
+            context->log(LogLevel::kInfo,
+                         fmt::format("{} is not used for a field grid of {} x {} ({}): {}", describe(choice.spec),
+                                     grid.grid_width, grid.grid_height, choice.source, error.what()));
             if (decision.refusal.empty())
                 decision.refusal = error.what();
         }

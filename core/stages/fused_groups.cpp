@@ -30,10 +30,11 @@ GroupShape shape_for(const Context &context, const FusedPlan &plan, bool across,
     const std::optional<GroupShape> shape =
         pick ? picked_group_shape(plan, limits, across, *pick) : choose_group_shape(plan, limits, across);
     if (!shape && pick)
-        throw Error(Status::kUnsupported,
-                    fmt::format("lines of {} points do not go in work-groups of {} lines x {} work-items: the device takes "
-                                "{} work-items and {} bytes of local memory",
-                                plan.length, pick->lines, pick->items, limits.group_items, limits.local_bytes));
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("lines of {} points do not go in work-groups of {} lines x {} work-items: the device takes "
+                        "{} work-items and {} bytes of local memory",
+                        plan.length, pick->lines, pick->items, limits.group_items, limits.local_bytes));
     if (!shape)
         throw_no_room(plan.length, group_tile_bytes(plan, {1, 1, true, across}), limits.local_bytes);
     pick = GroupPick{shape->lines, shape->items};
@@ -69,11 +70,12 @@ GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, con
         const std::optional<GroupShape> smaller =
             smaller_group_shape(plan, shape, {most, local - std::min(local, own_bytes)}, lines_of);
         if (!smaller)
-            throw Error(Status::kUnsupported,
-                        fmt::format("the kernel {} takes work-groups of at most {} work-items and has {} bytes of local "
-                                    "memory left; {} lines of {} points need at least {} and {}",
-                                    name, most, local - std::min(local, own_bytes), lines_of, plan.length, lines_of,
-                                    group_tile_bytes(plan, {lines_of, 1, true, shape.across})));
+            throw Error(
+                Status::kUnsupported,
+                fmt::format("the kernel {} takes work-groups of at most {} work-items and has {} bytes of local "
+                            "memory left; {} lines of {} points need at least {} and {}",
+                            name, most, local - std::min(local, own_bytes), lines_of, plan.length, lines_of,
+                            group_tile_bytes(plan, {lines_of, 1, true, shape.across})));
         shape = *smaller;
     }
 }

@@ -162,13 +162,14 @@ class SizeTuning {
   public:
     SizeTuning(const std::shared_ptr<Context> &context, const TuneSize &size, const TuneParameters &parameters,
                const std::function<void(double, const std::string &)> &report)
-        : context_(context), parameters_(parameters), report_(report), bench_(context, size, parameters.relative_diameter),
-          grid_(make_field_grid(size.width, size.height, 1, 0)) {}
+        : context_(context), parameters_(parameters), report_(report),
+          bench_(context, size, parameters.relative_diameter), grid_(make_field_grid(size.width, size.height, 1, 0)) {}
 
     TunedSize run() {
         // The reference of the pictures comes first; the order of preference is made at the end.
         const Engine preferred = default_engine(*context_);
-        std::vector<EngineSpec> specs = {{Engine::kClfft, {}, {}}, {Engine::kFusedLanes, {}, {}}, {Engine::kFusedGroups, {}, {}}};
+        std::vector<EngineSpec> specs = {
+            {Engine::kClfft, {}, {}}, {Engine::kFusedLanes, {}, {}}, {Engine::kFusedGroups, {}, {}}};
         const bool shapes = parameters_.group_shapes.value_or(preferred != Engine::kFusedLanes) &&
                             fused_plan_exists(grid_.grid_width) && fused_plan_exists(grid_.grid_height);
         const GroupLimits limits = group_limits(*context_);
@@ -194,7 +195,8 @@ class SizeTuning {
         const double building = from + 0.5 * (to - from);
         std::size_t done = 0;
         for (const EngineSpec &spec : specs) {
-            report_(from + (building - from) * static_cast<double>(done++) / static_cast<double>(specs.size()), describe(spec));
+            report_(from + (building - from) * static_cast<double>(done++) / static_cast<double>(specs.size()),
+                    describe(spec));
             add(spec);
         }
         if (from > 0.0)
@@ -324,10 +326,10 @@ std::size_t choose_candidate(const std::vector<TunedCandidate> &candidates, std:
             (fastest == candidates.size() || candidates[i].median_ms < candidates[fastest].median_ms))
             fastest = i;
     if (fastest == candidates.size())
-        throw Error(Status::kUnsupported, candidates.empty()
-                                              ? std::string("there is no engine to measure")
-                                              : fmt::format("no engine can be measured: {}: {}",
-                                                            describe(candidates.front().spec), candidates.front().refusal));
+        throw Error(Status::kUnsupported,
+                    candidates.empty() ? std::string("there is no engine to measure")
+                                       : fmt::format("no engine can be measured: {}: {}",
+                                                     describe(candidates.front().spec), candidates.front().refusal));
     const TunedCandidate &best = candidates[fastest];
     for (std::size_t i = 0; i < candidates.size(); ++i) {
         const TunedCandidate &candidate = candidates[i];
@@ -350,12 +352,14 @@ std::size_t choose_candidate(const std::vector<TunedCandidate> &candidates, std:
 
 Tuning tune(const std::shared_ptr<Context> &context, const TuneParameters &p) {
     if (p.frames < 1 || p.frames > kMostTunedFrames)
-        throw Error(Status::kInvalidArgument, fmt::format("frames is {}, it must be 1 to {}", p.frames, kMostTunedFrames));
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("frames is {}, it must be 1 to {}", p.frames, kMostTunedFrames));
     check_positive(p.relative_diameter, "relative_diameter");
     if (p.relative_diameter > 1.0)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("relative_diameter is {}, it must be at most 1: sizes are measured without oversampling",
-                                p.relative_diameter));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("relative_diameter is {}, it must be at most 1: sizes are measured without oversampling",
+                        p.relative_diameter));
     const std::vector<TuneSize> &sizes = p.sizes.empty() ? default_tune_sizes() : p.sizes;
     if (sizes.size() > kMostTunedSizes)
         throw Error(Status::kInvalidArgument,
@@ -369,17 +373,19 @@ Tuning tune(const std::shared_ptr<Context> &context, const TuneParameters &p) {
         // What cannot be written is found before the measurement.
         tuning.path = p.path.empty() ? context->tuning_path() : p.path;
         if (tuning.path.empty())
-            throw Error(Status::kInvalidArgument,
-                        "there is no place for the tuning record: CLSPECKLE_TUNING is off, or there is no cache folder; "
-                        "name a file");
+            throw Error(
+                Status::kInvalidArgument,
+                "there is no place for the tuning record: CLSPECKLE_TUNING is off, or there is no cache folder; "
+                "name a file");
         try {
             file = load_tuning(tuning.path);
         } catch (const Error &error) {
             // A file that somebody names may be something else altogether.
             if (!p.path.empty())
-                throw Error(Status::kInvalidData, fmt::format("{} exists and is no tuning record ({}); name another file, "
-                                                              "or remove it",
-                                                              p.path, error.what()));
+                throw Error(Status::kInvalidData,
+                            fmt::format("{} exists and is no tuning record ({}); name another file, "
+                                        "or remove it",
+                                        p.path, error.what()));
             context->log(LogLevel::kWarning,
                          fmt::format("the tuning record {} is replaced: {}", tuning.path, error.what()));
         }

@@ -21,12 +21,12 @@ struct TuneSize {
 };
 
 struct TuneParameters {
-    std::vector<TuneSize> sizes;    // none: default_tune_sizes()
-    std::uint32_t frames = 15;      // measured of each candidate
-    double relative_diameter = 0.5; // of the aperture
+    std::vector<TuneSize> sizes;      // none: default_tune_sizes()
+    std::uint32_t frames = 15;        // measured of each candidate
+    double relative_diameter = 0.5;   // of the aperture
     std::optional<bool> group_shapes; // measure several shapes of work-groups; none: on all devices but CPUs
-    bool keep = true;               // in the record's file
-    std::string path;               // of that file; "": the context's
+    bool keep = true;                 // in the record's file
+    std::string path;                 // of that file; "": the context's
     ProgressFunction progress;
 };
 

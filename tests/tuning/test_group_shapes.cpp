@@ -149,7 +149,8 @@ TEST_F(GroupShapes, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
         const GroupPick asked = pick.lines == 64 ? GroupPick{64, 128} : pick;
         const Aperture aperture(context, parameters(8, height, {Engine::kFusedGroups, asked, {}}));
         EXPECT_STREQ("clFFT", aperture.fft_backend());
-        EXPECT_NE(std::string::npos, aperture.fft_reason().find("do not go in work-groups of")) << aperture.fft_reason();
+        EXPECT_NE(std::string::npos, aperture.fft_reason().find("do not go in work-groups of"))
+            << aperture.fft_reason();
         ASSERT_FALSE(log_lines.empty());
         EXPECT_NE(std::string::npos, log_lines[0].find("is not used for a field grid of 8 x")) << log_lines[0];
         EXPECT_NE(std::string::npos, log_lines[0].find("do not go in work-groups of")) << log_lines[0];
@@ -176,7 +177,8 @@ TEST_F(GroupShapes, NoRoomIsFoundWhenTheApertureIsMade) {
     own_local_bytes = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const Aperture aperture(context, parameters(96, 60, kGroups));
     EXPECT_STREQ("clFFT", aperture.fft_backend());
-    EXPECT_NE(std::string::npos, aperture.fft_reason().find("has 0 bytes of local memory left")) << aperture.fft_reason();
+    EXPECT_NE(std::string::npos, aperture.fft_reason().find("has 0 bytes of local memory left"))
+        << aperture.fft_reason();
     ASSERT_FALSE(log_lines.empty());
     EXPECT_NE(std::string::npos, log_lines[0].find(aperture.fft_reason())) << log_lines[0];
 }

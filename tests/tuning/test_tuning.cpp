@@ -121,13 +121,14 @@ TEST_F(Tuning, WhatAnEngineCannotDoGoesOnToTheNext) {
     const std::size_t from = content().find("\"chosen\""), to = content().find("[", from);
     // A shape that was measured, says the record, but that no device has.
     const std::string shape = R"({"engine": "fused-groups", "columns": {"lines": 64, "work_items": 4096})";
-    replace(content().substr(from, to - from),
-            "\"chosen\": " + shape + R"(}, "reason": "", "candidates": [)" + shape +
-                R"(, "median_ms": 1, "spread_ms": 0}], "others":)");
+    replace(content().substr(from, to - from), "\"chosen\": " + shape + R"(}, "reason": "", "candidates": [)" + shape +
+                                                   R"(, "median_ms": 1, "spread_ms": 0}], "others":)");
     const ClspApertureInfo info = aperture_info(logged(), 48, 32);
     EXPECT_EQ(std::string::npos, std::string(info.fft_source).find(path)) << info.fft_source;
-    EXPECT_EQ(1, log.count(CLSP_LOG_INFO, "fused-groups, columns 64 x 4096 is not used for a field grid of 48 x 32 (the "
-                                          "tuning record " + path + ", 48 x 32): lines of 32 points do not go in"));
+    EXPECT_EQ(1,
+              log.count(CLSP_LOG_INFO, "fused-groups, columns 64 x 4096 is not used for a field grid of 48 x 32 (the "
+                                       "tuning record " +
+                                           path + ", 48 x 32): lines of 32 points do not go in"));
     EXPECT_EQ(0u, info.column_lines);
 }
 
@@ -137,7 +138,8 @@ TEST_F(Tuning, AWrongFileIsIgnoredWithOneWarningAndRenewed) {
     const clspeckle::Context made = logged();
     for (int i = 0; i < 3; ++i)
         EXPECT_EQ(std::string::npos, std::string(aperture_info(made, 48, 32).fft_source).find(path));
-    EXPECT_EQ(1, log.count(CLSP_LOG_WARNING, "the tuning record " + path + " is ignored: it is no whole JSON document"));
+    EXPECT_EQ(1,
+              log.count(CLSP_LOG_WARNING, "the tuning record " + path + " is ignored: it is no whole JSON document"));
     EXPECT_EQ(1, log.count(CLSP_LOG_WARNING, ""));
     const clspeckle::Tuning tuning(made, desc());
     EXPECT_EQ(tuning.json(), content());
@@ -205,7 +207,8 @@ TEST_F(Tuning, BadInput) {
         static const ClspTuningSize wrong{0, 4};
         d.sizes = &wrong;
     });
-    refuse("cannot be written", [](ClspTuningDesc &d) { d.path = "/dev/null/tuning.json"; }, CLSP_ERROR_IO);
+    refuse(
+        "cannot be written", [](ClspTuningDesc &d) { d.path = "/dev/null/tuning.json"; }, CLSP_ERROR_IO);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspTuningDescInit(nullptr, sizeof(ClspTuningDesc)));
     const ClspTuningDesc d = desc();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "tuning", clspTuningRun(context, &d, nullptr));

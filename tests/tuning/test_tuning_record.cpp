@@ -1,4 +1,5 @@
-// Tuning records: what is read and what is refused, which sizes are followed, what a measurement decides. Needs no device.
+// Tuning records: what is read and what is refused, which sizes are followed, what a measurement decides. Needs no
+// device.
 #include "runtime/error.hpp"
 #include "runtime/tuning_record.hpp"
 #include "tuning/tuning.hpp"
@@ -116,8 +117,14 @@ TEST(TuningRecord, RefusesWhatIsWrong) {
         {"work_items is 100000", [&](Json &j) { size(j)["chosen"]["rows"]["work_items"] = 100000; }},
         {"no candidate that was measured", [&](Json &j) { size(j)["chosen"]["columns"]["lines"] = 4; }},
         // One that was left out.
-        {"no candidate that was measured", [&](Json &j) { size(j)["chosen"] = {{"engine", "fused-groups"}}; }},
-        {"only fused-groups has", [&](Json &j) { size(j)["candidates"][0]["rows"] = {{"lines", 1}, {"work_items", 2}}; }},
+        {"no candidate that was measured",
+         [&](Json &j) {
+             size(j)["chosen"] = {{"engine", "fused-groups"}};
+         }},
+        {"only fused-groups has",
+         [&](Json &j) {
+             size(j)["candidates"][0]["rows"] = {{"lines", 1}, {"work_items", 2}};
+         }},
         {"candidates is no list", [&](Json &j) { size(j)["candidates"] = Json::object(); }},
     };
     for (const Wrong &wrong : wrongs) {
@@ -197,9 +204,9 @@ TEST(TuningRecord, WorkItemsAreOnlyTakenForLinesOfTheirLength) {
 TEST(TuningRecord, TheUsersAreOfTheDriverShippedOnesOfTheName) {
     const TuningFile file = file_of({size_of(512, 512, kLanes)});
     EXPECT_EQ(1u, choices(file, 512, 512).size());
-    for (const auto change : {+[](clsp::TunedDevice &d) { d.driver_version = "2"; },
-                              +[](clsp::TunedDevice &d) { d.compute_units = 32; },
-                              +[](clsp::TunedDevice &d) { d.vendor = "V"; }, +[](clsp::TunedDevice &d) { d.platform = "P"; }}) {
+    for (const auto change :
+         {+[](clsp::TunedDevice &d) { d.driver_version = "2"; }, +[](clsp::TunedDevice &d) { d.compute_units = 32; },
+          +[](clsp::TunedDevice &d) { d.vendor = "V"; }, +[](clsp::TunedDevice &d) { d.platform = "P"; }}) {
         clsp::TunedDevice device = kDevice;
         change(device);
         EXPECT_TRUE(choices(file, 512, 512, false, device).empty());
