@@ -99,6 +99,14 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.workspace_bytes = a->workspace_bytes();
         std::strncpy(result.fft_backend, a->fft_backend(), sizeof result.fft_backend - 1);
         std::strncpy(result.fft_reason, a->fft_reason().c_str(), sizeof result.fft_reason - 1);
+        std::strncpy(result.fft_engine, engine_name(a->engine().engine), sizeof result.fft_engine - 1);
+        const GroupPick columns = a->engine().columns.value_or(GroupPick{}),
+                        rows = a->engine().rows.value_or(GroupPick{});
+        result.column_lines = columns.lines;
+        result.column_work_items = columns.items;
+        result.row_lines = rows.lines;
+        result.row_work_items = rows.items;
+        std::strncpy(result.fft_source, a->engine_source().c_str(), sizeof result.fft_source - 1);
         write_struct(required(info, "info"), result, "info");
     });
 }

@@ -3,6 +3,7 @@
 #include "convert.hpp"
 #include "handles.hpp"
 #include "runtime/device.hpp"
+#include "texts.hpp"
 
 #include <cstring>
 #include <vector>
@@ -11,6 +12,10 @@ using namespace clsp;
 using namespace clsp::capi;
 
 namespace {
+
+static_assert(static_cast<std::uint32_t>(LogLevel::kWarning) == CLSP_LOG_WARNING &&
+                  static_cast<std::uint32_t>(LogLevel::kInfo) == CLSP_LOG_INFO,
+              "the engine's levels are those of types.h");
 
 template <std::size_t N> void copy_text(char (&to)[N], const std::string &from) {
     const std::size_t length = std::min(from.size(), N - 1);
@@ -115,14 +120,7 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
     return guarded("clspDeviceExplain", [&] {
         if (capacity > 0 && !text)
             throw Error(Status::kInvalidArgument, "text is NULL although capacity is not 0");
-        const std::string explanation = explain_devices(text_or_empty(selector));
-        if (capacity > 0) {
-            const std::size_t copied = std::min<std::size_t>(explanation.size(), capacity - 1);
-            std::memcpy(text, explanation.data(), copied);
-            text[copied] = '\0';
-        }
-        if (length)
-            *length = explanation.size() + 1;
+        give_text(explain_devices(text_or_empty(selector)), capacity, text, length, "text");
     });
 }
 
@@ -144,6 +142,10 @@ CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *
         parameters.kernel_dir = text_or_empty(d.kernel_dir);
         parameters.cache_dir = text_or_empty(d.cache_dir);
         parameters.disk_cache = static_cast<DiskCache>(d.disk_cache);
+        if (d.log)
+            parameters.log = [log = d.log, data = d.log_data](LogLevel level, const std::string &message) {
+                log(data, static_cast<std::uint32_t>(level), message.c_str());
+            };
         give(context, Context::create(parameters));
     });
 }

@@ -47,6 +47,17 @@ struct StatisticsArguments {
 
 void run_statistics(const StatisticsArguments &arguments, Console &console);
 
+struct TuneArguments {
+    std::string device;
+    std::vector<std::string> sizes; ///< "1920x1080"; or empty.
+    std::uint32_t frames = 0;       ///< 0: the library's default.
+    std::string output;             ///< Empty: the record that contexts read.
+    bool dry_run = false;
+};
+
+/** Measures the engines of a device and keeps the fastest. */
+void run_tune(const TuneArguments &arguments, Console &console);
+
 /** Throws Interrupted once the user has asked the program to stop. */
 void check_interrupt();
 

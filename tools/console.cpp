@@ -15,8 +15,19 @@
 
 namespace tools {
 
+namespace {
+
+Console *current_console = nullptr;
+
+} // namespace
+
+Console *Console::current() {
+    return current_console;
+}
+
 Console::Console(bool json, bool quiet)
     : json_(json), quiet_(quiet), bar_(!quiet && ::isatty(STDERR_FILENO) == 1), started_(now()) {
+    current_console = this;
     if (!json_)
         return;
     std::fflush(stdout);
@@ -29,6 +40,7 @@ Console::Console(bool json, bool quiet)
 }
 
 Console::~Console() {
+    current_console = nullptr;
     clear_progress();
     if (out_ != stdout) {
         std::fflush(stdout);

@@ -32,6 +32,8 @@ class Console {
     /** A line on standard error that --quiet does not silence. Repeated ones are shown once. */
     void warn(const std::string &text);
     const std::vector<std::string> &warnings() const { return warnings_; }
+    /** The program's one console, for what the library logs; nullptr before and after it. */
+    static Console *current();
     /** The document of --json, or any result that --quiet must not silence. */
     void result(const std::string &text);
     /** Throws OutputError if standard output could not take everything. */

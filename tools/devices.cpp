@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
+
 namespace tools {
 
 namespace {
@@ -41,11 +43,30 @@ Json to_json(const ClspDeviceInfo &info) {
             {"max_work_group_size", info.max_work_group_size}};
 }
 
+constexpr std::uint32_t example_side = 1024;
+
+/** The engine of an aperture for images of example_side x example_side, and why; or why there is none. */
+std::string engine_of(const ClspDeviceInfo &info) {
+    try {
+        return clspeckle::Tuning::explain(make_context(info.selector), example_side, example_side);
+    } catch (const clspeckle::Error &error) {
+        return error.message();
+    }
+}
+
+extern "C" void show_warning(void *, std::uint32_t level, const char *message) {
+    if (Console *console = Console::current(); console && level == CLSP_LOG_WARNING)
+        console->warn(message);
+}
+
 } // namespace
 
 clspeckle::Context make_context(const std::string &device) {
     auto desc = clspeckle::make<ClspContextDesc>();
     desc.device = device.empty() ? nullptr : device.c_str();
+    // Otherwise the library prints, and more than warnings if it is told to.
+    if (const char *log = std::getenv("CLSPECKLE_LOG"); !log || !*log)
+        desc.log = show_warning;
     return clspeckle::Context(desc);
 }
 
@@ -58,8 +79,11 @@ int run_devices(const std::string &device, Console &console) {
     if (console.json()) {
         Json root;
         root["devices"] = Json::array();
-        for (const ClspDeviceInfo &info : devices)
+        for (const ClspDeviceInfo &info : devices) {
             root["devices"].push_back(to_json(info));
+            if (info.usable)
+                root["devices"].back()["engine"] = engine_of(info);
+        }
         root["explanation"] = explanation;
         console.result(root.dump(2));
     } else {
@@ -71,6 +95,10 @@ int run_devices(const std::string &device, Console &console) {
                                 gibibytes(info.global_memory_bytes), info.usable ? "yes" : "no", info.name,
                                 info.platform_name, info.version});
             console.result(table(rows) + "\n");
+            for (const ClspDeviceInfo &info : devices)
+                if (info.usable)
+                    console.result(fmt::format("{}  engine at {} x {}: {}", info.selector, example_side, example_side,
+                                               engine_of(info)));
         }
         std::string text = explanation;
         while (!text.empty() && text.back() == '\n')

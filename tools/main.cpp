@@ -209,6 +209,19 @@ Examples:
   clspeckle gap check --plan small --out check --command "other-tool --fast"
 )";
 
+constexpr const char *tune_examples =
+    R"(An aperture's Fourier transforms are made by clFFT or by the library's own engine, in vector lanes or in work-groups.
+This measures all of them on a device, in turn, and keeps medians and choice in the tuning record, a JSON file that
+later runs of the program and the library follow (docs/runtime.md). Whatever runs beside it spoils the measurement. The
+fastest is chosen, or the device's default where that is not slower by more than the noise. Ctrl-C stops without
+writing. CLSPECKLE_FFT overrides the record; CLSPECKLE_TUNING names another one, or is off.
+
+Examples:
+  clspeckle tune
+  clspeckle tune --device gpu --size 1280x800 --size 640x400 --frames 50
+  clspeckle tune --size 1920x1080 --dry-run --json
+)";
+
 constexpr const char *devices_examples =
     R"(Lists the OpenCL devices, best first, says which one is taken and why, why others are refused, and how to install one.
 
@@ -432,6 +445,8 @@ struct Arguments {
     tools::GapCheckArguments gap_check;
     // doe
     tools::DoeCommands doe;
+    // tune
+    tools::TuneArguments tune;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -611,6 +626,28 @@ void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
+void add_tune(CLI::App &app, tools::TuneArguments &a, bool &quiet) {
+    app.footer(std::string(tune_examples) + "\n" + exit_codes);
+    app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
+    app.add_option("--size", a.sizes,
+                   "Images to measure, in pixels; may be given several times (default 640x480, 512x512, 1024x1024, "
+                   "1920x1080, 2048x2048)")
+        ->allow_extra_args(false)
+        ->delimiter(',')
+        ->type_name("WIDTHxHEIGHT");
+    app.add_option("--frames", a.frames, "Measurements of each engine, 1 to 10000 (default 15)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, 10000));
+    app.add_option("--output", a.output,
+                   "Write this tuning record instead of the one that the program reads (CLSPECKLE_TUNING, else "
+                   "tuning.json in the cache folder)")
+        ->type_name("FILE")
+        ->check(named());
+    app.add_flag("--dry-run", a.dry_run, "Measure, but write nothing")->excludes("--output");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
 int run(int argc, char **argv) {
     CLI::App app("clSpeckle: what a laser-dot depth camera records of a perfect infrared image, computed with OpenCL.",
                  "clspeckle");
@@ -728,6 +765,10 @@ int run(int argc, char **argv) {
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
 
+    CLI::App &tune = *app.add_subcommand("tune", "Measure which engine is the fastest on a device, and keep that");
+    add_tune(tune, arguments.tune, arguments.quiet);
+    add_json(tune, "Print what was measured as JSON on standard output, everything else on standard error");
+
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &success) {
@@ -761,6 +802,8 @@ int run(int argc, char **argv) {
         tools::run_diagnose(arguments.diagnose, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
+    else if (tune.parsed())
+        tools::run_tune(arguments.tune, console);
     else if (!tools::run_doe(arguments.doe, console))
         tools::run_statistics(stats, console);
     console.finish();

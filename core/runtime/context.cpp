@@ -26,6 +26,18 @@ std::string default_cache_dir() {
     return {};
 }
 
+constexpr const char *kNoRecords = "off"; // value of CLSPECKLE_TUNING
+
+std::string tuning_file(const std::string &cache_dir) {
+    const std::string variable = environment("CLSPECKLE_TUNING");
+    if (variable == kNoRecords)
+        return {};
+    if (!variable.empty())
+        return variable;
+    const std::string folder = cache_dir.empty() ? default_cache_dir() : cache_dir;
+    return folder.empty() ? folder : folder + "/tuning.json";
+}
+
 FftChoice environment_fft_choice() {
     const std::string choice = environment("CLSPECKLE_FFT");
     if (choice.empty() || choice == "auto")
@@ -63,6 +75,9 @@ cl::Context shared_cl_context(const cl::Device &device) {
 std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     std::shared_ptr<Context> context(new Context);
     context->fft_choice_ = environment_fft_choice();
+    context->log_ = parameters.log ? parameters.log : environment_log();
+    context->records_off_ = environment("CLSPECKLE_TUNING") == kNoRecords;
+    context->tuning_path_ = tuning_file(parameters.cache_dir);
     if (parameters.host_context) {
         if (!parameters.host_device)
             throw Error(Status::kInvalidArgument,
@@ -110,17 +125,87 @@ cl::Kernel Context::kernel(const std::string &file, const std::string &name, con
     return cl::Kernel(programs_->get(file, defines, generated), name.c_str());
 }
 
-std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height) {
+std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height, bool only_clfft) {
     const std::lock_guard<std::mutex> lock(fft_mutex_);
-    std::weak_ptr<Fft> &entry = ffts_[{width, height}];
+    std::weak_ptr<Fft> &entry = ffts_[{width, height, only_clfft}];
     std::shared_ptr<Fft> plan = entry.lock();
     if (!plan) {
-        plan = make_fused_fft(*this, width, height);
+        if (!only_clfft)
+            plan = make_fused_fft(*this, width, height);
         if (!plan)
             plan = make_clfft(context_, device_, width, height);
         entry = plan;
     }
     return plan;
+}
+
+void Context::log(LogLevel level, const std::string &message) const {
+    if (log_)
+        log_(level, message);
+}
+
+TunedDevice Context::tuned_device() const {
+    return {trimmed(device_name_), trimmed(device_.getInfo<CL_DEVICE_VENDOR>()), trimmed(platform_name_),
+            trimmed(device_.getInfo<CL_DRIVER_VERSION>()), device_.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()};
+}
+
+void Context::read_tuning() {
+    for (std::size_t i = 0; i < kShippedTuningCount; ++i)
+        shipped_tuning_.emplace_back(kShippedTunings[i].name, parse_tuning(kShippedTunings[i].text));
+    if (tuning_path_.empty())
+        return;
+    try {
+        user_tuning_ = load_tuning(tuning_path_);
+    } catch (const Error &error) {
+        log(LogLevel::kWarning,
+            fmt::format("the tuning record {} is ignored: {}; `clspeckle tune` renews it", tuning_path_, error.what()));
+        return;
+    }
+    const TunedDevice device = tuned_device();
+    for (const TuningRecord &record : user_tuning_.records)
+        if (record.device.name == device.name && !(record.device == device))
+            log(LogLevel::kInfo,
+                fmt::format("the tuning record {} knows {} with driver {} and {} compute units, not with {} and {}: "
+                            "`clspeckle tune` measures it anew",
+                            tuning_path_, device.name, record.device.driver_version, record.device.compute_units,
+                            device.driver_version, device.compute_units));
+}
+
+std::vector<EngineChoice> Context::engine_choices(std::uint32_t width, std::uint32_t height) {
+    std::vector<EngineChoice> choices;
+    const auto add = [&](Engine engine, const std::string &source) { choices.push_back({{engine, {}, {}}, source}); };
+    switch (fft_choice_) {
+    case FftChoice::kClfft:
+        add(Engine::kClfft, "CLSPECKLE_FFT is clfft");
+        return choices;
+    case FftChoice::kFused:
+        add(fused_engine_for(*this), "CLSPECKLE_FFT is fused");
+        break;
+    case FftChoice::kFusedLanes:
+        add(Engine::kFusedLanes, "CLSPECKLE_FFT is fused-lanes");
+        break;
+    case FftChoice::kFusedGroups:
+        add(Engine::kFusedGroups, "CLSPECKLE_FFT is fused-groups");
+        break;
+    case FftChoice::kAuto:
+        if (!records_off_) {
+            std::call_once(tuning_read_, [this] { read_tuning(); });
+            const TunedDevice device = tuned_device();
+            choices = tuned_choices(user_tuning_, device, false, width, height,
+                                    fmt::format("the tuning record {}", tuning_path_));
+            for (const auto &[name, file] : shipped_tuning_)
+                for (const EngineChoice &choice : tuned_choices(file, device, true, width, height,
+                                                                fmt::format("the shipped tuning record {}", name)))
+                    choices.push_back(choice);
+        }
+        add(default_engine(*this), default_engine(*this) == Engine::kClfft
+                                       ? "the device is no CPU, and others keep clFFT until they are told; "
+                                         "CLSPECKLE_FFT=fused takes the fused engine"
+                                       : "the default for CPUs");
+        break;
+    }
+    add(Engine::kClfft, "it takes every grid");
+    return choices;
 }
 
 void Context::check_queue(cl_command_queue queue) const {

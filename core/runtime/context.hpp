@@ -1,10 +1,13 @@
 // One device and what belongs to it: programs, FFT plans, the count of device memory.
 #pragma once
 
+#include "runtime/engine.hpp"
 #include "runtime/fft.hpp"
+#include "runtime/log.hpp"
 #include "runtime/opencl.hpp"
 #include "runtime/program_cache.hpp"
 #include "runtime/result_cache.hpp"
+#include "runtime/tuning_record.hpp"
 
 #include <atomic>
 #include <cstdint>
@@ -12,7 +15,9 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 namespace clsp {
 
@@ -25,6 +30,7 @@ struct ContextParameters {
     std::string kernel_dir; // "" for CLSPECKLE_KERNEL_DIR or the built-in kernels
     std::string cache_dir;  // "" for the default place
     DiskCache disk_cache = DiskCache::kAuto;
+    LogFunction log; // empty: what CLSPECKLE_LOG says
 };
 
 // Device memory that the library holds in a context.
@@ -51,10 +57,21 @@ class Context : public std::enable_shared_from_this<Context> {
     cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {},
                       const ProgramCache::GeneratedHeader *generated = nullptr);
 
-    // The plan of a 2-D complex transform; shared between all users of that size, made on first use.
-    std::shared_ptr<Fft> fft(std::uint32_t width, std::uint32_t height);
+    // The plan of a 2-D complex transform; shared between all users of that size, made on first use. only_clfft: not
+    // the fused engine's line transforms.
+    std::shared_ptr<Fft> fft(std::uint32_t width, std::uint32_t height, bool only_clfft = false);
 
     FftChoice fft_choice() const { return fft_choice_; }
+
+    void log(LogLevel level, const std::string &message) const;
+
+    // The device as tuning records know it, and where the user's record lies: CLSPECKLE_TUNING, else tuning.json in the
+    // cache folder; "" if records are off or there is no such folder.
+    TunedDevice tuned_device() const;
+    const std::string &tuning_path() const { return tuning_path_; }
+    // The engines that an aperture with that grid is to try, best first: what CLSPECKLE_FFT forces, else by the user's
+    // record, by a shipped one, by default; the last is clFFT, which takes every grid. Records are read once.
+    std::vector<EngineChoice> engine_choices(std::uint32_t width, std::uint32_t height);
 
     // Throws kWrongContext unless the queue belongs to this context and device.
     void check_queue(cl_command_queue queue) const;
@@ -64,6 +81,7 @@ class Context : public std::enable_shared_from_this<Context> {
 
   private:
     Context() = default;
+    void read_tuning();
 
     cl::Context context_;
     cl::Device device_;
@@ -72,7 +90,13 @@ class Context : public std::enable_shared_from_this<Context> {
     MemoryUse memory_use_;
     FftChoice fft_choice_ = FftChoice::kAuto;
     std::mutex fft_mutex_;
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::weak_ptr<Fft>> ffts_;
+    std::map<std::tuple<std::uint32_t, std::uint32_t, bool>, std::weak_ptr<Fft>> ffts_;
+    LogFunction log_;
+    bool records_off_ = false;
+    std::string tuning_path_;
+    std::once_flag tuning_read_;
+    TuningFile user_tuning_;
+    std::vector<std::pair<std::string, TuningFile>> shipped_tuning_; // by the names of their files
     ResultCache results_{std::uint64_t{256} << 20};
 };
 

@@ -17,13 +17,6 @@ constexpr const char *kInstallHint =
     "driver's OpenCL part (nvidia-opencl-icd, intel-opencl-icd, mesa-opencl-icd or rocm-opencl-runtime). OpenCL finds "
     "drivers through /etc/OpenCL/vendors/*.icd, or the folder in the environment variable OCL_ICD_VENDORS.";
 
-std::string trimmed(std::string text) {
-    while (!text.empty() && (text.back() == '\0' || std::isspace(static_cast<unsigned char>(text.back()))))
-        text.pop_back();
-    const auto first = std::find_if(text.begin(), text.end(), [](unsigned char c) { return !std::isspace(c); });
-    return {first, text.end()};
-}
-
 std::string lowered(std::string text) {
     std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
     return text;
@@ -135,6 +128,13 @@ std::string explanation(const std::vector<DeviceRecord> &records, const std::str
 }
 
 } // namespace
+
+std::string trimmed(std::string text) {
+    while (!text.empty() && (text.back() == '\0' || std::isspace(static_cast<unsigned char>(text.back()))))
+        text.pop_back();
+    const auto first = std::find_if(text.begin(), text.end(), [](unsigned char c) { return !std::isspace(c); });
+    return {first, text.end()};
+}
 
 std::vector<DeviceRecord> list_devices() {
     std::vector<cl::Platform> platforms;

@@ -29,6 +29,9 @@ std::vector<DeviceRecord> list_devices();
 // kNoDevice with an explanation.
 DeviceRecord select_device(const std::string &selector);
 
+// Text of a driver without its spaces and final zeros.
+std::string trimmed(std::string text);
+
 // What was seen, what is taken and why, what to install.
 std::string explain_devices(const std::string &selector);
 

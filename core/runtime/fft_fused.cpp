@@ -80,7 +80,7 @@ class FusedFft final : public Fft {
 
 std::shared_ptr<Fft> make_fused_fft(Context &context, std::uint32_t width, std::uint32_t height) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    if (fused_shape(context) != FusedShape::kLanes || !fused_plan_exists(width) || !fused_plan_exists(height) ||
+    if (!works_in_lanes(context) || !fused_plan_exists(width) || !fused_plan_exists(height) ||
         fused_tile_bytes(std::max(width, height), fused_lanes(context)) > local)
         return nullptr;
     return std::make_shared<FusedFft>(context.shared_from_this(), width, height);

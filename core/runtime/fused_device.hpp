@@ -1,4 +1,4 @@
-// Which shape of the fused engine a device gets, and what its lanes are.
+// Whether whole fields go through the fused engine's lanes, and what lanes are.
 #pragma once
 
 #include "runtime/context.hpp"
@@ -8,32 +8,19 @@
 
 namespace clsp {
 
-// kLanes: explicit vectors, a work-item for each work-group, for CPUs. kGroups: work-groups that share lines in local
-// memory, for GPUs.
-enum class FusedShape { kNone, kLanes, kGroups };
-
-inline FusedShape fused_shape(const Context &context) {
-    const bool cpu = (context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
+// Of line transforms and refreshes; an aperture's engine is its own matter (Context::engine_choices()).
+inline bool works_in_lanes(const Context &context) {
     switch (context.fft_choice()) {
     case FftChoice::kFusedLanes:
-        return FusedShape::kLanes;
-    case FftChoice::kFusedGroups:
-        return FusedShape::kGroups;
+        return true;
     case FftChoice::kFused:
-        return cpu ? FusedShape::kLanes : FusedShape::kGroups;
     case FftChoice::kAuto:
-        return cpu ? FusedShape::kLanes : FusedShape::kNone;
+        return fused_engine_for(context) == Engine::kFusedLanes;
     case FftChoice::kClfft:
+    case FftChoice::kFusedGroups:
         break;
     }
-    return FusedShape::kNone;
-}
-
-// Why a context's shape is kNone.
-inline std::string fused_shape_refusal(const Context &context) {
-    return context.fft_choice() == FftChoice::kClfft ? "CLSPECKLE_FFT is clfft"
-                                                     : "the device is no CPU, and others keep clFFT until they are "
-                                                       "told; CLSPECKLE_FFT=fused takes the fused engine";
+    return false;
 }
 
 // Vectors as long as the device's own, and at least 4 floats: shorter ones would only make the code scalar.

@@ -9,6 +9,9 @@
 namespace clsp {
 namespace {
 
+// What the rule takes: larger groups wait longer at their barriers and leave fewer of them to a processor.
+constexpr std::uint32_t kMostGroupItems = 512;
+
 std::uint32_t rounds(std::uint32_t count, std::uint32_t items) {
     return (count + items - 1) / items;
 }
@@ -180,8 +183,7 @@ std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape) {
 
 std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across) {
     constexpr std::uint32_t kWavefront = 64;
-    // Larger groups wait longer at their barriers and leave fewer of them to a processor.
-    const std::uint32_t group_items = std::min(limits.group_items, std::uint32_t{512});
+    const std::uint32_t group_items = std::min(limits.group_items, kMostGroupItems);
     const auto fitting = [&](std::uint32_t lines, std::uint32_t held) -> std::optional<GroupShape> {
         const std::uint32_t items = items_for(plan, group_items / lines, held);
         for (const bool split : {false, true}) {
@@ -213,6 +215,68 @@ std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupL
         }
         if (best)
             return best;
+    }
+    return {};
+}
+
+namespace {
+
+// With the tile whole if it fits, else split; none if it does not fit either way.
+std::optional<GroupShape> with_tile(const FusedPlan &plan, GroupShape shape, const GroupLimits &limits) {
+    if (shape.items == 0 || shape.group_items() > limits.group_items)
+        return {};
+    for (const bool split : {false, true}) {
+        shape.split = split;
+        if (group_tile_bytes(plan, shape) <= limits.local_bytes)
+            return shape;
+    }
+    return {};
+}
+
+// Work-items for a line that keep as few points in registers as the limit allows.
+std::uint32_t most_items(const FusedPlan &plan, std::uint32_t limit) {
+    for (const std::uint32_t held : {16u, 32u, std::max(plan.length, 33u)})
+        if (const std::uint32_t items = items_for(plan, limit, held); items != 0)
+            return items;
+    return 0;
+}
+
+} // namespace
+
+std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across,
+                                             const GroupPick &pick) {
+    if (pick.lines == 0 || pick.lines > limits.group_items || pick.items > plan.length / plan.radices.back())
+        return {};
+    const std::uint32_t items =
+        pick.items ? pick.items : most_items(plan, std::min(limits.group_items, kMostGroupItems) / pick.lines);
+    return with_tile(plan, {pick.lines, items, false, across}, limits);
+}
+
+std::vector<GroupPick> group_picks(const FusedPlan &plan, const GroupLimits &limits, bool across) {
+    std::vector<GroupPick> picks;
+    for (const std::uint32_t lines : {1u, 2u, 4u, 8u, 16u})
+        for (const std::uint32_t held : {8u, 16u, 32u}) {
+            const GroupPick pick{lines, items_for(plan, limits.group_items / lines, held)};
+            if (pick.items != 0 && std::find(picks.begin(), picks.end(), pick) == picks.end() &&
+                picked_group_shape(plan, limits, across, pick))
+                picks.push_back(pick);
+        }
+    return picks;
+}
+
+std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const GroupShape &shape, const GroupLimits &limits,
+                                              std::uint32_t lines_of) {
+    // Never larger than it was: a kernel whose limits change with its shape must not be asked in circles.
+    const std::uint64_t tile_bytes = group_tile_bytes(plan, shape);
+    const GroupLimits smaller{std::min(limits.group_items, shape.group_items()),
+                              std::min(limits.local_bytes, tile_bytes)};
+    for (std::uint32_t lines = shape.lines; lines >= lines_of; lines /= 2) {
+        if (lines % lines_of != 0)
+            continue;
+        const auto fitting =
+            with_tile(plan, {lines, most_items(plan, smaller.group_items / lines), false, shape.across}, smaller);
+        if (fitting && (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
+            return fitting;
     }
     return {};
 }

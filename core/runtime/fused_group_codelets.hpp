@@ -2,6 +2,7 @@
 // of them.
 #pragma once
 
+#include "runtime/engine.hpp"
 #include "runtime/fused_plan.hpp"
 
 #include <cstdint>
@@ -41,6 +42,17 @@ std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape);
 // every row, four fill the sectors that GPUs fetch; fewer only where memory allows no more. Lines along: as few as make
 // up a wavefront.
 std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across);
+
+// The shape with those lines and work-items, if it fits the limits and no work-item would stand idle throughout.
+std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across,
+                                             const GroupPick &pick);
+// Shapes that are worth a measurement: so many lines as powers of two allow up to 16, with as few work-items as hold 8,
+// 16 or 32 points each.
+std::vector<GroupPick> group_picks(const FusedPlan &plan, const GroupLimits &limits, bool across);
+// A shape for a kernel that turned out to leave its work-group less than `shape` takes: fewer work-items for each line,
+// then fewer lines, always a multiple of lines_of. None if even that does not fit.
+std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const GroupShape &shape, const GroupLimits &limits,
+                                              std::uint32_t lines_of);
 
 constexpr const char *kFusedGroupCodeletsName = "fused_group_codelets.h";
 

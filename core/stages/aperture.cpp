@@ -38,6 +38,12 @@ Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p
     configure(p);
 }
 
+std::vector<EngineChoice> Aperture::engine_choices(const ApertureParameters &p) const {
+    if (p.engine)
+        return {{*p.engine, "asked for"}, {{}, "it takes every grid"}};
+    return context_->engine_choices(grid_.grid_width, grid_.grid_height);
+}
+
 void Aperture::configure(const ApertureParameters &p) {
     const double diameter = diameter_of(p);
     check_fraction(p.degree_of_polarization, "degree_of_polarization");
@@ -76,12 +82,12 @@ void Aperture::configure(const ApertureParameters &p) {
                                     tap_count, tap_count, grid_.grid_width, grid_.grid_height));
         taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
     }
-    std::string refusal;
-    std::unique_ptr<FusedEngine> fused =
-        make_fused_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0}, refusal);
+    FusedDecision decision =
+        decide_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0}, engine_choices(p));
+    const FusedEngine *fused = decision.engine.get();
     const bool sample_powers = fused && fused->leaves_sample_powers();
     if (!fused && !fft_)
-        fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
+        fft_ = context_->fft(grid_.grid_width, grid_.grid_height, true);
 
     // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the samples'
     // powers, and the first polarization's intensity.
@@ -150,8 +156,11 @@ void Aperture::configure(const ApertureParameters &p) {
     pupil_samples_ = pupil.samples;
     pupil_ = std::move(pupil_buffer);
     taps_ = std::move(taps_buffer);
-    fused_ = std::move(fused);
-    fft_reason_ = refusal;
+    if (!(decision.spec == decision_.spec) || decision.source != decision_.source)
+        context_->log(LogLevel::kInfo,
+                      fmt::format("{} is used for a field grid of {} x {}: {}", describe(decision.spec),
+                                  grid_.grid_width, grid_.grid_height, decision.source));
+    decision_ = std::move(decision);
     sample_powers_ = sample_powers;
     complex_pupil_ = is_complex;
     tap_count_ = tap_count;
@@ -175,8 +184,8 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
 
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
-    if (fused_) {
-        fused_->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image);
+    if (decision_.engine) {
+        decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image);
         return;
     }
     field.prepare(phase, exposure.screen != nullptr);
@@ -282,12 +291,12 @@ void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &fie
                              const Exposure &exposure, std::uint32_t polarization, std::size_t line) {
     const FieldInput input{irradiance, exposure.material, exposure.screen, exposure.coherent_gain};
     const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
-    if (fused_) {
-        fused_->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());
+    if (decision_.engine) {
+        decision_.engine->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());
         std::optional<std::array<double, 2>> shift;
         if (exposure.moves_image)
             shift = {shift_x, shift_y};
-        fused_->enqueue_pupil(chain, field_, shift);
+        decision_.engine->enqueue_pupil(chain, field_, shift);
         return;
     }
     field.enqueue_illuminate(chain, phase, input, polarization, line, field_, bad_pixels_.buffer());
@@ -349,19 +358,19 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             }
             const bool adds = pass > 0 || exposure.adds;
             const ImageView &out = pass + 1 == passes ? intensity : partial;
-            if (fused_ && !sample_powers_) {
-                fused_->enqueue_intensity(chain, field_, weight, adds ? partial : ImageView{}, out);
+            if (decision_.engine && !sample_powers_) {
+                decision_.engine->enqueue_intensity(chain, field_, weight, adds ? partial : ImageView{}, out);
                 continue;
             }
-            if (fused_) {
+            if (decision_.engine) {
                 ImageView powers;
                 powers.mem = scratch_();
                 powers.pitch = grid_.grid_width;
-                fused_->enqueue_intensity(chain, field_, 1.0, {}, powers);
+                decision_.engine->enqueue_intensity(chain, field_, 1.0, {}, powers);
             }
             cl::Kernel &kernel = intensity_kernel(adds);
             KernelArguments arguments(kernel);
-            arguments.add(fused_ ? scratch_ : field_)
+            arguments.add(decision_.engine ? scratch_ : field_)
                 .add(cl_uint{grid_.grid_width})
                 .add(cl_uint{grid_.oversampling})
                 .add(weight);

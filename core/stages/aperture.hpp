@@ -14,6 +14,9 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace clsp {
 
@@ -25,6 +28,7 @@ struct ApertureParameters {
     double f_number = 5.6, pixel_pitch_m = 2.9e-6, wavelength_m = 940e-9;
     double degree_of_polarization = 1.0;
     double fill_factor = 0.0; // 0: the mean over a pixel's own samples; else its light-sensitive part
+    std::optional<EngineSpec> engine; // this one or clFFT; none: what the context chooses
 };
 
 // What one exposure, or a part of it, is made of. The defaults are the plain case.
@@ -49,9 +53,12 @@ class Aperture {
     double mean_transmission() const { return mean_transmission_; }
     std::uint32_t pupil_samples() const { return pupil_samples_; }
     std::uint64_t workspace_bytes() const { return workspace_bytes_; }
-    const char *fft_backend() const { return fused_ ? "fused" : fft_->backend(); }
+    const char *fft_backend() const { return decision_.engine ? "fused" : fft_->backend(); }
     // Why the transform is not the fused engine's; "" if it is.
-    const std::string &fft_reason() const { return fft_reason_; }
+    const std::string &fft_reason() const { return decision_.refusal; }
+    // The engine with its work-groups, and where the choice comes from.
+    const EngineSpec &engine() const { return decision_.spec; }
+    const std::string &engine_source() const { return decision_.source; }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
     const ApertureParameters &parameters() const { return parameters_; }
     // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps what it had.
@@ -76,6 +83,7 @@ class Aperture {
     void enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity);
 
   private:
+    std::vector<EngineChoice> engine_choices(const ApertureParameters &parameters) const;
     // Parts of the work memory.
     void slice_workspace(const cl::Buffer &memory, std::uint64_t offset);
     cl::Kernel &pupil_kernel(bool shifted);
@@ -93,9 +101,8 @@ class Aperture {
     double normalized_mean_transmission_ = 1.0; // as the pupil is normalized
     double mean_transmission_ = 0.0;
     std::uint32_t pupil_samples_ = 0;
-    std::shared_ptr<Fft> fft_;           // one of the two
-    std::unique_ptr<FusedEngine> fused_;
-    std::string fft_reason_;
+    std::shared_ptr<Fft> fft_; // where the decision has no engine of its own
+    FusedDecision decision_;
     bool sample_powers_ = false; // the fused engine leaves the samples' powers in the scratch memory
     DeviceBuffer pupil_, taps_;
     bool complex_pupil_ = false;

@@ -7,6 +7,8 @@
 #pragma once
 
 #include "runtime/command_chain.hpp"
+#include "runtime/engine.hpp"
+#include "runtime/fused_group_codelets.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
@@ -18,6 +20,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace clsp {
 
@@ -50,15 +53,25 @@ struct FusedRequest {
     bool sample_powers = false; // as in leaves_sample_powers(): for weights over samples
 };
 
-// In the shape that the context calls for. nullptr if it is not to be used for this grid on this device; `refusal` then
-// says why.
-std::unique_ptr<FusedEngine> make_fused_engine(std::shared_ptr<Context> context, const FieldGrid &grid,
-                                               const Pupil &pupil, const FusedRequest &request, std::string &refusal);
+// What became of a list of choices.
+struct FusedDecision {
+    std::unique_ptr<FusedEngine> engine; // none: clFFT
+    EngineSpec spec;                     // as it was made, work-groups included
+    std::string source;                  // of the choice that was taken
+    std::string refusal;                 // why the transforms are clFFT's; "" if they are not
+};
 
-// The two shapes. They throw kUnsupported where a device cannot hold the grid's lines.
+// Tries the choices in turn; what cannot be had is logged with the reason.
+FusedDecision decide_engine(const std::shared_ptr<Context> &context, const FieldGrid &grid, const Pupil &pupil,
+                            const FusedRequest &request, const std::vector<EngineChoice> &choices);
+
+// The two shapes. They throw kUnsupported where a device cannot hold the grid's lines, or not in the work-groups that
+// `spec` names; to a spec without work-groups, those that are taken are added.
 std::unique_ptr<FusedEngine> make_fused_lanes(std::shared_ptr<Context> context, const FieldGrid &grid,
                                               const Pupil &pupil, const FusedRequest &request);
 std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
-                                               const Pupil &pupil, const FusedRequest &request);
+                                               const Pupil &pupil, const FusedRequest &request, EngineSpec &spec);
+// What a device's work-groups may be.
+GroupLimits group_limits(const Context &context);
 
 } // namespace clsp

@@ -19,23 +19,25 @@ namespace {
 
 constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fused_groups.h
 
-GroupLimits limits_of(const Context &context) {
-    const auto largest = std::min(context.device().getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>(),
-                                  context.device().getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>()[0]);
-    return {static_cast<std::uint32_t>(std::min<std::size_t>(largest, 1u << 16)),
-            context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()};
-}
-
 [[noreturn]] void throw_no_room(std::uint32_t length, std::uint64_t needed, std::uint64_t local) {
     throw Error(Status::kUnsupported, fmt::format("lines of {} points need {} bytes of local memory, the device has {}",
                                                   length, needed, local));
 }
 
-GroupShape shape_for(const Context &context, const FusedPlan &plan, bool across) {
-    const GroupLimits limits = limits_of(context);
-    const std::optional<GroupShape> shape = choose_group_shape(plan, limits, across);
+// `pick` says what it is to be; what the rule takes goes there if it is none.
+GroupShape shape_for(const Context &context, const FusedPlan &plan, bool across, std::optional<GroupPick> &pick) {
+    const GroupLimits limits = group_limits(context);
+    const std::optional<GroupShape> shape =
+        pick ? picked_group_shape(plan, limits, across, *pick) : choose_group_shape(plan, limits, across);
+    if (!shape && pick)
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("lines of {} points do not go in work-groups of {} lines x {} work-items: the device takes "
+                        "{} work-items and {} bytes of local memory",
+                        plan.length, pick->lines, pick->items, limits.group_items, limits.local_bytes));
     if (!shape)
         throw_no_room(plan.length, group_tile_bytes(plan, {1, 1, true, across}), limits.local_bytes);
+    pick = GroupPick{shape->lines, shape->items};
     return *shape;
 }
 
@@ -51,33 +53,37 @@ struct GroupKernel {
     }
 };
 
-// A kernel may need more registers than its work-group leaves it; then it gets fewer work-items.
+// A kernel may need more registers or local memory than its work-groups leave it; then these become smaller. Lines stay
+// a multiple of `lines_of`.
 GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const char *name,
-                  const std::string &options) {
+                  const std::string &options, std::uint32_t lines_of = 1) {
     for (;;) {
         const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape)};
         const cl::Kernel kernel = context.kernel(fmt::format("{}.cl", name), name, options, &codelets);
-        const std::uint64_t tile_bytes = group_tile_bytes(plan, shape),
-                            needed = tile_bytes + kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
+        const std::uint64_t own_bytes = kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
+                            tile_bytes = group_tile_bytes(plan, shape),
                             local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-        if (needed > local)
-            throw_no_room(plan.length, needed, local);
-        const std::size_t most = kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(context.device());
-        if (shape.group_items() <= most)
+        const auto most = static_cast<std::uint32_t>(
+            std::min<std::size_t>(kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(context.device()), 1u << 16));
+        if (tile_bytes + own_bytes <= local && shape.group_items() <= most)
             return {kernel, shape, tile_bytes};
-        if (most < shape.lines)
-            throw Error(Status::kUnsupported,
-                        fmt::format("the kernel {} takes work-groups of at most {} work-items, {} lines of {} "
-                                    "points need at least {}",
-                                    name, most, shape.lines, plan.length, shape.lines));
-        shape.items = items_for(plan, static_cast<std::uint32_t>(most) / shape.lines, plan.length);
+        const std::optional<GroupShape> smaller =
+            smaller_group_shape(plan, shape, {most, local - std::min(local, own_bytes)}, lines_of);
+        if (!smaller)
+            throw Error(
+                Status::kUnsupported,
+                fmt::format("the kernel {} takes work-groups of at most {} work-items and has {} bytes of local "
+                            "memory left; {} lines of {} points need at least {} and {}",
+                            name, most, local - std::min(local, own_bytes), lines_of, plan.length, lines_of,
+                            group_tile_bytes(plan, {lines_of, 1, true, shape.across})));
+        shape = *smaller;
     }
 }
 
 class FusedGroups final : public FusedEngine {
   public:
     FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-                const FusedRequest &request);
+                const FusedRequest &request, EngineSpec &spec);
 
     std::uint64_t lines_bytes() const override {
         return std::uint64_t{capacity_} * grid_.grid_width * sizeof(cl_float2);
@@ -114,15 +120,15 @@ class FusedGroups final : public FusedEngine {
 };
 
 FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-                         const FusedRequest &request)
+                         const FusedRequest &request, EngineSpec &spec)
     : context_(std::move(context)), grid_(grid), row_plan_(make_group_plan(grid.grid_width)),
-      column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false)),
-      column_shape_(shape_for(*context_, column_plan_, true)),
+      column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false, spec.rows)),
+      column_shape_(shape_for(*context_, column_plan_, true, spec.columns)),
       // A pixel's samples lie in one work-group, or pass C leaves them to another kernel.
       sample_powers_(request.sample_powers || column_shape_.lines % grid.oversampling != 0),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), complex_pupil_(!pupil.phase_turns.empty()) {
     inverse_ = build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
-                     fmt::format("-DOVERSAMPLING={}", pixel_samples_));
+                     fmt::format("-DOVERSAMPLING={}", pixel_samples_), pixel_samples_);
     rows_kernel(false);
     make_tables(pupil, request.every_line);
     // Sizes that a frame's kernels have.
@@ -242,9 +248,16 @@ void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines
 
 } // namespace
 
+GroupLimits group_limits(const Context &context) {
+    const auto largest = std::min(context.device().getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>(),
+                                  context.device().getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>()[0]);
+    return {static_cast<std::uint32_t>(std::min<std::size_t>(largest, 1u << 16)),
+            context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()};
+}
+
 std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
-                                               const Pupil &pupil, const FusedRequest &request) {
-    return std::make_unique<FusedGroups>(std::move(context), grid, pupil, request);
+                                               const Pupil &pupil, const FusedRequest &request, EngineSpec &spec) {
+    return std::make_unique<FusedGroups>(std::move(context), grid, pupil, request, spec);
 }
 
 } // namespace clsp

@@ -73,7 +73,7 @@ void Phase::configure(const PhaseParameters &p) {
             owner = DeviceBuffer(context_, grid_.samples() * sizeof(cl_uint));
         }
         const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
-        const bool in_lanes = fused_shape(*context_) == FusedShape::kLanes;
+        const bool in_lanes = works_in_lanes(*context_);
         cl::Kernel refresh_all =
             in_lanes ? context_->kernel("fused_phase.cl", "fused_phase_refresh",
                                         fmt::format("{} -DLANES={}", kernel_options(), fused_lanes(*context_)))

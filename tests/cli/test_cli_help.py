@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 
-@pytest.mark.parametrize("command", [[], ["devices"], ["render"], ["statistics"]])
+@pytest.mark.parametrize("command", [[], ["devices"], ["render"], ["statistics"], ["tune"]])
 def test_help(ok, command: list[str]) -> None:
     text = ok(*command, "--help").out
     assert "Usage: clspeckle" in text and "Examples:" in text
@@ -25,7 +25,7 @@ def test_help_explains_the_exit_codes(ok) -> None:
 
 def test_every_option_has_a_description(ok) -> None:
     """Words behind the option, on its line or below."""
-    for command in ("devices", "render", "statistics"):
+    for command in ("devices", "render", "statistics", "tune"):
         lines = ok(command, "--help").out.splitlines()
         options = [i for i, line in enumerate(lines) if re.match(r"  -", line)]
         assert len(options) >= 3

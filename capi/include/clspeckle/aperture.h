@@ -90,7 +90,13 @@ typedef struct ClspApertureInfo {
                                        image, about pi D^2 / 4 for a circle. */
     uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
     char fft_backend[32];         /**< "fused" (the library's own passes, in either shape) or "clFFT". */
-    char fft_reason[192];         /**< Why it is not "fused": CLSPECKLE_FFT, the device, the size of the grid; "" if it is. */
+    char fft_reason[192];         /**< Why it is not "fused": CLSPECKLE_FFT, a tuning record, the device, the size of the grid; "" if it is. */
+    char fft_engine[32];          /**< "clfft", "fused-lanes" or "fused-groups": as CLSPECKLE_FFT calls them. */
+    uint32_t column_lines;        /**< With fused-groups: columns in a work-group; else 0. */
+    uint32_t column_work_items;   /**< With fused-groups: work-items for each column; else 0. */
+    uint32_t row_lines;           /**< With fused-groups: rows in a work-group; else 0. */
+    uint32_t row_work_items;      /**< With fused-groups: work-items for each row; else 0. */
+    char fft_source[256];         /**< Whose choice it was: CLSPECKLE_FFT, a tuning record with its size (tuning.h), a default. Cut to fit. */
 } ClspApertureInfo;
 
 /** Fills in *info; its struct_size must be set. */

@@ -24,6 +24,7 @@
 #include "runtime.h"
 #include "sensor.h"
 #include "statistics.h"
+#include "tuning.h"
 #include "types.h"
 
 #endif /* CLSPECKLE_H */

@@ -76,9 +76,13 @@ typedef struct ClspContextDesc {
     /** Folder with *.cl files that replace the built-in kernels of the same name, for editing a kernel without a rebuild.
      *  NULL (default): the environment variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones. */
     const char *kernel_dir;
-    /** Folder of the program cache. NULL (default): CLSPECKLE_CACHE_DIR, else $XDG_CACHE_HOME/clspeckle, else
+    /** Folder of the program cache and the tuning record (tuning.h). NULL (default): CLSPECKLE_CACHE_DIR, else $XDG_CACHE_HOME/clspeckle, else
      *  ~/.cache/clspeckle. Made when first written; a folder that cannot be written turns the cache off silently. */
     const char *cache_dir;
+    /** Told of warnings and choices while anything that belongs to the context lives. NULL (default): the environment variable
+     *  CLSPECKLE_LOG says what is printed on standard error: "warning", "info" (choices, too) or "off" (default). */
+    ClspLogFunction log;
+    void *log_data; /**< Handed to `log`; default NULL. */
 } ClspContextDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspContextDesc). */

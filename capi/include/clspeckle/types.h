@@ -130,6 +130,7 @@ typedef struct ClspCapture_ *ClspCapture;   /**< What a real camera recorded (ca
 typedef struct ClspDiagnosis_ *ClspDiagnosis; /**< What a diagnosis found (diagnosis.h). */
 typedef struct ClspDoeDesign_ *ClspDoeDesign; /**< A designed diffractive element (doe_design.h). */
 typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (depth.h). */
+typedef struct ClspTuning_ *ClspTuning;     /**< What a measurement of the engines found (tuning.h). */
 /** @} */
 
 /**
@@ -139,6 +140,20 @@ typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (dept
  * @return 0 to cancel, anything else to go on.
  */
 typedef int32_t (*ClspProgressFunction)(void *user_data, const char *what, double fraction);
+
+/** @name Levels of the log */
+/** @{ */
+#define CLSP_LOG_WARNING 1u /**< Something is not as it should be, but the library goes on without it. */
+#define CLSP_LOG_INFO 2u    /**< Choices that the library made, and why. */
+/** @} */
+
+/**
+ * Told what the library has to say beside errors; on the thread of the call that it belongs to, so on several threads at once where these
+ * share a context. It must not call the library.
+ * @param level CLSP_LOG_*; later releases may have more.
+ * @param message one line of UTF-8; good until the return.
+ */
+typedef void (*ClspLogFunction)(void *user_data, uint32_t level, const char *message);
 
 /** @name Images in device memory */
 /** @{ */

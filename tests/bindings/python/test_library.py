@@ -112,6 +112,7 @@ HANDLES = [
     "ClspCapture",
     "ClspDiagnosis",
     "ClspDoeDesign",
+    "ClspTuning",
     "cl_mem",
     "cl_command_queue",
     "cl_event",

@@ -202,6 +202,10 @@ inline void init(ClspDiagnosisStep &step) {
     step.struct_size = sizeof(step);
 }
 
+inline void init(ClspTuningDesc &desc) {
+    check(clspTuningDescInit(&desc, sizeof(desc)));
+}
+
 /** A caller's function, and the first exception of any of them, on its way through C. */
 template <typename Function> struct Carried {
     const Function *function;
@@ -230,6 +234,16 @@ template <typename Desc, typename Call> void call_with_progress(Desc desc, const
     if (thrown && status != CLSP_SUCCESS)
         std::rethrow_exception(thrown);
     check(status);
+}
+
+/** A text of the library: get(capacity, text, length) gives its size, then the text. */
+template <typename Get> std::string text_of(Get get) {
+    std::uint64_t length = 0;
+    check(get(0, nullptr, &length));
+    std::string text(static_cast<std::size_t>(length), '\0');
+    check(get(text.size(), &text[0], nullptr));
+    text.resize(std::min(text.size(), text.find('\0')));
+    return text;
 }
 
 /** One reference of a counted handle. */
@@ -395,13 +409,9 @@ inline std::vector<ClspDeviceInfo> devices() {
 /** In words: which platforms and devices were seen, which one would be taken, why others were refused, how to get one.
  *  May be called from any thread. @param selector as ClspContextDesc::device; empty for the default choice. */
 inline std::string explain_devices(const std::string &selector = {}) {
-    const char *which = selector.empty() ? nullptr : selector.c_str();
-    std::uint64_t length = 0;
-    check(clspDeviceExplain(which, 0, nullptr, &length));
-    std::string text(static_cast<std::size_t>(length), '\0');
-    check(clspDeviceExplain(which, text.size(), text.data(), nullptr));
-    text.resize(text.find('\0') == std::string::npos ? text.size() : text.find('\0'));
-    return text;
+    return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
+        return clspDeviceExplain(selector.empty() ? nullptr : selector.c_str(), capacity, text, length);
+    });
 }
 
 /** clspFieldGridCompute(): the FFT's size for an image. */
@@ -1436,6 +1446,47 @@ inline DotLayout dot_layout(const ClspDotLayoutDesc &desc, const Progress &progr
     });
     return result;
 }
+
+/** Which engine is the fastest on a device, see tuning.h. May be read from any number of threads at once. */
+class Tuning : public detail::Shared<ClspTuning, clspTuningRetain, clspTuningRelease> {
+  public:
+    Tuning() noexcept = default;
+    /** Measures; blocks. `progress` takes the place of desc.progress if it is not empty. */
+    Tuning(const Context &context, const ClspTuningDesc &desc, const Progress &progress = {}) {
+        detail::call_with_progress(desc, progress,
+                                   [&](const ClspTuningDesc *d) { return clspTuningRun(context, d, &handle_); });
+    }
+    /** Takes over one reference of a C handle. */
+    static Tuning adopt(ClspTuning handle) noexcept { return Tuning(handle); }
+
+    /** What was measured: a tuning record with this run's sizes alone. */
+    std::string json() const {
+        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
+            return clspTuningGetJson(handle_, capacity, text, length);
+        });
+    }
+    /** The file that was written, "" if none. */
+    std::string path() const {
+        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
+            return clspTuningGetPath(handle_, capacity, text, length);
+        });
+    }
+    /** The engine that an aperture of this context would have first for an image, and why. */
+    static std::string explain(const Context &context, std::uint32_t width, std::uint32_t height) {
+        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
+            return clspTuningExplain(context, width, height, capacity, text, length);
+        });
+    }
+    /** The file of the user's record, "" where there is none. */
+    static std::string record_path(const Context &context) {
+        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
+            return clspTuningGetRecordPath(context, capacity, text, length);
+        });
+    }
+
+  private:
+    explicit Tuning(ClspTuning handle) noexcept : Shared(handle) {}
+};
 
 /** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */
 namespace statistics {

@@ -51,6 +51,7 @@ from .runtime import (
     wait,
 )
 from .sensor import Sensor
+from .tuning import Tuning, explain_engine, tune, tuning_record_path
 
 __version__ = "0.1.0"
 
@@ -101,6 +102,7 @@ __all__ = [
     "ShrinkStep",
     "Shrinkage",
     "SnappedOrders",
+    "Tuning",
     "Version",
     "compare",
     "default_context",
@@ -112,11 +114,14 @@ __all__ = [
     "errors",
     "evaluate_doe",
     "explain_devices",
+    "explain_engine",
     "field_grid",
     "philox",
     "simulate",
     "snap_directions",
     "statistics",
+    "tune",
+    "tuning_record_path",
     "version",
     "wait",
 ]

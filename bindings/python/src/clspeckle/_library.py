@@ -47,6 +47,10 @@ CLSP_FORMAT_FLOAT32X4 = 7
 CLSP_DISK_CACHE_AUTO = 0
 CLSP_DISK_CACHE_OFF = 1
 CLSP_DISK_CACHE_ON = 2
+CLSP_LOG_WARNING = 1
+CLSP_LOG_INFO = 2
+CLSP_MAX_TUNING_SIZES = 64
+CLSP_MAX_TUNING_FRAMES = 10000
 
 CLSP_QUEUE_PROFILING = 1
 CLSP_QUEUE_OUT_OF_ORDER = 2
@@ -165,6 +169,7 @@ CLSP_DEPTH_WARNING_MERGED = 16
 
 
 PROGRESS_FUNCTION = ctypes.CFUNCTYPE(c_int32, c_void_p, c_char_p, c_double)
+LOG_FUNCTION = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
 
 
 class ClspErrorInfo(ctypes.Structure):
@@ -223,6 +228,8 @@ class ClspContextDesc(ctypes.Structure):
         ("device", c_char_p),
         ("kernel_dir", c_char_p),
         ("cache_dir", c_char_p),
+        ("log", LOG_FUNCTION),
+        ("log_data", c_void_p),
     ]
 
 
@@ -655,6 +662,12 @@ class ClspApertureInfo(ctypes.Structure):
         ("workspace_bytes", c_uint64),
         ("fft_backend", c_char * 32),
         ("fft_reason", c_char * 192),
+        ("fft_engine", c_char * 32),
+        ("column_lines", c_uint32),
+        ("column_work_items", c_uint32),
+        ("row_lines", c_uint32),
+        ("row_work_items", c_uint32),
+        ("fft_source", c_char * 256),
     ]
 
 
@@ -1107,6 +1120,24 @@ class ClspDotLayoutInfo(ctypes.Structure):
     ]
 
 
+class ClspTuningSize(ctypes.Structure):
+    _fields_ = [("width", c_uint32), ("height", c_uint32)]
+
+
+class ClspTuningDesc(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("frames", c_uint32),
+        ("sizes", POINTER(ClspTuningSize)),
+        ("size_count", c_uint32),
+        ("keep", c_uint32),
+        ("relative_diameter", c_double),
+        ("path", c_char_p),
+        ("progress", PROGRESS_FUNCTION),
+        ("progress_data", c_void_p),
+    ]
+
+
 STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspErrorInfo,
     ClspImage,
@@ -1159,6 +1190,8 @@ STRUCTS: tuple[type[ctypes.Structure], ...] = (
     ClspDoeDesignReport,
     ClspDotLayoutDesc,
     ClspDotLayoutInfo,
+    ClspTuningSize,
+    ClspTuningDesc,
 )
 """Every struct of the C interface."""
 
@@ -1388,6 +1421,14 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspStatisticsMoments": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, POINTER(ClspMoments)),
     "clspStatisticsHistogram": (_HANDLE, _HANDLE, _IMAGE, _IMAGE, c_double, c_double, c_uint32, POINTER(c_uint64)),
     "clspStatisticsAutocovariance": (_HANDLE, _HANDLE, _IMAGE, c_uint32, POINTER(c_float)),
+    "clspTuningDescInit": _init(ClspTuningDesc),
+    "clspTuningRun": (_HANDLE, POINTER(ClspTuningDesc), _HANDLE_OUT),
+    "clspTuningRetain": (_HANDLE,),
+    "clspTuningRelease": (_HANDLE,),
+    "clspTuningGetJson": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspTuningGetPath": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspTuningExplain": (_HANDLE, c_uint32, c_uint32, c_uint64, POINTER(c_char), POINTER(c_uint64)),
+    "clspTuningGetRecordPath": (_HANDLE, c_uint64, POINTER(c_char), POINTER(c_uint64)),
 }
 """The functions that return a status, with their argument types."""
 
@@ -1613,6 +1654,15 @@ def initialized(struct: type[Struct]) -> Struct:
     else:
         call("c" + struct.__name__[1:] + "Init", ctypes.byref(value), ctypes.sizeof(value))
     return value
+
+
+def text_of(name: str, *arguments: Any) -> str:
+    """The text of a function that ends with (capacity, text, length)."""
+    length = c_uint64()
+    call(name, *arguments, 0, None, ctypes.byref(length))
+    buffer = ctypes.create_string_buffer(max(1, length.value))
+    call(name, *arguments, len(buffer), buffer, None)
+    return text(buffer.value)
 
 
 def release(name: str, pointer: int) -> None:

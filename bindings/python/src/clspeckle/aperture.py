@@ -84,6 +84,14 @@ class ApertureInfo:
     """"fused" (the library's own passes, in either shape) or "clFFT"."""
     fft_reason: str
     """Why it is not "fused"; empty if it is."""
+    fft_engine: str
+    """"clfft", "fused-lanes" or "fused-groups"."""
+    fft_source: str
+    """Whose choice it was: CLSPECKLE_FFT, a tuning record with its size (:func:`tune`), a default."""
+    column_group: tuple[int, int] | None
+    """With "fused-groups": columns in a work-group, and work-items for each of them."""
+    row_group: tuple[int, int] | None
+    """With "fused-groups": rows in a work-group, and work-items for each of them."""
 
 
 class Aperture(Handle):
@@ -212,6 +220,10 @@ class Aperture(Handle):
             workspace_bytes=info.workspace_bytes,
             fft_backend=_library.text(info.fft_backend),
             fft_reason=_library.text(info.fft_reason),
+            fft_engine=_library.text(info.fft_engine),
+            fft_source=_library.text(info.fft_source),
+            column_group=(info.column_lines, info.column_work_items) if info.column_lines else None,
+            row_group=(info.row_lines, info.row_work_items) if info.row_lines else None,
         )
 
     def set_workspace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import dataclasses
+import logging
 import os
 import threading
 import weakref
@@ -42,6 +43,17 @@ _DISK_CACHE = {
     "off": _library.CLSP_DISK_CACHE_OFF,
     "on": _library.CLSP_DISK_CACHE_ON,
 }
+
+
+_LOG_LEVELS = {_library.CLSP_LOG_WARNING: logging.WARNING, _library.CLSP_LOG_INFO: logging.INFO}
+
+
+def _log(_data: int | None, level: int, message: bytes) -> None:
+    logging.getLogger("clspeckle").log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", _library.text(message))
+
+
+# Never freed: stages outlive their contexts, and what they log still comes here.
+_LOG_FUNCTION = _library.LOG_FUNCTION(_log)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,12 +160,7 @@ def explain_devices(device: str | Device | None = None) -> str:
 
     May be called from any thread.
     """
-    selector = _selector(device)
-    length = ctypes.c_uint64()
-    _library.call("clspDeviceExplain", selector, 0, None, ctypes.byref(length))
-    text = ctypes.create_string_buffer(max(1, length.value))
-    _library.call("clspDeviceExplain", selector, len(text), text, None)
-    return _library.text(text.value)
+    return _library.text_of("clspDeviceExplain", _selector(device))
 
 
 def _selector(device: str | Device | None) -> bytes | None:
@@ -200,13 +207,16 @@ class Context(Handle):
             set, else the best device.
         kernel_dir: folder with ``*.cl`` files that replace the built-in kernels of the same name. None: the environment
             variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones.
-        cache_dir: folder of the program cache. None: CLSPECKLE_CACHE_DIR, else ``$XDG_CACHE_HOME/clspeckle``, else
-            ``~/.cache/clspeckle``.
+        cache_dir: folder of the program cache and the tuning record (:func:`tune`). None: CLSPECKLE_CACHE_DIR, else
+            ``$XDG_CACHE_HOME/clspeckle``, else ``~/.cache/clspeckle``.
         disk_cache: "auto" (on, except on PoCL, which has a cache of its own), "off" or "on".
         profiling: True: :attr:`queue` measures times, which :meth:`Pipeline.timings` needs.
 
     A context is needed by every stage; those made without one share :func:`default_context`. PyOpenCL users share
     theirs with :meth:`from_opencl`.
+
+    What the library has to say beside errors goes to the logger "clspeckle" of :mod:`logging`: warnings, and at the
+    level INFO choices, such as which engine makes an aperture's transforms.
 
     Threads: may be used from any number of threads at once. Close it only when none uses it; stages made from it stay
     usable after that.
@@ -328,6 +338,7 @@ def _context_desc(
     disk_cache: str | None,
 ) -> _library.ClspContextDesc:
     desc = _library.initialized(_library.ClspContextDesc)
+    desc.log = _LOG_FUNCTION
     if kernel_dir is not None:
         desc.kernel_dir = _check.path(kernel_dir, "kernel_dir")
     if cache_dir is not None:

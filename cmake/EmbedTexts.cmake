@@ -1,6 +1,7 @@
-# Writes OUTPUT, a C++ file that holds each of FILES as a raw string. Run with cmake -P.
-set(text "// Made from kernels/ by cmake/EmbedKernels.cmake.\n#include \"runtime/embedded_kernels.hpp\"\n\n")
-string(APPEND text "namespace clsp {\n\nconst EmbeddedKernel kEmbeddedKernels[] = {\n")
+# Writes OUTPUT, a C++ file with the array NAMEs of TYPE (declared in HEADER) that holds each of FILES as a raw string, and their
+# number as NAMECount. Run with cmake -P.
+set(text "// Made by cmake/EmbedTexts.cmake.\n#include \"${HEADER}\"\n\n")
+string(APPEND text "namespace clsp {\n\nconst ${TYPE} ${NAME}s[] = {\n")
 list(LENGTH FILES count)
 foreach(file IN LISTS FILES)
     get_filename_component(name "${file}" NAME)
@@ -13,6 +14,6 @@ foreach(file IN LISTS FILES)
     endif()
     string(APPEND text "    {\"${name}\", R\"CLSP(${content})CLSP\"},\n")
 endforeach()
-string(APPEND text "};\nconst std::size_t kEmbeddedKernelCount = ${count};\n\n} // namespace clsp\n")
+string(APPEND text "};\nconst std::size_t ${NAME}Count = ${count};\n\n} // namespace clsp\n")
 file(WRITE "${OUTPUT}.tmp" "${text}")
 file(RENAME "${OUTPUT}.tmp" "${OUTPUT}")

@@ -1,0 +1,51 @@
+// The engines that an aperture's transforms may have, and how one is named.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+class Context;
+
+enum class Engine { kClfft, kFusedLanes, kFusedGroups };
+
+// Of the fused engine in groups: lines in a work-group, and work-items for each of them. items 0: as many as
+// choose_group_shape()'s rule takes for so many lines.
+struct GroupPick {
+    std::uint32_t lines = 0, items = 0;
+
+    bool operator==(const GroupPick &other) const { return lines == other.lines && items == other.items; }
+};
+
+// An engine; in groups with the work-groups of both column passes and of the row pass. None: what
+// choose_group_shape() takes.
+struct EngineSpec {
+    Engine engine = Engine::kClfft;
+    std::optional<GroupPick> columns, rows;
+
+    bool operator==(const EngineSpec &other) const {
+        return engine == other.engine && columns == other.columns && rows == other.rows;
+    }
+};
+
+// One of the engines that a context would take for a grid, and why.
+struct EngineChoice {
+    EngineSpec spec;
+    std::string source; // "CLSPECKLE_FFT is clfft", "the tuning record /home/..", ..
+};
+
+// "clfft", "fused-lanes", "fused-groups".
+const char *engine_name(Engine engine);
+std::optional<Engine> engine_of(const std::string &name);
+// With the work-groups, if they are given: "fused-groups, columns 8 x 64, rows 1 x 64" (lines x work-items).
+std::string describe(const EngineSpec &spec);
+
+// What devices get that no record speaks of.
+Engine default_engine(const Context &context);
+// The shape of the fused engine that is made for a device.
+Engine fused_engine_for(const Context &context);
+
+} // namespace clsp
