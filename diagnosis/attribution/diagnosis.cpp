@@ -182,15 +182,22 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                 result.fraction_95 = s.fraction_95;
             }
         }
+        const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
+        for (std::size_t i = 0; i < found.steps.size(); ++i)
+            if (slight[i])
+                result.notes.push_back(fmt::format(
+                    "{} was fitted, too, but is not named: it is far weaker than the catalogue has it, and beside "
+                    "stronger effects so little may be the simulator's error",
+                    found.steps[i].added));
         if (last.residual.detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
             const bool nearly_whole = found.models.size() > 1 && result.fraction >= kNearlyWhole;
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (nearly_whole || explained(moved_by(found, i), last.residual.z))
+                if (!slight[i] && (nearly_whole || explained(moved_by(found, i), last.residual.z)))
                     result.effects.push_back(found.steps[i].added);
             place_stages(experiment.layout(), result.places, alike_stage(result));
         } else {
-            name_effects(found.steps, result);
+            name_effects(found.steps, slight, result);
         }
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();

@@ -111,13 +111,22 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
     return variance.cwiseSqrt();
 }
 
-Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const EffectSettings &effects) {
+Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
+                                  const EffectSettings &effects, const Eigen::VectorXd &change) {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(list.size()));
-    for (const EffectSetting &effect : effects)
-        if (effect.id == "image_lag")
-            for (std::size_t k = 0; k < list.size(); ++k)
-                if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
-                    result[static_cast<Eigen::Index>(k)] = effect.values.front() * effect.values.front();
+    for (const EffectSetting &effect : effects) {
+        if (effect.id != "image_lag")
+            continue;
+        const double fraction = effect.values.front();
+        for (std::size_t k = 0; k < list.size(); ++k) {
+            double &tolerance = result[static_cast<Eigen::Index>(k)];
+            if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
+                tolerance = fraction * fraction;
+            for (const SequenceLayout &sequence : layout.sequences)
+                if (sequence.name == list[k].sequence && sequence.moving)
+                    tolerance += std::abs(change[static_cast<Eigen::Index>(k)]) / sequence.frame_count;
+        }
+    }
     return result;
 }
 

@@ -169,7 +169,8 @@ void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates r
     replicate(replicates, count, from, to);
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
     const Eigen::VectorXd tolerance =
-        kModelError * fitted.change.cwiseAbs() + reading_tolerance(experiment_.list(), fitted.effects);
+        kModelError * fitted.change.cwiseAbs() +
+        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.change);
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());

@@ -13,10 +13,14 @@ constexpr double kLeastProbability = 0.05;
 constexpr double kOwnDeviations = 4.0;
 // Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
 constexpr double kExplained = 3.0;
+// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them.
+constexpr double kSlight = -0.25;
 
 } // namespace
 
-double reported_p_value(double p) { return std::max(p, kLeastPValue); }
+double reported_p_value(double p) {
+    return std::max(p, kLeastPValue);
+}
 
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
     double sum = 0.0, count = 0.0;
@@ -28,9 +32,35 @@ bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
     return count > 0.0 && sum / count < kExplained;
 }
 
-void name_effects(const std::vector<SearchStep> &steps, DiagnosisResult &result) {
-    result.verdict = Verdict::kNamed;
+std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
+                                 const std::vector<Candidate> &candidates) {
+    std::vector<bool> result;
     for (const SearchStep &step : steps) {
+        const auto candidate =
+            std::find_if(candidates.begin(), candidates.end(), [&](const Candidate &c) { return c.id == step.added; });
+        bool slight = false;
+        for (std::size_t p = 0; candidate != candidates.end() && p < candidate->parameters.size(); ++p) {
+            const HypothesisParameter &known = candidate->parameters[p];
+            if (known.weak == known.strong)
+                continue;
+            for (const FittedParameter &fitted : parameters)
+                if (fitted.effect == step.added && fitted.name == known.name)
+                    slight = candidate->strength(p, std::abs(fitted.value)) < kSlight;
+            break; // the first that the catalogue varies says how strong the effect is
+        }
+        result.push_back(slight);
+    }
+    if (std::find(result.begin(), result.end(), false) == result.end())
+        result.assign(steps.size(), false);
+    return result;
+}
+
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result) {
+    result.verdict = Verdict::kNamed;
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+        const SearchStep &step = steps[i];
+        if (i < slight.size() && slight[i])
+            continue;
         result.effects.push_back(step.added);
         result.probability = std::min(result.probability, step.ranking.front().probability);
         if (step.ranking.front().probability >= 1.0 - kLeastProbability)

@@ -13,10 +13,16 @@ namespace clsp {
 // The tails of Student's and of the Gamma law underflow; no probability is 0.
 double reported_p_value(double p);
 
-// Whether what an effect moves agrees with the model in the end. moved: by the effect, in standard deviations; z: what is left.
+// Whether what an effect moves agrees with the model in the end. moved: by the effect, in standard deviations; z: what
+// is left.
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z);
 
-// The effects of all steps, as the only explanation or as one of several.
-void name_effects(const std::vector<SearchStep> &steps, DiagnosisResult &result);
+// Of each step's effect, whether it is far weaker than any of the catalogue's range, beside others that are not. What
+// so little of an effect does, the simulator's own error in the others' changes does, too: it is fitted, but not named.
+std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
+                                 const std::vector<Candidate> &candidates);
+
+// The effects of all steps but the slight ones, as the only explanation or as one of several. slight: empty if none is.
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result);
 
 } // namespace clsp

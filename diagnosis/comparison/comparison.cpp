@@ -71,7 +71,7 @@ void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTes
                 result.effects.push_back(closed.steps[i].added);
         return;
     }
-    name_effects(closed.steps, result);
+    name_effects(closed.steps, {}, result);
 }
 
 void add_notes(const PairedCaptures &captures, const Comparison &comparison, DiagnosisResult &result) {

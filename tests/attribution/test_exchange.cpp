@@ -142,7 +142,7 @@ TEST_F(Exchange, WhatDoesAsWellIsARival) {
         EXPECT_GT(ranked.probability, 0.1);
     }
     DiagnosisResult result;
-    name_effects(path.steps, result);
+    name_effects(path.steps, {}, result);
     EXPECT_EQ(Verdict::kAmbiguous, result.verdict);
     EXPECT_EQ((std::vector<std::string>{"tilt", "row_noise"}), result.effects);
     EXPECT_EQ(2u, result.equivalent.size());

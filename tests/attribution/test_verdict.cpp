@@ -203,7 +203,7 @@ TEST(Weigh, LikelihoodRatiosByHalf) {
 TEST(Names, CertainStepsAreNamed) {
     DiagnosisResult result;
     result.probability = 1.0;
-    name_effects({step({ranked("defocus", 400.0), ranked("glare", 300.0)}), step({ranked("dsnu", 50.0)})}, result);
+    name_effects({step({ranked("defocus", 400.0), ranked("glare", 300.0)}), step({ranked("dsnu", 50.0)})}, {}, result);
     EXPECT_EQ(result.verdict, Verdict::kNamed);
     EXPECT_EQ(result.effects, (std::vector<std::string>{"defocus", "dsnu"}));
     EXPECT_TRUE(result.equivalent.empty());
@@ -213,24 +213,59 @@ TEST(Names, CertainStepsAreNamed) {
 TEST(Names, EqualRivalsAreEquivalent) {
     DiagnosisResult result;
     result.probability = 1.0;
-    name_effects({step({ranked("linewidth", 100.0), ranked("depolarization", 99.0), ranked("glare", 40.0)})}, result);
+    name_effects({step({ranked("linewidth", 100.0), ranked("depolarization", 99.0), ranked("glare", 40.0)})}, {}, result);
     EXPECT_EQ(result.verdict, Verdict::kAmbiguous);
     EXPECT_EQ(result.equivalent, (std::vector<std::string>{"linewidth", "depolarization"}));
     EXPECT_LT(result.probability, 0.6);
 }
 
+TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const auto step = [](const char *effect) {
+        SearchStep result;
+        result.added = effect;
+        result.ranking = {RankedEffect{effect, {}, 100.0, 1.0, 0.0, true}};
+        return result;
+    };
+    const std::vector<SearchStep> steps = {step("glare"), step("ambient_light"), step("gamma"), step("pixel_integration"),
+                                           step("beam_skew")};
+    const std::vector<FittedParameter> parameters = {
+        {"glare", "fraction", 0.025, 0.02, 0.03},     {"glare", "scale_px", 9.0, 8.0, 10.0},
+        {"ambient_light", "level_dn", 5.9, 5.0, 7.0}, {"gamma", "gamma", 0.985, 0.98, 0.99},
+        {"pixel_integration", "fill_factor", 0.6, 0.5, 0.7}, {"beam_skew", "skew", -0.8, -0.9, -0.7}};
+    const std::vector<bool> slight = slight_effects(steps, parameters, all);
+    EXPECT_EQ(slight, (std::vector<bool>{true, false, true, false, false}));
+    DiagnosisResult result;
+    name_effects(steps, slight, result);
+    EXPECT_EQ(result.verdict, Verdict::kNamed);
+    EXPECT_EQ(result.effects, (std::vector<std::string>{"ambient_light", "pixel_integration", "beam_skew"}));
+    // On their own, weak effects are what there is.
+    EXPECT_EQ(slight_effects({step("glare"), step("gamma")}, parameters, all), (std::vector<bool>{false, false}));
+}
+
 TEST(Reading, LagThatRemembersOrDoesNot) {
-    std::vector<StatisticInfo> list(3);
+    CaptureLayout layout;
+    layout.sequences.resize(2);
+    layout.sequences[0].name = "board_static";
+    layout.sequences[1].name = "board_moving";
+    layout.sequences[1].moving = true;
+    layout.sequences[0].frame_count = layout.sequences[1].frame_count = 40;
+    std::vector<StatisticInfo> list(4);
     list[0].name = "temporal_correlation_1";
     list[1].name = "temporal_correlation_2";
-    list[2].name = "contrast";
-    const Eigen::VectorXd tolerance = reading_tolerance(list, {{"defocus", {1.0}}, {"image_lag", {0.1}}});
+    list[2].name = list[3].name = "contrast";
+    list[0].sequence = list[1].sequence = list[2].sequence = "board_moving";
+    list[3].sequence = "board_static";
+    const Eigen::VectorXd change = (Eigen::VectorXd(4) << 0.0, 0.0, -0.2, -0.2).finished();
+    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, change);
     // The light of the frame before alone: f (1 - f) / (1 - 2 f + 2 f^2), not f.
     EXPECT_GT(tolerance[0], 0.1 * 0.9 / 0.82 - 0.1);
     EXPECT_NEAR(tolerance[0], 0.01, 1e-15);
     EXPECT_NEAR(tolerance[1], 0.01, 1e-15);
-    EXPECT_EQ(tolerance[2], 0.0);
-    EXPECT_EQ(reading_tolerance(list, {{"defocus", {1.0}}}).norm(), 0.0);
+    // One of 40 frames had a frame before it, or had not.
+    EXPECT_NEAR(tolerance[2], 0.2 / 40, 1e-15);
+    EXPECT_EQ(tolerance[3], 0.0);
+    EXPECT_EQ(reading_tolerance(list, layout, {{"defocus", {1.0}}}, change).norm(), 0.0);
 }
 
 } // namespace
