@@ -56,20 +56,27 @@ bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
     });
 }
 
-// Rows that change from frame to frame by that many times what columns do: light that changes while the shutter rolls
-// over the rows.
-constexpr double kRowsOverColumns = 5.0;
-bool light_rolls(const std::vector<GapPlace> &places) {
-    const auto same_but = [](const GapPlace &place, const GapPlace &other, const char *name) {
-        return other.statistic.sequence == place.statistic.sequence && other.statistic.name == name;
-    };
-    return std::any_of(places.begin(), places.end(), [&](const GapPlace &rows) {
-        if (rows.statistic.name != "row_noise" || rows.z < kDeviations)
+// Resting light that changes as a whole: the frame's mean without its rows and columns; or, under a rolling shutter,
+// its rows by that many times what its columns do. Whatever moves changes rows and columns alike.
+constexpr double kRowsOverColumns = 5.0, kPartOfMean = 0.25;
+bool light_changes(const CaptureLayout &layout, const std::vector<GapPlace> &places) {
+    return std::any_of(layout.sequences.begin(), layout.sequences.end(), [&](const SequenceLayout &sequence) {
+        if (sequence.moving || (sequence.scene != CaptureScene::kBoard && sequence.scene != CaptureScene::kDots))
             return false;
-        const auto columns = std::find_if(places.begin(), places.end(),
-                                          [&](const GapPlace &place) { return same_but(rows, place, "column_noise"); });
-        return columns != places.end() &&
-               rows.real - rows.sim > kRowsOverColumns * std::abs(columns->real - columns->sim);
+        const auto find = [&](const char *name) {
+            const auto found = std::find_if(places.begin(), places.end(), [&](const GapPlace &place) {
+                return place.statistic.sequence == sequence.name && place.statistic.name == name;
+            });
+            return found == places.end() ? nullptr : &*found;
+        };
+        const GapPlace *const mean = find("frame_mean_fluctuation"), *const rows = find("row_noise"),
+                              *const columns = find("column_noise");
+        if (!rows || !columns)
+            return false;
+        if (rows->z > kDeviations && rows->real - rows->sim > kRowsOverColumns * std::abs(columns->real - columns->sim))
+            return true;
+        return mean && mean->z > kDeviations &&
+               std::max(std::abs(rows->z), std::abs(columns->z)) < kPartOfMean * mean->z;
     });
 }
 
@@ -111,7 +118,7 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, co
         set_stage(places, "sensor", {});
     else if (flat.differs)
         set_stage(places, "sensor", {"sensor", "optics"});
-    else if ((dark.recorded || flat.recorded) && light_rolls(places))
+    else if ((dark.recorded || flat.recorded) && light_changes(layout, places))
         set_stage(places, "laser", {});
     else if (resting.differs && moving.recorded && !moving.differs && would_show(layout, places, false, least))
         set_stage(places, "motion", {});

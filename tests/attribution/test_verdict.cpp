@@ -107,7 +107,7 @@ TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
     EXPECT_EQ(places[0].statistic.stage, "optics");
 }
 
-TEST_F(Stages, LightThatRollsOverTheRowsIsTheLasers) {
+TEST_F(Stages, RestingLightThatChangesAsAWholeIsTheLasers) {
     const auto place = [](const char *sequence, const char *name, double z, double excess) {
         GapPlace result;
         result.statistic.sequence = sequence;
@@ -117,17 +117,22 @@ TEST_F(Stages, LightThatRollsOverTheRowsIsTheLasers) {
         result.real = excess;
         return result;
     };
-    for (const double columns : {0.1, 3.0}) {
-        // Resting scenes alone show it beside the grain; without the rows, that is motion.
-        std::vector<GapPlace> places = {place("board_static", "row_noise", 200.0, 4.0), place("board_static", "column_noise", 40.0 * columns, columns),
-                                        place("board_moving", "row_noise", 1.0, 0.02), place("flat", "row_noise", 1.0, 0.02)};
+    const auto stage = [&](double rows, double columns, double mean, double flat, const char *scene) {
+        std::vector<GapPlace> places = {
+            place(scene, "row_noise", 50.0 * rows, rows), place(scene, "column_noise", 50.0 * columns, columns),
+            place(scene, "frame_mean_fluctuation", mean, mean), place("board_moving", "contrast", 1.0, 0.02),
+            place("flat", "row_noise", flat, 0.02)};
         place_stages(layout, places, {});
-        EXPECT_EQ(places[0].statistic.stage, columns < 1.0 ? "laser" : "motion");
-        // The flat has other light: rows that change there are read so.
-        places[3].z = 50.0;
-        place_stages(layout, places, {});
-        EXPECT_EQ(places[0].statistic.stage, "sensor");
-    }
+        return places[0].statistic.stage;
+    };
+    EXPECT_EQ(stage(4.0, 0.1, 20.0, 1.0, "board_static"), "laser") << "a rolling shutter";
+    EXPECT_EQ(stage(0.0, 0.0, 40.0, 1.0, "board_static"), "laser") << "whole frames";
+    EXPECT_EQ(stage(1.0, 0.9, 40.0, 1.0, "board_static"), "motion") << "speckle that changes: rows and columns alike";
+    EXPECT_EQ(stage(0.0, 0.0, 1.0, 1.0, "board_static"), "motion");
+    // The flat has other light: what changes there is read so.
+    EXPECT_EQ(stage(4.0, 0.1, 20.0, 50.0, "board_static"), "sensor");
+    // In moving scenes rows differ by their grain, too.
+    EXPECT_EQ(stage(4.0, 0.1, 20.0, 1.0, "dots_moving"), "motion");
 }
 
 TEST_F(Stages, ACauseThatAKnownEffectImitatesLiesWhereThatDoes) {
