@@ -10,6 +10,7 @@
 #include "report/report_json.hpp"
 #include "status.hpp"
 #include "structs.hpp"
+#include "texts.hpp"
 
 #include <algorithm>
 #include <array>
@@ -80,18 +81,6 @@ template <std::size_t Size> std::string fixed_text(const char (&from)[Size], con
     if (!end)
         throw Error(Status::kInvalidArgument, fmt::format("{} does not end with a 0 within its {} bytes", what, Size));
     return {from, end};
-}
-
-// A text getter: what of it fits, and its whole size.
-void give_text(const std::string &value, std::uint64_t capacity, char *text, std::uint64_t *length, const char *name) {
-    if (capacity > 0) {
-        required(text, name);
-        const std::size_t copied = std::min<std::size_t>(value.size(), capacity - 1);
-        std::memcpy(text, value.data(), copied);
-        text[copied] = '\0';
-    }
-    if (length)
-        *length = value.size() + 1;
 }
 
 template <typename T> const T &item(const std::vector<T> &list, std::uint32_t index, const char *what) {
