@@ -30,8 +30,9 @@ from tqdm import tqdm
 
 SIZES = ((512, 512), (1024, 1024), (1280, 720), (1920, 1080), (2048, 2048), (4096, 4096))
 DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
-# Bytes that a frame must move (docs/performance.md), per pixel, at a diameter D.
-FUSED_BYTES = (8.0, 32.0)
+# Bytes that a frame of the fused engine must move for each pixel: phase and ideal image are read, the intensity is
+# written (4 each); of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
+FUSED_BYTES = (12.0, 32.0)
 ENGINES = {
     "intensity/fused": "fused",
     "intensity/fused_unpolarized": "fused, p = 0",

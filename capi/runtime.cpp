@@ -118,8 +118,6 @@ CLSP_API ClspStatus clspDeviceList(uint32_t capacity, ClspDeviceInfo *devices, u
 
 CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, char *text, uint64_t *length) {
     return guarded("clspDeviceExplain", [&] {
-        if (capacity > 0 && !text)
-            throw Error(Status::kInvalidArgument, "text is NULL although capacity is not 0");
         give_text(explain_devices(text_or_empty(selector)), capacity, text, length, "text");
     });
 }

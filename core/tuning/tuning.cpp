@@ -283,8 +283,8 @@ class SizeTuning {
         size.version = CLSP_VERSION_TEXT;
         for (Entry &entry : entries_)
             size.candidates.push_back(std::move(entry.candidate));
-        std::stable_sort(size.candidates.begin(), size.candidates.end(),
-                         [&](const TunedCandidate &a, const TunedCandidate &) { return a.spec.engine == preferred; });
+        std::stable_partition(size.candidates.begin(), size.candidates.end(),
+                              [&](const TunedCandidate &c) { return c.spec.engine == preferred; });
         const std::size_t chosen = choose_candidate(size.candidates, size.frames, size.reason);
         size.chosen = size.candidates[chosen].spec;
         return size;

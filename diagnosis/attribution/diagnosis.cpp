@@ -17,9 +17,6 @@
 namespace clsp {
 namespace {
 
-// Beside an unknown cause several effects count as found that together take away that part of the gap: what imitates an
-// effect in no catalogue took at most 0.7 of it (see docs/gap-check.md).
-constexpr double kNearlyWhole = 0.8;
 // An effect that takes away that part of the gap of an unknown cause imitates it.
 constexpr double kAlike = 0.5;
 
@@ -191,9 +188,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     found.steps[i].added));
         if (last.residual.detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
-            const bool nearly_whole = found.models.size() > 1 && result.fraction >= kNearlyWhole;
+            const bool all = are_found(found.models.size(), result.fraction);
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (!slight[i] && (nearly_whole || explained(moved_by(found, i), last.residual.z)))
+                if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))
                     result.effects.push_back(found.steps[i].added);
             place_stages(experiment.layout(), result.places, alike_stage(result));
         } else {

@@ -13,6 +13,9 @@ constexpr double kLeastProbability = 0.05;
 constexpr double kOwnDeviations = 4.0;
 // Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
 constexpr double kExplained = 3.0;
+// Beside an unknown cause so many effects count as found that together take away that part of the gap.
+constexpr std::size_t kMany = 4;
+constexpr double kNearlyWhole = 0.8;
 // Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them.
 constexpr double kSlight = -0.25;
 
@@ -30,6 +33,10 @@ bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
             ++count;
         }
     return count > 0.0 && sum / count < kExplained;
+}
+
+bool are_found(std::size_t count, double fraction) {
+    return count >= kMany && fraction >= kNearlyWhole;
 }
 
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,

@@ -224,6 +224,14 @@ TEST(Names, EqualRivalsAreEquivalent) {
     EXPECT_LT(result.probability, 0.6);
 }
 
+TEST(Found, ManyThatLeaveLittle) {
+    EXPECT_TRUE(are_found(4, 0.85));
+    EXPECT_FALSE(are_found(4, 0.7));
+    // Airflow and a skewed beam took 92 % of what boiling surfaces had done.
+    EXPECT_FALSE(are_found(2, 0.92));
+    EXPECT_FALSE(are_found(3, 0.87));
+}
+
 TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
     const std::vector<Candidate> all = candidates({}, {});
     const auto step = [](const char *effect) {
