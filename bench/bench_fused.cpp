@@ -16,6 +16,7 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     phase_desc.width = width;
     phase_desc.height = height;
+    phase_desc.field = CLSP_FIELD_UNIT_PHASOR; // what the other programs make: exp(i phase)
     auto aperture_desc = clspeckle::make<ClspApertureDesc>();
     aperture_desc.width = width;
     aperture_desc.height = height;

@@ -6,6 +6,8 @@
 #include "pipeline/pipeline.hpp"
 
 #include <cstring>
+#include <fmt/core.h>
+#include <vector>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -45,27 +47,30 @@ template <typename Handle> auto optional_object(Handle handle) {
     return handle ? object(handle) : std::shared_ptr<typename HandleTraits<Handle>::Object>();
 }
 
-// Calls function(frame) with the engine's view of the caller's frame.
-template <typename Function> void with_frame(const ClspFrame *user, Function function) {
-    const ClspFrame f = read_struct(user, frame_defaults(), "frame");
-    Geometry g;
-    if (f.geometry)
-        g = geometry(f.geometry);
+// The engine's view of a caller's frame, and what it points to.
+struct FrameView {
+    Geometry geometry;
+    MotionInput motion;
     Frame frame;
+};
+
+void read_frame(const ClspFrame *user, const char *name, FrameView &view) {
+    const ClspFrame f = read_struct(user, frame_defaults(), name);
+    if (f.geometry)
+        view.geometry = geometry(f.geometry);
+    if (f.motion)
+        view.motion = motion_input(f.motion);
+    Frame &frame = view.frame;
     frame.refresh = static_cast<Refresh>(f.refresh);
     frame.frame_index = f.frame_index;
-    frame.geometry = f.geometry ? &g : nullptr;
+    frame.geometry = f.geometry ? &view.geometry : nullptr;
     frame.irradiance = optional_description(&f.irradiance);
     frame.refresh_mask = optional_description(&f.refresh_mask);
     frame.output = description(f.output);
-    MotionInput m;
-    if (f.motion)
-        m = motion_input(f.motion);
-    frame.motion = f.motion ? &m : nullptr;
+    frame.motion = f.motion ? &view.motion : nullptr;
     frame.material = optional_description(&f.material);
     frame.illumination = static_cast<Illumination>(f.illumination);
-    check_reserved(f.reserved, "frame->reserved");
-    function(frame);
+    check_reserved(f.reserved, fmt::format("{}->reserved", name).c_str());
 }
 
 } // namespace
@@ -128,16 +133,50 @@ CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_q
                                              cl_event *event) {
     return guarded("clspPipelineEnqueueFrame", [&] {
         const auto p = object(pipeline);
-        with_frame(frame, [&](const Frame &f) {
-            p->enqueue_frame(queue, f, num_events_in_wait_list, event_wait_list, event);
-        });
+        FrameView view;
+        read_frame(frame, "frame", view);
+        p->enqueue_frame(queue, view.frame, num_events_in_wait_list, event_wait_list, event);
+    });
+}
+
+CLSP_API ClspStatus clspPipelineEnqueueFrames(ClspPipeline pipeline, cl_command_queue queue, uint32_t count,
+                                              const ClspFrame *frames, uint32_t num_events_in_wait_list,
+                                              const cl_event *event_wait_list, cl_event *event) {
+    return guarded("clspPipelineEnqueueFrames", [&] {
+        const auto p = object(pipeline);
+        required(frames, "frames");
+        if (count == 0)
+            throw Error(Status::kInvalidArgument, "count is 0; give at least one frame");
+        // Elements lie as far apart as the caller's struct is long.
+        const std::uint32_t size = frames->struct_size;
+        if (size % alignof(ClspFrame) != 0)
+            throw Error(Status::kInvalidStructSize,
+                        fmt::format("frames[0].struct_size is {}, it must be a multiple of {}; call clspFrameInit() on "
+                                    "each element",
+                                    size, alignof(ClspFrame)));
+        std::vector<FrameView> views(count);
+        std::vector<Frame> list(count);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const auto *frame =
+                reinterpret_cast<const ClspFrame *>(reinterpret_cast<const char *>(frames) + std::size_t{i} * size);
+            if (frame->struct_size != size)
+                throw Error(Status::kInvalidStructSize,
+                            fmt::format("frames[{}].struct_size is {}, that of frames[0] {}; call clspFrameInit() on "
+                                        "each element",
+                                        i, frame->struct_size, size));
+            read_frame(frame, fmt::format("(&frames[{}])", i).c_str(), views[i]);
+            list[i] = views[i].frame;
+        }
+        p->enqueue_frames(queue, list.data(), count, num_events_in_wait_list, event_wait_list, event);
     });
 }
 
 CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame) {
     return guarded("clspPipelineWarmUp", [&] {
         const auto p = object(pipeline);
-        with_frame(frame, [&](const Frame &f) { p->warm_up(queue, f); });
+        FrameView view;
+        read_frame(frame, "frame", view);
+        p->warm_up(queue, view.frame);
     });
 }
 

@@ -577,24 +577,8 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
     }
 }
 
-void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &given, cl_uint num_waits, const cl_event *waits,
-                             cl_event *event) {
-    // Surfaces are of one material for all stages, unless the motion's input says otherwise.
-    Frame frame = given;
-    MotionInput motion;
-    if (given.motion && !given.motion->material && stages_.motion && stages_.motion->parameters().materials) {
-        motion = *given.motion;
-        motion.material = given.material;
-        frame.motion = &motion;
-    }
-    // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
-    context_->check_queue(queue);
-    check_wait_list(context_->cl_context()(), num_waits, waits);
-    const Checked images = check_frame(frame);
+void Pipeline::enqueue_checked(CommandChain &chain, const Frame &frame, const Checked &images) {
     const FieldGrid &grid = stages_.aperture->grid();
-
-    next_profile_.entries.clear();
-    CommandChain chain(queue, num_waits, waits, &next_profile_);
     if (frame.illumination == Illumination::kLaser) {
         enqueue_laser(chain, frame, images);
     } else if (frame.illumination == Illumination::kIncoherent) {
@@ -618,10 +602,46 @@ void Pipeline::enqueue_frame(cl_command_queue queue, const Frame &given, cl_uint
     }
     if (stages_.sensor)
         stages_.sensor->enqueue_expose(chain, light, frame.frame_index, images.output);
-    chain.finish(event);
-    // Only now is it the last frame: a refused one leaves the times of the one before.
-    std::swap(profile_, next_profile_);
-    has_frame_ = true;
+}
+
+void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *given, std::size_t count, cl_uint num_waits,
+                              const cl_event *waits, cl_event *event) {
+    // Surfaces are of one material for all stages, unless the motion's input says otherwise.
+    const auto completed = [&](const Frame &frame, MotionInput &motion) {
+        Frame full = frame;
+        if (frame.motion && !frame.motion->material && stages_.motion && stages_.motion->parameters().materials) {
+            motion = *frame.motion;
+            motion.material = frame.material;
+            full.motion = &motion;
+        }
+        return full;
+    };
+    // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
+    context_->check_queue(queue);
+    check_wait_list(context_->cl_context()(), num_waits, waits);
+    MotionInput motion;
+    std::vector<Checked> images;
+    images.reserve(count);
+    for (std::size_t i = 0; i < count; ++i)
+        try {
+            images.push_back(check_frame(completed(given[i], motion)));
+        } catch (const Error &error) {
+            if (count == 1)
+                throw;
+            throw Error(error.status(), fmt::format("frames[{}]: {}", i, error.what()), error.opencl_code(),
+                        error.build_log());
+        }
+
+    CommandChain chain(queue, num_waits, waits, &next_profile_);
+    for (std::size_t i = 0; i < count; ++i) {
+        next_profile_.entries.clear();
+        enqueue_checked(chain, completed(given[i], motion), images[i]);
+        if (i + 1 == count)
+            chain.finish(event);
+        // Only now is it the last frame: a refused one leaves the times of the one before.
+        std::swap(profile_, next_profile_);
+        has_frame_ = true;
+    }
 }
 
 void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {

@@ -91,7 +91,12 @@ class Pipeline {
     void clear_effects() { use_effects({}); }
 
     void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
-                       cl_event *event);
+                       cl_event *event) {
+        enqueue_frames(queue, &frame, 1, num_waits, waits, event);
+    }
+    // Frames one after the other, as one chain; if one of them is refused, none is enqueued.
+    void enqueue_frames(cl_command_queue queue, const Frame *frames, std::size_t count, cl_uint num_waits,
+                        const cl_event *waits, cl_event *event);
     // Renders the frame, waits, and puts the phase state back.
     void warm_up(cl_command_queue queue, const Frame &frame);
     // Throws kInvalidData if a frame since the last check had bad pixels. Blocks.
@@ -117,6 +122,7 @@ class Pipeline {
     // Buffers and filters that the parameters ask for.
     void allocate();
     Checked check_frame(const Frame &frame);
+    void enqueue_checked(CommandChain &chain, const Frame &frame, const Checked &images);
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
     struct Surface; // what became of the surface since the last frame
     Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);

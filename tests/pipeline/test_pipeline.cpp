@@ -119,6 +119,98 @@ TEST_F(Pipeline, StructsOfTheFirstReleaseStillWork) {
     clspSensorRelease(desc.sensor);
 }
 
+TEST_F(Pipeline, SeveralFramesInOneCallAreTheirFramesOneByOne) {
+    auto mask = make_image(width, height, CLSP_FORMAT_UINT8);
+    mask.buffer.write(queue, std::vector<std::uint8_t>(width * height, 1));
+    constexpr std::uint32_t kCount = 5;
+    const auto numbered = [&](std::uint32_t i) {
+        auto f = frame(7 + i);
+        if (i == 2)
+            f.refresh = CLSP_REFRESH_ALL;
+        if (i == 3)
+            f.refresh_mask = mask.view;
+        if (i == 4)
+            f.illumination = CLSP_ILLUMINATION_DARK;
+        return f;
+    };
+    const auto one_by_one = make_pipeline(context);
+    std::vector<std::vector<std::uint16_t>> expected;
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+        one_by_one.enqueue_frame(queue, numbered(i));
+        expected.push_back(download<std::uint16_t>(codes));
+    }
+    for (std::uint32_t flags : {0u, CLSP_QUEUE_OUT_OF_ORDER, CLSP_QUEUE_PROFILING | CLSP_QUEUE_OUT_OF_ORDER}) {
+        const clspeckle::Queue own(context, flags);
+        const auto pipeline = make_pipeline(context);
+        std::vector<Image> outputs;
+        std::vector<ClspFrame> frames;
+        for (std::uint32_t i = 0; i < kCount; ++i) {
+            outputs.push_back(make_image(width, height, CLSP_FORMAT_UINT16));
+            frames.push_back(numbered(i));
+            frames.back().output = outputs.back().view;
+        }
+        clspeckle::Event done;
+        pipeline.enqueue_frames(own, frames, {}, &done);
+        done.wait();
+        for (std::uint32_t i = 0; i < kCount; ++i)
+            EXPECT_EQ(expected[i], download<std::uint16_t>(outputs[i])) << "frame " << i << ", flags " << flags;
+        if (flags & CLSP_QUEUE_PROFILING) {
+            const auto timings = pipeline.timings();
+            ASSERT_EQ(2u, timings.size()) << "of the last frame alone, a dark one";
+            EXPECT_STREQ("sensor", timings[1].stage);
+        }
+    }
+}
+
+TEST_F(Pipeline, OfFramesThatAreRefusedNoneIsEnqueued) {
+    const auto pipeline = make_pipeline(context);
+    const auto expected = render(make_pipeline(context), 9);
+    codes.buffer.write(queue, std::vector<std::uint16_t>(width * height, 12345));
+    std::vector<ClspFrame> frames(4, frame(9));
+    const auto fails = [&](ClspStatus status, const std::string &words, const std::vector<ClspFrame> &given) {
+        EXPECT_CLSP_FAILS(status, words,
+                          clspPipelineEnqueueFrames(pipeline, queue, static_cast<std::uint32_t>(given.size()),
+                                                    given.data(), 0, nullptr, nullptr));
+    };
+    frames[2].refresh = 7;
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[2]: refresh is 7", frames);
+    frames[2] = frame(9);
+    frames[3].output.mem = nullptr;
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[3]: output", frames);
+    frames[3] = frame(9);
+    frames[1].struct_size -= 8;
+    fails(CLSP_ERROR_INVALID_STRUCT_SIZE, "frames[1].struct_size", frames);
+    frames[1] = frame(9);
+    frames[1].reserved = 1;
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "(&frames[1])->reserved is 1", frames);
+    frames[1] = frame(9);
+    frames[0].struct_size -= 1;
+    fails(CLSP_ERROR_INVALID_STRUCT_SIZE, "it must be a multiple of 8", frames);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count is 0",
+                      clspPipelineEnqueueFrames(pipeline, queue, 0, frames.data(), 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frames is NULL",
+                      clspPipelineEnqueueFrames(pipeline, queue, 1, nullptr, 0, nullptr, nullptr));
+    EXPECT_EQ(std::vector<std::uint16_t>(width * height, 12345), download<std::uint16_t>(codes));
+    EXPECT_EQ(expected, render(pipeline, 9)) << "the state is as it was";
+}
+
+// Elements of an array lie as far apart as the caller's struct is long.
+TEST_F(Pipeline, SeveralFramesOfTheFirstRelease) {
+    constexpr std::uint32_t kFirst = 144, kCount = 3;
+    std::unique_ptr<unsigned char[]> bytes(new unsigned char[kCount * kFirst]);
+    std::vector<Image> outputs;
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+        outputs.push_back(make_image(width, height, CLSP_FORMAT_UINT16));
+        auto f = frame(i);
+        f.output = outputs.back().view;
+        std::memcpy(bytes.get() + i * kFirst, first_release(f, kFirst).get(), kFirst);
+    }
+    const auto pipeline = make_pipeline(context), other = make_pipeline(context);
+    ASSERT_CLSP_OK(clspPipelineEnqueueFrames(pipeline, queue, kCount, as<ClspFrame>(bytes), 0, nullptr, nullptr));
+    for (std::uint32_t i = 0; i < kCount; ++i)
+        EXPECT_EQ(render(other, i), download<std::uint16_t>(outputs[i]));
+}
+
 TEST_F(Pipeline, AFrameIsItsStagesOneAfterTheOther) {
     const clspeckle::Phase phase(context, phase_desc());
     const clspeckle::Aperture aperture(context, aperture_desc());

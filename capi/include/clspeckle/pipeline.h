@@ -123,6 +123,13 @@ CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_q
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
                                              cl_event *event);
 
+/** Renders several frames, one after the other: as many calls of clspPipelineEnqueueFrame(), of which each waits for the one before on any
+ *  queue. All are checked before the first is enqueued: if one is refused, none is, and the message says which.
+ *  @param count elements of `frames`, above 0. @param frames all with the same struct_size. @param event of the last frame. */
+CLSP_API ClspStatus clspPipelineEnqueueFrames(ClspPipeline pipeline, cl_command_queue queue, uint32_t count,
+                                              const ClspFrame *frames, uint32_t num_events_in_wait_list,
+                                              const cl_event *event_wait_list, cl_event *event);
+
 /** Renders a frame like the ones to come and waits: programs are built, kernels specialised, FFT plans warm, so that the next such
  *  frame is enqueued without a delay. Writes the frame's output; leaves the phase state as it was; the sensor's lag and the airflow
  *  begin anew. */

@@ -587,6 +587,8 @@ def enqueue_calls(w: World) -> dict[str, Callable[[Any], Any]]:
     return {
         "camera scene": lambda v: w.camera.enqueue_frame(v, w.codes),
         "camera output": lambda v: w.camera.enqueue_frame(w.image, v),
+        "camera scenes": lambda v: w.camera.enqueue_frames([w.image, v], [w.codes, w.codes]),
+        "camera outputs": lambda v: w.camera.enqueue_frames([w.image, w.image], [w.codes, v]),
         "camera refresh": lambda v: w.camera.enqueue_frame(w.image, w.codes, refresh=v),
         "phase mask": lambda v: w.phase.enqueue_refresh(0, v),
         "phase field": lambda v: w.phase.enqueue_field(0, v),

@@ -146,6 +146,28 @@ def test_bare_buffers_have_the_size_of_the_argument(
         np.testing.assert_array_equal(device_camera.render(source, frame_index=0), expected)
 
 
+def test_several_frames_in_one_call(cl_queue: Any, device_camera: Any, shared: clspeckle.Context, ideal: Any) -> None:
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[4:9] = 1
+    on_device = [clspeckle.DeviceImage.from_array(image, context=shared) for image in (ideal, 0.5 * ideal, ideal)]
+    refresh = clspeckle.DeviceImage.from_array(mask, context=shared)
+    scenes = [on_device[0], clspeckle.Frame(on_device[1], refresh="all"), clspeckle.Frame(on_device[2], refresh=refresh)]
+    given = [clspeckle.Frame(0.5 * ideal, "all"), clspeckle.Frame(ideal, mask)]
+    expected = device_camera.render_batch([ideal, *given], first_frame_index=20, refresh="all")
+    outputs = [cl.array.empty(cl_queue, SHAPE, np.uint16) for _ in scenes]
+    device_camera.enqueue_frames(scenes, outputs, first_frame_index=20, refresh="all").wait()
+    for index, result in enumerate(outputs):
+        np.testing.assert_array_equal(result.get(cl_queue), expected[index], str(index))
+    assert device_camera.next_frame_index == 23
+    with pytest.raises(errors.InvalidArgumentError, match=r"frames\[1\].*overlap"):
+        device_camera.enqueue_frames([on_device[0], on_device[1]], [outputs[0], on_device[1].memory])
+    with pytest.raises(errors.InvalidArgumentError, match="2 scenes and 1 outputs"):
+        device_camera.enqueue_frames(on_device[:2], outputs[:1])
+    with pytest.raises(errors.InvalidArgumentError, match="0 scenes"):
+        device_camera.enqueue_frames([], [])
+    assert device_camera.next_frame_index == 23
+
+
 def test_raw_handles(cl_context: Any, cl_queue: Any, device_camera: Any, ideal: Any, expected: Any) -> None:
     source = cl.Buffer(cl_context, cl.mem_flags.COPY_HOST_PTR, hostbuf=np.pad(ideal, ((0, 0), (2, 3))))
     target = cl.Buffer(cl_context, cl.mem_flags.READ_WRITE, expected.nbytes)

@@ -1028,6 +1028,13 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
         out.finish(clspPipelineEnqueueFrame(handle_, queue, &frame, detail::count(wait_list), detail::data(wait_list),
                                             out.get()));
     }
+    /** Renders frames one after the other; if one of them is refused, none is enqueued. */
+    void enqueue_frames(cl_command_queue queue, const std::vector<ClspFrame> &frames,
+                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::EventOut out(event);
+        out.finish(clspPipelineEnqueueFrames(handle_, queue, static_cast<std::uint32_t>(frames.size()), frames.data(),
+                                             detail::count(wait_list), detail::data(wait_list), out.get()));
+    }
     /** Renders a frame like the ones to come and waits: programs and FFT plans are warm after it. Writes the frame's
      *  output; leaves the phase state as it was. */
     void warm_up(cl_command_queue queue, const ClspFrame &frame) const {

@@ -1351,6 +1351,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPipelineRelease": (_HANDLE,),
     "clspFrameInit": _init(ClspFrame),
     "clspPipelineEnqueueFrame": (_HANDLE, _HANDLE, POINTER(ClspFrame), *_WAIT),
+    "clspPipelineEnqueueFrames": (_HANDLE, _HANDLE, c_uint32, POINTER(ClspFrame), *_WAIT),
     "clspPipelineWarmUp": (_HANDLE, _HANDLE, POINTER(ClspFrame)),
     "clspPipelineCheck": (_HANDLE, _HANDLE),
     "clspPipelineGetTimings": (_HANDLE, c_uint32, POINTER(ClspStageTiming), POINTER(c_uint32)),

@@ -583,16 +583,78 @@ class Pipeline(Handle):
         A frame waits for the one before it by itself, on any queue. The output must not overlap an input.
         """
         with exclusive(self, also=self._stages):
-            if scene is not None and not isinstance(scene, Geometry):
-                scene = device_image(scene, "scene", self.shape, FLOAT32, self.context)
-            if refresh is not None and not isinstance(refresh, str):
-                refresh = device_image(refresh, "refresh", self.shape, UINT8, self.context)
-            if material is not None:
-                material = device_image(material, "material", self.shape, UINT8, self.context)
-            default = UINT16 if self.sensor is not None else FLOAT32
-            image = device_image(output, "output", self.shape, default, self.context)
-            given = Frame(scene, refresh, frame_index, motion, material, illumination)
+            given, image = self._on_device(
+                Frame(scene, refresh, frame_index, motion, material, illumination), output, "output"
+            )
             return self._enqueue(given, image, self._staging, queue, wait_for, device_only=True)
+
+    def enqueue_frames(
+        self,
+        scenes: Sequence[DeviceImageLike | Geometry | Frame | None],
+        outputs: Sequence[DeviceImageLike],
+        *,
+        refresh: str | DeviceImageLike | None = None,
+        first_frame_index: int | None = None,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Several :meth:`enqueue_frame` in one call, one frame after the other, each into an output of its own. If one of
+        them is refused, none is enqueued, and the message says which.
+
+        Args:
+            scenes: device images, geometries, or :class:`Frame` of device memory where a frame brings more.
+            outputs: as many.
+            refresh: of frames that bring none.
+            first_frame_index: None: :attr:`next_frame_index`; the following ones count up.
+
+        Returns:
+            The event of the last frame.
+        """
+        if len(scenes) != len(outputs) or not len(scenes):
+            raise errors.InvalidArgumentError(
+                f"{len(scenes)} scenes and {len(outputs)} outputs were given, expected as many of each, and one at least"
+            )
+        with exclusive(self, also=self._stages):
+            before = self._next_frame_index
+            if first_frame_index is not None:
+                self._next_frame_index = _check.integer(first_frame_index, "first_frame_index", 48)
+            operands, structs = Operands(), []
+            try:
+                for index, (scene, output) in enumerate(zip(scenes, outputs, strict=True)):
+                    frame = scene if isinstance(scene, Frame) else Frame(scene)
+                    if frame.refresh is None:
+                        frame = dataclasses.replace(frame, refresh=refresh)
+                    given, image = self._on_device(frame, output, f"outputs[{index}]")
+                    structs.append(self._frame(given, image, self._staging, queue, operands, device_only=True))
+                    self._next_frame_index = min(structs[-1].frame_index + 1, 2**48 - 1)
+                array = (_library.ClspFrame * len(structs))(*structs)
+                event = operands.enqueue(
+                    "clspPipelineEnqueueFrames",
+                    self._get(),
+                    queue_pointer(queue, self.context),
+                    len(structs),
+                    array,
+                    wait_for=wait_for,
+                    after=self._last,
+                )
+            except BaseException:
+                self._next_frame_index = before
+                raise
+            self._last = event
+            return event
+
+    def _on_device(self, frame: Frame, output: DeviceImageLike, name: str) -> tuple[Frame, DeviceImage]:
+        """The frame with its images as device images, and where it goes."""
+        scene, refresh, material = frame.scene, frame.refresh, frame.material
+        if scene is not None and not isinstance(scene, Geometry):
+            scene = device_image(scene, "scene", self.shape, FLOAT32, self.context)
+        if refresh is not None and not isinstance(refresh, str):
+            refresh = device_image(refresh, "refresh", self.shape, UINT8, self.context)
+        if material is not None:
+            material = device_image(material, "material", self.shape, UINT8, self.context)
+        default = UINT16 if self.sensor is not None else FLOAT32
+        image = device_image(output, name, self.shape, default, self.context)
+        return dataclasses.replace(frame, scene=scene, refresh=refresh, material=material), image
 
     def _frame(
         self,
