@@ -1,21 +1,28 @@
 // Pass C of the fused speckle engine: STRIPS times LANES columns at once from the kept lines back to the image plane, and the intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   STRIPS n        strips of LANES columns side by side, as in pass A
+//   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
+#if SENSOR
+#include "sensor_lanes.h"
+#else
 #include "fused_lanes.h"
+#endif
 
 #define FFT_TILE __local
 #define FFT_STRIPS STRIPS
 #define FFT_INPUT(strip, p, re, im)
-#if OVERSAMPLING == 1
+#if OVERSAMPLING == 1 && !SENSOR
 #define FFT_OUTPUT(strip, p, re, im) store_power(&images[strip], p, fma(re, re, (im) * (im)))
 #else
-// The powers stay in the tile until all of a pixel's samples are there.
+// The powers stay in the tile until all of a pixel's samples are there, or all four pixels that share their random numbers.
 #define FFT_OUTPUT(strip, p, re, im) tile[2u * (p)] = fma(re, re, (im) * (im))
 #endif
 
 typedef struct {
+#if !SENSOR
     __global float *intensity;
     uint pitch;
+#endif
     __global const float *before;
     uint before_pitch;
     int adds;
@@ -24,6 +31,7 @@ typedef struct {
     float weight;
 } image_t;
 
+#if !SENSOR
 // One row of the strip.
 static inline void store_power(const image_t *image, uint y, lanes_f power) {
     if (y >= image->height)
@@ -45,6 +53,7 @@ static inline void store_power(const image_t *image, uint y, lanes_f power) {
         image->intensity[at + lane] = values[lane];
     }
 }
+#endif
 
 #include "fused_codelets.h"
 
@@ -54,16 +63,22 @@ static inline void store_power(const image_t *image, uint y, lanes_f power) {
 __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_width, __global const float *twiddles,
                                     __global const uint *positions, uint groups, __global const uint *blocks, float weight,
                                     uint adds, __global const float *before, ulong before_offset, uint before_pitch,
-                                    __global float *intensity, ulong intensity_offset, uint intensity_pitch, uint width, uint height,
-                                    __local lanes_f *tiles) {
+#if SENSOR
+                                    SENSOR_PARAMETERS,
+#else
+                                    __global float *intensity, ulong intensity_offset, uint intensity_pitch,
+#endif
+                                    uint width, uint height, __local lanes_f *tiles) {
     if (get_global_id(0) * STRIPS * LANES >= OVERSAMPLING * width)
         return;
     image_t images[STRIPS];
     for (uint strip = 0; strip < STRIPS; ++strip) {
         image_t image;
         const uint x = (get_global_id(0) * STRIPS + strip) * LANES;
+#if !SENSOR
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
+#endif
         image.before = before + before_offset;
         image.before_pitch = before_pitch;
         image.adds = adds != 0;
@@ -109,7 +124,26 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
         }
     }
     fft_inverse_last
-#if OVERSAMPLING > 1
+#if SENSOR
+    const camera_t camera = SENSOR_CAMERA;
+    for (uint row = 0; row < sensor.quarter; ++row)
+        for (uint strip = 0; strip < STRIPS && images[strip].count > 0; ++strip) {
+            const image_t *image = &images[strip];
+            __local const lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
+            frame_noise_t noise;
+            draw_noise(&camera.s, image->x, row, &noise);
+#pragma unroll
+            for (uint j = 0; j < 4; ++j) {
+                const uint y = row + j * sensor.quarter;
+                if (y >= height)
+                    break;
+                lanes_f power = tile[2u * y] * image->weight;
+                if (image->adds)
+                    power += load_some(image->before + (ulong)y * image->before_pitch + image->x, image->count);
+                expose_lanes(&camera, image->x, image->count, y, j, &noise, signals_of(&camera.s, power));
+            }
+        }
+#elif OVERSAMPLING > 1
     for (uint y = 0; y < height; ++y)
         for (uint strip = 0; strip < STRIPS; ++strip) {
             const image_t *image = &images[strip];

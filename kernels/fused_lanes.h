@@ -20,7 +20,7 @@ typedef CLSP_JOIN(uint, LANES) lanes_u;
 #define as_lanes_i CLSP_JOIN(as_int, LANES)
 #define as_lanes_u CLSP_JOIN(as_uint, LANES)
 #define as_lanes_f CLSP_JOIN(as_float, LANES)
-// Products of 64 bits go in halves: they fill the registers that LANES floats fill.
+// Vectors of 64-bit numbers that fill the registers that LANES floats fill.
 #if LANES == 16
 #define HALF_LANES 8
 #elif LANES == 8
@@ -29,8 +29,7 @@ typedef CLSP_JOIN(uint, LANES) lanes_u;
 #define HALF_LANES 2
 #endif
 typedef CLSP_JOIN(ulong, HALF_LANES) half_ul;
-#define convert_half_u CLSP_JOIN(convert_uint, HALF_LANES)
-#define convert_half_ul CLSP_JOIN(convert_ulong, HALF_LANES)
+#define as_half_ul CLSP_JOIN(as_ulong, HALF_LANES)
 #define SPREAD(value) ((lanes_f)(value))
 
 typedef struct {
@@ -74,9 +73,12 @@ static inline void phasors_from_words(lanes_u word, lanes_complex *phasors) {
     phasors->im = as_lanes_f(im ^ as_lanes_i(quadrant << 30 & 0x80000000u));
 }
 
+// rint() of |a| < 2^22; what is larger stays as large. The built-in is a dozen instructions on PoCL.
+static inline lanes_f nearest(lanes_f a) { return (a + 0x1.8p23f) - 0x1.8p23f; }
+
 // exp(2 pi i turns) of |turns| up to some thousands.
 static inline void phasors_from_turns(lanes_f turns, lanes_complex *phasors) {
-    const lanes_f fraction = turns - rint(turns);
+    const lanes_f fraction = turns - nearest(turns);
     phasors_from_words(as_lanes_u(convert_lanes_i(fraction * 0x1p31f)) << 1, phasors);
 }
 
@@ -101,16 +103,19 @@ static inline lanes_f minus_logs(lanes_f u) {
     return -(fma(e, SPREAD(0.693145751953125f), t) + low);
 }
 
+// Even and odd words apart: each has its 64 bits where it lies, and no word moves to another place.
 static inline void multiply_words(lanes_u words, ulong factor, lanes_u *low, lanes_u *high) {
-    const half_ul first = convert_half_ul(words.lo) * factor, second = convert_half_ul(words.hi) * factor;
-    *low = (lanes_u)(convert_half_u(first), convert_half_u(second));
-    *high = (lanes_u)(convert_half_u(first >> 32), convert_half_u(second >> 32));
+    const half_ul pairs = as_half_ul(words);
+    const half_ul even = (pairs & 0xfffffffful) * factor, odd = (pairs >> 32) * factor;
+    *low = words * (uint)factor;
+    *high = as_lanes_u((even >> 32) | (odd & 0xffffffff00000000ul));
 }
 
 // image_block() of the columns x, x + 1 ..
 static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key, lanes_words4 *blocks) {
     lanes_u c0 = x + lane_numbers(), c1 = (lanes_u)(row), c2 = (lanes_u)(frame_low), c3 = (lanes_u)(stream | frame_high << 16);
     uint k0 = key.x, k1 = key.y;
+#pragma unroll
     for (int round = 0; round < 10; ++round) {
         lanes_u low0, high0, low1, high1;
         multiply_words(c0, 0xD2511F53ul, &low0, &high0);
@@ -127,6 +132,20 @@ static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_hig
     blocks->w1 = c1;
     blocks->w2 = c2;
     blocks->w3 = c3;
+}
+
+static inline void normals_from_pair(lanes_u radius, lanes_u turn, lanes_f *first, lanes_f *second) {
+    const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(radius)));
+    lanes_complex p;
+    phasors_from_words(turn, &p);
+    *first = r * p.re;
+    *second = r * p.im;
+}
+
+// The four normals that normals_from_block() makes of each block.
+static inline void normals_from_blocks(const lanes_words4 *blocks, lanes_f *normals) {
+    normals_from_pair(blocks->w0, blocks->w1, &normals[0], &normals[1]);
+    normals_from_pair(blocks->w2, blocks->w3, &normals[2], &normals[3]);
 }
 
 // The j-th of the four normals that normals_from_block() makes of each block.

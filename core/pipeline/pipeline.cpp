@@ -429,8 +429,14 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     stages_.aperture->prepare(*stages_.phase, exposure);
     exposure.screen = airflow_ ? &airflow_->screen() : nullptr;
     exposure.moves_image = parameters_.vibration_rms_px > 0.0;
+    if (exposes_in_last_pass())
+        exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
     stages_.aperture->prepare(*stages_.phase, exposure);
     return images;
+}
+
+bool Pipeline::exposes_in_last_pass() const {
+    return stages_.sensor && !(stages_.lens && stages_.lens->finishes()) && stages_.aperture->exposes(*stages_.sensor);
 }
 
 struct Pipeline::Surface {
@@ -573,6 +579,8 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
             phase.enqueue_advance(chain, frame.frame_index, step);
             exposure.adds = true;
         }
+        if (i + 1 == count && exposes_in_last_pass())
+            exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
         stages_.aperture->enqueue_intensity(chain, phase, irradiance, images.light, exposure);
     }
 }
@@ -600,7 +608,7 @@ void Pipeline::enqueue_checked(CommandChain &chain, const Frame &frame, const Ch
         stages_.lens->enqueue_finish(chain, light, out, frame.illumination == Illumination::kDark);
         light = out;
     }
-    if (stages_.sensor)
+    if (stages_.sensor && !(frame.illumination == Illumination::kLaser && exposes_in_last_pass()))
         stages_.sensor->enqueue_expose(chain, light, frame.frame_index, images.output);
 }
 

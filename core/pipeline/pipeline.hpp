@@ -123,6 +123,8 @@ class Pipeline {
     void allocate();
     Checked check_frame(const Frame &frame);
     void enqueue_checked(CommandChain &chain, const Frame &frame, const Checked &images);
+    // The laser's frames get their codes in the aperture's last pass, not in a command of the sensor's.
+    bool exposes_in_last_pass() const;
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
     struct Surface; // what became of the surface since the last frame
     Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);

@@ -185,7 +185,8 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
     if (decision_.engine) {
-        decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image);
+        decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image,
+                                  exposure.exposed ? &*exposure.exposed : nullptr);
         return;
     }
     field.prepare(phase, exposure.screen != nullptr);
@@ -359,7 +360,11 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             const bool adds = pass > 0 || exposure.adds;
             const ImageView &out = pass + 1 == passes ? intensity : partial;
             if (decision_.engine && !sample_powers_) {
-                decision_.engine->enqueue_intensity(chain, field_, weight, adds ? partial : ImageView{}, out);
+                const ImageView before = adds ? partial : ImageView{};
+                if (exposure.exposed && pass + 1 == passes)
+                    decision_.engine->enqueue_exposed(chain, field_, weight, before, *exposure.exposed);
+                else
+                    decision_.engine->enqueue_intensity(chain, field_, weight, before, out);
                 continue;
             }
             if (decision_.engine) {

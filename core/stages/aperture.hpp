@@ -41,6 +41,8 @@ struct Exposure {
     double shift_x_px = 0.0, shift_y_px = 0.0;
     bool moves_image = false;           // the shift counts
     bool adds = false;                  // to what the intensity image holds
+    // What a sensor makes of the sum, in the place of the intensity; only of a sensor that the aperture exposes().
+    std::optional<ExposedFrame> exposed;
 };
 
 class Aperture {
@@ -76,6 +78,8 @@ class Aperture {
     }
     // Builds what such frames need, before their first command.
     void prepare(const Phase &phase, const Exposure &exposure);
+    // The last pass over the frame can make the sensor's codes.
+    bool exposes(const Sensor &sensor) const { return decision_.engine && decision_.engine->exposes(sensor); }
     // irradiance and intensity may be the same pixels, unless several fields are added (laser lines, materials, Exposure::adds).
     void enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                            const ImageView &intensity, const Exposure &exposure = {});

@@ -8,12 +8,14 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/engine.hpp"
+#include "runtime/error.hpp"
 #include "runtime/fused_group_codelets.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
+#include "stages/sensor.hpp"
 
 #include <array>
 #include <cstdint>
@@ -24,6 +26,13 @@
 
 namespace clsp {
 
+// A frame of a sensor that pass C makes in the place of the intensity.
+struct ExposedFrame {
+    Sensor *sensor = nullptr;
+    std::uint64_t frame_index = 0;
+    ImageView output;
+};
+
 class FusedEngine {
   public:
     virtual ~FusedEngine() = default;
@@ -33,8 +42,12 @@ class FusedEngine {
     // Pass C writes |V|^2 of every sample of the grid instead of pixels.
     virtual bool leaves_sample_powers() const = 0;
 
-    // Builds what such frames need; nothing is built later.
-    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) = 0;
+    // Pass C can make the sensor's frames.
+    virtual bool exposes(const Sensor &) const { return false; }
+
+    // Builds what such frames need; nothing is built later. exposed: nullptr for the intensity.
+    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
+                         const ExposedFrame *exposed) = 0;
 
     // A: from the irradiance to the kept lines.
     virtual void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
@@ -46,6 +59,11 @@ class FusedEngine {
     // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels.
     virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
                                    const ImageView &intensity) = 0;
+    // C with the sensor behind it, of an engine that exposes().
+    virtual void enqueue_exposed(CommandChain &, const cl::Buffer & /* lines */, double /* weight */,
+                                 const ImageView & /* before */, const ExposedFrame &) {
+        throw Error(Status::kInternal, "this engine exposes no sensor");
+    }
 };
 
 struct FusedRequest {

@@ -35,7 +35,11 @@ class FusedLanes final : public FusedEngine {
 
     std::uint64_t lines_bytes() const override;
     bool leaves_sample_powers() const override { return sample_powers_; }
-    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) override;
+    bool exposes(const Sensor &sensor) const override {
+        return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_lanes();
+    }
+    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
+                 const ExposedFrame *exposed) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                        std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
@@ -43,6 +47,8 @@ class FusedLanes final : public FusedEngine {
                        const std::optional<std::array<double, 2>> &shift) override;
     void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
                            const ImageView &intensity) override;
+    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                         const ExposedFrame &exposed) override;
 
   private:
     std::size_t column_items(std::uint32_t columns) const {
@@ -50,6 +56,11 @@ class FusedLanes final : public FusedEngine {
     }
     cl::Kernel &columns_kernel(const std::string &field_options);
     cl::Kernel &rows_kernel(bool shifted);
+    cl::Kernel &exposed_kernel(Format output);
+    // Those of pass C up to the image before it.
+    KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, double weight, bool adds,
+                                      const ImageView &before);
+    void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments);
     void make_tables(const Pupil &pupil, bool every_line);
 
     std::shared_ptr<Context> context_;
@@ -67,6 +78,7 @@ class FusedLanes final : public FusedEngine {
     DeviceBuffer pupil_;
     DeviceBuffer frequencies_, line_frequencies_;
     std::map<std::string, cl::Kernel> columns_;
+    std::map<Format, cl::Kernel> exposed_; // by output format
     cl::Kernel rows_, shifted_rows_, inverse_;
 };
 
@@ -98,7 +110,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
     inverse_ = context_->kernel(
         "fused_columns_inverse.cl", "fused_columns_inverse",
-        fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING={}", lanes_, strips_, pixel_samples_), &column_codelets_);
+        fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING={} -DSENSOR=0", lanes_, strips_, pixel_samples_), &column_codelets_);
     rows_kernel(false);
 }
 
@@ -177,7 +189,23 @@ cl::Kernel &FusedLanes::rows_kernel(bool shifted) {
     return kernel;
 }
 
-void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted) {
+cl::Kernel &FusedLanes::exposed_kernel(Format output) {
+    const auto found = exposed_.find(output);
+    if (found != exposed_.end())
+        return found->second;
+    return exposed_
+        .emplace(output,
+                 context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
+                                  fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}",
+                                              lanes_, strips_, static_cast<std::uint32_t>(output)),
+                                  &column_codelets_))
+        .first->second;
+}
+
+void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
+                         const ExposedFrame *exposed) {
+    if (exposed)
+        exposed_kernel(exposed->output.format);
     for (std::size_t line = 0; line < field.lines().size(); ++line)
         columns_kernel(field.options(phase, line, with_screen));
     rows_kernel(shifted);
@@ -212,23 +240,41 @@ void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
     chain.run("pupil", kernel, groups_, 1, 1, 1);
 }
 
-void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
-                                   const ImageView &intensity) {
-    KernelArguments(inverse_)
-        .add(lines)
+KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, double weight, bool adds,
+                                              const ImageView &before) {
+    KernelArguments arguments(kernel);
+    arguments.add(lines)
         .add(cl_uint{grid_.grid_width})
         .add(column_twiddles_.get())
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
         .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
-        .add(cl_uint{before ? 1u : 0u})
-        .add(before ? before : intensity)
-        .add(intensity)
-        .add(cl_uint{grid_.width})
+        .add(cl_uint{adds ? 1u : 0u})
+        .add(before);
+    return arguments;
+}
+
+void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments) {
+    arguments.add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
         .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
-    chain.run("inverse_fft", inverse_, column_items(grid_.width * pixel_samples_), 1, 1, 1);
+    chain.run("inverse_fft", kernel, column_items(grid_.width * pixel_samples_), 1, 1, 1);
+}
+
+void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                                   const ImageView &intensity) {
+    KernelArguments arguments = inverse_arguments(inverse_, lines, weight, bool(before), before ? before : intensity);
+    enqueue_inverse(chain, inverse_, arguments.add(intensity));
+}
+
+void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+                                 const ExposedFrame &exposed) {
+    cl::Kernel &kernel = exposed_kernel(exposed.output.format);
+    KernelArguments arguments =
+        inverse_arguments(kernel, lines, weight, bool(before), before ? before : exposed.output);
+    exposed.sensor->add_lanes_arguments(arguments, exposed.frame_index, exposed.output);
+    enqueue_inverse(chain, kernel, arguments);
 }
 
 } // namespace

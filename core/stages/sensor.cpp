@@ -2,8 +2,9 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/kernel_arguments.hpp"
+#include "runtime/fused_device.hpp"
 #include "stages/philox.hpp"
+#include "stages/sensor_lanes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -170,6 +171,7 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
     make_fixed_pattern();
     if (p.lag_fraction > 0.0)
         lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * sizeof(float));
+    in_lanes_ = clsp::works_in_lanes(*context_);
 }
 
 void Sensor::make_fixed_pattern() {
@@ -240,8 +242,13 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     if (found != kernels_.end())
         return found->second;
     const SensorParameters &p = parameters_;
-    const bool quantize = p.quantize || output != Format::kFloat32;
     std::string options = fmt::format("-DOUTPUT_FORMAT={}", static_cast<std::uint32_t>(output));
+    if (in_lanes_)
+        return kernels_
+            .emplace(output, context_->kernel("sensor_lanes.cl", "sensor_expose_lanes",
+                                              fmt::format("{} -DLANES={}", options, fused_lanes(*context_))))
+            .first->second;
+    const bool quantize = p.quantize || output != Format::kFloat32;
     const auto define = [&](const char *name, bool on) { options += fmt::format(" -D{}={}", name, on ? 1 : 0); };
     define("WHOLE_QUARTERS", p.height % 4 == 0);
     define("READ_NOISE", p.read_noise_dn > 0.0);
@@ -289,10 +296,14 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
     }
     const SensorParameters &p = parameters_;
     cl::Kernel &kernel = kernel_for(output.format);
-    const double full = top_code_of(p), step = code_step_of(p);
-    const bool quantize = p.quantize || output.format != Format::kFloat32;
-    const double top_code = quantize ? full + 1.0 - step : full; // the largest code that occurs
     const std::uint32_t quarter = quarter_rows(p.height);
+    if (in_lanes_) {
+        KernelArguments arguments(kernel);
+        add_lanes_arguments(arguments.add(intensity), frame_index, output);
+        chain.run("sensor", kernel, quarter, 1, 1, 1);
+        return;
+    }
+    const double full = top_code_of(p), step = code_step_of(p);
     const auto real = [](double value) { return static_cast<cl_float>(value); };
     KernelArguments(kernel)
         .add(intensity)
@@ -311,7 +322,7 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         .add(real(p.saturation_dn))
         .add(real(p.black_level_dn))
         .add(real(p.read_noise_dn))
-        .add(real(top_code))
+        .add(real(top_code(output.format)))
         .add(real(p.float_full_scale / full))
         .add(real(p.crosstalk_fraction))
         .add(real(p.mosaic_gain[0]))
@@ -332,6 +343,61 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         .add(real(1.0 / step))
         .add(output);
     chain.run("sensor", kernel, p.width, quarter);
+    lag_started_ = bool(lag_state_);
+}
+
+// The largest number that occurs.
+double Sensor::top_code(Format output) const {
+    const double full = top_code_of(parameters_);
+    return parameters_.quantize || output != Format::kFloat32 ? full + 1.0 - code_step_of(parameters_) : full;
+}
+
+void Sensor::add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) {
+    const SensorParameters &p = parameters_;
+    const auto real = [](double value) { return static_cast<cl_float>(value); };
+    const auto on = [](bool is_on, SensorSwitch which) { return is_on ? cl_uint{which} : 0u; };
+    const double full = top_code_of(p), step = code_step_of(p);
+    SensorConstants c;
+    c.switches = on(p.read_noise_dn > 0.0, kSensorReadNoise) | on(p.shot_noise, kSensorShotNoise) |
+                 on(p.row_noise_dn > 0.0, kSensorRowNoise) | on(p.column_noise_dn > 0.0, kSensorColumnNoise) |
+                 on(has_mosaic(p), kSensorMosaic) | on(p.gamma != 1.0, kSensorGamma) |
+                 on(!lag_started_, kSensorLagFirst) |
+                 on(p.quantize || output.format != Format::kFloat32, kSensorQuantize) |
+                 on(p.crosstalk_fraction > 0.0, kSensorCrosstalk);
+    c.width = p.width;
+    c.height = p.height;
+    c.quarter = quarter_rows(p.height);
+    c.key_low = philox_key(p.seed).s[0];
+    c.key_high = philox_key(p.seed).s[1];
+    c.frame_low = frame_low(frame_index);
+    c.frame_high = frame_high(frame_index);
+    c.gain = real(p.exposure_gain_dn);
+    c.crosstalk = real(p.crosstalk_fraction);
+    for (int site = 0; site < 4; ++site)
+        c.mosaic[site] = real(p.mosaic_gain[site]);
+    c.dark_signal = real(dark_signal_of(p));
+    c.dn_per_electron = real(p.conversion_gain_dn_per_e);
+    c.electrons_per_dn = real(p.conversion_gain_dn_per_e > 0.0 ? 1.0 / p.conversion_gain_dn_per_e : 0.0);
+    c.saturation = real(p.saturation_dn);
+    c.lag = real(p.lag_fraction);
+    c.gamma = real(p.gamma);
+    c.gamma_full = real(full);
+    c.gamma_scale = real(1.0 / full);
+    c.black_level = real(p.black_level_dn);
+    c.read_noise = real(p.read_noise_dn);
+    c.row_noise = real(p.row_noise_dn);
+    c.column_noise = real(p.column_noise_dn);
+    c.code_step = real(step);
+    c.steps_per_dn = real(1.0 / step);
+    c.top_code = real(top_code(output.format));
+    c.output_scale = real(p.float_full_scale / full);
+    arguments.add(c)
+        .add(offset_.get())
+        .add(response_.get())
+        .add(pixel_gain_.get())
+        .add(read_noise_map_.get())
+        .add(lag_state_.get())
+        .add(output);
     lag_started_ = bool(lag_state_);
 }
 

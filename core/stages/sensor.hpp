@@ -4,6 +4,7 @@
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/image_view.hpp"
+#include "runtime/kernel_arguments.hpp"
 
 #include <array>
 #include <cstdint>
@@ -68,17 +69,23 @@ class Sensor {
     ImageView check_output(const ImageDescription &output);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
+    // Whether kernels/sensor_lanes.h makes this sensor's frames from each pixel's intensity alone, on this device.
+    bool exposes_lanes() const { return in_lanes_ && parameters_.crosstalk_fraction == 0.0; }
+    // SENSOR_PARAMETERS there, for a kernel that makes the next frame.
+    void add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output);
     void enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb);
 
   private:
     void make_fixed_pattern();
     cl::Kernel &kernel_for(Format output);
+    double top_code(Format output) const;
 
     std::shared_ptr<Context> context_;
     SensorParameters parameters_;
     std::vector<float> dark_frame_;                                            // tightly packed; empty without one
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
     bool lag_started_ = false;
+    bool in_lanes_ = false;
     std::map<Format, cl::Kernel> kernels_;          // by output format
     std::map<Format, cl::Kernel> demosaic_kernels_; // by input format
 };

@@ -64,6 +64,96 @@ TEST_F(Sensor, DescInit) {
     EXPECT_EQ(0u, desc.effective_bits);
 }
 
+// Devices that work in lanes have a kernel of their own (sensor_lanes.h); CLSPECKLE_FFT=clfft takes the other.
+TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
+    struct Size {
+        std::uint32_t width, height;
+    };
+    constexpr std::size_t kMost = 83 * 41;
+    std::vector<float> dark_frame(kMost);
+    for (std::size_t i = 0; i < kMost; ++i)
+        dark_frame[i] = 0.25f * static_cast<float>(i % 37) - 3.0f;
+    using Change = std::function<void(ClspSensorDesc &)>;
+    const Change everything = [](ClspSensorDesc &d) {
+        d.conversion_gain_dn_per_e = 0.5;
+        d.shot_noise = 1;
+        d.full_well_e = 1500;
+        d.crosstalk_fraction = 0.1;
+        d.prnu = 0.02;
+        d.mosaic_gain[0] = 0.9;
+        d.mosaic_gain[1] = 0.8;
+        d.mosaic_gain[2] = 1.1;
+        d.dark_current_e_per_s = 300;
+        d.lag_fraction = 0.2;
+        d.gamma = 0.9;
+        d.dsnu_dn = d.column_offset_dn = d.row_noise_dn = d.column_noise_dn = 2;
+        d.read_noise_spread = 0.3;
+        d.hot_pixel_fraction = d.cold_pixel_fraction = 0.02;
+        d.effective_bits = 8;
+    };
+    const std::pair<const char *, Change> changes[] = {
+        {"nothing", [](ClspSensorDesc &d) { d.read_noise_dn = 0; }},
+        {"read noise", [](ClspSensorDesc &) {}},
+        {"saturation", [](ClspSensorDesc &d) { d.saturation_dn = 300; }},
+        {"shot noise", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 0.5, d.shot_noise = 1; }},
+        {"few electrons", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 60, d.shot_noise = 1; }},
+        {"crosstalk", [](ClspSensorDesc &d) { d.crosstalk_fraction = 0.3; }},
+        {"mosaic", [](ClspSensorDesc &d) { d.mosaic_gain[0] = 0.5, d.mosaic_gain[1] = 0.7, d.mosaic_gain[3] = 1.2; }},
+        {"prnu", [](ClspSensorDesc &d) { d.prnu = 0.1; }},
+        {"cold pixels", [](ClspSensorDesc &d) { d.cold_pixel_fraction = 0.1; }},
+        {"lag", [](ClspSensorDesc &d) { d.lag_fraction = 0.4; }},
+        {"gamma", [](ClspSensorDesc &d) { d.gamma = 0.45; }},
+        {"row noise alone", [](ClspSensorDesc &d) { d.read_noise_dn = 0, d.row_noise_dn = 3; }},
+        {"column noise alone", [](ClspSensorDesc &d) { d.read_noise_dn = 0, d.column_noise_dn = 3; }},
+        {"dark frame", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark_frame.data(); }},
+        {"not quantized", [](ClspSensorDesc &d) { d.quantize = 0; }},
+        {"few bits", [](ClspSensorDesc &d) { d.effective_bits = 6; }},
+        {"everything", everything},
+    };
+    setenv("CLSPECKLE_FFT", "clfft", 1); // contexts read it when they are made
+    const clspeckle::Context scalar;
+    setenv("CLSPECKLE_FFT", "fused-lanes", 1);
+    const clspeckle::Context lanes;
+    unsetenv("CLSPECKLE_FFT");
+    for (const Size size : {Size{83, 41}, {5, 3}}) { // not whole vectors, not whole quarters
+        const std::size_t pixels = std::size_t{size.width} * size.height;
+        std::vector<float> intensity(pixels);
+        for (std::size_t i = 0; i < pixels; ++i)
+            intensity[i] = 3.0f * static_cast<float>(i * 7 % 101) / 101.0f - 0.05f;
+        intensity[0] = std::numeric_limits<float>::quiet_NaN();
+        intensity[1] = std::numeric_limits<float>::infinity();
+        for (const auto &[name, change] : changes)
+            for (const std::uint32_t format : {CLSP_FORMAT_UINT16, CLSP_FORMAT_FLOAT32, CLSP_FORMAT_UINT8}) {
+                if (format != CLSP_FORMAT_UINT16 && std::string(name) != "everything" && std::string(name) != "not quantized")
+                    continue; // every variant of the other kernel takes long to compile
+                const auto frames = [&](const clspeckle::Context &context) {
+                    auto desc = clspeckle::make<ClspSensorDesc>();
+                    desc.width = size.width;
+                    desc.height = size.height;
+                    desc.seed = 11;
+                    change(desc);
+                    if (format == CLSP_FORMAT_UINT8)
+                        desc.bits = 8;
+                    const clspeckle::Sensor sensor(context, desc);
+                    const clspeckle::Queue queue(context);
+                    const clspeckle::Buffer from(context, queue, intensity);
+                    const clspeckle::Buffer to(context, pixels * sizeof(float));
+                    std::vector<std::uint32_t> bits;
+                    for (std::uint64_t frame = 0; frame < 3; ++frame) {
+                        to.write(queue, std::vector<std::uint32_t>(pixels, 0));
+                        sensor.enqueue_expose(queue, from.image(size.width, size.height, CLSP_FORMAT_FLOAT32), (frame << 40) + frame,
+                                              to.image(size.width, size.height, format));
+                        std::vector<std::uint32_t> now(pixels);
+                        to.read(queue, now);
+                        bits.insert(bits.end(), now.begin(), now.end());
+                    }
+                    return bits;
+                };
+                EXPECT_EQ(frames(scalar), frames(lanes)) << name << ", " << size.width << " x " << size.height << ", format " << format;
+            }
+    }
+}
+
 TEST_F(Sensor, AnOlderCallersStructHasTheNewMembersOff) {
     auto desc = valid();
     desc.read_noise_dn = 3;

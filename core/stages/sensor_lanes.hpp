@@ -1,0 +1,32 @@
+// What kernels/sensor_lanes.h needs to know of a sensor.
+#pragma once
+
+#include "runtime/opencl.hpp"
+
+namespace clsp {
+
+// The same numbers as there.
+enum SensorSwitch : cl_uint {
+    kSensorReadNoise = 1,
+    kSensorShotNoise = 2,
+    kSensorRowNoise = 4,
+    kSensorColumnNoise = 8,
+    kSensorMosaic = 16,
+    kSensorGamma = 32,
+    kSensorLagFirst = 64,
+    kSensorQuantize = 128,
+    kSensorCrosstalk = 256,
+};
+
+// The same members as sensor_t there.
+struct SensorConstants {
+    cl_uint switches, width, height, quarter;
+    cl_uint key_low, key_high;
+    cl_uint frame_low, frame_high;
+    cl_float gain, crosstalk, mosaic[4], dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
+    cl_float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn,
+        top_code, output_scale;
+};
+static_assert(sizeof(SensorConstants) == 30 * 4, "only members of four bytes");
+
+} // namespace clsp
