@@ -3,6 +3,7 @@
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
 //   STRIPS n      strips of LANES columns side by side: rows are far apart in memory, and what a row brings should be used up
+//   POLARIZATIONS 2  both at once: the lines of the second lie behind those of the first
 //   PREFETCH n    rows that are asked for ahead; 0 for none
 //
 // Kept lines lie in groups of LANES, in the order in which the transform leaves them: point x of group g is a pair of vectors (re, im) at
@@ -11,7 +12,7 @@
 #include "fused_lanes.h"
 
 #define FFT_TILE __local
-#define FFT_STRIPS STRIPS
+#define FFT_STRIPS (STRIPS * POLARIZATIONS)
 #define FFT_INPUT(strip, p, re, im) illuminate(&sources[strip], p, &re, &im)
 #define FFT_OUTPUT(strip, p, re, im)
 
@@ -184,22 +185,22 @@ static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *i
 
 #include "fused_codelets.h"
 
-// positions: of each kept line in the transform, groups of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
+// positions: of each kept line in the transform, `groups` of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
 // blocks: for each block of the transform three numbers, of which the first counts the groups that are complete behind it.
 __kernel void fused_columns_forward(FIELD_PARAMETERS,
                                     __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
-                                    __global const uint *positions, __global const uint *blocks, __local lanes_f *tiles) {
+                                    __global const uint *positions, uint groups, __global const uint *blocks, __local lanes_f *tiles) {
     if (get_global_id(0) * STRIPS * LANES >= grid_width)
         return;
-    source_t sources[STRIPS];
-    for (uint strip = 0; strip < STRIPS; ++strip) {
+    source_t sources[FFT_STRIPS];
+    for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
         source_t source;
         source.state = state;
         source.samples = samples;
-        source.first = first;
+        source.first = first + strip / STRIPS * samples;
         source.grid_width = grid_width;
         source.grid_height = grid_height;
-        source.polarization = polarization;
+        source.polarization = polarization + strip / STRIPS;
         source.irradiance = irradiance + irradiance_offset;
         source.irradiance_pitch = irradiance_pitch;
         source.width = width;
@@ -225,7 +226,7 @@ __kernel void fused_columns_forward(FIELD_PARAMETERS,
         source.screen = screen;
 #endif
         source.bad = bad;
-        source.x = (get_global_id(0) * STRIPS + strip) * LANES;
+        source.x = (get_global_id(0) * STRIPS + strip % STRIPS) * LANES;
         source.count = source.x < grid_width ? min((uint)LANES, grid_width - source.x) : 0u;
         source.whole = source.count == LANES;
         source.direct = OVERSAMPLING == 1 && source.x + LANES <= width;
@@ -236,7 +237,10 @@ __kernel void fused_columns_forward(FIELD_PARAMETERS,
     }
 
     fft_forward_first
-    for (uint strip = 0; strip < STRIPS && sources[strip].count > 0; ++strip) {
+    for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
+        if (sources[strip].count == 0)
+            continue;
+        __global lanes_f *strip_lines = lines + 2 * (ulong)(strip / STRIPS * groups) * grid_width;
         const uint x = sources[strip].x, count = sources[strip].count;
         __local lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
         tile[2u * FFT_LENGTH] = tile[2u * FFT_LENGTH + 1u] = SPREAD(0.0f);
@@ -252,7 +256,7 @@ __kernel void fused_columns_forward(FIELD_PARAMETERS,
                 }
                 transpose_lanes(re);
                 transpose_lanes(im);
-                __global lanes_f *out = lines + 2 * ((ulong)group * grid_width + x);
+                __global lanes_f *out = strip_lines + 2 * ((ulong)group * grid_width + x);
                 if (count == LANES) {
                     for (uint l = 0; l < LANES; ++l) {
                         out[2u * l] = re[l];

@@ -1,6 +1,7 @@
 // Pass C of the fused speckle engine: STRIPS times LANES columns at once from the kept lines back to the image plane, and the intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   STRIPS n        strips of LANES columns side by side, as in pass A
+//   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
 //   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
 #include "sensor_lanes.h"
@@ -9,10 +10,17 @@
 #endif
 
 #define FFT_TILE __local
-#define FFT_STRIPS STRIPS
+#define FFT_STRIPS (STRIPS * POLARIZATIONS)
 #define FFT_INPUT(strip, p, re, im)
-#if OVERSAMPLING == 1 && !SENSOR
+#if OVERSAMPLING == 1 && !SENSOR && POLARIZATIONS == 1
 #define FFT_OUTPUT(strip, p, re, im) store_power(&images[strip], p, fma(re, re, (im) * (im)))
+#elif OVERSAMPLING == 1 && !SENSOR
+// The first polarization's power waits in its tile for the second's.
+#define FFT_OUTPUT(strip, p, re, im)                                                                                                    \
+    if (strip < STRIPS)                                                                                                                 \
+        tile[2u * (p)] = fma(re, re, (im) * (im));                                                                                      \
+    else                                                                                                                                \
+        store_powers(&images[strip - STRIPS], p, tiles[(strip - STRIPS) * FFT_TILE_VECTORS + 2u * (p)], fma(re, re, (im) * (im)))
 #else
 // The powers stay in the tile until all of a pixel's samples are there, or all four pixels that share their random numbers.
 #define FFT_OUTPUT(strip, p, re, im) tile[2u * (p)] = fma(re, re, (im) * (im))
@@ -28,31 +36,49 @@ typedef struct {
     int adds;
     uint x, count, height;
     int whole;
-    float weight;
+    float weight, second_weight;
 } image_t;
+
+// The image before this one at row y, or nothing.
+static inline lanes_f with_before(const image_t *image, uint y, lanes_f power) {
+    if (!image->adds)
+        return power;
+    __global const float *before = image->before + (ulong)y * image->before_pitch + image->x;
+    if (image->whole)
+        return power + vload_lanes(0, before);
+    float values[LANES];
+    for (uint lane = 0; lane < LANES; ++lane)
+        values[lane] = lane < image->count ? before[lane] : 0.0f;
+    return power + vload_lanes(0, values);
+}
+
+// What a pixel gets from the powers of its polarizations.
+static inline lanes_f weighted(const image_t *image, uint y, lanes_f first, lanes_f second) {
+    const lanes_f power = with_before(image, y, first * image->weight);
+#if POLARIZATIONS == 2
+    return second * image->second_weight + power;
+#else
+    return power;
+#endif
+}
 
 #if !SENSOR
 // One row of the strip.
-static inline void store_power(const image_t *image, uint y, lanes_f power) {
-    if (y >= image->height)
+static inline void store_powers(const image_t *image, uint y, lanes_f first, lanes_f second) {
+    if (y >= image->height || image->count == 0)
         return;
-    power *= image->weight;
-    const ulong at = (ulong)y * image->pitch + image->x;
-    const ulong before = (ulong)y * image->before_pitch + image->x;
+    const lanes_f power = weighted(image, y, first, second);
+    __global float *to = image->intensity + (ulong)y * image->pitch + image->x;
     if (image->whole) {
-        if (image->adds)
-            power += vload_lanes(0, image->before + before);
-        vstore_lanes(power, 0, image->intensity + at);
+        vstore_lanes(power, 0, to);
         return;
     }
     float values[LANES];
     vstore_lanes(power, 0, values);
-    for (uint lane = 0; lane < image->count; ++lane) {
-        if (image->adds)
-            values[lane] += image->before[before + lane];
-        image->intensity[at + lane] = values[lane];
-    }
+    for (uint lane = 0; lane < image->count; ++lane)
+        to[lane] = values[lane];
 }
+#define store_power(image, y, power) store_powers(image, y, power, SPREAD(0.0f))
 #endif
 
 #include "fused_codelets.h"
@@ -62,7 +88,7 @@ static inline void store_power(const image_t *image, uint y, lanes_f power) {
 // intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform takes long to compile.
 __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_width, __global const float *twiddles,
                                     __global const uint *positions, uint groups, __global const uint *blocks, float weight,
-                                    uint adds, __global const float *before, ulong before_offset, uint before_pitch,
+                                    float second_weight, uint adds, __global const float *before, ulong before_offset, uint before_pitch,
 #if SENSOR
                                     SENSOR_PARAMETERS,
 #else
@@ -72,9 +98,9 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
     if (get_global_id(0) * STRIPS * LANES >= OVERSAMPLING * width)
         return;
     image_t images[STRIPS];
-    for (uint strip = 0; strip < STRIPS; ++strip) {
+    for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
         image_t image;
-        const uint x = (get_global_id(0) * STRIPS + strip) * LANES;
+        const uint x = (get_global_id(0) * STRIPS + strip % STRIPS) * LANES;
 #if !SENSOR
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
@@ -87,10 +113,12 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
         image.height = height;
         image.whole = image.count == LANES;
         image.weight = weight;
-        images[strip] = image;
+        image.second_weight = second_weight;
+        images[strip % STRIPS] = image;
 
         __local lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
         const uint count = x < grid_width ? min((uint)LANES, grid_width - x) : 0u;
+        __global const lanes_f *strip_lines = lines + 2 * (ulong)(strip / STRIPS * groups) * grid_width;
         uint group = 0, other = 0;
         __global const uint *others = positions + groups * LANES;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {
@@ -100,7 +128,7 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
             }
             for (; group < blocks[3u * block + 1u]; ++group) {
                 lanes_f re[LANES], im[LANES];
-                __global const lanes_f *in = lines + 2 * ((ulong)group * grid_width + x);
+                __global const lanes_f *in = strip_lines + 2 * ((ulong)group * grid_width + x);
                 if (count == LANES) {
                     for (uint l = 0; l < LANES; ++l) {
                         re[l] = in[2u * l];
@@ -137,9 +165,7 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
                 const uint y = row + j * sensor.quarter;
                 if (y >= height)
                     break;
-                lanes_f power = tile[2u * y] * image->weight;
-                if (image->adds)
-                    power += load_some(image->before + (ulong)y * image->before_pitch + image->x, image->count);
+                const lanes_f power = weighted(image, y, tile[2u * y], tile[2u * y + (POLARIZATIONS - 1u) * STRIPS * FFT_TILE_VECTORS]);
                 expose_lanes(&camera, image->x, image->count, y, j, &noise, signals_of(&camera.s, power));
             }
         }
@@ -147,18 +173,26 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
     for (uint y = 0; y < height; ++y)
         for (uint strip = 0; strip < STRIPS; ++strip) {
             const image_t *image = &images[strip];
-            lanes_f sum = SPREAD(0.0f);
-            for (uint i = 0; i < OVERSAMPLING; ++i)
-                sum += tiles[strip * FFT_TILE_VECTORS + 2u * (OVERSAMPLING * y + i)];
-            float samples[LANES];
-            vstore_lanes(sum, 0, samples);
+            float samples[POLARIZATIONS][LANES];
+            for (uint k = 0; k < POLARIZATIONS; ++k) {
+                lanes_f sum = SPREAD(0.0f);
+                for (uint i = 0; i < OVERSAMPLING; ++i)
+                    sum += tiles[(k * STRIPS + strip) * FFT_TILE_VECTORS + 2u * (OVERSAMPLING * y + i)];
+                vstore_lanes(sum, 0, samples[k]);
+            }
             for (uint pixel = 0; pixel < image->count; ++pixel) {
                 float value = 0.0f;
-                for (uint i = 0; i < OVERSAMPLING; ++i)
-                    value += samples[OVERSAMPLING * pixel + i];
-                value *= weight;
-                if (image->adds)
-                    value += image->before[(ulong)y * before_pitch + image->x + pixel];
+                for (uint k = 0; k < POLARIZATIONS; ++k) {
+                    float power = 0.0f;
+                    for (uint i = 0; i < OVERSAMPLING; ++i)
+                        power += samples[k][OVERSAMPLING * pixel + i];
+                    power *= k == 0 ? weight : second_weight;
+                    if (k > 0)
+                        power += value;
+                    else if (image->adds)
+                        power += image->before[(ulong)y * before_pitch + image->x + pixel];
+                    value = power;
+                }
                 image->intensity[(ulong)y * intensity_pitch + image->x + pixel] = value;
             }
         }

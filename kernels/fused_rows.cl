@@ -54,8 +54,8 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 
 #include "fused_codelets.h"
 
-// pupil: amplitude / samples of the field grid, in the order of positions, for each group of lines.
-__kernel void fused_rows(__global lanes_f *lines, uint groups, __global const float *twiddles, __global const lanes_f *pupil,
+// pupil: amplitude / samples of the field grid, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
+__kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles, __global const lanes_f *pupil,
 #if SHIFT
                          __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
 #endif
@@ -64,9 +64,10 @@ __kernel void fused_rows(__global lanes_f *lines, uint groups, __global const fl
     if (group >= groups)
         return;
     __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
-    pupil += (ulong)group * PUPIL_VECTORS * FFT_LENGTH;
+    const uint pupil_group = group % pupil_groups;
+    pupil += (ulong)pupil_group * PUPIL_VECTORS * FFT_LENGTH;
 #if SHIFT
-    const lanes_f row_turns = line_frequencies[group] * shift_y;
+    const lanes_f row_turns = line_frequencies[pupil_group] * shift_y;
 #endif
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)

@@ -83,7 +83,8 @@ void Aperture::configure(const ApertureParameters &p) {
         taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
     }
     FusedDecision decision =
-        decide_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0}, engine_choices(p));
+        decide_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0, p.degree_of_polarization < 1.0},
+                      engine_choices(p));
     const FusedEngine *fused = decision.engine.get();
     const bool sample_powers = fused && fused->leaves_sample_powers();
     if (!fused && !fft_)
@@ -337,20 +338,25 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     const bool weighs = field.weighs_polarizations();
     const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || weighs ? 2 : 1;
     const std::vector<LaserLine> &lines = field.lines();
-    const std::size_t passes = lines.size() * polarizations;
+    const std::uint32_t at_once = decision_.engine ? decision_.engine->polarizations() : 1;
+    const std::size_t passes = lines.size() * (polarizations / at_once);
     if (in_place && (exposure.adds || passes > (partial_() ? 2 : 1)))
         throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
     std::size_t pass = 0;
     for (std::size_t line = 0; line < lines.size(); ++line)
-        for (std::uint32_t k = 0; k < polarizations; ++k, ++pass) {
+        for (std::uint32_t k = 0; k < polarizations; k += at_once, ++pass) {
             enqueue_field(chain, phase, field, irradiance, exposure, k, line);
 
             // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material table
             // the field has these weights already. Where the output is the irradiance that the second field still needs,
             // the first sum waits in the work memory.
-            const double sign = k == 0 ? 1.0 : -1.0;
-            const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);
-            const auto weight = static_cast<cl_float>(share * lines[line].weight * exposure.gain);
+            const auto weight_of = [&](std::uint32_t polarization) {
+                const double sign = polarization == 0 ? 1.0 : -1.0;
+                const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);
+                return static_cast<cl_float>(share * lines[line].weight * exposure.gain);
+            };
+            const cl_float weight = weight_of(k);
+            const Weights weights{{weight, at_once == 2 ? weight_of(1) : 0.0f}};
             ImageView partial = intensity;
             if (in_place && passes > 1) {
                 partial.mem = partial_();
@@ -362,16 +368,16 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             if (decision_.engine && !sample_powers_) {
                 const ImageView before = adds ? partial : ImageView{};
                 if (exposure.exposed && pass + 1 == passes)
-                    decision_.engine->enqueue_exposed(chain, field_, weight, before, *exposure.exposed);
+                    decision_.engine->enqueue_exposed(chain, field_, weights, before, *exposure.exposed);
                 else
-                    decision_.engine->enqueue_intensity(chain, field_, weight, before, out);
+                    decision_.engine->enqueue_intensity(chain, field_, weights, before, out);
                 continue;
             }
             if (decision_.engine) {
                 ImageView powers;
                 powers.mem = scratch_();
                 powers.pitch = grid_.grid_width;
-                decision_.engine->enqueue_intensity(chain, field_, 1.0, {}, powers);
+                decision_.engine->enqueue_intensity(chain, field_, {{1.0, 0.0}}, {}, powers);
             }
             cl::Kernel &kernel = intensity_kernel(adds);
             KernelArguments arguments(kernel);

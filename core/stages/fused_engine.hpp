@@ -33,6 +33,8 @@ struct ExposedFrame {
     ImageView output;
 };
 
+using Weights = std::array<double, 2>;
+
 class FusedEngine {
   public:
     virtual ~FusedEngine() = default;
@@ -49,18 +51,22 @@ class FusedEngine {
     virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
                          const ExposedFrame *exposed) = 0;
 
-    // A: from the irradiance to the kept lines.
+    // How many polarizations the passes take at once: 1, or both.
+    virtual std::uint32_t polarizations() const { return 1; }
+
+    // A: from the irradiance to the kept lines. polarization: the first of polarizations().
     virtual void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                                std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
                                const cl::Buffer &bad_pixels) = 0;
     // B. shift: along x and y, in samples of the grid.
     virtual void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                                const std::optional<std::array<double, 2>> &shift) = 0;
-    // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels.
-    virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+    // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels. weights: of each of
+    // polarizations().
+    virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                                    const ImageView &intensity) = 0;
     // C with the sensor behind it, of an engine that exposes().
-    virtual void enqueue_exposed(CommandChain &, const cl::Buffer & /* lines */, double /* weight */,
+    virtual void enqueue_exposed(CommandChain &, const cl::Buffer & /* lines */, Weights,
                                  const ImageView & /* before */, const ExposedFrame &) {
         throw Error(Status::kInternal, "this engine exposes no sensor");
     }
@@ -69,6 +75,7 @@ class FusedEngine {
 struct FusedRequest {
     bool every_line = false;    // room for all lines, whatever the pupil
     bool sample_powers = false; // as in leaves_sample_powers(): for weights over samples
+    bool two_polarizations = false; // frames have both
 };
 
 // What became of a list of choices.

@@ -96,7 +96,7 @@ class FusedGroups final : public FusedEngine {
                        const cl::Buffer &bad_pixels) override;
     void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                        const std::optional<std::array<double, 2>> &shift) override;
-    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                            const ImageView &intensity) override;
 
   private:
@@ -230,14 +230,14 @@ void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
     rows.enqueue(chain, "pupil", kept_);
 }
 
-void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight,
+void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
                                     const ImageView &before, const ImageView &intensity) {
     KernelArguments(inverse_.kernel)
         .add(lines)
         .add(cl_uint{grid_.grid_width})
         .add(column_twiddles_.get())
         .add(slots_.get())
-        .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
+        .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
         .add(cl_uint{before ? 1u : 0u})
         .add(before ? before : intensity)
         .add(intensity)

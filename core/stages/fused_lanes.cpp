@@ -17,10 +17,24 @@
 namespace clsp {
 namespace {
 
-// Two strips of columns use up the cache lines of a row between them, if their tiles leave room for what passes by.
-std::uint32_t strips_of(const Context &context, std::uint32_t length, std::uint32_t lanes) {
+constexpr std::uint32_t kCacheLineBytes = 64;
+
+// What a work-item of the passes over columns takes at once.
+struct Tiles {
+    std::uint32_t polarizations, strips; // strips of columns, of each
+};
+
+// Tiles must leave room for what passes by. Both polarizations share what is read and written; strips of columns use up the cache lines of
+// a row between them, and are enough by themselves where both do not fit.
+Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes, bool two_polarizations) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    return 2 * fused_tile_bytes(length, lanes) <= local / 4 * 3 ? 2 : 1;
+    const auto fit = [&](std::uint32_t tiles) { return tiles * fused_tile_bytes(length, lanes) <= local / 4 * 3; };
+    const bool one_is_enough = lanes * sizeof(float) >= kCacheLineBytes;
+    if (two_polarizations && fit(4) && !one_is_enough)
+        return {2, 2};
+    if (two_polarizations && fit(2) && one_is_enough)
+        return {2, 1};
+    return {1, fit(2) ? 2u : 1u};
 }
 
 // How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
@@ -38,6 +52,7 @@ class FusedLanes final : public FusedEngine {
     bool exposes(const Sensor &sensor) const override {
         return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_lanes();
     }
+    std::uint32_t polarizations() const override { return tiles_.polarizations; }
     void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
                  const ExposedFrame *exposed) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
@@ -45,20 +60,27 @@ class FusedLanes final : public FusedEngine {
                        const cl::Buffer &bad_pixels) override;
     void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                        const std::optional<std::array<double, 2>> &shift) override;
-    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                            const ImageView &intensity) override;
-    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                          const ExposedFrame &exposed) override;
 
   private:
     std::size_t column_items(std::uint32_t columns) const {
-        return (columns + strips_ * lanes_ - 1) / (strips_ * lanes_);
+        return (columns + tiles_.strips * lanes_ - 1) / (tiles_.strips * lanes_);
+    }
+    // Tiles of the passes over columns.
+    std::uint64_t tiles_bytes() const {
+        return tiles_.polarizations * tiles_.strips * fused_tile_bytes(grid_.grid_height, lanes_);
+    }
+    std::string column_options() const {
+        return fmt::format("-DLANES={} -DSTRIPS={} -DPOLARIZATIONS={}", lanes_, tiles_.strips, tiles_.polarizations);
     }
     cl::Kernel &columns_kernel(const std::string &field_options);
     cl::Kernel &rows_kernel(bool shifted);
     cl::Kernel &exposed_kernel(Format output);
     // Those of pass C up to the image before it.
-    KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, double weight, bool adds,
+    KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before);
     void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments);
     void make_tables(const Pupil &pupil, bool every_line);
@@ -66,8 +88,8 @@ class FusedLanes final : public FusedEngine {
     std::shared_ptr<Context> context_;
     FieldGrid grid_;
     std::uint32_t lanes_;
-    std::uint32_t strips_; // of columns, side by side
     bool sample_powers_;
+    Tiles tiles_;
     std::uint32_t pixel_samples_; // along each axis, of what pass C writes
     FusedPlan row_plan_, column_plan_;
     ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
@@ -90,8 +112,8 @@ bool sums_pixels(std::uint32_t lanes, std::uint32_t oversampling) {
 FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
                        const FusedRequest &request)
     : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
-      strips_(strips_of(*context_, grid.grid_height, lanes_)),
       sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
+      tiles_(tiles_of(*context_, grid.grid_height, lanes_, request.two_polarizations && !sample_powers_)),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
       column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
                                                                      fused_codelets(row_plan_, lanes_)},
@@ -110,7 +132,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
     inverse_ = context_->kernel(
         "fused_columns_inverse.cl", "fused_columns_inverse",
-        fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING={} -DSENSOR=0", lanes_, strips_, pixel_samples_), &column_codelets_);
+        fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_), &column_codelets_);
     rows_kernel(false);
 }
 
@@ -162,7 +184,7 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
 }
 
 std::uint64_t FusedLanes::lines_bytes() const {
-    return std::uint64_t{capacity_groups_} * grid_.grid_width * lanes_ * 2 * sizeof(float);
+    return std::uint64_t{tiles_.polarizations} * capacity_groups_ * grid_.grid_width * lanes_ * 2 * sizeof(float);
 }
 
 cl::Kernel &FusedLanes::columns_kernel(const std::string &field_options) {
@@ -173,8 +195,8 @@ cl::Kernel &FusedLanes::columns_kernel(const std::string &field_options) {
         .emplace(
             field_options,
             context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
-                             fmt::format("{} -DLANES={} -DSTRIPS={} -DPREFETCH={} -DOVERSAMPLING={}", field_options,
-                                         lanes_, strips_, prefetch_rows(*context_), grid_.oversampling),
+                             fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, column_options(),
+                                         prefetch_rows(*context_), grid_.oversampling),
                              &column_codelets_))
         .first->second;
 }
@@ -196,8 +218,8 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
     return exposed_
         .emplace(output,
                  context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                                  fmt::format("-DLANES={} -DSTRIPS={} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}",
-                                              lanes_, strips_, static_cast<std::uint32_t>(output)),
+                                  fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}", column_options(),
+                                              static_cast<std::uint32_t>(output)),
                                   &column_codelets_))
         .first->second;
 }
@@ -221,8 +243,9 @@ void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &f
         .add(bad_pixels)
         .add(column_twiddles_.get())
         .add(positions_.get())
+        .add(cl_uint{groups_})
         .add(blocks_.get())
-        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
+        .add(cl::Local(tiles_bytes()));
     chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
 }
 
@@ -230,17 +253,18 @@ void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                                const std::optional<std::array<double, 2>> &shift) {
     cl::Kernel &kernel = rows_kernel(shift.has_value());
     KernelArguments arguments(kernel);
-    arguments.add(lines).add(cl_uint{groups_}).add(row_twiddles_.get()).add(pupil_.get());
+    const std::uint32_t groups = tiles_.polarizations * groups_;
+    arguments.add(lines).add(cl_uint{groups}).add(cl_uint{groups_}).add(row_twiddles_.get()).add(pupil_.get());
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>((*shift)[0]))
             .add(static_cast<cl_float>((*shift)[1]));
     arguments.add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
-    chain.run("pupil", kernel, groups_, 1, 1, 1);
+    chain.run("pupil", kernel, groups, 1, 1, 1);
 }
 
-KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, double weight, bool adds,
+KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
                                               const ImageView &before) {
     KernelArguments arguments(kernel);
     arguments.add(lines)
@@ -249,7 +273,8 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
-        .add(static_cast<cl_float>(weight / (pixel_samples_ * pixel_samples_)))
+        .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
+        .add(static_cast<cl_float>(weights[1] / (pixel_samples_ * pixel_samples_)))
         .add(cl_uint{adds ? 1u : 0u})
         .add(before);
     return arguments;
@@ -258,21 +283,21 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
 void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments) {
     arguments.add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
-        .add(cl::Local(strips_ * fused_tile_bytes(grid_.grid_height, lanes_)));
+        .add(cl::Local(tiles_bytes()));
     chain.run("inverse_fft", kernel, column_items(grid_.width * pixel_samples_), 1, 1, 1);
 }
 
-void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                                    const ImageView &intensity) {
-    KernelArguments arguments = inverse_arguments(inverse_, lines, weight, bool(before), before ? before : intensity);
+    KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
     enqueue_inverse(chain, inverse_, arguments.add(intensity));
 }
 
-void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, double weight, const ImageView &before,
+void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                                  const ExposedFrame &exposed) {
     cl::Kernel &kernel = exposed_kernel(exposed.output.format);
     KernelArguments arguments =
-        inverse_arguments(kernel, lines, weight, bool(before), before ? before : exposed.output);
+        inverse_arguments(kernel, lines, weights, bool(before), before ? before : exposed.output);
     exposed.sensor->add_lanes_arguments(arguments, exposed.frame_index, exposed.output);
     enqueue_inverse(chain, kernel, arguments);
 }
