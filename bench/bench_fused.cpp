@@ -1,5 +1,5 @@
-// The fused engine beside clFFT: from stored phases and an ideal image to the intensity, no sensor. fftw_frame does the
-// same work by FFTW.
+// The fused engine beside clFFT: from stored phases and an ideal image to the intensity, or with the default sensor to
+// codes. fftw_frame does the intensity's work by FFTW.
 #include "bench.hpp"
 
 #include <cstdlib>
@@ -7,7 +7,7 @@
 namespace {
 
 // relative_diameter in hundredths.
-void intensity(benchmark::State &state, const char *engine, double degree_of_polarization) {
+void intensity(benchmark::State &state, const char *engine, double degree_of_polarization, bool with_sensor) {
     const auto width = static_cast<std::uint32_t>(state.range(0)), height = static_cast<std::uint32_t>(state.range(1));
     setenv("CLSPECKLE_FFT", engine, 1); // contexts read it when they are made
     const clspeckle::Context context;
@@ -29,9 +29,24 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
     const ClspImage in = irradiance.image(width, height, CLSP_FORMAT_FLOAT32),
                     out = result.image(width, height, CLSP_FORMAT_FLOAT32);
     phase.enqueue_refresh(queue, 0);
+    // With a sensor the same as a pipeline's frame, to codes.
+    clspeckle::Pipeline pipeline;
+    auto description = clspeckle::make<ClspFrame>();
+    if (with_sensor) {
+        auto sensor_desc = clspeckle::make<ClspSensorDesc>();
+        sensor_desc.width = width;
+        sensor_desc.height = height;
+        pipeline = clspeckle::Pipeline(context, phase, aperture, clspeckle::Sensor(context, sensor_desc));
+        description.irradiance = in;
+        description.output = result.image(width, height, CLSP_FORMAT_UINT16);
+    }
     const auto frame = [&] {
-        aperture.enqueue_intensity(queue, phase, in, out);
+        if (with_sensor)
+            pipeline.enqueue_frame(queue, description);
+        else
+            aperture.enqueue_intensity(queue, phase, in, out);
         queue.finish();
+        ++description.frame_index;
     };
     frame(); // builds what is left to build
     for (auto _ : state)
@@ -39,14 +54,15 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
     const ClspApertureInfo info = aperture.info();
     state.SetLabel(info.fft_backend);
     state.counters["workspace_MB"] = double(info.workspace_bytes) * 1e-6;
-    state.counters["ns_per_pixel"] = benchmark::Counter(double(width) * height * 1e-9, benchmark::Counter::kIsIterationInvariantRate |
-                                                                                             benchmark::Counter::kInvert);
+    state.counters["ns_per_pixel"] = benchmark::Counter(
+        double(width) * height * 1e-9, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
-BENCHMARK_CAPTURE(intensity, fused, "fused", 1.0)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_unpolarized, "fused", 0.0)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_groups, "fused-groups", 1.0)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, clfft, "clfft", 1.0)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, clfft_unpolarized, "clfft", 0.0)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, fused, "fused", 1.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, fused_unpolarized, "fused", 0.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, fused_sensor, "fused", 1.0, true)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, fused_groups, "fused-groups", 1.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, clfft, "clfft", 1.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, clfft_unpolarized, "clfft", 0.0, false)->Apply(bench::apertures);
 
 } // namespace

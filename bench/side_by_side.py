@@ -36,6 +36,7 @@ FUSED_BYTES = (12.0, 32.0)
 ENGINES = {
     "intensity/fused": "fused",
     "intensity/fused_unpolarized": "fused, p = 0",
+    "intensity/fused_sensor": "fused, sensor",
     "intensity/clfft": "clFFT",
     "intensity/clfft_unpolarized": "clFFT, p = 0",
     "fftw_frame": "FFTW",
@@ -148,8 +149,8 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
     lines = [
         "| image (width x height), D = 0.5, p = 1 | fused, ms | "
         + " | ".join(f"{w} / fused" for w in whats)
-        + " | p = 0 / p = 1 |",
-        "|" + "---|" * (len(whats) + 3),
+        + " | p = 0 / p = 1 | with sensor / without |",
+        "|" + "---|" * (len(whats) + 4),
     ]
     for width, height in sizes:
         fused = medians.get(("fused", width, height, 50))
@@ -157,10 +158,11 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
             continue
         ratios = [medians.get((w, width, height, 50)) for w in whats]
         unpolarized = medians.get(("fused, p = 0", width, height, 50))
+        exposed = medians.get(("fused, sensor", width, height, 50))
         lines.append(
             f"| {width} x {height} | {fused:.2f} | "
             + " | ".join(f"{r / fused:.1f}" if r else "-" for r in ratios)
-            + f" | {unpolarized / fused:.2f} |"
+            + f" | {unpolarized / fused:.2f} | {exposed / fused:.2f} |"
         )
     return lines
 

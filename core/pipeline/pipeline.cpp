@@ -148,8 +148,9 @@ void Pipeline::apply_own(const PipelineModel &model) {
     check_parameters(p);
     const ExposureSteps steps = exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics);
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
-        throw Error(Status::kInvalidArgument,
-                    "boiling_correlation_frames and exposure_path need a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
+        throw Error(
+            Status::kInvalidArgument,
+            "boiling_correlation_frames and exposure_path need a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
     if (stages_.materials && (p.coherent_fraction > 0.0 || p.subsurface_fraction > 0.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("{} was given to a pipeline with a material table; set {} of the materials",
@@ -199,12 +200,14 @@ void Pipeline::allocate() {
         for (const Material &material : stages_.materials->materials())
             material_subsurface |= material.subsurface_fraction > 0.0;
     if (material_subsurface && p.subsurface_length_px == 0.0)
-        throw Error(Status::kInvalidArgument,
-                    "the material table has a subsurface_fraction, but the pipeline's subsurface_length_px is 0; set it "
-                    "above 0");
+        throw Error(
+            Status::kInvalidArgument,
+            "the material table has a subsurface_fraction, but the pipeline's subsurface_length_px is 0; set it "
+            "above 0");
     const bool subsurface = p.subsurface_fraction > 0.0 || material_subsurface;
     // Where several fields are added, the ideal image cannot lie where the light is summed.
-    const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 || stages_.materials;
+    const bool many_fields =
+        p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 || stages_.materials;
     image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
     image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
     image(distorted_, distorts, sizeof(float));
@@ -219,10 +222,9 @@ void Pipeline::allocate() {
     if (subsurface) {
         if (!filter_workspace_)
             filter_workspace_ = std::make_shared<FilterWorkspace>(context_);
-        subsurface_ = std::make_unique<FftFilter>(
-            context_, grid.width, grid.height,
-            exponential_guard_px(p.subsurface_length_px, grid.width, grid.height),
-            exponential_spread(p.subsurface_length_px), filter_workspace_);
+        subsurface_ = std::make_unique<FftFilter>(context_, grid.width, grid.height,
+                                                  exponential_guard_px(p.subsurface_length_px, grid.width, grid.height),
+                                                  exponential_spread(p.subsurface_length_px), filter_workspace_);
     }
     if (material_subsurface) {
         std::vector<float> fractions;
@@ -231,8 +233,8 @@ void Pipeline::allocate() {
         subsurface_table_ = DeviceBuffer(context_, fractions.size() * sizeof(float), fractions.data());
         material_lookup_ = context_->kernel("material.cl", "material_lookup");
     }
-    dark_ = context_->kernel("aperture.cl", "aperture_dark",
-                             "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+    dark_ =
+        context_->kernel("aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
 void Pipeline::keep_dark_frame() {
@@ -257,8 +259,7 @@ void Pipeline::use_effects(Effects effects) {
         const auto old = effects_.find(effect.id), now = effects.find(effect.id);
         if (now != effects.end())
             effect.apply(with, now->second.data());
-        if ((old == effects_.end()) != (now == effects.end()) ||
-            (now != effects.end() && old->second != now->second))
+        if ((old == effects_.end()) != (now == effects.end()) || (now != effects.end() && old->second != now->second))
             sets |= effect.sets;
     }
     unsigned applied = 0;
@@ -374,9 +375,10 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     if (frame.illumination == Illumination::kDark)
         return images;
     if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
-        throw Error(Status::kInvalidArgument,
-                    "irradiance is missing; with CLSP_ILLUMINATION_INCOHERENT it is the light of the scene, whatever the "
-                    "pipeline's pattern or dots");
+        throw Error(
+            Status::kInvalidArgument,
+            "irradiance is missing; with CLSP_ILLUMINATION_INCOHERENT it is the light of the scene, whatever the "
+            "pipeline's pattern or dots");
     const bool laser = frame.illumination == Illumination::kLaser;
     if (laser && stages_.pattern) {
         if (!frame.geometry)
@@ -540,14 +542,13 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
     }
 
     const bool blurs = p.shutter_fraction > 0.0 && surface.advance.path && !surface.fresh;
-    const std::uint32_t count = blurs                            ? blur_steps(p)
-                                : frame.refresh == Refresh::kAll ? exposure_steps_.count
-                                                                 : 1;
+    const std::uint32_t count = blurs ? blur_steps(p) : frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
     Exposure exposure;
     exposure.field = field_.get();
     exposure.material = material;
     exposure.gain = std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
-    // What shakes or bends a still picture; in frames drawn anew nothing would show it. Those begin a scene of their own.
+    // What shakes or bends a still picture; in frames drawn anew nothing would show it. Those begin a scene of their
+    // own.
     if (frame.refresh == Refresh::kAll) {
         if (airflow_)
             airflow_->reset();

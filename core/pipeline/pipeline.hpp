@@ -83,8 +83,8 @@ class Pipeline {
 
     const std::shared_ptr<Context> &context() const { return context_; }
 
-    // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their defaults. After an
-    // error all is as it was.
+    // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their
+    // defaults. After an error all is as it was.
     void set_effect(const std::string &id, const double *values, std::uint32_t count);
     // Off again.
     void clear_effect(const std::string &id);
@@ -137,8 +137,8 @@ class Pipeline {
     Effects effects_;
     std::optional<PipelineModel> base_; // without effects; while there are any
     std::vector<float> dark_frame_;
-    // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's distortion; subsurface
-    // fractions. Empty where a frame needs none.
+    // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's
+    // distortion; subsurface fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,
         distorted_shift_, distorted_mask_, distorted_motion_mask_, subsurface_weight_, subsurface_table_;
     std::shared_ptr<FilterWorkspace> filter_workspace_;

@@ -90,11 +90,12 @@ void Aperture::configure(const ApertureParameters &p) {
     if (!fused && !fft_)
         fft_ = context_->fft(grid_.grid_width, grid_.grid_height, true);
 
-    // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the samples'
-    // powers, and the first polarization's intensity.
+    // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the
+    // samples' powers, and the first polarization's intensity.
     const std::uint64_t field_bytes = fused ? fused->lines_bytes() : grid_.samples() * sizeof(cl_float2);
-    const std::uint64_t scratch_bytes =
-        !fused ? fft_->scratch_bytes() : sample_powers ? grid_.samples() * sizeof(float) : 0;
+    const std::uint64_t scratch_bytes = !fused          ? fft_->scratch_bytes()
+                                        : sample_powers ? grid_.samples() * sizeof(float)
+                                                        : 0;
     const std::uint64_t scratch_offset = aligned(field_bytes);
     const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
     const std::uint64_t partial_bytes =
@@ -104,18 +105,19 @@ void Aperture::configure(const ApertureParameters &p) {
     if (p.workspace_from_host && field_() &&
         (field_bytes > scratch_offset_ || scratch_bytes > partial_offset_ - scratch_offset_ ||
          partial_bytes > workspace_bytes_ - partial_offset_))
-        throw Error(Status::kBufferTooSmall,
-                    fmt::format("degree_of_polarization {} and fill_factor {} need {} bytes of work memory; the host gave "
-                                "{}, for other ones",
-                                p.degree_of_polarization, p.fill_factor, workspace_bytes, workspace_bytes_));
+        throw Error(
+            Status::kBufferTooSmall,
+            fmt::format("degree_of_polarization {} and fill_factor {} need {} bytes of work memory; the host gave "
+                        "{}, for other ones",
+                        p.degree_of_polarization, p.fill_factor, workspace_bytes, workspace_bytes_));
     // Not only another size: the parts may have other places in it.
-    const bool new_workspace = !p.workspace_from_host && (workspace_bytes != workspace_bytes_ || scratch_offset != scratch_offset_ ||
-                                                          partial_offset != partial_offset_);
+    const bool new_workspace =
+        !p.workspace_from_host &&
+        (workspace_bytes != workspace_bytes_ || scratch_offset != scratch_offset_ || partial_offset != partial_offset_);
     if (new_workspace)
         workspace = DeviceBuffer(context_, workspace_bytes);
-    const std::string options =
-        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={} -DSAMPLE_POWERS={}", is_complex ? 1 : 0, tap_count,
-                    sample_powers ? 1 : 0);
+    const std::string options = fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={} -DSAMPLE_POWERS={}",
+                                            is_complex ? 1 : 0, tap_count, sample_powers ? 1 : 0);
     cl::Kernel apply, write, add;
     if (!fused)
         apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
@@ -152,8 +154,7 @@ void Aperture::configure(const ApertureParameters &p) {
     relative_diameter_ = diameter;
     degree_of_polarization_ = p.degree_of_polarization;
     mean_transmission_ = pupil.mean_transmission;
-    normalized_mean_transmission_ =
-        p.pupil.normalization == Normalization::kUnitMean ? 1.0 : pupil.mean_transmission;
+    normalized_mean_transmission_ = p.pupil.normalization == Normalization::kUnitMean ? 1.0 : pupil.mean_transmission;
     pupil_samples_ = pupil.samples;
     pupil_ = std::move(pupil_buffer);
     taps_ = std::move(taps_buffer);
@@ -176,10 +177,10 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
     if (!shifted)
         return apply_pupil_;
     if (!shift_pupil_())
-        shift_pupil_ = context_->kernel(
-            "aperture.cl", "aperture_pupil",
-            fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0",
-                        complex_pupil_ ? 1 : 0));
+        shift_pupil_ =
+            context_->kernel("aperture.cl", "aperture_pupil",
+                             fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0",
+                                         complex_pupil_ ? 1 : 0));
     return shift_pupil_;
 }
 
@@ -347,9 +348,9 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
         for (std::uint32_t k = 0; k < polarizations; k += at_once, ++pass) {
             enqueue_field(chain, phase, field, irradiance, exposure, k, line);
 
-            // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material table
-            // the field has these weights already. Where the output is the irradiance that the second field still needs,
-            // the first sum waits in the work memory.
+            // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material
+            // table the field has these weights already. Where the output is the irradiance that the second field still
+            // needs, the first sum waits in the work memory.
             const auto weight_of = [&](std::uint32_t polarization) {
                 const double sign = polarization == 0 ? 1.0 : -1.0;
                 const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);

@@ -27,7 +27,7 @@ struct ApertureParameters {
     double relative_diameter = 0.0; // 0: from the next three
     double f_number = 5.6, pixel_pitch_m = 2.9e-6, wavelength_m = 940e-9;
     double degree_of_polarization = 1.0;
-    double fill_factor = 0.0; // 0: the mean over a pixel's own samples; else its light-sensitive part
+    double fill_factor = 0.0;         // 0: the mean over a pixel's own samples; else its light-sensitive part
     std::optional<EngineSpec> engine; // this one or clFFT; none: what the context chooses
 };
 
@@ -39,8 +39,8 @@ struct Exposure {
     double gain = 1.0;                  // on the intensity
     double coherent_gain = 1.0;         // on the amplitude of what keeps its phase, without a material table
     double shift_x_px = 0.0, shift_y_px = 0.0;
-    bool moves_image = false;           // the shift counts
-    bool adds = false;                  // to what the intensity image holds
+    bool moves_image = false; // the shift counts
+    bool adds = false;        // to what the intensity image holds
     // What a sensor makes of the sum, in the place of the intensity; only of a sensor that the aperture exposes().
     std::optional<ExposedFrame> exposed;
 };
@@ -63,7 +63,8 @@ class Aperture {
     const std::string &engine_source() const { return decision_.source; }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
     const ApertureParameters &parameters() const { return parameters_; }
-    // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps what it had.
+    // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps
+    // what it had.
     void configure(const ApertureParameters &parameters);
 
     void set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes);
@@ -80,7 +81,8 @@ class Aperture {
     void prepare(const Phase &phase, const Exposure &exposure);
     // The last pass over the frame can make the sensor's codes.
     bool exposes(const Sensor &sensor) const { return decision_.engine && decision_.engine->exposes(sensor); }
-    // irradiance and intensity may be the same pixels, unless several fields are added (laser lines, materials, Exposure::adds).
+    // irradiance and intensity may be the same pixels, unless several fields are added (laser lines, materials,
+    // Exposure::adds).
     void enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                            const ImageView &intensity, const Exposure &exposure = {});
     // Light without speckle: the irradiance times the pupil's mean transmission. The images may be the same pixels.

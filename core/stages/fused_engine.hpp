@@ -61,10 +61,10 @@ class FusedEngine {
     // B. shift: along x and y, in samples of the grid.
     virtual void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                                const std::optional<std::array<double, 2>> &shift) = 0;
-    // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels. weights: of each of
-    // polarizations().
-    virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                                   const ImageView &intensity) = 0;
+    // C: weight |V|^2 to `intensity`, added to `before` unless that is empty. Both may be the same pixels. weights: of
+    // each of polarizations().
+    virtual void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                   const ImageView &before, const ImageView &intensity) = 0;
     // C with the sensor behind it, of an engine that exposes().
     virtual void enqueue_exposed(CommandChain &, const cl::Buffer & /* lines */, Weights,
                                  const ImageView & /* before */, const ExposedFrame &) {
@@ -73,8 +73,8 @@ class FusedEngine {
 };
 
 struct FusedRequest {
-    bool every_line = false;    // room for all lines, whatever the pupil
-    bool sample_powers = false; // as in leaves_sample_powers(): for weights over samples
+    bool every_line = false;        // room for all lines, whatever the pupil
+    bool sample_powers = false;     // as in leaves_sample_powers(): for weights over samples
     bool two_polarizations = false; // frames have both
 };
 

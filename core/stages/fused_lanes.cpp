@@ -24,8 +24,8 @@ struct Tiles {
     std::uint32_t polarizations, strips; // strips of columns, of each
 };
 
-// Tiles must leave room for what passes by. Both polarizations share what is read and written; strips of columns use up the cache lines of
-// a row between them, and are enough by themselves where both do not fit.
+// Tiles must leave room for what passes by. Both polarizations share what is read and written; strips of columns use up
+// the cache lines of a row between them, and are enough by themselves where both do not fit.
 Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes, bool two_polarizations) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const auto fit = [&](std::uint32_t tiles) { return tiles * fused_tile_bytes(length, lanes) <= local / 4 * 3; };
@@ -130,9 +130,9 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    inverse_ = context_->kernel(
-        "fused_columns_inverse.cl", "fused_columns_inverse",
-        fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_), &column_codelets_);
+    inverse_ = context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
+                                fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_),
+                                &column_codelets_);
     rows_kernel(false);
 }
 
@@ -192,12 +192,11 @@ cl::Kernel &FusedLanes::columns_kernel(const std::string &field_options) {
     if (found != columns_.end())
         return found->second;
     return columns_
-        .emplace(
-            field_options,
-            context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
-                             fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, column_options(),
-                                         prefetch_rows(*context_), grid_.oversampling),
-                             &column_codelets_))
+        .emplace(field_options,
+                 context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
+                                  fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, column_options(),
+                                              prefetch_rows(*context_), grid_.oversampling),
+                                  &column_codelets_))
         .first->second;
 }
 
@@ -216,11 +215,10 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
     if (found != exposed_.end())
         return found->second;
     return exposed_
-        .emplace(output,
-                 context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                                  fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}", column_options(),
-                                              static_cast<std::uint32_t>(output)),
-                                  &column_codelets_))
+        .emplace(output, context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
+                                          fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}",
+                                                      column_options(), static_cast<std::uint32_t>(output)),
+                                          &column_codelets_))
         .first->second;
 }
 
@@ -281,14 +279,12 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
 }
 
 void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments) {
-    arguments.add(cl_uint{grid_.width})
-        .add(cl_uint{grid_.height})
-        .add(cl::Local(tiles_bytes()));
+    arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(tiles_bytes()));
     chain.run("inverse_fft", kernel, column_items(grid_.width * pixel_samples_), 1, 1, 1);
 }
 
-void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                                   const ImageView &intensity) {
+void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                   const ImageView &before, const ImageView &intensity) {
     KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
     enqueue_inverse(chain, inverse_, arguments.add(intensity));
 }

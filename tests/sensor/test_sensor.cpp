@@ -124,7 +124,8 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         intensity[1] = std::numeric_limits<float>::infinity();
         for (const auto &[name, change] : changes)
             for (const std::uint32_t format : {CLSP_FORMAT_UINT16, CLSP_FORMAT_FLOAT32, CLSP_FORMAT_UINT8}) {
-                if (format != CLSP_FORMAT_UINT16 && std::string(name) != "everything" && std::string(name) != "not quantized")
+                if (format != CLSP_FORMAT_UINT16 && std::string(name) != "everything" &&
+                    std::string(name) != "not quantized")
                     continue; // every variant of the other kernel takes long to compile
                 const auto frames = [&](const clspeckle::Context &context) {
                     auto desc = clspeckle::make<ClspSensorDesc>();
@@ -141,15 +142,16 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
                     std::vector<std::uint32_t> bits;
                     for (std::uint64_t frame = 0; frame < 3; ++frame) {
                         to.write(queue, std::vector<std::uint32_t>(pixels, 0));
-                        sensor.enqueue_expose(queue, from.image(size.width, size.height, CLSP_FORMAT_FLOAT32), (frame << 40) + frame,
-                                              to.image(size.width, size.height, format));
+                        sensor.enqueue_expose(queue, from.image(size.width, size.height, CLSP_FORMAT_FLOAT32),
+                                              (frame << 40) + frame, to.image(size.width, size.height, format));
                         std::vector<std::uint32_t> now(pixels);
                         to.read(queue, now);
                         bits.insert(bits.end(), now.begin(), now.end());
                     }
                     return bits;
                 };
-                EXPECT_EQ(frames(scalar), frames(lanes)) << name << ", " << size.width << " x " << size.height << ", format " << format;
+                EXPECT_EQ(frames(scalar), frames(lanes))
+                    << name << ", " << size.width << " x " << size.height << ", format " << format;
             }
     }
 }
