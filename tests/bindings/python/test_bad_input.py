@@ -614,6 +614,8 @@ def enqueue_calls(w: World) -> dict[str, Callable[[Any], Any]]:
 ENQUEUE_CALLS = [
     "camera scene",
     "camera output",
+    "camera scenes",
+    "camera outputs",
     "camera refresh",
     "phase mask",
     "phase field",

@@ -151,7 +151,11 @@ def test_several_frames_in_one_call(cl_queue: Any, device_camera: Any, shared: c
     mask[4:9] = 1
     on_device = [clspeckle.DeviceImage.from_array(image, context=shared) for image in (ideal, 0.5 * ideal, ideal)]
     refresh = clspeckle.DeviceImage.from_array(mask, context=shared)
-    scenes = [on_device[0], clspeckle.Frame(on_device[1], refresh="all"), clspeckle.Frame(on_device[2], refresh=refresh)]
+    scenes = [
+        on_device[0],
+        clspeckle.Frame(on_device[1], refresh="all"),
+        clspeckle.Frame(on_device[2], refresh=refresh),
+    ]
     given = [clspeckle.Frame(0.5 * ideal, "all"), clspeckle.Frame(ideal, mask)]
     expected = device_camera.render_batch([ideal, *given], first_frame_index=20, refresh="all")
     outputs = [cl.array.empty(cl_queue, SHAPE, np.uint16) for _ in scenes]
@@ -159,7 +163,7 @@ def test_several_frames_in_one_call(cl_queue: Any, device_camera: Any, shared: c
     for index, result in enumerate(outputs):
         np.testing.assert_array_equal(result.get(cl_queue), expected[index], str(index))
     assert device_camera.next_frame_index == 23
-    with pytest.raises(errors.InvalidArgumentError, match=r"frames\[1\].*overlap"):
+    with pytest.raises(errors.OverlapError, match=r"frames\[1\].*overlap"):
         device_camera.enqueue_frames([on_device[0], on_device[1]], [outputs[0], on_device[1].memory])
     with pytest.raises(errors.InvalidArgumentError, match="2 scenes and 1 outputs"):
         device_camera.enqueue_frames(on_device[:2], outputs[:1])
