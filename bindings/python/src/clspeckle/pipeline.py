@@ -598,8 +598,9 @@ class Pipeline(Handle):
         queue: QueueLike | None = None,
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
-        """Several :meth:`enqueue_frame` in one call, one frame after the other, each into an output of its own. If one is
-        refused, none is enqueued, and the message says which.
+        """Several :meth:`enqueue_frame` in one call, one frame after the other, each into an output of its own.
+
+        If one of them is refused, none is enqueued, and the message says which.
 
         Args:
             scenes: device images, geometries, or :class:`Frame` of device memory where a frame brings more.
@@ -612,7 +613,7 @@ class Pipeline(Handle):
         """
         if len(scenes) != len(outputs) or not len(scenes):
             raise errors.InvalidArgumentError(
-                f"{len(scenes)} scenes and {len(outputs)} outputs were given, expected as many of each and one at least"
+                f"{len(scenes)} scenes and {len(outputs)} outputs were given, expected as many of each, one at least"
             )
         with exclusive(self, also=self._stages):
             before = self._next_frame_index
