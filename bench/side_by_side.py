@@ -162,7 +162,8 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
         lines.append(
             f"| {width} x {height} | {fused:.2f} | "
             + " | ".join(f"{r / fused:.1f}" if r else "-" for r in ratios)
-            + f" | {unpolarized / fused:.2f} | {exposed / fused:.2f} |"
+            + "".join(f" | {t / fused:.2f}" if t else " | -" for t in (unpolarized, exposed))
+            + " |"
         )
     return lines
 

@@ -91,7 +91,7 @@ void Aperture::configure(const ApertureParameters &p) {
         fft_ = context_->fft(grid_.grid_width, grid_.grid_height, true);
 
     // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the
-    // samples' powers, and the first polarization's intensity.
+    // samples' powers, and the first polarization's intensity, unless both are taken at once.
     const std::uint64_t field_bytes = fused ? fused->lines_bytes() : grid_.samples() * sizeof(cl_float2);
     const std::uint64_t scratch_bytes = !fused          ? fft_->scratch_bytes()
                                         : sample_powers ? grid_.samples() * sizeof(float)
@@ -99,7 +99,7 @@ void Aperture::configure(const ApertureParameters &p) {
     const std::uint64_t scratch_offset = aligned(field_bytes);
     const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
     const std::uint64_t partial_bytes =
-        p.degree_of_polarization < 1.0 ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
+        p.degree_of_polarization < 1.0 && !(fused && fused->polarizations() == 2) ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
     const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
     DeviceBuffer workspace;
     if (p.workspace_from_host && field_() &&

@@ -296,6 +296,7 @@ void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, W
         inverse_arguments(kernel, lines, weights, bool(before), before ? before : exposed.output);
     exposed.sensor->add_lanes_arguments(arguments, exposed.frame_index, exposed.output);
     enqueue_inverse(chain, kernel, arguments);
+    exposed.sensor->exposed();
 }
 
 } // namespace

@@ -301,6 +301,7 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         KernelArguments arguments(kernel);
         add_lanes_arguments(arguments.add(intensity), frame_index, output);
         chain.run("sensor", kernel, quarter, 1, 1, 1);
+        exposed();
         return;
     }
     const double full = top_code_of(p), step = code_step_of(p);
@@ -343,7 +344,7 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         .add(real(1.0 / step))
         .add(output);
     chain.run("sensor", kernel, p.width, quarter);
-    lag_started_ = bool(lag_state_);
+    exposed();
 }
 
 // The largest number that occurs.
@@ -352,7 +353,7 @@ double Sensor::top_code(Format output) const {
     return parameters_.quantize || output != Format::kFloat32 ? full + 1.0 - code_step_of(parameters_) : full;
 }
 
-void Sensor::add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) {
+void Sensor::add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const {
     const SensorParameters &p = parameters_;
     const auto real = [](double value) { return static_cast<cl_float>(value); };
     const auto on = [](bool is_on, SensorSwitch which) { return is_on ? cl_uint{which} : 0u; };
@@ -398,7 +399,6 @@ void Sensor::add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame
         .add(read_noise_map_.get())
         .add(lag_state_.get())
         .add(output);
-    lag_started_ = bool(lag_state_);
 }
 
 void Sensor::enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb) {

@@ -72,7 +72,9 @@ class Sensor {
     // Whether kernels/sensor_lanes.h makes this sensor's frames from each pixel's intensity alone, on this device.
     bool exposes_lanes() const { return in_lanes_ && parameters_.crosstalk_fraction == 0.0; }
     // SENSOR_PARAMETERS there, for a kernel that makes the next frame.
-    void add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output);
+    void add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const;
+    // That kernel is enqueued: the next frame has one before it.
+    void exposed() { lag_started_ = bool(lag_state_); }
     void enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb);
 
   private:

@@ -165,6 +165,10 @@ def test_several_frames_in_one_call(cl_queue: Any, device_camera: Any, shared: c
     assert device_camera.next_frame_index == 23
     with pytest.raises(errors.OverlapError, match=r"frames\[1\].*overlap"):
         device_camera.enqueue_frames([on_device[0], on_device[1]], [outputs[0], on_device[1].memory])
+    with pytest.raises(TypeError, match=r"frames\[1\]: .*image in device memory"):
+        device_camera.enqueue_frames([on_device[0], ideal], outputs[:2])
+    with pytest.raises(errors.InvalidArgumentError, match=r"frames\[1\]: illumination is 'blue'"):
+        device_camera.enqueue_frames([on_device[0], clspeckle.Frame(on_device[1], illumination="blue")], outputs[:2])
     with pytest.raises(errors.InvalidArgumentError, match="2 scenes and 1 outputs"):
         device_camera.enqueue_frames(on_device[:2], outputs[:1])
     with pytest.raises(errors.InvalidArgumentError, match="0 scenes"):

@@ -625,8 +625,14 @@ class Pipeline(Handle):
                     frame = scene if isinstance(scene, Frame) else Frame(scene)
                     if frame.refresh is None:
                         frame = dataclasses.replace(frame, refresh=refresh)
-                    given, image = self._on_device(frame, output, f"outputs[{index}]")
-                    structs.append(self._frame(given, image, self._staging, queue, operands, device_only=True))
+                    try:
+                        given, image = self._on_device(frame, output, "output")
+                        structs.append(self._frame(given, image, self._staging, queue, operands, device_only=True))
+                    except errors.ClspeckleError as error:
+                        error.message = f"frames[{index}]: {error.message}"
+                        raise
+                    except TypeError as error:
+                        raise TypeError(f"frames[{index}]: {error}") from None
                     self._next_frame_index = min(structs[-1].frame_index + 1, 2**48 - 1)
                 array = (_library.ClspFrame * len(structs))(*structs)
                 event = operands.enqueue(
