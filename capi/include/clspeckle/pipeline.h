@@ -143,8 +143,8 @@ CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue qu
 typedef struct ClspStageTiming {
     char stage[32];       /**< "pattern", "dots", "motion", "distortion", "subsurface", "airflow", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",
                                "lens", "sensor". With the fused engine (ClspApertureInfo::fft_backend) "fft" holds the field, and
-                               "inverse_fft" the intensity; in lanes (ClspApertureInfo::fft_engine) also the sensor, if neither its crosstalk nor the lens's
-                               last step nor oversampling stands between. */
+                               "inverse_fft" the intensity; in lanes (ClspApertureInfo::fft_engine) also the sensor of a frame of laser light, if neither
+                               crosstalk, oversampling, a fill factor nor the lens's glare, vignetting or ambient light stands between. */
     double milliseconds;  /**< Sum over the stage's commands. */
 } ClspStageTiming;
 
