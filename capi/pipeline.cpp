@@ -70,7 +70,8 @@ void read_frame(const ClspFrame *user, const char *name, FrameView &view) {
     frame.motion = f.motion ? &view.motion : nullptr;
     frame.material = optional_description(&f.material);
     frame.illumination = static_cast<Illumination>(f.illumination);
-    check_reserved(f.reserved, fmt::format("{}->reserved", name).c_str());
+    if (f.reserved != 0)
+        check_reserved(f.reserved, fmt::format("{}->reserved", name).c_str());
 }
 
 } // namespace

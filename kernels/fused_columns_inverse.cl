@@ -35,7 +35,6 @@ typedef struct {
     uint before_pitch;
     int adds;
     uint x, count, height;
-    int whole;
     float weight, second_weight;
 } image_t;
 
@@ -43,13 +42,7 @@ typedef struct {
 static inline lanes_f with_before(const image_t *image, uint y, lanes_f power) {
     if (!image->adds)
         return power;
-    __global const float *before = image->before + (ulong)y * image->before_pitch + image->x;
-    if (image->whole)
-        return power + vload_lanes(0, before);
-    float values[LANES];
-    for (uint lane = 0; lane < LANES; ++lane)
-        values[lane] = lane < image->count ? before[lane] : 0.0f;
-    return power + vload_lanes(0, values);
+    return power + load_some(image->before + (ulong)y * image->before_pitch + image->x, image->count);
 }
 
 // What a pixel gets from the powers of its polarizations.
@@ -67,16 +60,7 @@ static inline lanes_f weighted(const image_t *image, uint y, lanes_f first, lane
 static inline void store_powers(const image_t *image, uint y, lanes_f first, lanes_f second) {
     if (y >= image->height || image->count == 0)
         return;
-    const lanes_f power = weighted(image, y, first, second);
-    __global float *to = image->intensity + (ulong)y * image->pitch + image->x;
-    if (image->whole) {
-        vstore_lanes(power, 0, to);
-        return;
-    }
-    float values[LANES];
-    vstore_lanes(power, 0, values);
-    for (uint lane = 0; lane < image->count; ++lane)
-        to[lane] = values[lane];
+    store_some(weighted(image, y, first, second), image->intensity + (ulong)y * image->pitch + image->x, image->count);
 }
 #define store_power(image, y, power) store_powers(image, y, power, SPREAD(0.0f))
 #endif
@@ -111,7 +95,6 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
         image.x = x / OVERSAMPLING;
         image.count = image.x < width ? min((uint)LANES / OVERSAMPLING, width - image.x) : 0u;
         image.height = height;
-        image.whole = image.count == LANES;
         image.weight = weight;
         image.second_weight = second_weight;
         images[strip % STRIPS] = image;

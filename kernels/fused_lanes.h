@@ -45,6 +45,27 @@ static inline lanes_u lane_numbers(void) {
     return vload_lanes(0, numbers);
 }
 
+// count of LANES numbers side by side: of the last strip only those that there are.
+static inline lanes_f load_some(__global const float *from, uint count) {
+    if (count == LANES)
+        return vload_lanes(0, from);
+    float values[LANES];
+    for (uint lane = 0; lane < LANES; ++lane)
+        values[lane] = lane < count ? from[lane] : 0.0f;
+    return vload_lanes(0, values);
+}
+
+static inline void store_some(lanes_f values, __global float *to, uint count) {
+    if (count == LANES) {
+        vstore_lanes(values, 0, to);
+        return;
+    }
+    float each[LANES];
+    vstore_lanes(values, 0, each);
+    for (uint lane = 0; lane < count; ++lane)
+        to[lane] = each[lane];
+}
+
 // Complex numbers that lie in memory as re, im, re, im ..
 static inline void load_interleaved(__global const float *from, lanes_complex *z) {
     const lanes_f a = vload_lanes(0, from), b = vload_lanes(1, from);

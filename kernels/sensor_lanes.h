@@ -77,26 +77,6 @@ static inline lanes_f smaller(lanes_f a, lanes_f b) { return select(b, a, a < b)
 // NaN counts as 0.
 static inline lanes_f positive(lanes_f a) { return select(SPREAD(0.0f), a, a > 0.0f); }
 
-static inline lanes_f load_some(__global const float *from, uint count) {
-    if (count == LANES)
-        return vload_lanes(0, from);
-    float values[LANES];
-    for (uint lane = 0; lane < LANES; ++lane)
-        values[lane] = lane < count ? from[lane] : 0.0f;
-    return vload_lanes(0, values);
-}
-
-static inline void store_some(lanes_f values, __global float *to, uint count) {
-    if (count == LANES) {
-        vstore_lanes(values, 0, to);
-        return;
-    }
-    float each[LANES];
-    vstore_lanes(values, 0, each);
-    for (uint lane = 0; lane < count; ++lane)
-        to[lane] = each[lane];
-}
-
 // exp_of() in sensor.cl.
 static inline lanes_f exps(lanes_f x) {
     const lanes_f n = nearest(x * 1.44269504f);

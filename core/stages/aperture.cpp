@@ -98,8 +98,9 @@ void Aperture::configure(const ApertureParameters &p) {
                                                         : 0;
     const std::uint64_t scratch_offset = aligned(field_bytes);
     const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
-    const std::uint64_t partial_bytes =
-        p.degree_of_polarization < 1.0 && !(fused && fused->polarizations() == 2) ? std::uint64_t{grid_.width} * grid_.height * sizeof(float) : 0;
+    const std::uint64_t partial_bytes = p.degree_of_polarization < 1.0 && !(fused && fused->polarizations() == 2)
+                                            ? std::uint64_t{grid_.width} * grid_.height * sizeof(float)
+                                            : 0;
     const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
     DeviceBuffer workspace;
     if (p.workspace_from_host && field_() &&

@@ -583,9 +583,7 @@ class Pipeline(Handle):
         A frame waits for the one before it by itself, on any queue. The output must not overlap an input.
         """
         with exclusive(self, also=self._stages):
-            given, image = self._on_device(
-                Frame(scene, refresh, frame_index, motion, material, illumination), output, "output"
-            )
+            given, image = self._on_device(Frame(scene, refresh, frame_index, motion, material, illumination), output)
             return self._enqueue(given, image, self._staging, queue, wait_for, device_only=True)
 
     def enqueue_frames(
@@ -626,7 +624,7 @@ class Pipeline(Handle):
                     if frame.refresh is None:
                         frame = dataclasses.replace(frame, refresh=refresh)
                     try:
-                        given, image = self._on_device(frame, output, "output")
+                        given, image = self._on_device(frame, output)
                         structs.append(self._frame(given, image, self._staging, queue, operands, device_only=True))
                     except errors.ClspeckleError as error:
                         error.message = f"frames[{index}]: {error.message}"
@@ -650,7 +648,7 @@ class Pipeline(Handle):
             self._last = event
             return event
 
-    def _on_device(self, frame: Frame, output: DeviceImageLike, name: str) -> tuple[Frame, DeviceImage]:
+    def _on_device(self, frame: Frame, output: DeviceImageLike) -> tuple[Frame, DeviceImage]:
         """The frame with its images as device images, and where it goes."""
         scene, refresh, material = frame.scene, frame.refresh, frame.material
         if scene is not None and not isinstance(scene, Geometry):
@@ -660,7 +658,7 @@ class Pipeline(Handle):
         if material is not None:
             material = device_image(material, "material", self.shape, UINT8, self.context)
         default = UINT16 if self.sensor is not None else FLOAT32
-        image = device_image(output, name, self.shape, default, self.context)
+        image = device_image(output, "output", self.shape, default, self.context)
         return dataclasses.replace(frame, scene=scene, refresh=refresh, material=material), image
 
     def _frame(
