@@ -233,8 +233,7 @@ void Pipeline::allocate() {
         subsurface_table_ = DeviceBuffer(context_, fractions.size() * sizeof(float), fractions.data());
         material_lookup_ = context_->kernel("material.cl", "material_lookup");
     }
-    dark_ =
-        context_->kernel("aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+    dark_ = LazyKernel("aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
 void Pipeline::keep_dark_frame() {
@@ -321,8 +320,9 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("illumination is {}, expected CLSP_ILLUMINATION_LASER, _INCOHERENT or _DARK",
                                 static_cast<std::uint32_t>(frame.illumination)));
+    const bool laser = frame.illumination == Illumination::kLaser;
     Checked images;
-    images.output = stages_.sensor ? stages_.sensor->check_output(frame.output)
+    images.output = stages_.sensor ? stages_.sensor->check_output(frame.output, laser && exposes_in_last_pass())
                                    : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
     check_writable(images.output, "output");
     stages_.aperture->refuse_workspace(images.output, "output");
@@ -372,14 +372,19 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     }
     if (images.mask && stages_.lens && stages_.lens->distorts())
         stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8), Interpolation::kNearest);
-    if (frame.illumination == Illumination::kDark)
+    if (images.mask)
+        stages_.phase->prepare_masked_refresh();
+    if (frame.illumination == Illumination::kDark) {
+        dark_.get(*context_);
         return images;
+    }
+    if (frame.illumination == Illumination::kIncoherent)
+        stages_.aperture->prepare_incoherent();
     if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
         throw Error(
             Status::kInvalidArgument,
             "irradiance is missing; with CLSP_ILLUMINATION_INCOHERENT it is the light of the scene, whatever the "
             "pipeline's pattern or dots");
-    const bool laser = frame.illumination == Illumination::kLaser;
     if (laser && stages_.pattern) {
         if (!frame.geometry)
             throw Error(Status::kInvalidArgument,
@@ -428,9 +433,9 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     Exposure exposure;
     exposure.field = field_.get();
     stages_.aperture->check_phase(*stages_.phase, field_.get());
-    stages_.aperture->prepare(*stages_.phase, exposure);
     exposure.screen = airflow_ ? &airflow_->screen() : nullptr;
     exposure.moves_image = parameters_.vibration_rms_px > 0.0;
+    exposure.adds = exposure_steps_.count > 1;
     if (exposes_in_last_pass())
         exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
     stages_.aperture->prepare(*stages_.phase, exposure);
@@ -600,8 +605,9 @@ void Pipeline::enqueue_checked(CommandChain &chain, const Frame &frame, const Ch
         stages_.aperture->enqueue_incoherent(chain, irradiance, images.light);
     } else {
         enqueue_surface(chain, frame, images);
-        KernelArguments(dark_).add(images.light).add(cl_uint{grid.width}).add(cl_uint{grid.height});
-        chain.run("intensity", dark_, grid.width, grid.height);
+        cl::Kernel &dark = dark_.get(*context_);
+        KernelArguments(dark).add(images.light).add(cl_uint{grid.width}).add(cl_uint{grid.height});
+        chain.run("intensity", dark, grid.width, grid.height);
     }
     ImageView light = images.light;
     if (stages_.lens && stages_.lens->finishes()) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pipeline/exposure_steps.hpp"
+#include "runtime/lazy_kernel.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"
 #include "stages/dots.hpp"
@@ -146,7 +147,8 @@ class Pipeline {
     std::unique_ptr<Airflow> airflow_;
     std::unique_ptr<Field> field_;
     bool lens_distorts_ = false, lens_finishes_ = false; // when the buffers were made
-    cl::Kernel material_lookup_, dark_;
+    cl::Kernel material_lookup_;
+    LazyKernel dark_;
     ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;
 };

@@ -26,6 +26,19 @@ std::string default_cache_dir() {
     return {};
 }
 
+DiskCache environment_disk_cache() {
+    const std::string choice = environment("CLSPECKLE_DISK_CACHE");
+    if (choice.empty() || choice == "auto")
+        return DiskCache::kAuto;
+    if (choice == "off")
+        return DiskCache::kOff;
+    if (choice == "on")
+        return DiskCache::kOn;
+    throw Error(Status::kInvalidArgument,
+                fmt::format("the environment variable CLSPECKLE_DISK_CACHE is \"{}\"; set it to auto, off or on, or unset it",
+                            choice));
+}
+
 constexpr const char *kNoRecords = "off"; // value of CLSPECKLE_TUNING
 
 std::string tuning_file(const std::string &cache_dir) {
@@ -112,9 +125,11 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
 
     ProgramCache::Parameters cache;
     cache.kernel_dir = parameters.kernel_dir.empty() ? environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
-    // PoCL keeps compiled programs on disk by itself.
+    // PoCL keeps compiled kernels on disk by itself, but goes through the source again at every start: 25 to 60 ms a program. To hand out a
+    // program for our own cache it compiles all its kernels once more, which makes a first start twice as long: the user's choice.
     const bool is_pocl = context->platform_name_.find("Portable Computing Language") != std::string::npos;
-    if (parameters.disk_cache == DiskCache::kOn || (parameters.disk_cache == DiskCache::kAuto && !is_pocl))
+    const DiskCache disk_cache = parameters.disk_cache == DiskCache::kAuto ? environment_disk_cache() : parameters.disk_cache;
+    if (disk_cache == DiskCache::kOn || (disk_cache == DiskCache::kAuto && !is_pocl))
         cache.cache_dir = parameters.cache_dir.empty() ? default_cache_dir() : parameters.cache_dir;
     context->programs_ = std::make_unique<ProgramCache>(context->context_, context->device_, cache);
     return context;

@@ -126,7 +126,6 @@ void Aperture::configure(const ApertureParameters &p) {
         write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
         add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
     }
-    cl::Kernel incoherent = context_->kernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
 
     // Nothing throws from here on, but slicing new work memory, which comes first.
     if (!p.workspace_from_host || !field_()) {
@@ -170,7 +169,7 @@ void Aperture::configure(const ApertureParameters &p) {
     apply_pupil_ = apply;
     write_intensity_ = write;
     add_intensity_ = add;
-    incoherent_ = incoherent;
+    incoherent_ = LazyKernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
     shift_pupil_ = {};
 }
 
@@ -188,8 +187,10 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
     if (decision_.engine) {
+        const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || field.weighs_polarizations() ? 2 : 1;
+        const bool one_pass = !exposure.adds && field.lines().size() == 1 && polarizations <= decision_.engine->polarizations();
         decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image,
-                                  exposure.exposed ? &*exposure.exposed : nullptr);
+                                  exposure.exposed ? &*exposure.exposed : nullptr, !exposure.exposed || !one_pass);
         return;
     }
     field.prepare(phase, exposure.screen != nullptr);
@@ -397,14 +398,15 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
 }
 
 void Aperture::enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity) {
-    KernelArguments(incoherent_)
+    cl::Kernel &kernel = incoherent_.get(*context_);
+    KernelArguments(kernel)
         .add(irradiance)
         .add(static_cast<cl_float>(normalized_mean_transmission_))
         .add(intensity)
         .add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
         .add(bad_pixels_.buffer());
-    chain.run("intensity", incoherent_, grid_.width, grid_.height);
+    chain.run("intensity", kernel, grid_.width, grid_.height);
 }
 
 } // namespace clsp

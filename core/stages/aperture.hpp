@@ -5,6 +5,7 @@
 #include "runtime/device_buffer.hpp"
 #include "runtime/fft.hpp"
 #include "runtime/image_view.hpp"
+#include "runtime/lazy_kernel.hpp"
 #include "stages/bad_pixels.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
@@ -86,6 +87,8 @@ class Aperture {
     void enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                            const ImageView &intensity, const Exposure &exposure = {});
     // Light without speckle: the irradiance times the pupil's mean transmission. The images may be the same pixels.
+    // Builds what enqueue_incoherent() needs; without it the first call does.
+    void prepare_incoherent() { incoherent_.get(*context_); }
     void enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity);
 
   private:
@@ -119,7 +122,8 @@ class Aperture {
     cl::Buffer field_, scratch_, partial_; // slices of the work memory
     ImageView workspace_;                  // all of it, for overlap checks
     Field plain_field_;
-    cl::Kernel apply_pupil_, write_intensity_, add_intensity_, incoherent_;
+    cl::Kernel apply_pupil_, write_intensity_, add_intensity_;
+    LazyKernel incoherent_;
     cl::Kernel shift_pupil_; // made when first prepared
 };
 

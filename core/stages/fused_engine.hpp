@@ -47,9 +47,10 @@ class FusedEngine {
     // Pass C can make the sensor's frames.
     virtual bool exposes(const Sensor &) const { return false; }
 
-    // Builds what such frames need; nothing is built later. exposed: nullptr for the intensity.
-    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                         const ExposedFrame *exposed) = 0;
+    // Builds what such frames need; nothing is built later. exposed: nullptr where no pass exposes. with_intensity: whether some pass writes
+    // the intensity.
+    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
+                         bool with_intensity) = 0;
 
     // How many polarizations the passes take at once: 1, or both.
     virtual std::uint32_t polarizations() const { return 1; }

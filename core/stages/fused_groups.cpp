@@ -90,7 +90,7 @@ class FusedGroups final : public FusedEngine {
     }
     bool leaves_sample_powers() const override { return sample_powers_; }
     void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                 const ExposedFrame *exposed) override;
+                 const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                        std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
@@ -196,7 +196,7 @@ GroupKernel &FusedGroups::rows_kernel(bool shifted) {
     return rows;
 }
 
-void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *) {
+void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *, bool) {
     for (std::size_t line = 0; line < field.lines().size(); ++line)
         columns_kernel(field.options(phase, line, with_screen));
     rows_kernel(shifted);

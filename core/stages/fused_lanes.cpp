@@ -7,6 +7,7 @@
 #include "runtime/fused_codelets.hpp"
 #include "runtime/fused_device.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "runtime/lazy_kernel.hpp"
 #include "stages/fused_tables.hpp"
 
 #include <algorithm>
@@ -54,7 +55,7 @@ class FusedLanes final : public FusedEngine {
     }
     std::uint32_t polarizations() const override { return tiles_.polarizations; }
     void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                 const ExposedFrame *exposed) override;
+                 const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                        std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
@@ -101,7 +102,8 @@ class FusedLanes final : public FusedEngine {
     DeviceBuffer frequencies_, line_frequencies_;
     std::map<std::string, cl::Kernel> columns_;
     std::map<Format, cl::Kernel> exposed_; // by output format
-    cl::Kernel rows_, shifted_rows_, inverse_;
+    cl::Kernel rows_, shifted_rows_;
+    LazyKernel inverse_;
 };
 
 // A pixel's samples lie in one vector, or pass C leaves them to another kernel.
@@ -130,9 +132,9 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    inverse_ = context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                                fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_),
-                                &column_codelets_);
+    inverse_ = LazyKernel("fused_columns_inverse.cl", "fused_columns_inverse",
+                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_),
+                          &column_codelets_);
     rows_kernel(false);
 }
 
@@ -222,8 +224,10 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
         .first->second;
 }
 
-void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                         const ExposedFrame *exposed) {
+void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
+                         bool with_intensity) {
+    if (with_intensity)
+        inverse_.get(*context_);
     if (exposed)
         exposed_kernel(exposed->output.format);
     for (std::size_t line = 0; line < field.lines().size(); ++line)
@@ -285,8 +289,9 @@ void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, Kernel
 
 void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
                                    const ImageView &before, const ImageView &intensity) {
-    KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
-    enqueue_inverse(chain, inverse_, arguments.add(intensity));
+    cl::Kernel &kernel = inverse_.get(*context_);
+    KernelArguments arguments = inverse_arguments(kernel, lines, weights, bool(before), before ? before : intensity);
+    enqueue_inverse(chain, kernel, arguments.add(intensity));
 }
 
 void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,

@@ -78,12 +78,10 @@ void Phase::configure(const PhaseParameters &p) {
             in_lanes ? context_->kernel("fused_phase.cl", "fused_phase_refresh",
                                         fmt::format("{} -DLANES={}", kernel_options(), fused_lanes(*context_)))
                      : context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
-        cl::Kernel refresh_masked = context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
-        cl::Kernel field = context_->kernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
         refresh_all_ = std::move(refresh_all);
         refreshes_in_lanes_ = in_lanes;
-        refresh_masked_ = std::move(refresh_masked);
-        export_ = std::move(field);
+        refresh_masked_ = LazyKernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
+        export_ = LazyKernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
         state_ = std::move(state);
         next_state_ = std::move(next_state);
         owner_ = std::move(owner);
@@ -130,7 +128,7 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
     check_frame_index(frame_index);
     const bool masked = mask && refreshed_;
     const std::uint32_t quarter = quarter_rows(grid_.grid_height);
-    cl::Kernel &kernel = masked ? refresh_masked_ : refresh_all_;
+    cl::Kernel &kernel = masked ? refresh_masked_.get(*context_) : refresh_all_;
     KernelArguments arguments(kernel);
     arguments.add(state_.get())
         .add(cl_uint{grid_.grid_width})
@@ -269,10 +267,11 @@ void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const
     check_polarization(polarization);
     const ImageView view = check_image(field, "field", context_->cl_context()(), {grid_.grid_width, grid_.grid_height},
                                        {Format::kFloat32x2});
-    KernelArguments arguments(export_);
+    cl::Kernel &kernel = export_.get(*context_);
+    KernelArguments arguments(kernel);
     add_state(arguments, polarization);
     arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height}).add(view);
-    chain.run("phase", export_, grid_.grid_width, grid_.grid_height);
+    chain.run("phase", kernel, grid_.grid_width, grid_.grid_height);
 }
 
 void Phase::enqueue_save(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes) {

@@ -5,6 +5,7 @@
 #include "runtime/device_buffer.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "runtime/lazy_kernel.hpp"
 #include "stages/bad_pixels.hpp"
 #include "stages/field_grid.hpp"
 
@@ -73,6 +74,8 @@ class Phase {
     // mask: empty to draw everything.
     void enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, const ImageView &mask);
     // Checks a mask image against this phase.
+    // What a refresh inside a mask needs; without it the first one builds it.
+    void prepare_masked_refresh() { refresh_masked_.get(*context_); }
     ImageView check_mask(const ImageDescription &mask, const char *name) const;
     // Checks what can be checked of an advance, and builds the kernel that it needs.
     void check_advance(const PhaseAdvance &advance);
@@ -102,7 +105,8 @@ class Phase {
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place
     BadPixelCounter bad_pixels_;
     bool refreshes_in_lanes_ = false; // refresh_all_ is the one of kernels/fused_phase.cl, a work-item for each row
-    cl::Kernel refresh_all_, refresh_masked_, export_;
+    cl::Kernel refresh_all_;
+    LazyKernel refresh_masked_, export_;
     std::map<AdvanceVariant, AdvanceKernels> advance_;
 };
 

@@ -269,7 +269,7 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     return kernels_.emplace(output, context_->kernel("sensor.cl", "sensor_expose", options)).first->second;
 }
 
-ImageView Sensor::check_output(const ImageDescription &output) {
+ImageView Sensor::check_output(const ImageDescription &output, bool in_last_pass) {
     const ImageView view =
         check_image(output, "output", context_->cl_context()(), {parameters_.width, parameters_.height},
                     {Format::kUint16, Format::kUint8, Format::kFloat32});
@@ -279,7 +279,8 @@ ImageView Sensor::check_output(const ImageDescription &output) {
             fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16",
                         parameters_.bits));
     check_writable(view, "output");
-    kernel_for(view.format); // built now if it must be, not after the first commands of a frame
+    if (!in_last_pass)
+        kernel_for(view.format); // built now if it must be, not after the first commands of a frame
     return view;
 }
 

@@ -66,7 +66,8 @@ class Sensor {
     // The next frame has no frame before it.
     void reset_lag() { lag_started_ = false; }
     // Checks an output image against this sensor, and makes ready for its format.
-    ImageView check_output(const ImageDescription &output);
+    // in_last_pass: the frame is an aperture engine's, and needs no kernel of the sensor's own.
+    ImageView check_output(const ImageDescription &output, bool in_last_pass = false);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
     // Whether kernels/sensor_lanes.h makes this sensor's frames from each pixel's intensity alone, on this device.

@@ -1,5 +1,6 @@
 #include "attribution/experiment.hpp"
 
+#include "attribution/measurement_tasks.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
@@ -98,22 +99,51 @@ std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, con
     return codes;
 }
 
-FoldStatistics Experiment::replicate(const EffectSettings &effects, const CalibratedLevels &calibrated,
-                                     std::uint64_t seed) {
+std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                                   const std::vector<std::uint64_t> &seeds,
+                                                   const std::function<void(std::size_t)> &before_each) {
+    const std::vector<bool> all(layout_.sequences.size(), true);
+    std::vector<FoldStatistics> result(seeds.size(), {Eigen::VectorXd(count()), Eigen::VectorXd(count())});
+    MeasurementTasks tasks(threads_);
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+        if (before_each)
+            before_each(i);
+        const auto frame_count = [&](std::size_t s) { return layout_.sequences[s].frame_count; };
+        simulate(effects, calibrated, seeds[i], all, frame_count,
+                 [&, i](std::size_t s, std::shared_ptr<const std::vector<std::uint16_t>> codes, const Calibration &calibration) {
+                     tasks.start([this, s, codes, calibration, &into = result[i], threads = tasks.threads_each()] {
+                         measure(s, codes->data(), calibration, into, threads);
+                     });
+                 });
+    }
+    tasks.finish();
+    return result;
+}
+
+void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
+                          const std::vector<bool> &concerned, const std::function<std::uint32_t(std::size_t)> &frame_count,
+                          const TakeFrames &take) {
     const std::size_t sequences = layout_.sequences.size();
-    Codes codes;
-    std::vector<std::uint32_t> frame_counts;
-    for (std::size_t s = 0; s < sequences; ++s) {
+    const auto is_dark = [&](std::size_t s) { return layout_.sequences[s].scene == CaptureScene::kDark; };
+    const auto simulated = [&](std::size_t s) {
         if (checkpoint)
             checkpoint();
-        frame_counts.push_back(layout_.sequences[s].frame_count);
-        codes.push_back(frames(effects, calibrated, s, seed, frame_counts[s]));
+        return frames(effects, calibrated, s, seed, frame_count(s));
+    };
+    // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
+    Codes dark(sequences);
+    std::vector<std::uint32_t> frame_counts(sequences);
+    std::vector<bool> present(sequences);
+    for (std::size_t s = 0; s < sequences; ++s) {
+        frame_counts[s] = frame_count(s);
+        present[s] = is_dark(s);
+        if (present[s])
+            dark[s] = simulated(s);
     }
-    const Calibration calibration = measured_calibration(codes, frame_counts, std::vector<bool>(sequences, true));
-    FoldStatistics result{Eigen::VectorXd(count()), Eigen::VectorXd(count())};
+    const Calibration calibration = measured_calibration(dark, frame_counts, present);
     for (std::size_t s = 0; s < sequences; ++s)
-        measure(s, codes[s].data(), calibration, result);
-    return result;
+        if (concerned[s])
+            take(s, std::make_shared<const std::vector<std::uint16_t>>(is_dark(s) ? std::move(dark[s]) : simulated(s)), calibration);
 }
 
 Calibration Experiment::calibration_of(const Codes &codes) const {
@@ -127,32 +157,30 @@ Calibration Experiment::calibration_of(const Codes &codes) const {
 }
 
 void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into) const {
-    const std::size_t step = (layout_.sequences[sequence].frame_count - half_count(sequence)) * layout_.pixel_count();
-    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads_);
-    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads_);
+    measure(sequence, codes, calibration, into, threads_);
 }
 
-Eigen::VectorXd Experiment::half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
-                                 const std::vector<bool> &concerned, const Eigen::VectorXd &otherwise) {
-    const std::size_t sequences = layout_.sequences.size();
-    Codes codes(sequences);
-    std::vector<std::uint32_t> frame_counts;
-    // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
-    std::vector<bool> present = concerned;
-    for (std::size_t s = 0; s < sequences; ++s) {
-        frame_counts.push_back(half_count(s));
-        present[s] = present[s] || layout_.sequences[s].scene == CaptureScene::kDark;
-        if (!present[s])
-            continue;
-        if (checkpoint)
-            checkpoint();
-        codes[s] = frames(effects, calibrated, s, seed, frame_counts[s]);
-    }
-    const Calibration calibration = measured_calibration(codes, frame_counts, present);
-    Eigen::VectorXd result = otherwise.size() ? otherwise : Eigen::VectorXd::Zero(count());
-    for (std::size_t s = 0; s < sequences; ++s)
-        if (concerned[s])
-            statistics_[s].compute(codes[s].data(), calibration, result.data() + begin(s), threads_);
+void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into,
+                         unsigned threads) const {
+    const std::size_t step = (layout_.sequences[sequence].frame_count - half_count(sequence)) * layout_.pixel_count();
+    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads);
+    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads);
+}
+
+std::vector<Eigen::VectorXd> Experiment::halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                                const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
+                                                const std::vector<Eigen::VectorXd> &otherwise) {
+    std::vector<Eigen::VectorXd> result(otherwise.begin(), otherwise.begin() + std::min(otherwise.size(), seeds.size()));
+    result.resize(seeds.size(), Eigen::VectorXd::Zero(count()));
+    MeasurementTasks tasks(threads_);
+    for (std::size_t i = 0; i < seeds.size(); ++i)
+        simulate(effects, calibrated, seeds[i], concerned, [&](std::size_t s) { return half_count(s); },
+                 [&, i](std::size_t s, std::shared_ptr<const std::vector<std::uint16_t>> codes, const Calibration &calibration) {
+                     tasks.start([this, s, codes, calibration, &into = result[i], threads = tasks.threads_each()] {
+                         statistics_[s].compute(codes->data(), calibration, into.data() + begin(s), threads);
+                     });
+                 });
+    tasks.finish();
     return result;
 }
 

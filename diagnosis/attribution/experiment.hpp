@@ -56,11 +56,15 @@ class Experiment {
     SimulationLevels levels(const CalibratedLevels &calibrated, const EffectSettings &effects, std::size_t sequence,
                             std::uint64_t seed, std::uint32_t frame_count);
 
-    // A whole simulated capture, measured as the real one.
-    FoldStatistics replicate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed);
-    // A simulated capture of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise` (no values: all concerned).
-    Eigen::VectorXd half(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
-                         const std::vector<bool> &concerned, const Eigen::VectorXd &otherwise);
+    // Whole simulated captures, one for each seed, measured as the real one. before_each: called with 0, 1, ... (may be empty).
+    std::vector<FoldStatistics> replicates(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                           const std::vector<std::uint64_t> &seeds,
+                                           const std::function<void(std::size_t)> &before_each);
+    // Simulated captures of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise`, one for each seed (no values:
+    // all are concerned).
+    std::vector<Eigen::VectorXd> halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                        const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
+                                        const std::vector<Eigen::VectorXd> &otherwise);
     // Frames from elsewhere, measured as the real ones: what the dark sequences among them say (an empty one is left out; the layout's levels
     // where there is none), and both halves of one sequence.
     Calibration calibration_of(const std::vector<std::vector<std::uint16_t>> &codes) const;
@@ -73,7 +77,15 @@ class Experiment {
     std::function<void()> checkpoint;
 
   private:
+    using TakeFrames = std::function<void(std::size_t sequence, std::shared_ptr<const std::vector<std::uint16_t>> codes,
+                                          const Calibration &calibration)>;
     std::uint32_t half_count(std::size_t sequence) const;
+    // One capture, sequence by sequence; `take` gets those that are concerned as soon as they are there.
+    void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
+                  const std::vector<bool> &concerned, const std::function<std::uint32_t(std::size_t)> &frame_count,
+                  const TakeFrames &take);
+    void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into,
+                 unsigned threads) const;
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
     void calibrate_dark(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
     void calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels);

@@ -3,6 +3,8 @@
 #include "attribution/least_squares.hpp"
 
 #include <cmath>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
 namespace clsp {
@@ -28,10 +30,16 @@ std::string label(const EffectSettings &effects) {
 
 void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double from, double to) const {
     const std::string what = "simulating " + (replicates.effects.empty() ? "the baseline" : label(replicates.effects));
-    for (std::uint32_t r = static_cast<std::uint32_t>(replicates.draws.size()); r < count; ++r) {
-        report(from + (to - from) * r / count, what);
-        replicates.draws.push_back(experiment_.replicate(replicates.effects, replicates.levels, options_.seed + 1 + r));
-    }
+    const std::size_t first = replicates.draws.size();
+    if (first >= count)
+        return;
+    std::vector<std::uint64_t> seeds(count - first);
+    std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + first);
+    std::vector<FoldStatistics> draws =
+        experiment_.replicates(replicates.effects, replicates.levels, seeds, [&](std::size_t r) {
+            report(from + (to - from) * static_cast<double>(first + r) / count, what);
+        });
+    std::move(draws.begin(), draws.end(), std::back_inserter(replicates.draws));
 }
 
 Differences ModelFit::differences(const FittedModel &fitted) const {

@@ -2,8 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace clsp {
+namespace {
+
+std::vector<std::uint64_t> pool_seeds(std::uint64_t seed, std::uint32_t count) {
+    std::vector<std::uint64_t> result(count);
+    std::iota(result.begin(), result.end(), seed + kPoolSeed);
+    return result;
+}
+
+} // namespace
 
 Eigen::VectorXd Pool::mean(std::uint32_t seeds) const {
     const std::size_t count = std::min<std::size_t>(seeds, statistics.size());
@@ -17,8 +27,7 @@ Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::u
                    const CalibratedLevels *levels) {
     const std::vector<bool> all(experiment.layout().sequences.size(), true);
     Pool pool{effects, levels ? *levels : experiment.calibrate(effects, all, nullptr), {}};
-    for (std::uint32_t i = 0; i < seed_count; ++i)
-        pool.statistics.push_back(experiment.half(effects, pool.levels, seed + kPoolSeed + i, all, {}));
+    pool.statistics = experiment.halves(effects, pool.levels, pool_seeds(seed, seed_count), all, {});
     return pool;
 }
 
@@ -26,11 +35,10 @@ Change simulate_change(Experiment &experiment, const Pool &base, const EffectSet
                        const std::vector<bool> &concerned, std::uint64_t seed, std::uint32_t seed_count) {
     Change change;
     change.levels = experiment.calibrate(effects, concerned, &base.levels);
-    std::vector<Eigen::VectorXd> differences;
+    std::vector<Eigen::VectorXd> differences =
+        experiment.halves(effects, change.levels, pool_seeds(seed, seed_count), concerned, base.statistics);
     for (std::uint32_t i = 0; i < seed_count; ++i)
-        differences.push_back(
-            experiment.half(effects, change.levels, seed + kPoolSeed + i, concerned, base.statistics[i]) -
-            base.statistics[i]);
+        differences[i] -= base.statistics[i];
     change.mean = Eigen::VectorXd::Zero(differences.front().size());
     for (const Eigen::VectorXd &difference : differences)
         change.mean += difference / seed_count;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <numeric>
 
 namespace clsp {
 namespace {
@@ -358,12 +359,12 @@ Replicates draw_differences(Experiment &experiment, const EffectSettings &effect
                             std::uint64_t seed, const std::function<void(double fraction)> &progress) {
     const std::vector<bool> all(experiment.layout().sequences.size(), true);
     Replicates result{effects, experiment.calibrate(effects, all, nullptr), {}};
-    for (std::uint32_t r = 0; r < count; ++r) {
-        progress(double(r) / count);
-        const FoldStatistics a = experiment.replicate(effects, result.levels, seed + 1 + 2 * r),
-                             b = experiment.replicate(effects, result.levels, seed + 2 + 2 * r);
-        result.draws.push_back(minus(a, b));
-    }
+    std::vector<std::uint64_t> seeds(2 * std::size_t{count});
+    std::iota(seeds.begin(), seeds.end(), seed + 1);
+    const std::vector<FoldStatistics> draws =
+        experiment.replicates(effects, result.levels, seeds, [&](std::size_t i) { progress(double(i) / double(seeds.size())); });
+    for (std::size_t i = 0; i < seeds.size(); i += 2)
+        result.draws.push_back(minus(draws[i], draws[i + 1]));
     return result;
 }
 

@@ -68,8 +68,7 @@ inline clsp::FittedModel model(clsp::Experiment &experiment, const clsp::EffectS
     replicates.effects = effects;
     replicates.levels =
         experiment.calibrate(effects, std::vector<bool>(experiment.layout().sequences.size(), true), nullptr);
-    for (std::uint64_t seed = 1; seed <= 8; ++seed)
-        replicates.draws.push_back(experiment.replicate(effects, replicates.levels, seed));
+    replicates.draws = experiment.replicates(effects, replicates.levels, {1, 2, 3, 4, 5, 6, 7, 8}, {});
     clsp::FittedModel result;
     result.effects = effects;
     const auto count = static_cast<Eigen::Index>(experiment.count());

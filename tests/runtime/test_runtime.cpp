@@ -371,6 +371,24 @@ TEST_F(Programs, CacheFolderFromTheEnvironment) {
     EXPECT_TRUE(fs::exists(folder.path() / "xdg" / "clspeckle"));
 }
 
+TEST_F(Programs, DiskCacheFromTheEnvironment) {
+    auto desc = cached();
+    desc.disk_cache = CLSP_DISK_CACHE_AUTO;
+    ASSERT_EQ(0, setenv("CLSPECKLE_DISK_CACHE", "off", 1));
+    EXPECT_EQ(0u, fill(desc).from_cache);
+    EXPECT_TRUE(cache_files().empty());
+    ASSERT_EQ(0, setenv("CLSPECKLE_DISK_CACHE", "on", 1)); // on PoCL, too
+    EXPECT_GT(fill(desc).built, 0u);
+    EXPECT_EQ(0u, fill(desc).built);
+    ASSERT_EQ(0, setenv("CLSPECKLE_DISK_CACHE", "off", 1)); // a context that asks for it itself has its way
+    EXPECT_GT(fill(cached()).from_cache, 0u);
+    ASSERT_EQ(0, setenv("CLSPECKLE_DISK_CACHE", "always", 1));
+    ClspContext made = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CLSPECKLE_DISK_CACHE is \"always\"; set it to auto, off or on",
+                      clspContextCreate(&desc, &made));
+    unsetenv("CLSPECKLE_DISK_CACHE");
+}
+
 TEST_F(Programs, CorruptedCacheFilesAreIgnoredAndReplaced) {
     const Outcome first = fill(cached());
     const auto files = cache_files();

@@ -57,7 +57,7 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
 /** @name Context */
 /** @{ */
 
-#define CLSP_DISK_CACHE_AUTO 0u /**< On, except on PoCL, which has a cache of its own. */
+#define CLSP_DISK_CACHE_AUTO 0u /**< As CLSPECKLE_DISK_CACHE says (auto, off, on); else on, except on PoCL, which has a cache of its own. */
 #define CLSP_DISK_CACHE_OFF 1u  /**< Programs are compiled in every process. */
 #define CLSP_DISK_CACHE_ON 2u   /**< On every platform. */
 
