@@ -1,6 +1,7 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
 #include "attribution/experiment.hpp"
+#include "attribution/lanes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -89,14 +90,17 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
             else
                 calibrate_dark(effects, *dark, result);
         }
-        for (const std::size_t s : lit) {
-            if (checkpoint)
-                checkpoint();
-            if (coarse && layout_.sequences[s].scene == CaptureScene::kFlat)
-                calibrate_coarse_signal(effects, s, step, result);
-            else
-                calibrate_signal(effects, s, result);
-        }
+        run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
+            for (const std::size_t s : lit) {
+                if (lanes_[s] != lane)
+                    continue;
+                lane_checkpoint();
+                if (coarse && layout_.sequences[s].scene == CaptureScene::kFlat)
+                    calibrate_coarse_signal(effects, s, step, result);
+                else
+                    calibrate_signal(effects, s, result);
+            }
+        });
     };
     if (coarse && dark) {
         result.read_noise_dn = layout_.read_noise_dn;
@@ -142,7 +146,7 @@ void Experiment::calibrate_signal(const EffectSettings &effects, std::size_t seq
     double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
     for (int round = 0; round < kRounds; ++round) {
         const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
-        const double mean = sequence_level(layout_, sequence, codes.data(), frame_count).mean_dn;
+        const double mean = sequence_mean_dn(layout_, sequence, codes.data(), frame_count);
         const double share = levels.signal_share[sequence];
         const double slope = (mean - last_mean) / (share - last_share);
         if (std::abs(real_levels_[sequence].mean_dn - mean) < 1e-3 * signal || !(slope > 0.05 * signal))

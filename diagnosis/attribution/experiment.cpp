@@ -1,24 +1,38 @@
 #include "attribution/experiment.hpp"
 
-#include "attribution/measurement_tasks.hpp"
+#include "attribution/lanes.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <numeric>
 
 namespace clsp {
 namespace {
 
 using Codes = std::vector<std::vector<std::uint16_t>>;
 
+// Each lane has memory of its own for the frames of one sequence.
+constexpr std::size_t kMostLanes = 4;
+constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
+
 } // namespace
 
 Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
                        unsigned threads)
-    : layout_(real.layout), threads_(threads),
-      simulator_(std::make_unique<Simulator>(std::move(context), real.layout, std::move(hypotheses))) {
+    : layout_(real.layout), threads_(threads) {
     const std::size_t sequences = layout_.sequences.size();
+    const auto lit = std::count_if(layout_.sequences.begin(), layout_.sequences.end(),
+                                   [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    // Hypotheses are called on the caller's thread, one at a time.
+    const std::size_t lanes =
+        hypotheses.empty() ? std::clamp<std::size_t>(std::min<std::size_t>(lit, threads), 1, kMostLanes) : 1;
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+        simulators_.push_back(std::make_unique<Simulator>(context, real.layout, hypotheses));
+        simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
+    }
+    share_out(lanes);
     offsets_.push_back(0);
     for (std::size_t s = 0; s < sequences; ++s) {
         parted_ = parted_ || layout_.sequences[s].frame_count >= 4;
@@ -29,7 +43,8 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
         offsets_.push_back(list_.size());
     }
     if (list_.empty())
-        throw Error(Status::kInvalidData, "the capture has no sequence that can be measured; record at least one with a frame");
+        throw Error(Status::kInvalidData,
+                    "the capture has no sequence that can be measured; record at least one with a frame");
     std::vector<std::uint32_t> frame_counts;
     for (std::size_t s = 0; s < sequences; ++s) {
         frame_counts.push_back(layout_.sequences[s].frame_count);
@@ -80,13 +95,15 @@ SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const Ef
     if (layout_.sequences[sequence].scene == CaptureScene::kDark)
         return result;
     const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn);
-    const double intensity = simulator_->mean_intensity(sequence, effects, seed, frame_count);
+    const double intensity = simulators_[lanes_[sequence]]->mean_intensity(sequence, effects, seed, frame_count);
     if (!(intensity > 0.0))
-        // With effects that together block all light the simulator is asked for too much, which is no fault of the capture.
-        throw Error(effects.empty() ? Status::kInvalidData : Status::kInvalidArgument,
-                    fmt::format("no light reaches the pixels of the sequence {} in the simulation; are its dots inside the "
-                                "image and its mask open?",
-                                layout_.sequences[sequence].name));
+        // With effects that together block all light the simulator is asked for too much, which is no fault of the
+        // capture.
+        throw Error(
+            effects.empty() ? Status::kInvalidData : Status::kInvalidArgument,
+            fmt::format("no light reaches the pixels of the sequence {} in the simulation; are its dots inside the "
+                        "image and its mask open?",
+                        layout_.sequences[sequence].name));
     result.gain_dn = calibrated.signal_share[sequence] * signal / intensity;
     return result;
 }
@@ -94,8 +111,8 @@ SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const Ef
 std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                               std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) {
     std::vector<std::uint16_t> codes(std::size_t{frame_count} * layout_.pixel_count());
-    simulator_->codes(sequence, effects, levels(calibrated, effects, sequence, seed, frame_count), seed, frame_count,
-                      codes.data());
+    simulators_[lanes_[sequence]]->codes(sequence, effects, levels(calibrated, effects, sequence, seed, frame_count),
+                                         seed, frame_count, codes.data());
     return codes;
 }
 
@@ -104,46 +121,73 @@ std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects
                                                    const std::function<void(std::size_t)> &before_each) {
     const std::vector<bool> all(layout_.sequences.size(), true);
     std::vector<FoldStatistics> result(seeds.size(), {Eigen::VectorXd(count()), Eigen::VectorXd(count())});
-    MeasurementTasks tasks(threads_);
-    for (std::size_t i = 0; i < seeds.size(); ++i) {
-        if (before_each)
-            before_each(i);
-        const auto frame_count = [&](std::size_t s) { return layout_.sequences[s].frame_count; };
-        simulate(effects, calibrated, seeds[i], all, frame_count,
-                 [&, i](std::size_t s, std::shared_ptr<const std::vector<std::uint16_t>> codes, const Calibration &calibration) {
-                     tasks.start([this, s, codes, calibration, &into = result[i], threads = tasks.threads_each()] {
-                         measure(s, codes->data(), calibration, into, threads);
-                     });
-                 });
-    }
-    tasks.finish();
+    simulate(
+        effects, calibrated, seeds, all, before_each, [&](std::size_t s) { return layout_.sequences[s].frame_count; },
+        [&](std::size_t i, std::size_t s, const std::uint16_t *codes, const Calibration &calibration) {
+            measure(s, codes, calibration, result[i]);
+        });
     return result;
 }
 
-void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
-                          const std::vector<bool> &concerned, const std::function<std::uint32_t(std::size_t)> &frame_count,
-                          const TakeFrames &take) {
+void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                          const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
+                          const std::function<void(std::size_t)> &before_each,
+                          const std::function<std::uint32_t(std::size_t)> &frame_count, const TakeFrames &take) {
     const std::size_t sequences = layout_.sequences.size();
     const auto is_dark = [&](std::size_t s) { return layout_.sequences[s].scene == CaptureScene::kDark; };
-    const auto simulated = [&](std::size_t s) {
-        if (checkpoint)
-            checkpoint();
-        return frames(effects, calibrated, s, seed, frame_count(s));
-    };
-    // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
-    Codes dark(sequences);
     std::vector<std::uint32_t> frame_counts(sequences);
-    std::vector<bool> present(sequences);
+    std::vector<bool> dark(sequences);
     for (std::size_t s = 0; s < sequences; ++s) {
         frame_counts[s] = frame_count(s);
-        present[s] = is_dark(s);
-        if (present[s])
-            dark[s] = simulated(s);
+        dark[s] = is_dark(s);
     }
-    const Calibration calibration = measured_calibration(dark, frame_counts, present);
-    for (std::size_t s = 0; s < sequences; ++s)
-        if (concerned[s])
-            take(s, std::make_shared<const std::vector<std::uint16_t>>(is_dark(s) ? std::move(dark[s]) : simulated(s)), calibration);
+    // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
+    std::vector<Calibration> calibrations;
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+        Codes codes(sequences);
+        for (std::size_t s = 0; s < sequences; ++s)
+            if (dark[s]) {
+                if (checkpoint)
+                    checkpoint();
+                codes[s] = frames(effects, calibrated, s, seeds[i], frame_counts[s]);
+            }
+        calibrations.push_back(measured_calibration(codes, frame_counts, dark));
+        for (std::size_t s = 0; s < sequences; ++s)
+            if (dark[s] && concerned[s])
+                take(i, s, codes[s].data(), calibrations[i]);
+    }
+    run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
+        for (std::size_t i = 0; i < seeds.size(); ++i) {
+            if (lane == 0 && before_each)
+                before_each(i);
+            for (std::size_t s = 0; s < sequences; ++s) {
+                if (dark[s] || !concerned[s] || lanes_[s] != lane)
+                    continue;
+                lane_checkpoint();
+                take(i, s, frames(effects, calibrated, s, seeds[i], frame_counts[s]).data(), calibrations[i]);
+            }
+        }
+    });
+}
+
+// Sequences that take long first, each to the lane that has least to do.
+void Experiment::share_out(std::size_t lane_count) {
+    const std::size_t sequences = layout_.sequences.size();
+    std::vector<std::size_t> order(sequences);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    const auto work = [&](std::size_t s) {
+        const SequenceLayout &sequence = layout_.sequences[s];
+        // A moving surface has an interference pattern of its own in every frame, which takes about as long as all
+        // else.
+        return sequence.scene == CaptureScene::kDark ? 0u : sequence.frame_count * (sequence.moving ? 2u : 1u);
+    };
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return work(a) > work(b); });
+    std::vector<std::uint64_t> load(lane_count, 0);
+    lanes_.assign(sequences, 0);
+    for (const std::size_t s : order) {
+        lanes_[s] = static_cast<std::size_t>(std::min_element(load.begin(), load.end()) - load.begin());
+        load[lanes_[s]] += work(s);
+    }
 }
 
 Calibration Experiment::calibration_of(const Codes &codes) const {
@@ -156,31 +200,25 @@ Calibration Experiment::calibration_of(const Codes &codes) const {
     return measured_calibration(codes, frame_counts, present);
 }
 
-void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into) const {
-    measure(sequence, codes, calibration, into, threads_);
-}
-
-void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into,
-                         unsigned threads) const {
+void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
+                         FoldStatistics &into) const {
     const std::size_t step = (layout_.sequences[sequence].frame_count - half_count(sequence)) * layout_.pixel_count();
-    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads);
-    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads);
+    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads_);
+    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads_);
 }
 
 std::vector<Eigen::VectorXd> Experiment::halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
-                                                const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
+                                                const std::vector<std::uint64_t> &seeds,
+                                                const std::vector<bool> &concerned,
                                                 const std::vector<Eigen::VectorXd> &otherwise) {
-    std::vector<Eigen::VectorXd> result(otherwise.begin(), otherwise.begin() + std::min(otherwise.size(), seeds.size()));
+    std::vector<Eigen::VectorXd> result(otherwise.begin(),
+                                        otherwise.begin() + std::min(otherwise.size(), seeds.size()));
     result.resize(seeds.size(), Eigen::VectorXd::Zero(count()));
-    MeasurementTasks tasks(threads_);
-    for (std::size_t i = 0; i < seeds.size(); ++i)
-        simulate(effects, calibrated, seeds[i], concerned, [&](std::size_t s) { return half_count(s); },
-                 [&, i](std::size_t s, std::shared_ptr<const std::vector<std::uint16_t>> codes, const Calibration &calibration) {
-                     tasks.start([this, s, codes, calibration, &into = result[i], threads = tasks.threads_each()] {
-                         statistics_[s].compute(codes->data(), calibration, into.data() + begin(s), threads);
-                     });
-                 });
-    tasks.finish();
+    simulate(
+        effects, calibrated, seeds, concerned, {}, [&](std::size_t s) { return half_count(s); },
+        [&](std::size_t i, std::size_t s, const std::uint16_t *codes, const Calibration &calibration) {
+            statistics_[s].compute(codes, calibration, result[i].data() + begin(s), threads_);
+        });
     return result;
 }
 

@@ -15,8 +15,8 @@ namespace clsp {
 
 using EffectSettings = std::vector<EffectSetting>;
 
-// Statistics of the first and the second half of every sequence's frames. A sequence of fewer than four frames is not parted: both are of
-// all its frames.
+// Statistics of the first and the second half of every sequence's frames. A sequence of fewer than four frames is not
+// parted: both are of all its frames.
 struct FoldStatistics {
     Eigen::VectorXd first, second;
     Eigen::VectorXd mean() const { return 0.5 * (first + second); }
@@ -36,10 +36,11 @@ constexpr double kLeastReadNoise = 0.05;
 class Experiment {
   public:
     // Throws kInvalidData if the capture has no sequence that can be measured.
-    Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses, unsigned threads);
+    Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
+               unsigned threads);
 
     const CaptureLayout &layout() const { return layout_; }
-    Simulator &simulator() { return *simulator_; }
+    const Simulator &simulator() const { return *simulators_.front(); }
     const std::vector<StatisticInfo> &list() const { return list_; }
     std::size_t count() const { return list_.size(); }
     // Statistics [begin, end) belong to a sequence.
@@ -50,54 +51,63 @@ class Experiment {
     const SequenceLevel &real_level(std::size_t sequence) const { return real_levels_[sequence]; }
     const Calibration &real_calibration() const { return real_calibration_; }
 
-    // Simulates until black level, read noise and signal levels are the capture's. start: levels that hold for the sequences that `concerned`
-    // leaves out; nullptr: all are concerned.
-    CalibratedLevels calibrate(const EffectSettings &effects, const std::vector<bool> &concerned, const CalibratedLevels *start);
+    // Simulates until black level, read noise and signal levels are the capture's. start: levels that hold for the
+    // sequences that `concerned` leaves out; nullptr: all are concerned.
+    CalibratedLevels calibrate(const EffectSettings &effects, const std::vector<bool> &concerned,
+                               const CalibratedLevels *start);
     SimulationLevels levels(const CalibratedLevels &calibrated, const EffectSettings &effects, std::size_t sequence,
                             std::uint64_t seed, std::uint32_t frame_count);
 
-    // Whole simulated captures, one for each seed, measured as the real one. before_each: called with 0, 1, ... (may be empty).
+    // Whole simulated captures, one for each seed, measured as the real one. before_each: called with 0, 1, ... (may be
+    // empty).
     std::vector<FoldStatistics> replicates(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                            const std::vector<std::uint64_t> &seeds,
                                            const std::function<void(std::size_t)> &before_each);
-    // Simulated captures of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise`, one for each seed (no values:
-    // all are concerned).
+    // Simulated captures of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise`, one
+    // for each seed (no values: all are concerned).
     std::vector<Eigen::VectorXd> halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                         const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
                                         const std::vector<Eigen::VectorXd> &otherwise);
-    // Frames from elsewhere, measured as the real ones: what the dark sequences among them say (an empty one is left out; the layout's levels
-    // where there is none), and both halves of one sequence.
+    // Frames from elsewhere, measured as the real ones: what the dark sequences among them say (an empty one is left
+    // out; the layout's levels where there is none), and both halves of one sequence.
     Calibration calibration_of(const std::vector<std::vector<std::uint16_t>> &codes) const;
-    void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into) const;
+    void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
+                 FoldStatistics &into) const;
     // Frames as they are simulated, of one sequence.
-    std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated, std::size_t sequence,
-                                      std::uint64_t seed, std::uint32_t frame_count);
+    std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                                      std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count);
 
     // Called before each sequence; throws to cancel.
     std::function<void()> checkpoint;
 
   private:
-    using TakeFrames = std::function<void(std::size_t sequence, std::shared_ptr<const std::vector<std::uint16_t>> codes,
+    using TakeFrames = std::function<void(std::size_t seed, std::size_t sequence, const std::uint16_t *codes,
                                           const Calibration &calibration)>;
     std::uint32_t half_count(std::size_t sequence) const;
-    // One capture, sequence by sequence; `take` gets those that are concerned as soon as they are there.
-    void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated, std::uint64_t seed,
-                  const std::vector<bool> &concerned, const std::function<std::uint32_t(std::size_t)> &frame_count,
-                  const TakeFrames &take);
-    void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration, FoldStatistics &into,
-                 unsigned threads) const;
+    // Captures, sequence by sequence. `take` gets those that are concerned, lanes side by side; `seed` counts the
+    // seeds.
+    void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
+                  const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
+                  const std::function<void(std::size_t)> &before_each,
+                  const std::function<std::uint32_t(std::size_t)> &frame_count, const TakeFrames &take);
+    void share_out(std::size_t lane_count);
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
     void calibrate_dark(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels);
+    void calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn,
+                               CalibratedLevels &levels);
     void calibrate_signal(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_signal(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels);
+    void calibrate_coarse_signal(const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                 CalibratedLevels &levels);
     void calibrate_coarse_noise(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
     Calibration measured_calibration(const std::vector<std::vector<std::uint16_t>> &codes,
-                                     const std::vector<std::uint32_t> &frame_counts, const std::vector<bool> &present) const;
+                                     const std::vector<std::uint32_t> &frame_counts,
+                                     const std::vector<bool> &present) const;
 
     CaptureLayout layout_;
     unsigned threads_;
-    std::unique_ptr<Simulator> simulator_;
+    // Sequences are simulated and measured side by side: lanes_ says by which simulator each.
+    std::vector<std::unique_ptr<Simulator>> simulators_;
+    std::vector<std::size_t> lanes_;
     std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
     std::vector<StatisticInfo> list_;
     std::vector<std::size_t> offsets_;

@@ -56,10 +56,12 @@ double capped_mean(const std::vector<float> &variances, std::size_t frames) {
     for (const float variance : variances)
         mean += double(variance) / double(variances.size());
     for (int step = 0; step < 12; ++step) {
-        const double limit = mean * (1.0 + 8.0 * std::sqrt(2.0 / double(frames - 1)));
+        const double limit = mean * (1.0 + 8.0 * std::sqrt(2.0 / double(frames - 1))), last = mean;
         mean = 0.0;
         for (const float variance : variances)
             mean += std::min(double(variance), limit) / double(variances.size());
+        if (mean == last) // and so would all further ones be
+            break;
     }
     return mean;
 }
@@ -138,13 +140,23 @@ std::vector<float> pixel_variances(const Geometry &geometry, const std::uint16_t
     return variances;
 }
 
-} // namespace
-
-SequenceLevel sequence_level(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
-                             std::uint32_t frame_count) {
+void check_codes(const std::uint16_t *codes) {
     if (!codes)
         throw Error(Status::kInvalidArgument,
                     "level of a sequence: codes is NULL; give frame_count * height * width codes.");
+}
+
+} // namespace
+
+double sequence_mean_dn(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
+                        std::uint32_t frame_count) {
+    check_codes(codes);
+    return sum_codes(Geometry(layout, sequence, frame_count, false), codes).mean;
+}
+
+SequenceLevel sequence_level(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
+                             std::uint32_t frame_count) {
+    check_codes(codes);
     const statistics::Geometry geometry(layout, sequence, frame_count, false);
     SequenceLevel level;
     const Totals totals = sum_codes(geometry, codes);

@@ -57,5 +57,8 @@ struct SequenceLevel {
 };
 SequenceLevel sequence_level(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
                              std::uint32_t frame_count);
+// Its mean alone.
+double sequence_mean_dn(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
+                        std::uint32_t frame_count);
 
 } // namespace clsp
