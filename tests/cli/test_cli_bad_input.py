@@ -329,9 +329,9 @@ def test_usage_errors(refused) -> None:
 def test_kernel_folder_that_is_wrong(refused, ideal: Path, tmp_path: Path) -> None:
     """A broken kernel override is the device's business: exit code 2 and the compiler's words."""
     (tmp_path / "kernels").mkdir()
-    (tmp_path / "kernels" / "phase.cl").write_text("this is not OpenCL C")
+    (tmp_path / "kernels" / "phase_state.h").write_text("this is not OpenCL C")  # of all phase kernels
     environment = {**os.environ, "CLSPECKLE_KERNEL_DIR": str(tmp_path / "kernels")}
-    assert "phase.cl" in refused("render", ideal, "-o", "out", code=2, env=environment)
+    assert "phase" in refused("render", ideal, "-o", "out", code=2, env=environment)
     environment["CLSPECKLE_KERNEL_DIR"] = str(tmp_path / "no such folder")
     assert "no such folder" in refused("render", ideal, "-o", "out", env=environment)  # a wrong name is wrong usage
 

@@ -209,7 +209,8 @@ class Context(Handle):
             variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones.
         cache_dir: folder of the program cache and the tuning record (:func:`tune`). None: CLSPECKLE_CACHE_DIR, else
             ``$XDG_CACHE_HOME/clspeckle``, else ``~/.cache/clspeckle``.
-        disk_cache: "auto" (as CLSPECKLE_DISK_CACHE says; else on, except on PoCL, which has a cache of its own), "off" or "on".
+        disk_cache: "on", "off" or "auto": as CLSPECKLE_DISK_CACHE says; else on, except on PoCL, which has a cache of
+            its own.
         profiling: True: :attr:`queue` measures times, which :meth:`Pipeline.timings` needs.
 
     A context is needed by every stage; those made without one share :func:`default_context`. PyOpenCL users share
