@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The same frames by everything at hand, in one run: NumPy, SciPy, FFTW, VkFFT, clFFT and clSpeckle's own engine.
+"""The same frames by everything at hand, in one run: NumPy, SciPy, FFTW, VkFFT, clFFT, the passes of clSpeckle's own
+engine in C++, and that engine.
 
 A frame goes from stored phases and an ideal image to the intensity behind a round aperture: exp(i phase) sqrt(ideal),
 transform, mask, inverse transform, squared modulus. VkFFT is timed on its two transforms alone. Rounds take turns, and
@@ -37,6 +38,8 @@ ENGINES = {
     "intensity/fused": "fused",
     "intensity/fused_unpolarized": "fused, p = 0",
     "intensity/fused_sensor": "fused, sensor",
+    "intensity/native": "native",
+    "intensity/native_rows_first": "native, rows first",
     "intensity/clfft": "clFFT",
     "intensity/clfft_unpolarized": "clFFT, p = 0",
     "fftw_frame": "FFTW",
@@ -145,7 +148,7 @@ def cost_law(medians: dict[Key, float]) -> tuple[float, float, float]:
 
 
 def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
-    whats = ["NumPy", "SciPy", "FFTW", "VkFFT, transforms", "clFFT"]
+    whats = ["NumPy", "SciPy", "FFTW", "VkFFT, transforms", "clFFT", "native", "native, rows first"]
     lines = [
         "| image (width x height), D = 0.5, p = 1 | fused, ms | "
         + " | ".join(f"{w} / fused" for w in whats)
@@ -161,7 +164,10 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
         exposed = medians.get(("fused, sensor", width, height, 50))
         lines.append(
             f"| {width} x {height} | {fused:.2f} | "
-            + " | ".join(f"{r / fused:.1f}" if r else "-" for r in ratios)
+            + " | ".join(
+                f"{r / fused:.{2 if w.startswith('native') else 1}f}" if r else "-"
+                for w, r in zip(whats, ratios, strict=True)
+            )
             + "".join(f" | {t / fused:.2f}" if t else " | -" for t in (unpolarized, exposed))
             + " |"
         )
