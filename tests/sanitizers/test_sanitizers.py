@@ -25,7 +25,10 @@ CXX = os.environ.get("CLSPECKLE_CXX_COMPILER", "c++")
 # Written by CMake: a new program is sanitized without being named here.
 GTEST_PROGRAMS = (BUILD / "tests" / "gtest_programs.txt").read_text().split()
 # What cannot run: the reason.
-EXCLUDED = {"test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory"}
+EXCLUDED = {
+    "test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory",
+    "test_native_passes": "what it tests belongs to the benchmarks, which are not part of the sanitized build",
+}
 PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
 # Programs that run once more with clFFT, whose plans several apertures and threads share, and in the fused engine's
 # other shape.
