@@ -13,7 +13,9 @@
 
 #define FFT_TILE __local
 #define FFT_STRIPS (STRIPS * POLARIZATIONS)
-#define FFT_INPUT(strip, p, re, im) illuminate(&sources[strip], p, &re, &im)
+#define FFT_INPUT(strip, p, re, im) illuminate(&sources[strip], p, &worst[strip], &re, &im)
+#define FFT_ENDS
+#define FFT_INPUT_LOOP _Pragma("unroll")
 #define FFT_OUTPUT(strip, p, re, im)
 
 typedef struct {
@@ -51,23 +53,39 @@ static int counts(const source_t *s, uint lane, uint y, uint pixel_x, uint pixel
     return s->polarization == 0 && lane < s->count && s->x + lane == OVERSAMPLING * pixel_x && y == OVERSAMPLING * pixel_y;
 }
 
-static lanes_f sanitized_lanes(const source_t *s, lanes_f i0, uint y, uint pixel_y) {
+// What lies above in the order of bits is no irradiance: infinite, NaN or negative.
+#define LARGEST_BITS 0x7f7fffffu
+
+// The irradiance of LANES pixels in row pixel_y, not checked.
+static inline lanes_f load_irradiance(const source_t *s, uint pixel_y) {
+    __global const float *row = s->irradiance + (ulong)pixel_y * s->irradiance_pitch;
+    if (s->direct)
+        return load_lanes_f(row + s->x);
     float values[LANES];
-    vstore_lanes(i0, 0, values);
     for (uint lane = 0; lane < LANES; ++lane)
-        if (!(values[lane] >= 0.0f && values[lane] <= FLT_MAX)) {
-            const uint pixel_x = s->columns[lane];
-            if (counts(s, lane, y, pixel_x, pixel_y))
-                report_bad(s->bad, values[lane], pixel_y * s->width + pixel_x);
-            values[lane] = 0.0f;
-        }
+        values[lane] = row[s->columns[lane]];
     return vload_lanes(0, values);
+}
+
+// Counts what is wrong with a strip's pixels, once it is known that something is.
+static void report_strip(const source_t *s) {
+    for (uint y = 0; y < s->grid_height; ++y) {
+        const uint pixel_y = pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height);
+        float values[LANES];
+        vstore_lanes(load_irradiance(s, pixel_y), 0, values);
+        for (uint lane = 0; lane < LANES; ++lane)
+            if (!(values[lane] >= 0.0f && values[lane] <= FLT_MAX)) {
+                const uint pixel_x = s->columns[lane];
+                if (counts(s, lane, y, pixel_x, pixel_y))
+                    report_bad(s->bad, values[lane], pixel_y * s->width + pixel_x);
+            }
+    }
 }
 
 // LANES words from `from` on, of the last strip only those that there are.
 static inline lanes_u load_words(const source_t *s, __global const uint *from) {
     if (s->whole)
-        return vload_lanes(0, from);
+        return load_lanes_u(from);
     uint values[LANES];
     for (uint lane = 0; lane < LANES; ++lane)
         values[lane] = lane < s->count ? from[lane] : 0u;
@@ -96,7 +114,7 @@ static inline void load_numbers(const source_t *s, __global const float *from, l
 #define FIELD_OFFSET(s) knot_offset((s)->samples, (s)->first, 0)
 #endif
 #if PREFETCH
-#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address))
+#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, 2)
 #endif
 
 // unit_field() of LANES samples from sample i on.
@@ -115,26 +133,20 @@ static inline void unit_fields(const source_t *s, ulong i, lanes_complex *z) {
 #endif
 }
 
-static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *im) {
+// worst: the largest bits of an irradiance so far.
+static inline void illuminate(const source_t *s, uint y, lanes_u *worst, lanes_f *re, lanes_f *im) {
     const uint pixel_y = pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height);
-    __global const float *row = s->irradiance + (ulong)pixel_y * s->irradiance_pitch;
     const ulong i = (ulong)y * s->grid_width + s->x;
 #if PREFETCH
     // Steps from row to row are too long for the hardware to foresee.
-    prefetch_line(row + PREFETCH * s->irradiance_pitch + s->x);
+    prefetch_line(s->irradiance + (ulong)(pixel_y + PREFETCH) * s->irradiance_pitch + s->x);
     prefetch_line(s->state + FIELD_OFFSET(s) + FIELD_WORDS * (i + PREFETCH * s->grid_width));
 #endif
-    lanes_f i0;
-    if (s->direct) {
-        i0 = vload_lanes(0, row + s->x);
-    } else {
-        float values[LANES];
-        for (uint lane = 0; lane < LANES; ++lane)
-            values[lane] = row[s->columns[lane]];
-        i0 = vload_lanes(0, values);
-    }
-    if (!all((i0 >= 0.0f) & (i0 <= FLT_MAX)))
-        i0 = sanitized_lanes(s, i0, y, pixel_y);
+    // What is no irradiance counts as 0; a minus before a zero is dropped.
+    lanes_f i0 = load_irradiance(s, pixel_y) + 0.0f;
+    const lanes_u bits = as_lanes_u(i0);
+    *worst = max(*worst, bits);
+    i0 = bits <= LARGEST_BITS ? i0 : SPREAD(0.0f);
     lanes_complex z;
     unit_fields(s, i, &z);
     lanes_f amplitude = sqrt(i0);
@@ -187,12 +199,15 @@ static inline void illuminate(const source_t *s, uint y, lanes_f *re, lanes_f *i
 
 // positions: of each kept line in the transform, `groups` of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
 // blocks: for each block of the transform three numbers, of which the first counts the groups that are complete behind it.
+// ends: of the transform (fused_ends() of the host), so that kept lines are among what is made.
 __kernel void fused_columns_forward(FIELD_PARAMETERS,
                                     __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
-                                    __global const uint *positions, uint groups, __global const uint *blocks, __local lanes_f *tiles) {
+                                    __global const uint *positions, uint groups, __global const uint *blocks, __global const uchar *ends,
+                                    __local lanes_f *tiles) {
     if (get_global_id(0) * STRIPS * LANES >= grid_width)
         return;
     source_t sources[FFT_STRIPS];
+    lanes_u worst[FFT_STRIPS];
     for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
         source_t source;
         source.state = state;
@@ -234,38 +249,41 @@ __kernel void fused_columns_forward(FIELD_PARAMETERS,
         for (uint lane = 0; lane < LANES; ++lane)
             source.columns[lane] = pixel_of_sample(min(source.x + lane, grid_width - 1u), OVERSAMPLING, width, grid_width);
         sources[strip] = source;
+        worst[strip] = (lanes_u)(0u);
     }
 
     fft_forward_first
     for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
         if (sources[strip].count == 0)
             continue;
+        if (any(worst[strip] > LARGEST_BITS))
+            report_strip(&sources[strip]);
         __global lanes_f *strip_lines = lines + 2 * (ulong)(strip / STRIPS * groups) * grid_width;
         const uint x = sources[strip].x, count = sources[strip].count;
         __local lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
         tile[2u * FFT_LENGTH] = tile[2u * FFT_LENGTH + 1u] = SPREAD(0.0f);
         uint group = 0;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {
-            fft_forward_block(block, tile, twiddles);
+            fft_forward_block(block, tile, twiddles FFT_ENDS_ARGUMENT);
             for (; group < blocks[3u * block]; ++group) {
-                lanes_f re[LANES], im[LANES];
-                for (uint l = 0; l < LANES; ++l) {
-                    const uint p = positions[group * LANES + l];
-                    re[l] = tile[2u * p];
-                    im[l] = tile[2u * p + 1u];
-                }
-                transpose_lanes(re);
-                transpose_lanes(im);
+                __global const uint *places = positions + group * LANES;
                 __global lanes_f *out = strip_lines + 2 * ((ulong)group * grid_width + x);
-                if (count == LANES) {
-                    for (uint l = 0; l < LANES; ++l) {
-                        out[2u * l] = re[l];
-                        out[2u * l + 1u] = im[l];
-                    }
-                } else {
-                    for (uint l = 0; l < count; ++l) {
-                        out[2u * l] = re[l];
-                        out[2u * l + 1u] = im[l];
+                // One part after the other: both at once are more than there are registers.
+                for (uint part = 0; part < 2; ++part) {
+                    lanes_f v[LANES];
+#pragma unroll
+                    for (uint l = 0; l < LANES; ++l)
+                        v[l] = tile[2u * places[l] + part];
+                    transpose_lanes(v);
+                    if (count == LANES) {
+#pragma unroll
+                        for (uint l = 0; l < LANES; ++l)
+                            out[2u * l + part] = v[l];
+                    } else {
+#pragma unroll
+                        for (uint l = 0; l < LANES; ++l)
+                            if (l < count)
+                                out[2u * l + part] = v[l];
                     }
                 }
             }

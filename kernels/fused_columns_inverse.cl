@@ -2,6 +2,7 @@
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   STRIPS n        strips of LANES columns side by side, as in pass A
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
+//   STREAM 1        rows of the intensity go past the caches, where they begin as vectors do
 //   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
 #include "sensor_lanes.h"
@@ -12,6 +13,7 @@
 #define FFT_TILE __local
 #define FFT_STRIPS (STRIPS * POLARIZATIONS)
 #define FFT_INPUT(strip, p, re, im)
+#define FFT_ENDS
 #if OVERSAMPLING == 1 && !SENSOR && POLARIZATIONS == 1
 #define FFT_OUTPUT(strip, p, re, im) store_power(&images[strip], p, fma(re, re, (im) * (im)))
 #elif OVERSAMPLING == 1 && !SENSOR
@@ -36,6 +38,9 @@ typedef struct {
     int adds;
     uint x, count, height;
     float weight, second_weight;
+#if STREAM
+    int streams;
+#endif
 } image_t;
 
 // The image before this one at row y, or nothing.
@@ -60,18 +65,27 @@ static inline lanes_f weighted(const image_t *image, uint y, lanes_f first, lane
 static inline void store_powers(const image_t *image, uint y, lanes_f first, lanes_f second) {
     if (y >= image->height || image->count == 0)
         return;
-    store_some(weighted(image, y, first, second), image->intensity + (ulong)y * image->pitch + image->x, image->count);
+    const lanes_f power = weighted(image, y, first, second);
+    __global float *to = image->intensity + (ulong)y * image->pitch + image->x;
+#if STREAM
+    if (image->streams) {
+        __builtin_nontemporal_store(power, (__global lanes_f *)to);
+        return;
+    }
+#endif
+    store_some(power, to, image->count);
 }
 #define store_power(image, y, power) store_powers(image, y, power, SPREAD(0.0f))
 #endif
 
 #include "fused_codelets.h"
 
-// positions: of the kept lines (as in pass A), then of all others. blocks: for each block of the transform three numbers; the second counts the
-// groups that reach into it or lie before it, the third the other lines up to its end. width, height: of the image in pixels. adds 1: the
+// positions: of the kept lines (as in pass A), then of all others that are read. blocks: for each block of the transform three numbers; the
+// second counts the groups that reach into it or lie before it, the third the other lines up to its end. ends: as in pass A. width, height: of the image in pixels. adds 1: the
 // intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform takes long to compile.
 __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_width, __global const float *twiddles,
-                                    __global const uint *positions, uint groups, __global const uint *blocks, float weight,
+                                    __global const uint *positions, uint groups, __global const uint *blocks,
+                                    __global const uchar *ends, float weight,
                                     float second_weight, uint adds, __global const float *before, ulong before_offset, uint before_pitch,
 #if SENSOR
                                     SENSOR_PARAMETERS,
@@ -88,6 +102,9 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
 #if !SENSOR
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
+#if STREAM
+        image.streams = OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 && ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
+#endif
 #endif
         image.before = before + before_offset;
         image.before_pitch = before_pitch;
@@ -110,31 +127,33 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
                 tile[2u * p] = tile[2u * p + 1u] = SPREAD(0.0f);
             }
             for (; group < blocks[3u * block + 1u]; ++group) {
-                lanes_f re[LANES], im[LANES];
                 __global const lanes_f *in = strip_lines + 2 * ((ulong)group * grid_width + x);
-                if (count == LANES) {
-                    for (uint l = 0; l < LANES; ++l) {
-                        re[l] = in[2u * l];
-                        im[l] = in[2u * l + 1u];
+                __global const uint *places = positions + group * LANES;
+                // One part after the other: both at once are more than there are registers.
+                for (uint part = 0; part < 2; ++part) {
+                    lanes_f v[LANES];
+                    if (count == LANES) {
+#pragma unroll
+                        for (uint l = 0; l < LANES; ++l)
+                            v[l] = in[2u * l + part];
+                    } else {
+#pragma unroll
+                        for (uint l = 0; l < LANES; ++l)
+                            v[l] = l < count ? in[2u * l + part] : SPREAD(0.0f);
                     }
-                } else {
-                    for (uint l = 0; l < LANES; ++l) {
-                        re[l] = l < count ? in[2u * l] : SPREAD(0.0f);
-                        im[l] = l < count ? in[2u * l + 1u] : SPREAD(0.0f);
-                    }
-                }
-                transpose_lanes(re);
-                transpose_lanes(im);
-                for (uint l = 0; l < LANES; ++l) {
-                    const uint p = positions[group * LANES + l];
-                    tile[2u * p] = re[l];
-                    tile[2u * p + 1u] = im[l];
+                    transpose_lanes(v);
+#pragma unroll
+                    for (uint l = 0; l < LANES; ++l)
+                        tile[2u * places[l] + part] = v[l];
                 }
             }
-            fft_inverse_block(block, tile, twiddles);
+            fft_inverse_block(block, tile, twiddles FFT_ENDS_ARGUMENT);
         }
     }
     fft_inverse_last
+#if STREAM
+    __sync_synchronize(); // such stores wait for nobody: here they end before the kernel does
+#endif
 #if SENSOR
     const camera_t camera = SENSOR_CAMERA;
     for (uint row = 0; row < sensor.quarter; ++row)

@@ -31,6 +31,22 @@ typedef CLSP_JOIN(uint, LANES) lanes_u;
 typedef CLSP_JOIN(ulong, HALF_LANES) half_ul;
 #define as_half_ul CLSP_JOIN(as_ulong, HALF_LANES)
 #define SPREAD(value) ((lanes_f)(value))
+// LANES numbers side by side, wherever they begin, and elements of two vectors. PoCL's built-ins go through large vectors in parts.
+#ifdef __clang__
+typedef lanes_f unaligned_lanes_f __attribute__((aligned(4)));
+typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
+#define shuffle_lanes(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#define load_lanes_f(from) (*(__global const unaligned_lanes_f *)(from))
+#define load_lanes_u(from) (*(__global const unaligned_lanes_u *)(from))
+#define store_lanes_f(values, to) (*(__global unaligned_lanes_f *)(to) = (values))
+#define store_lanes_u(values, to) (*(__global unaligned_lanes_u *)(to) = (values))
+#else
+#define shuffle_lanes(a, b, ...) shuffle2(a, b, (lanes_u)(__VA_ARGS__))
+#define load_lanes_f(from) vload_lanes(0, from)
+#define load_lanes_u(from) vload_lanes(0, from)
+#define store_lanes_f(values, to) vstore_lanes(values, 0, to)
+#define store_lanes_u(values, to) vstore_lanes(values, 0, to)
+#endif
 
 typedef struct {
     lanes_f re, im;
@@ -48,7 +64,7 @@ static inline lanes_u lane_numbers(void) {
 // count of LANES numbers side by side: of the last strip only those that there are.
 static inline lanes_f load_some(__global const float *from, uint count) {
     if (count == LANES)
-        return vload_lanes(0, from);
+        return load_lanes_f(from);
     float values[LANES];
     for (uint lane = 0; lane < LANES; ++lane)
         values[lane] = lane < count ? from[lane] : 0.0f;
@@ -57,7 +73,7 @@ static inline lanes_f load_some(__global const float *from, uint count) {
 
 static inline void store_some(lanes_f values, __global float *to, uint count) {
     if (count == LANES) {
-        vstore_lanes(values, 0, to);
+        store_lanes_f(values, to);
         return;
     }
     float each[LANES];
@@ -68,7 +84,7 @@ static inline void store_some(lanes_f values, __global float *to, uint count) {
 
 // Complex numbers that lie in memory as re, im, re, im ..
 static inline void load_interleaved(__global const float *from, lanes_complex *z) {
-    const lanes_f a = vload_lanes(0, from), b = vload_lanes(1, from);
+    const lanes_f a = load_lanes_f(from), b = load_lanes_f(from + LANES);
     z->re = (lanes_f)(a.even, b.even);
     z->im = (lanes_f)(a.odd, b.odd);
 }

@@ -16,8 +16,8 @@ static inline void store_interleaved(lanes_f re, lanes_f im, __global float *to,
     high.even = re.hi;
     high.odd = im.hi;
     if (count == LANES) {
-        vstore_lanes(low, 0, to);
-        vstore_lanes(high, 1, to);
+        store_lanes_f(low, to);
+        store_lanes_f(high, to + LANES);
         return;
     }
     float values[2 * LANES];
@@ -36,7 +36,7 @@ static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4
 
 static inline void store_words(lanes_u words, __global uint *to, uint count) {
     if (count == LANES) {
-        vstore_lanes(words, 0, to);
+        store_lanes_u(words, to);
         return;
     }
     uint values[LANES];

@@ -7,6 +7,8 @@
 #define FFT_TILE __local
 #define FFT_STRIPS 1
 #define FFT_INPUT(strip, p, re, im) re = line[2u * (p)], im = line[2u * (p) + 1u]
+#define FFT_ENDS
+#define FFT_INPUT_LOOP _Pragma("unroll")
 #define FFT_OUTPUT(strip, p, re, im) line[2u * (p)] = re, line[2u * (p) + 1u] = im
 
 // *a times b.
@@ -55,7 +57,9 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 #include "fused_codelets.h"
 
 // pupil: amplitude / samples of the field grid, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
-__kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles, __global const lanes_f *pupil,
+// ends: of the transform (fused_ends() of the host), for each of the pupil's groups.
+__kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles, __global const uchar *ends,
+                         __global const lanes_f *pupil,
 #if SHIFT
                          __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
 #endif
@@ -66,11 +70,12 @@ __kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups
     __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
     const uint pupil_group = group % pupil_groups;
     pupil += (ulong)pupil_group * PUPIL_VECTORS * FFT_LENGTH;
+    ends += pupil_group * FFT_ENDS_COUNT;
 #if SHIFT
     const lanes_f row_turns = line_frequencies[pupil_group] * shift_y;
 #endif
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)
-        fft_filter_block(block, tiles, twiddles FFT_PUPIL_ARGUMENTS);
+        fft_filter_block(block, tiles, twiddles FFT_ENDS_ARGUMENT FFT_PUPIL_ARGUMENTS);
     fft_inverse_last
 }

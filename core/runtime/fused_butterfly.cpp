@@ -34,19 +34,37 @@ Butterfly::Value Butterfly::twiddled(const Value &x, const std::string &re, cons
 }
 
 std::string Butterfly::name(const std::string &expression) {
-    std::string result = fmt::format("t{}", count_++);
+    std::string result = fmt::format("{}{}", prefix_, count_++);
     text_ += fmt::format("{}const lanes_f {} = {};\n", indent_, result, expression);
     return result;
 }
 
+Butterfly::Value Butterfly::sum(const Value &a, const Value &b) {
+    if (a.is_zero() || b.is_zero())
+        return a.is_zero() ? b : a;
+    return value(a.re + " + " + b.re, a.im + " + " + b.im);
+}
+
+Butterfly::Value Butterfly::difference(const Value &a, const Value &b) {
+    if (b.is_zero())
+        return a;
+    return a.is_zero() ? value("-" + b.re, "-" + b.im) : value(a.re + " - " + b.re, a.im + " - " + b.im);
+}
+
 // a - i b, or a + i b.
 Butterfly::Value Butterfly::sum_turned(const Value &a, const Value &b, bool backwards) {
+    if (b.is_zero())
+        return a;
+    if (a.is_zero())
+        return backwards ? value("-" + b.im, b.re) : value(b.im, "-" + b.re);
     return backwards ? value(a.re + " - " + b.im, a.im + " + " + b.re)
                      : value(a.re + " + " + b.im, a.im + " - " + b.re);
 }
 
 // (a.re + i a.im)(re + i im), or with the conjugate of the second.
 Butterfly::Value Butterfly::product(const Value &a, const std::string &re, const std::string &im, bool conjugate) {
+    if (a.is_zero())
+        return a;
     return conjugate ? value(fmt::format("fma({}, {}, {} * {})", a.im, im, a.re, re),
                              fmt::format("fma(-{}, {}, {} * {})", a.re, im, a.im, re))
                      : value(fmt::format("fma(-{}, {}, {} * {})", a.im, im, a.re, re),
@@ -58,7 +76,7 @@ Butterfly::Value Butterfly::rotated(const Value &a, std::size_t e, std::size_t n
     e %= n;
     if (inverse_ && e != 0)
         e = n - e;
-    if (e == 0)
+    if (e == 0 || a.is_zero())
         return a;
     if (4 * e % n == 0) {
         const std::size_t quarter = 4 * e / n;
@@ -88,6 +106,15 @@ Butterfly::Value Butterfly::rotated(const Value &a, std::size_t e, std::size_t n
 Butterfly::Values Butterfly::transform_4(const Values &x) {
     const Value a = sum(x[0], x[2]), b = difference(x[0], x[2]), c = sum(x[1], x[3]), d = difference(x[1], x[3]);
     return {sum(a, c), sum_turned(b, d, inverse_), difference(a, c), sum_turned(b, d, !inverse_)};
+}
+
+// c a + b.
+Butterfly::Value Butterfly::scaled_sum(const Value &a, const std::string &c, const Value &b) {
+    if (a.is_zero())
+        return b;
+    return b.is_zero()
+               ? value(fmt::format("{} * {}", a.re, c), fmt::format("{} * {}", a.im, c))
+               : value(fmt::format("fma({}, {}, {})", a.re, c, b.re), fmt::format("fma({}, {}, {})", a.im, c, b.im));
 }
 
 // n = radix * m, by decimation in frequency.
@@ -128,12 +155,8 @@ Butterfly::Values Butterfly::transform_prime(const Values &x) {
         for (std::size_t j = 1; j <= half; ++j) {
             const double angle = 2.0 * kPi * double(j * k % n) / double(n);
             const std::string c = constant(std::cos(angle)), s = constant(std::sin(angle));
-            const Value &a = sums[j - 1], &b = differences[j - 1];
-            even = value(fmt::format("fma({}, {}, {})", a.re, c, even.re),
-                         fmt::format("fma({}, {}, {})", a.im, c, even.im));
-            odd = j == 1 ? value(fmt::format("{} * {}", b.re, s), fmt::format("{} * {}", b.im, s))
-                         : value(fmt::format("fma({}, {}, {})", b.re, s, odd.re),
-                                 fmt::format("fma({}, {}, {})", b.im, s, odd.im));
+            even = scaled_sum(sums[j - 1], c, even);
+            odd = scaled_sum(differences[j - 1], s, odd);
         }
         result[k] = sum_turned(even, odd, inverse_);
         result[n - k] = sum_turned(even, odd, !inverse_);

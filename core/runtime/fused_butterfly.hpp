@@ -15,11 +15,14 @@ namespace clsp {
 class Butterfly {
   public:
     struct Value {
-        std::string re, im;
+        std::string re, im; // both empty: zero, which costs nothing
+        bool is_zero() const { return re.empty(); }
     };
     using Values = std::vector<Value>;
 
-    Butterfly(std::string indent, bool inverse) : indent_(std::move(indent)), inverse_(inverse) {}
+    // Names begin with `prefix`, so that several butterflies can stand side by side.
+    Butterfly(std::string indent, bool inverse, std::string prefix = "t")
+        : indent_(std::move(indent)), inverse_(inverse), prefix_(std::move(prefix)) {}
 
     const std::string &text() const { return text_; }
 
@@ -32,10 +35,11 @@ class Butterfly {
   private:
     std::string name(const std::string &expression);
     Value value(const std::string &re, const std::string &im) { return {name(re), name(im)}; }
-    Value sum(const Value &a, const Value &b) { return value(a.re + " + " + b.re, a.im + " + " + b.im); }
-    Value difference(const Value &a, const Value &b) { return value(a.re + " - " + b.re, a.im + " - " + b.im); }
+    Value sum(const Value &a, const Value &b);
+    Value difference(const Value &a, const Value &b);
     Value sum_turned(const Value &a, const Value &b, bool backwards);
     Value product(const Value &a, const std::string &re, const std::string &im, bool conjugate);
+    Value scaled_sum(const Value &a, const std::string &c, const Value &b);
     Value rotated(const Value &a, std::size_t e, std::size_t n);
     Values transform_4(const Values &x);
     Values transform_composite(const Values &x, std::size_t radix);
@@ -43,6 +47,7 @@ class Butterfly {
 
     std::string indent_;
     bool inverse_;
+    std::string prefix_;
     std::string text_;
     int count_ = 0;
 };

@@ -2,9 +2,8 @@
 
 #include "runtime/fused_butterfly.hpp"
 
-#include <fmt/core.h>
-#include <iterator>
-#include <numeric>
+#include <algorithm>
+#include <fmt/format.h>
 
 namespace clsp {
 namespace {
@@ -21,7 +20,8 @@ class StageText {
         std::string text;
         // What a point is made of can be long: once in the code is enough.
         if (place == Place::kMacro)
-            text = fmt::format("{0}lanes_f xr[{1}], xi[{1}];\n{0}for (uint q = 0; q < {1}u; ++q)\n"
+            // A kernel with room for it has the loop unrolled, so that loads need not wait for sums.
+            text = fmt::format("{0}lanes_f xr[{1}], xi[{1}];\n{0}FFT_INPUT_LOOP\n{0}for (uint q = 0; q < {1}u; ++q)\n"
                                "{0}    FFT_INPUT(strip, base + j + q * {2}u, xr[q], xi[q]);\n",
                                indent_, stage_.radix, stage_.m);
         for (std::uint32_t q = 0; q < stage_.radix; ++q)
@@ -86,6 +86,71 @@ class StageText {
 
 constexpr const char *kParameters = "FFT_TILE lanes_f *tile, __global const float *twiddles";
 
+// Points of a last stage's butterfly that count: `ends` at its beginning and as many at its end, all of them where
+// that is no fewer.
+bool at_ends(std::uint32_t point, std::uint32_t radix, std::uint32_t ends) {
+    return 2 * ends >= radix || point < ends || point + ends >= radix;
+}
+
+// The last stage of one block, which all leaves its points side by side. What is not at the ends is neither made nor
+// written (forward), counts as zero and is not read (inverse), or both (filter: with the pupil and the way back in
+// one, without a stop in the tile).
+enum class Last { kForward, kInverse, kFilter };
+std::string last_butterfly(Last what, std::uint32_t radix, std::uint32_t ends) {
+    const std::string indent = "            ";
+    const StageText step({radix, 1, 0}, indent);
+    const auto counts = [&](std::uint32_t q) { return at_ends(q, radix, ends); };
+    std::string text;
+    Butterfly::Values values(radix);
+    for (std::uint32_t q = 0; q < radix && ends > 0; ++q)
+        if (what != Last::kInverse || counts(q)) {
+            text += fmt::format(
+                "{0}const lanes_f x{1}r = tile[2u * (base + {1}u)], x{1}i = tile[2u * (base + {1}u) + 1u];\n", indent,
+                q);
+            values[q] = {fmt::format("x{}r", q), fmt::format("x{}i", q)};
+        }
+    if (what != Last::kInverse && ends > 0) {
+        Butterfly forward(indent, false, "f");
+        values = forward.transform(values);
+        text += forward.text();
+        for (std::uint32_t q = 0; q < radix; ++q)
+            if (!counts(q))
+                values[q] = {};
+            else if (what == Last::kFilter) {
+                text += fmt::format("{0}lanes_f y{1}r = {2}, y{1}i = {3};\n{0}FFT_PUPIL(base + {1}u, y{1}r, y{1}i);\n",
+                                    indent, q, values[q].re, values[q].im);
+                values[q] = {fmt::format("y{}r", q), fmt::format("y{}i", q)};
+            }
+    }
+    if (what != Last::kForward && ends > 0) {
+        Butterfly inverse(indent, true);
+        values = inverse.transform(values);
+        text += inverse.text();
+    }
+    for (std::uint32_t q = 0; q < radix; ++q)
+        if (!values[q].is_zero())
+            text += fmt::format("{0}tile[2u * (base + {1}u)] = {2};\n{0}tile[2u * (base + {1}u) + 1u] = {3};\n", indent,
+                                q, values[q].re, values[q].im);
+        else if (what != Last::kForward)
+            text +=
+                fmt::format("{0}tile[2u * (base + {1}u)] = tile[2u * (base + {1}u) + 1u] = SPREAD(0.0f);\n", indent, q);
+    return text;
+}
+
+std::string last_stage(const std::string &name, Last what, std::uint32_t radix, std::uint32_t block_length) {
+    std::string text =
+        fmt::format("static inline void {}(uint first, {} FFT_ENDS_PARAMETER{}) {{\n"
+                    "    for (uint base = first; base < first + {}u; base += {}u)\n"
+                    "        switch (FFT_ENDS_OF(base)) {{\n",
+                    name, kParameters, what == Last::kFilter ? " FFT_PUPIL_PARAMETERS" : "", block_length, radix);
+    for (const std::uint32_t ends : kFusedEnds)
+        if (2 * ends < radix)
+            text += fmt::format("        case {}u: {{\n{}            break;\n        }}\n", ends,
+                                last_butterfly(what, radix, ends));
+    return text +
+           fmt::format("        default: {{\n{}        }}\n        }}\n}}\n", last_butterfly(what, radix, radix));
+}
+
 // A function that takes every butterfly of a stage within one block of the first stage.
 std::string block_stage(const std::string &name, const FusedStage &stage, std::uint32_t block_length, bool inverse) {
     const StageText text(stage, "            ");
@@ -96,24 +161,38 @@ std::string block_stage(const std::string &name, const FusedStage &stage, std::u
                        name, kParameters, block_length, span, stage.m, text.step(inverse, Place::kTile, Place::kTile));
 }
 
+// The matrix of `lanes` vectors changed over in place, two at a time at distance 1, 2, 4 .. Each pair's two new vectors
+// take elements within quarters of four lanes or whole quarters: one instruction each, without a table of places. What
+// is written element by element does not all become such instructions again.
 std::string transpose(std::uint32_t lanes) {
-    std::string text = "// v[i] lane l becomes v[l] lane i: blocks of 1, 2, 4 .. lanes change places.\n"
-                       "static inline void transpose_lanes(lanes_f *v) {\n";
-    const char *digits = "0123456789abcdef";
-    for (std::uint32_t step = 1; step < lanes; step *= 2)
+    // The first vector of a pair takes element pick(l), those of the second vector count from `lanes` on; the second
+    // vector takes what lies `step` behind.
+    const auto within_pairs = [&](std::uint32_t l) { return l / 4 * 4 + l % 4 / 2 + l % 2 * lanes; };
+    const auto pairs = [&](std::uint32_t l) { return l / 4 * 4 + l % 2 + l % 4 / 2 * lanes; };
+    const auto quarters = [&](std::uint32_t l) { return l / 4 * 8 % lanes + l % 4 + l * 2 / lanes * lanes; };
+    const auto pick = [&](std::uint32_t distance, std::uint32_t l) {
+        return distance == 1 ? within_pairs(l) : distance == 2 ? pairs(l) : quarters(l);
+    };
+    std::string text = "// v[i] lane l becomes v[l] lane i.\nstatic inline void transpose_lanes(lanes_f *v) {\n";
+    for (std::uint32_t distance = 1; distance < lanes; distance *= 2)
         for (std::uint32_t i = 0; i < lanes; ++i) {
-            if (i & step)
+            if (i & distance)
                 continue;
-            std::string low, high;
+            std::vector<std::uint32_t> low, high;
             for (std::uint32_t l = 0; l < lanes; ++l) {
-                low += fmt::format("{}{}.s{}", l ? ", " : "", l & step ? "b" : "a", digits[l & step ? l - step : l]);
-                high += fmt::format("{}{}.s{}", l ? ", " : "", l & step ? "b" : "a", digits[l & step ? l : l + step]);
+                low.push_back(pick(distance, l));
+                high.push_back(low.back() + (distance < 4 ? 2 : 4));
             }
-            text +=
-                fmt::format("    {{\n        const lanes_f a = v[{0}], b = v[{1}];\n        v[{0}] = (lanes_f)({2});\n"
-                            "        v[{1}] = (lanes_f)({3});\n    }}\n",
-                            i, i + step, low, high);
+            text += fmt::format("    {{\n        const lanes_f a = v[{0}], b = v[{1}];\n"
+                                "        v[{0}] = shuffle_lanes(a, b, {2});\n"
+                                "        v[{1}] = shuffle_lanes(a, b, {3});\n    }}\n",
+                                i, i + distance, fmt::join(low, ", "), fmt::join(high, ", "));
         }
+    // Columns 4 c + 1 and 4 c + 2 have ended in each other's places.
+    for (std::uint32_t i = 0; i < lanes; i += 4)
+        text += fmt::format(
+            "    {{\n        const lanes_f a = v[{0}];\n        v[{0}] = v[{1}];\n        v[{1}] = a;\n    }}\n", i + 1,
+            i + 2);
     return text + "}\n";
 }
 
@@ -129,35 +208,33 @@ std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
     text += fmt::format("\n#define FFT_LENGTH {}u\n#define FFT_BLOCKS {}u\n#define FFT_BLOCK_LENGTH {}u\n"
                         "#define FFT_TILE_VECTORS (2u * (FFT_LENGTH + 1u))\n",
                         plan.length, plan.radices.front(), block);
+    // Without a table of its own a kernel has all points of a line.
+    text += fmt::format("#ifdef FFT_ENDS\n"
+                        "#define FFT_ENDS_PARAMETER , __global const uchar *ends\n"
+                        "#define FFT_ENDS_ARGUMENT , ends\n"
+                        "#define FFT_ENDS_OF(base) ends[(base) / {0}u]\n"
+                        "#define FFT_ENDS_COUNT (FFT_LENGTH / {0}u)\n"
+                        "#else\n"
+                        "#define FFT_ENDS_PARAMETER\n"
+                        "#define FFT_ENDS_ARGUMENT\n"
+                        "#define FFT_ENDS_OF(base) {1}u\n"
+                        "#endif\n"
+                        "#ifndef FFT_INPUT_LOOP\n"
+                        "#define FFT_INPUT_LOOP\n"
+                        "#endif\n",
+                        plan.radices.back(), kFusedAllEnds);
     text += transpose(lanes);
 
     for (std::size_t s = 1; s < count; ++s) {
-        const bool middle = s + 1 == count;
-        text += block_stage(fmt::format("fft_forward_{}", s), stages[s], block, false);
-        text += block_stage(fmt::format("fft_inverse_{}", s), stages[s], block, true);
-        if (!middle)
+        const std::string forward = fmt::format("fft_forward_{}", s), inverse = fmt::format("fft_inverse_{}", s);
+        if (s + 1 < count) {
+            text += block_stage(forward, stages[s], block, false) + block_stage(inverse, stages[s], block, true);
             continue;
-        // The last stage, the pupil and the first stage of the way back, without a stop in the tile.
-        const FusedStage &stage = stages[s];
-        const StageText step(stage, "        ");
-        Butterfly forward("        ", false);
-        const Butterfly::Values spectrum = forward.transform(step.inputs());
-        text +=
-            fmt::format("#ifdef FFT_PUPIL\nstatic inline void fft_filter_{}(uint first, {} FFT_PUPIL_PARAMETERS) {{\n"
-                        "    const uint j = 0;\n    for (uint base = first; base < first + {}u; base += {}u) {{\n",
-                        s, kParameters, block, stage.radix);
-        text += step.read(Place::kTile) + forward.text();
-        Butterfly::Values filtered;
-        for (std::uint32_t q = 0; q < stage.radix; ++q) {
-            text += fmt::format(
-                "        lanes_f y{0}r = {1}, y{0}i = {2};\n        FFT_PUPIL(base + {0}u, y{0}r, y{0}i);\n", q,
-                spectrum[q].re, spectrum[q].im);
-            filtered.push_back({fmt::format("y{}r", q), fmt::format("y{}i", q)});
         }
-        Butterfly inverse("            ", true);
-        const Butterfly::Values result = inverse.transform(filtered);
-        text += "        {\n" + inverse.text() + StageText(stage, "            ").write(Place::kTile, result) +
-                "        }\n    }\n}\n#endif\n";
+        const std::uint32_t radix = stages[s].radix;
+        text += last_stage(forward, Last::kForward, radix, block) + last_stage(inverse, Last::kInverse, radix, block) +
+                "#ifdef FFT_PUPIL\n" + last_stage(fmt::format("fft_filter_{}", s), Last::kFilter, radix, block) +
+                "#endif\n";
     }
     if (count == 1)
         text +=
@@ -185,23 +262,47 @@ std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
     text += "#define fft_inverse_last \\\n" + statement(step.step(true, Place::kTile, Place::kMacro), outer.m);
 
     const auto sequence = [&](const char *name, const char *more_parameters, const std::string &body) {
-        return fmt::format(
-            "static inline void {}(uint block, {}{}) {{\n    const uint first = block * FFT_BLOCK_LENGTH;\n{}}}\n",
-            name, kParameters, more_parameters, body);
+        return fmt::format("static inline void {}(uint block, {} FFT_ENDS_PARAMETER{}) {{\n    const uint first = "
+                           "block * FFT_BLOCK_LENGTH;\n{}}}\n",
+                           name, kParameters, more_parameters, body);
+    };
+    const auto call = [&](const char *what, std::size_t stage) {
+        return fmt::format("    fft_{}_{}(first, tile, twiddles{});\n", what, stage,
+                           stage + 1 == count ? " FFT_ENDS_ARGUMENT" : "");
     };
     std::string forward, inverse, filter;
     for (std::size_t s = 1; s < count; ++s)
-        forward += fmt::format("    fft_forward_{}(first, tile, twiddles);\n", s);
+        forward += call("forward", s);
     for (std::size_t s = count - 1; s >= 1; --s)
-        inverse += fmt::format("    fft_inverse_{}(first, tile, twiddles);\n", s);
+        inverse += call("inverse", s);
     for (std::size_t s = 1; s + 1 < count; ++s)
-        filter += fmt::format("    fft_forward_{}(first, tile, twiddles);\n", s);
-    filter += fmt::format("    fft_filter_{}(first, tile, twiddles FFT_PUPIL_ARGUMENTS);\n", count - 1);
+        filter += call("forward", s);
+    filter += fmt::format("    fft_filter_{}(first, tile, twiddles{} FFT_PUPIL_ARGUMENTS);\n", count - 1,
+                          count > 1 ? " FFT_ENDS_ARGUMENT" : "");
     for (std::size_t s = count - 1; s > 1; --s)
-        filter += fmt::format("    fft_inverse_{}(first, tile, twiddles);\n", s - 1);
+        filter += call("inverse", s - 1);
     text += sequence("fft_forward_block", "", forward) + sequence("fft_inverse_block", "", inverse);
     text += "#ifdef FFT_PUPIL\n" + sequence("fft_filter_block", " FFT_PUPIL_PARAMETERS", filter) + "#endif\n";
     return text;
+}
+
+std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<bool(std::uint32_t)> &counts) {
+    if (plan.radices.size() == 1)
+        return {kFusedAllEnds}; // the first stage is the last one, too: it takes all points
+    const std::uint32_t radix = plan.radices.back();
+    std::vector<std::uint8_t> table;
+    for (std::uint32_t base = 0; base < plan.length; base += radix) {
+        std::uint32_t needed = 0;
+        for (std::uint32_t q = 0; q < radix; ++q)
+            if (counts(base + q))
+                needed = std::max(needed, std::min(q + 1, radix - q));
+        std::uint8_t ends = kFusedAllEnds;
+        for (const std::uint8_t choice : kFusedEnds)
+            if (ends == kFusedAllEnds && needed <= choice && 2u * choice < radix)
+                ends = choice;
+        table.push_back(ends);
+    }
+    return table;
 }
 
 } // namespace clsp

@@ -38,10 +38,19 @@ Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes
     return {1, fit(2) ? 2u : 1u};
 }
 
+// Whether the compiler's own builtins for prefetches and for stores past the caches are known to be there.
+bool has_memory_builtins(const Context &context) {
+    return context.platform_name().find("Portable Computing Language") != std::string::npos;
+}
+
 // How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
 std::uint32_t prefetch_rows(const Context &context) {
-    return context.platform_name().find("Portable Computing Language") != std::string::npos ? 3 : 0;
+    return has_memory_builtins(context) ? 3 : 0;
 }
+
+// Images of this size and more go past the caches: what drives out the field costs more than what the next reader
+// finds.
+constexpr std::uint64_t kStreamedBytes = std::uint64_t{1} << 20;
 
 class FusedLanes final : public FusedEngine {
   public:
@@ -54,8 +63,8 @@ class FusedLanes final : public FusedEngine {
         return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_lanes();
     }
     std::uint32_t polarizations() const override { return tiles_.polarizations; }
-    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                 const ExposedFrame *exposed, bool with_intensity) override;
+    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
+                 bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                        std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
@@ -98,6 +107,7 @@ class FusedLanes final : public FusedEngine {
     bool complex_pupil_ = false;
     DeviceBuffer row_twiddles_, column_twiddles_;
     DeviceBuffer positions_, blocks_;
+    DeviceBuffer column_ends_, row_ends_;
     DeviceBuffer pupil_;
     DeviceBuffer frequencies_, line_frequencies_;
     std::map<std::string, cl::Kernel> columns_;
@@ -132,9 +142,12 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    inverse_ = LazyKernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0", column_options(), pixel_samples_),
-                          &column_codelets_);
+    const bool streams =
+        has_memory_builtins(*context_) && std::uint64_t{grid_.width} * grid_.height * sizeof(float) >= kStreamedBytes;
+    inverse_ = LazyKernel(
+        "fused_columns_inverse.cl", "fused_columns_inverse",
+        fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", column_options(), pixel_samples_, streams ? 1 : 0),
+        &column_codelets_);
     rows_kernel(false);
 }
 
@@ -144,8 +157,13 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     std::vector<cl_uint> kept, others;
     std::vector<cl_uint> blocks;
     const std::uint32_t block_length = column_plan_.block_length();
+    const auto passes = [&](std::uint32_t p) { return row_passes(pupil, grid_, column_plan_.frequencies[p]); };
+    const std::vector<std::uint8_t> column_ends = fused_ends(column_plan_, passes);
     for (std::uint32_t position = 0; position < height; ++position) {
-        (row_passes(pupil, grid_, column_plan_.frequencies[position]) ? kept : others).push_back(position);
+        if (passes(position))
+            kept.push_back(position);
+        else if (within_ends(column_plan_, column_ends, position))
+            others.push_back(position);
         if ((position + 1) % block_length == 0) {
             const auto count = static_cast<cl_uint>(kept.size());
             blocks.insert(blocks.end(),
@@ -172,12 +190,22 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
                 to[lanes_] = t.imag();
         }
     }
+    std::vector<std::uint8_t> row_ends;
+    for (std::uint32_t group = 0; group < groups_; ++group) {
+        const std::vector<std::uint8_t> ends = fused_ends(row_plan_, [&](std::uint32_t position) {
+            const auto first = amplitudes.begin() + (std::ptrdiff_t{group} * width + position) * parts * lanes_;
+            return std::any_of(first, first + parts * lanes_, [](float part) { return part != 0.0f; });
+        });
+        row_ends.insert(row_ends.end(), ends.begin(), ends.end());
+    }
     std::vector<float> frequencies(width);
     for (std::uint32_t position = 0; position < width; ++position)
         frequencies[position] = signed_frequency(row_plan_.frequencies[position], width);
     kept.insert(kept.end(), others.begin(), others.end());
     positions_ = device_table(context_, kept);
     blocks_ = device_table(context_, blocks);
+    column_ends_ = device_table(context_, column_ends);
+    row_ends_ = device_table(context_, row_ends);
     pupil_ = device_table(context_, amplitudes);
     row_twiddles_ = device_table(context_, row_plan_.twiddles);
     column_twiddles_ = device_table(context_, column_plan_.twiddles);
@@ -247,6 +275,7 @@ void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &f
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
+        .add(column_ends_.get())
         .add(cl::Local(tiles_bytes()));
     chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
 }
@@ -256,7 +285,12 @@ void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
     cl::Kernel &kernel = rows_kernel(shift.has_value());
     KernelArguments arguments(kernel);
     const std::uint32_t groups = tiles_.polarizations * groups_;
-    arguments.add(lines).add(cl_uint{groups}).add(cl_uint{groups_}).add(row_twiddles_.get()).add(pupil_.get());
+    arguments.add(lines)
+        .add(cl_uint{groups})
+        .add(cl_uint{groups_})
+        .add(row_twiddles_.get())
+        .add(row_ends_.get())
+        .add(pupil_.get());
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
@@ -275,6 +309,7 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
+        .add(column_ends_.get())
         .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
         .add(static_cast<cl_float>(weights[1] / (pixel_samples_ * pixel_samples_)))
         .add(cl_uint{adds ? 1u : 0u})

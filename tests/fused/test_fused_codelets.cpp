@@ -1,4 +1,5 @@
-// The generated line transforms of the fused engine, alone: forward, inverse and filtered lines against sums in double precision.
+// The generated line transforms of the fused engine, alone: forward, inverse and filtered lines against sums in double
+// precision.
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
 #include "runtime/fused_codelets.hpp"
@@ -32,6 +33,8 @@ const char *const kKernels = R"(
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 typedef JOIN(float, LANES) lanes_f;
+typedef JOIN(uint, LANES) lanes_u;
+#define shuffle_lanes(a, b, ...) shuffle2(a, b, (lanes_u)(__VA_ARGS__))
 #define SPREAD(value) ((lanes_f)(value))
 #define FFT_TILE __local
 #define FFT_STRIPS 1
@@ -41,24 +44,25 @@ typedef JOIN(float, LANES) lanes_f;
 #define FFT_PUPIL_ARGUMENTS , pupil
 #define FFT_PUPIL(p, re, im) { re *= SPREAD(pupil[p]); im *= SPREAD(pupil[p]); }
 CODELETS
-__kernel void forward(__global lanes_f *line, __global const float *twiddles, __local lanes_f *tiles) {
+__kernel void forward(__global lanes_f *line, __global const float *twiddles, __global const uchar *ends, __local lanes_f *tiles) {
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)
-        fft_forward_block(block, tiles, twiddles);
+        fft_forward_block(block, tiles, twiddles FFT_ENDS_ARGUMENT);
     for (uint p = 0; p < 2u * FFT_LENGTH; ++p)
         line[p] = tiles[p];
 }
-__kernel void inverse(__global lanes_f *line, __global const float *twiddles, __local lanes_f *tiles) {
+__kernel void inverse(__global lanes_f *line, __global const float *twiddles, __global const uchar *ends, __local lanes_f *tiles) {
     for (uint p = 0; p < 2u * FFT_LENGTH; ++p)
         tiles[p] = line[p];
     for (uint block = 0; block < FFT_BLOCKS; ++block)
-        fft_inverse_block(block, tiles, twiddles);
+        fft_inverse_block(block, tiles, twiddles FFT_ENDS_ARGUMENT);
     fft_inverse_last
 }
-__kernel void filter(__global lanes_f *line, __global const float *twiddles, __global const float *pupil, __local lanes_f *tiles) {
+__kernel void filter(__global lanes_f *line, __global const float *twiddles, __global const uchar *ends, __global const float *pupil,
+                     __local lanes_f *tiles) {
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)
-        fft_filter_block(block, tiles, twiddles, pupil);
+        fft_filter_block(block, tiles, twiddles FFT_ENDS_ARGUMENT, pupil);
     fft_inverse_last
 }
 __kernel void transposed(__global lanes_f *matrix) {
@@ -110,26 +114,33 @@ std::vector<Complex> transform(const std::vector<Complex> &v, double sign) {
 
 class Codelets {
   public:
-    Codelets(const FusedPlan &plan, std::uint32_t lanes) : plan_(plan), lanes_(lanes), queue_(context().cl_context(), context().device()) {
+    // pruned: the kernels leave alone what does not count, as leave_alone() says.
+    Codelets(const FusedPlan &plan, std::uint32_t lanes, bool pruned = false)
+        : plan_(plan), lanes_(lanes), queue_(context().cl_context(), context().device()) {
         std::string source = kKernels;
         const std::string mark = "CODELETS";
         source.replace(source.find(mark), mark.size(), clsp::fused_codelets(plan, lanes));
         program_ = cl::Program(context().cl_context(), source);
         try {
-            program_.build({context().device()}, ("-cl-std=CL1.2 -DLANES=" + std::to_string(lanes)).c_str());
+            program_.build({context().device()},
+                           ("-cl-std=CL1.2 -DLANES=" + std::to_string(lanes) + (pruned ? " -DFFT_ENDS" : "")).c_str());
         } catch (const cl::Error &) {
             ADD_FAILURE() << program_.getBuildInfo<CL_PROGRAM_BUILD_LOG>(context().device());
             throw;
         }
     }
 
+    void leave_alone(std::vector<std::uint8_t> ends) { ends_ = std::move(ends); }
+
     Lines run(const char *name, Lines lines, std::vector<float> pupil = {}) const {
         cl::Kernel kernel(program_, name);
-        const cl::Buffer buffer = upload(lines.values), twiddles = upload(plan_.twiddles), filter = upload(pupil);
+        const cl::Buffer buffer = upload(lines.values), twiddles = upload(plan_.twiddles), filter = upload(pupil),
+                         ends = upload(ends_);
         cl_uint index = 0;
         kernel.setArg(index++, buffer);
         if (std::string(name) != "transposed") {
             kernel.setArg(index++, twiddles);
+            kernel.setArg(index++, ends);
             if (!pupil.empty())
                 kernel.setArg(index++, filter);
             kernel.setArg(index++, cl::Local((std::size_t{plan_.length} + 1) * 2 * lanes_ * sizeof(float)));
@@ -140,19 +151,21 @@ class Codelets {
     }
 
   private:
-    static cl::Buffer upload(std::vector<float> values) {
+    template <typename T> static cl::Buffer upload(std::vector<T> values) {
         values.resize(std::max<std::size_t>(values.size(), 1));
-        return cl::Buffer(context().cl_context(), CL_MEM_COPY_HOST_PTR, values.size() * sizeof(float), values.data());
+        return cl::Buffer(context().cl_context(), CL_MEM_COPY_HOST_PTR, values.size() * sizeof(T), values.data());
     }
 
     FusedPlan plan_;
     std::uint32_t lanes_;
+    std::vector<std::uint8_t> ends_;
     cl::CommandQueue queue_;
     cl::Program program_;
 };
 
 // Every butterfly, alone and in company; one to five stages.
-const std::uint32_t kLengths[] = {2, 3, 4, 5, 7, 8, 11, 13, 14, 16, 21, 35, 48, 64, 90, 128, 143, 189, 270, 512, 540, 1024};
+const std::uint32_t kLengths[] = {2,  3,  4,  5,  7,   8,   11,  13,  14,  16,  21,
+                                  35, 48, 64, 90, 128, 143, 189, 270, 512, 540, 1024};
 
 class Line : public testing::TestWithParam<std::uint32_t> {};
 
@@ -204,6 +217,60 @@ TEST_P(Line, AgreesWithTheSumInDoublePrecision) {
         EXPECT_LT(std::sqrt(error_forward / power), 3e-7) << n << " points, " << lanes << " lanes";
         EXPECT_LT(std::sqrt(error_inverse / power), 3e-7) << n << " points, " << lanes << " lanes";
         EXPECT_LT(std::sqrt(error_filter / filter_power), 4e-7) << n << " points, " << lanes << " lanes";
+    }
+}
+
+// Of a low-pass only what it lets through is made and read: the same numbers there, whatever lies elsewhere.
+TEST_P(Line, LeavesAloneWhatALowPassStops) {
+    const std::uint32_t n = GetParam();
+    const FusedPlan plan = clsp::make_fused_plan(n);
+    constexpr std::uint32_t lanes = 4;
+    const Codelets all(plan, lanes);
+    Codelets some(plan, lanes, true);
+    // Nothing, one frequency, and parts of the spectrum; the last is not symmetric.
+    for (const double part : {-1.0, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 2.0}) {
+        const auto passes = [&](std::uint32_t p) {
+            const double f = plan.frequencies[p];
+            return part > 1.0 ? f > 0.55 * n && f < 0.8 * n : 2.0 * std::min(f, n - f) <= part * n;
+        };
+        const std::vector<std::uint8_t> ends = clsp::fused_ends(plan, passes);
+        std::uint32_t spared = 0, counted = 0;
+        Lines cut = random_lines(n, lanes), torn = cut;
+        std::vector<float> pupil(n, 0.0f);
+        for (std::uint32_t p = 0; p < n; ++p) {
+            const bool read = clsp::within_ends(plan, ends, p);
+            spared += !read;
+            counted += passes(p);
+            ASSERT_TRUE(read || !passes(p)) << p;
+            for (std::uint32_t lane = 0; lane < lanes; ++lane) {
+                cut.set(p, lane, passes(p) ? cut.at(p, lane) : 0.0);
+                torn.set(p, lane, read ? cut.at(p, lane) : std::nan(""));
+            }
+            pupil[p] = passes(p) ? 0.5f + static_cast<float>(p % 3) : 0.0f;
+        }
+        if (part <= 0.25 && n >= 64) {
+            EXPECT_GT(2 * spared, n - counted) << "half of what is stopped costs nothing";
+        }
+        if (part == 1.0) {
+            EXPECT_EQ(0u, spared);
+        }
+        some.leave_alone(ends);
+        const Lines field = random_lines(n, lanes), forward = some.run("forward", field),
+                    whole = all.run("forward", field);
+        double power = 0, back_error = 0, filter_error = 0;
+        const Lines back = some.run("inverse", torn), expected = all.run("inverse", cut);
+        const Lines filtered = some.run("filter", field, pupil), filter_expected = all.run("filter", field, pupil);
+        for (std::uint32_t p = 0; p < n; ++p)
+            for (std::uint32_t lane = 0; lane < lanes; ++lane) {
+                if (passes(p)) {
+                    EXPECT_LT(std::abs(forward.at(p, lane) - whole.at(p, lane)), 1e-6 * std::sqrt(double(n))) << p;
+                }
+                power += std::norm(expected.at(p, lane)) + std::norm(filter_expected.at(p, lane));
+                back_error += std::norm(back.at(p, lane) - expected.at(p, lane));
+                filter_error += std::norm(filtered.at(p, lane) - filter_expected.at(p, lane));
+            }
+        EXPECT_LE(std::sqrt(back_error), 3e-7 * std::sqrt(power)) << n << " points, part " << part;
+        EXPECT_LE(std::sqrt(filter_error), 3e-7 * std::sqrt(power)) << n << " points, part " << part;
     }
 }
 

@@ -237,10 +237,10 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     fs::create_directories(folder);
     std::ifstream original(fs::path(CLSP_KERNEL_SOURCE_DIR) / "fused_columns_inverse.cl");
     std::string text{std::istreambuf_iterator<char>(original), {}};
-    const std::string name = "float weight,\n";
-    const std::size_t at = text.find(name);
+    const std::string name = " float weight,";
+    const std::size_t at = text.find(name, text.find("__kernel"));
     ASSERT_NE(std::string::npos, at);
-    text.replace(at, name.size(), "float whole_weight,\n");
+    text.replace(at, name.size(), " float whole_weight,");
     const std::size_t body = text.find("{\n", at);
     text.insert(body + 2, "    const float weight = whole_weight / 3.0f;\n");
     std::ofstream(folder / "fused_columns_inverse.cl") << text;
