@@ -18,7 +18,7 @@ inline clspeckle::Context &context() {
 // Width and height of the sizes that the benchmarks run over.
 inline void sizes(benchmark::internal::Benchmark *b) {
     b->ArgNames({"width", "height"})->Args({512, 512})->Args({1024, 1024})->Args({1920, 1080})->Args({2048, 2048});
-    b->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(0.5);
+    b->Unit(benchmark::kMillisecond)->UseRealTime();
 }
 
 // And aperture diameters in hundredths of what the image's sampling resolves.
@@ -28,7 +28,7 @@ inline void apertures(benchmark::internal::Benchmark *b) {
         for (const int diameter : {25, 50, 100})
             b->Args({width, height, diameter});
     // The CPU column is the processor time of all threads, which other programs on the machine change less than the elapsed time.
-    b->Unit(benchmark::kMillisecond)->UseRealTime()->MeasureProcessCPUTime()->MinTime(0.5);
+    b->Unit(benchmark::kMillisecond)->UseRealTime()->MeasureProcessCPUTime();
 }
 
 } // namespace bench

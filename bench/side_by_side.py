@@ -3,8 +3,9 @@
 engine in C++, and that engine.
 
 A frame goes from stored phases and an ideal image to the intensity behind a round aperture: exp(i phase) sqrt(ideal),
-transform, mask, inverse transform, squared modulus. VkFFT is timed on its two transforms alone. Rounds take turns, and
-medians are compared, so that whatever else the machine does meets all alike; ratios mean more than times.
+transform, mask, inverse transform, squared modulus. VkFFT is timed on its two transforms alone. All take turns, several
+times in each round, and the fastest times are compared: whatever else the machine does only adds to them. Ratios mean
+more than times.
 
     build/bin/clspeckle-bench must be built (-DCLSP_BUILD_BENCH=ON; with Debian's libvkfft-dev for VkFFT)
     .venv/bin/pip install scipy tqdm
@@ -16,7 +17,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 import time
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 SIZES = ((512, 512), (1024, 1024), (1280, 720), (1920, 1080), (2048, 2048), (4096, 4096))
+REPETITIONS = 3  # of each case in a round
 DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
 # Bytes that a frame of the fused engine must move for each pixel: phase and ideal image are read, the intensity is
 # written (4 each); of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
@@ -73,26 +74,31 @@ def time_arrays(what: str, sizes: list[tuple[int, int]], double: bool, times: di
     for width, height in sizes:
         frame = array_frame(width, height, 50, double)
         frame()
-        began = time.perf_counter()
-        frame()
-        times[(what, width, height, 50)].append(1e3 * (time.perf_counter() - began))
+        for _ in range(REPETITIONS):
+            began = time.perf_counter()
+            frame()
+            times[(what, width, height, 50)].append(1e3 * (time.perf_counter() - began))
 
 
 def time_programs(
     program: Path, sizes: list[tuple[int, int]], seconds: float, times: dict[Key, list[float]], extra: dict[str, float]
 ) -> None:
-    """All engines of the benchmark program, once."""
+    """All engines of the benchmark program, in turn."""
     names = "|".join(f"{name}/width:{w}/height:{h}/" for name in ENGINES for w, h in sizes)
     command = [
         str(program),
         f"--benchmark_filter=^({names}|copy_)",
         f"--benchmark_min_time={seconds}",
+        f"--benchmark_repetitions={REPETITIONS}",
+        "--benchmark_enable_random_interleaving=true",
         "--benchmark_format=json",
     ]
     run = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "POCL_AFFINITY": "1"})
     if run.returncode:
         sys.exit(f"{program} failed: {run.stderr.strip()}")
     for result in json.loads(run.stdout)["benchmarks"]:
+        if result["run_type"] != "iteration":
+            continue
         if result.get("error_occurred"):
             print(f"{result['name']}: {result['error_message']}", file=sys.stderr)
             continue
@@ -138,16 +144,16 @@ def jitter(frames: int) -> dict[str, object]:
     }
 
 
-def cost_law(medians: dict[Key, float]) -> tuple[float, float, float]:
+def cost_law(fastest: dict[Key, float]) -> tuple[float, float, float]:
     """Nanoseconds per pixel of the fused engine, a + b D, by relative least squares; the largest relative error."""
-    cases = [(k, t) for k, t in medians.items() if k[0] == "fused"]
+    cases = [(k, t) for k, t in fastest.items() if k[0] == "fused"]
     time_per_pixel = np.array([1e6 * t / (k[1] * k[2]) for k, t in cases])
     design = np.array([[1.0, 0.01 * k[3]] for k, _ in cases]) / time_per_pixel[:, None]
     (a, b), *_ = np.linalg.lstsq(design, np.ones(len(cases)), rcond=None)
     return float(a), float(b), float(np.abs(design @ np.array([a, b]) - 1).max())
 
 
-def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
+def table(fastest: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
     whats = ["NumPy", "SciPy", "FFTW", "VkFFT, transforms", "clFFT", "native", "native, rows first"]
     lines = [
         "| image (width x height), D = 0.5, p = 1 | fused, ms | "
@@ -156,12 +162,12 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
         "|" + "---|" * (len(whats) + 4),
     ]
     for width, height in sizes:
-        fused = medians.get(("fused", width, height, 50))
+        fused = fastest.get(("fused", width, height, 50))
         if not fused:
             continue
-        ratios = [medians.get((w, width, height, 50)) for w in whats]
-        unpolarized = medians.get(("fused, p = 0", width, height, 50))
-        exposed = medians.get(("fused, sensor", width, height, 50))
+        ratios = [fastest.get((w, width, height, 50)) for w in whats]
+        unpolarized = fastest.get(("fused, p = 0", width, height, 50))
+        exposed = fastest.get(("fused, sensor", width, height, 50))
         lines.append(
             f"| {width} x {height} | {fused:.2f} | "
             + " | ".join(
@@ -174,17 +180,17 @@ def table(medians: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
     return lines
 
 
-def diameters_table(medians: dict[Key, float], sizes: list[tuple[int, int]], bandwidth: float) -> list[str]:
+def diameters_table(fastest: dict[Key, float], sizes: list[tuple[int, int]], bandwidth: float) -> list[str]:
     lines = [
         "| image | D | fused, ms | FFTW / fused | clFFT / fused | times the floor |",
         "|---|---|---|---|---|---|",
     ]
     for width, height in sizes:
         for diameter in DIAMETERS:
-            fused = medians.get(("fused", width, height, diameter))
+            fused = fastest.get(("fused", width, height, diameter))
             if not fused:
                 continue
-            others = [medians.get((w, width, height, diameter)) for w in ("FFTW", "clFFT")]
+            others = [fastest.get((w, width, height, diameter)) for w in ("FFTW", "clFFT")]
             moved = (FUSED_BYTES[0] + FUSED_BYTES[1] * 0.01 * diameter) * width * height
             cells = [f"{o / fused:.1f}" if o else "-" for o in others]
             lines.append(
@@ -194,7 +200,7 @@ def diameters_table(medians: dict[Key, float], sizes: list[tuple[int, int]], ban
     return lines
 
 
-def plot(medians: dict[Key, float], law: tuple[float, float, float], path: Path) -> None:
+def plot(fastest: dict[Key, float], law: tuple[float, float, float], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -202,15 +208,15 @@ def plot(medians: dict[Key, float], law: tuple[float, float, float], path: Path)
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2))
     for what in ("NumPy", "SciPy", "clFFT", "VkFFT, transforms", "FFTW", "fused"):
-        points = sorted((k[1] * k[2], t) for k, t in medians.items() if k[0] == what and k[3] == 50)
+        points = sorted((k[1] * k[2], t) for k, t in fastest.items() if k[0] == what and k[3] == 50)
         if points:
             left.loglog(*zip(*points, strict=True), marker="o", label=what)
     left.set(xlabel="pixels", ylabel="frame, ms", title="D = 0.5, p = 1")
     left.legend()
-    sizes = sorted({k[1:3] for k in medians if k[0] == "fused"}, key=lambda s: s[0] * s[1])
+    sizes = sorted({k[1:3] for k in fastest if k[0] == "fused"}, key=lambda s: s[0] * s[1])
     for width, height in sizes:
         points = sorted(
-            (0.01 * k[3], 1e6 * t / (width * height)) for k, t in medians.items() if k[:3] == ("fused", width, height)
+            (0.01 * k[3], 1e6 * t / (width * height)) for k, t in fastest.items() if k[:3] == ("fused", width, height)
         )
         right.plot(*zip(*points, strict=True), marker="o", label=f"{width} x {height}")
     d = np.linspace(0.25, 1)
@@ -230,9 +236,7 @@ def main() -> None:
         default=Path("build/bin/clspeckle-bench"),
         help="the benchmark program (default: %(default)s)",
     )
-    parser.add_argument(
-        "--rounds", type=int, default=5, help="rounds, of which the medians are taken (default: %(default)s)"
-    )
+    parser.add_argument("--rounds", type=int, default=5, help="rounds (default: %(default)s)")
     parser.add_argument(
         "--seconds", type=float, default=0.1, help="least time of each benchmark in a round (default: %(default)s)"
     )
@@ -245,7 +249,7 @@ def main() -> None:
         help="time so many single frames, too (needs the Python package)",
     )
     parser.add_argument("--plot", type=Path, help="a PNG of the times")
-    parser.add_argument("--json", type=Path, help="all medians, in ms")
+    parser.add_argument("--json", type=Path, help="all times, in ms")
     arguments = parser.parse_args()
     if not arguments.program.is_file():
         parser.error(f"{arguments.program} is not there; build it with -DCLSP_BUILD_BENCH=ON")
@@ -256,11 +260,11 @@ def main() -> None:
         time_arrays("NumPy", sizes, True, times)
         time_arrays("SciPy", sizes, False, times)
         time_programs(arguments.program, sizes, arguments.seconds, times, extra)
-    medians = {key: statistics.median(values) for key, values in times.items()}
-    law = cost_law(medians)
+    fastest = {key: min(values) for key, values in times.items()}
+    law = cost_law(fastest)
     bandwidth = max(value for name, value in extra.items() if name.startswith("copy_"))
-    print("\n".join(table(medians, sizes)), "\n")
-    print("\n".join(diameters_table(medians, sizes, bandwidth)))
+    print("\n".join(table(fastest, sizes)), "\n")
+    print("\n".join(diameters_table(fastest, sizes, bandwidth)))
     floor = f"{FUSED_BYTES[0]:g} + {FUSED_BYTES[1]:g} D bytes per pixel"
     print(f"\nCopies at {1e-9 * bandwidth:.1f} GB/s (read and written); the floor moves {floor}.")
     print(f"Cost of the fused engine: {law[0]:.2f} + {law[1]:.2f} D ns per pixel, to {100 * law[2]:.0f} %.")
@@ -271,11 +275,11 @@ def main() -> None:
             f"p99 {spread['p99_ms']:.2f}, worst {spread['worst_ms']:.2f}."
         )
     if arguments.plot:
-        plot(medians, law, arguments.plot)
+        plot(fastest, law, arguments.plot)
     if arguments.json:
-        report = {"/".join(map(str, key)): value for key, value in medians.items()}
+        report = {"/".join(map(str, key)): value for key, value in fastest.items()}
         partial = arguments.json.with_suffix(arguments.json.suffix + ".part")
-        partial.write_text(json.dumps({"medians_ms": report, "other": extra, "cost": law, "jitter": spread}, indent=1))
+        partial.write_text(json.dumps({"fastest_ms": report, "other": extra, "cost": law, "jitter": spread}, indent=1))
         partial.replace(arguments.json)
 
 
