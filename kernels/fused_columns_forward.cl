@@ -106,15 +106,26 @@ static inline void load_numbers(const source_t *s, __global const float *from, l
     z->im = vload_lanes(0, im);
 }
 
-#if FIELD_UNIT_PHASOR
-#define FIELD_WORDS 1
-#define FIELD_OFFSET(s) (s)->first
-#else
-#define FIELD_WORDS 2
-#define FIELD_OFFSET(s) knot_offset((s)->samples, (s)->first, 0)
-#endif
 #if PREFETCH
 #define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, 2)
+#endif
+
+#if PREFETCH
+// What unit_fields() reads.
+static inline void prefetch_state(const source_t *s, ulong i) {
+#if FIELD_UNIT_PHASOR
+    prefetch_line(s->state + s->first + i);
+#else
+    for (uint knot = 0; knot <= PHASE_CONTINUOUS; ++knot) {
+        __global const state_word *z = s->state + knot_offset(s->samples, s->first, knot) + 2 * i;
+        prefetch_line(z);
+        prefetch_line(z + LANES);
+    }
+#if PHASE_CONTINUOUS
+    prefetch_line(s->state + i);
+#endif
+#endif
+}
 #endif
 
 // unit_field() of LANES samples from sample i on.
@@ -140,7 +151,7 @@ static inline void illuminate(const source_t *s, uint y, lanes_u *worst, lanes_f
 #if PREFETCH
     // Steps from row to row are too long for the hardware to foresee.
     prefetch_line(s->irradiance + (ulong)(pixel_y + PREFETCH) * s->irradiance_pitch + s->x);
-    prefetch_line(s->state + FIELD_OFFSET(s) + FIELD_WORDS * (i + PREFETCH * s->grid_width));
+    prefetch_state(s, i + PREFETCH * s->grid_width);
 #endif
     // What is no irradiance counts as 0; a minus before a zero is dropped.
     lanes_f i0 = load_irradiance(s, pixel_y) + 0.0f;
