@@ -107,10 +107,9 @@ static inline void load_numbers(const source_t *s, __global const float *from, l
 }
 
 #if PREFETCH
+// Into the second-level cache: rows whose distance is a power of two share few sets of the first.
 #define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, 2)
-#endif
 
-#if PREFETCH
 // What unit_fields() reads.
 static inline void prefetch_state(const source_t *s, ulong i) {
 #if FIELD_UNIT_PHASOR
