@@ -346,8 +346,7 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
             throw Error(Status::kInvalidArgument,
                         "motion was given to a pipeline without a motion stage; make the pipeline with one");
         stages_.motion->check(*frame.motion);
-        PhaseAdvance advance = stages_.motion->advance();
-        stages_.phase->check_advance(advance);
+        const PhaseAdvance advance = stages_.motion->advance();
         if (stages_.lens && stages_.lens->distorts()) {
             const auto check_distort = [&](const ImageView &image, const DeviceBuffer &buffer) {
                 if (image)
@@ -359,17 +358,8 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
             if (advance.shift)
                 stages_.lens->check_distort_shift(advance.shift, own_image(distorted_shift_, Format::kFloat32x2));
         }
-        if (images.mask && !advance.mask) {
-            advance.mask = images.mask;
-            stages_.phase->check_advance(advance);
-        }
     }
-    if (boils(parameters_)) {
-        PhaseAdvance advance;
-        advance.uniform_correlation = std::exp(-1.0 / parameters_.boiling_correlation_frames);
-        advance.mask = images.mask;
-        stages_.phase->check_advance(advance);
-    }
+    prepare_advances(frame, images);
     if (images.mask && stages_.lens && stages_.lens->distorts())
         stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8), Interpolation::kNearest);
     if (images.mask)
@@ -423,23 +413,56 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
                         "material is missing; this pipeline has a material table and needs each pixel's material id");
         images.material = input(frame.material, "material", {Format::kUint8});
     }
-    if (exposure_steps_.count > 1 && frame.refresh == Refresh::kAll)
-        stages_.phase->check_advance({});
     if (stages_.lens && stages_.lens->distorts()) {
         if (images.material)
             stages_.lens->check_distort(images.material, own_image(distorted_material_, Format::kUint8),
                                         Interpolation::kNearest);
     }
+    // As in enqueue_laser().
+    const bool still = frame.refresh != Refresh::kAll;
     Exposure exposure;
     exposure.field = field_.get();
     stages_.aperture->check_phase(*stages_.phase, field_.get());
-    exposure.screen = airflow_ ? &airflow_->screen() : nullptr;
-    exposure.moves_image = parameters_.vibration_rms_px > 0.0;
-    exposure.adds = exposure_steps_.count > 1;
+    exposure.screen = airflow_ && still ? &airflow_->screen() : nullptr;
+    exposure.moves_image = parameters_.vibration_rms_px > 0.0 && still;
+    exposure.adds = (still ? blurs(frame) ? blur_steps(parameters_) : 1 : exposure_steps_.count) > 1;
     if (exposes_in_last_pass())
         exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
     stages_.aperture->prepare(*stages_.phase, exposure);
     return images;
+}
+
+bool Pipeline::blurs(const Frame &frame) const {
+    return parameters_.shutter_fraction > 0.0 && frame.motion && stages_.motion->advance().path;
+}
+
+void Pipeline::prepare_advances(const Frame &frame, const Checked &images) {
+    Phase &phase = *stages_.phase;
+    const double boiling = std::exp(-1.0 / parameters_.boiling_correlation_frames);
+    if (frame.motion || boils(parameters_)) {
+        PhaseAdvance advance = frame.motion ? stages_.motion->advance() : PhaseAdvance{};
+        if (!advance.mask)
+            advance.mask = images.mask;
+        if (boils(parameters_) && !advance.correlation)
+            advance.uniform_correlation *= boiling;
+        phase.check_advance(advance);
+        if (boils(parameters_) && advance.correlation) {
+            PhaseAdvance more;
+            more.uniform_correlation = boiling;
+            phase.check_advance(more);
+        }
+    }
+    if (frame.illumination != Illumination::kLaser)
+        return;
+    PhaseAdvance step;
+    if (frame.refresh != Refresh::kAll && blurs(frame) && blur_steps(parameters_) > 1) {
+        step.path = stages_.motion->advance().path;
+        phase.check_advance(step);
+    } else if (frame.refresh == Refresh::kAll && exposure_steps_.count > 1) {
+        step.uniform_path = exposure_steps_.path;
+        step.uniform_correlation = exposure_steps_.correlation;
+        phase.check_advance(step);
+    }
 }
 
 bool Pipeline::exposes_in_last_pass() const {

@@ -128,6 +128,10 @@ class Pipeline {
     bool exposes_in_last_pass() const;
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
     struct Surface; // what became of the surface since the last frame
+    // Whether the surface moves while the shutter is open, in a frame that is not drawn anew.
+    bool blurs(const Frame &frame) const;
+    // Checks all advances of the phase that enqueue_surface() and enqueue_laser() will ask for, which builds their kernels.
+    void prepare_advances(const Frame &frame, const Checked &images);
     Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);
     void enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images);
 

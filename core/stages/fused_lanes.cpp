@@ -40,7 +40,8 @@ Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes
 
 // Whether the compiler's own builtins for prefetches and for stores past the caches are known to be there.
 bool has_memory_builtins(const Context &context) {
-    return context.platform_name().find("Portable Computing Language") != std::string::npos;
+    return context.platform_name().find("Portable Computing Language") != std::string::npos &&
+           (context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
 }
 
 // How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.

@@ -47,6 +47,11 @@ class Slot {
         pipeline_.warm_up(queue_, frame_);
     }
 
+    Slot(const Slot &) = delete;
+    Slot &operator=(const Slot &) = delete;
+    // Whatever went wrong: nothing may be in flight when the memory goes.
+    ~Slot() { clFinish(queue_.get()); }
+
     // Enqueues everything and returns at once. ideal and codes must stay until wait().
     void start(std::uint64_t frame_index, const std::vector<float> &ideal, std::vector<std::uint16_t> &codes) {
         check_cl(clEnqueueWriteBuffer(queue_.get(), irradiance_.get(), CL_FALSE, 0, ideal.size() * sizeof(float),
@@ -92,12 +97,12 @@ struct Run {
 
 Run render(const clspeckle::Context &context, std::uint32_t width, std::uint32_t height, std::uint64_t frames,
            std::size_t slot_count) {
-    std::deque<Slot> slots;
-    for (std::size_t s = 0; s < slot_count; ++s)
-        slots.emplace_back(context, width, height);
     const std::size_t pixels = std::size_t{width} * height;
     std::vector<std::vector<float>> ideal(slot_count, std::vector<float>(pixels));
     std::vector<std::vector<std::uint16_t>> codes(slot_count, std::vector<std::uint16_t>(pixels));
+    std::deque<Slot> slots; // goes before the memory that it reads and writes
+    for (std::size_t s = 0; s < slot_count; ++s)
+        slots.emplace_back(context, width, height);
     Run result{0.0, 14695981039346656037u};
     const auto begin = std::chrono::steady_clock::now();
     for (std::uint64_t i = 0; i < frames + slot_count; ++i) {
