@@ -25,8 +25,8 @@
 #define FIELD_SURFACE_ARGUMENTS
 #endif
 #if LINES
-#define FIELD_LINE_PARAMETERS , float line_turns, uint quarter, uint2 key, uint epoch_low, uint epoch_high
-#define FIELD_LINE_ARGUMENTS , line_turns, quarter, key, epoch_low, epoch_high
+#define FIELD_LINE_PARAMETERS , float line_turns, __global const float *heights
+#define FIELD_LINE_ARGUMENTS , line_turns, heights
 #else
 #define FIELD_LINE_PARAMETERS
 #define FIELD_LINE_ARGUMENTS
@@ -81,10 +81,7 @@ static inline ALWAYS_INLINE complex_float field_sample(FIELD_PARAMETERS, __globa
 #if LINES || SCREEN
     float turns = 0.0f;
 #if LINES
-    // Height of the sample in standard deviations: it belongs to the surface that `epoch` drew.
-    const uint j = y / quarter;
-    const normals4 heights = normals_from_block(image_block(x, y - j * quarter, epoch_low, epoch_high, STREAM_SURFACE_HEIGHT, key));
-    turns += line_turns * (j == 0 ? heights.n0 : j == 1 ? heights.n1 : j == 2 ? heights.n2 : heights.n3);
+    turns += line_turns * heights[i]; // surface_heights.cl
 #endif
 #if SCREEN
     turns += screen[i];

@@ -34,9 +34,7 @@ typedef struct {
 #endif
 #if LINES
     float line_turns;
-    uint quarter;
-    uint2 key;
-    uint epoch_low, epoch_high;
+    __global const float *heights;
 #endif
 #if SCREEN
     __global const float *screen;
@@ -151,6 +149,9 @@ static inline void illuminate(const source_t *s, uint y, lanes_u *worst, lanes_f
     // Steps from row to row are too long for the hardware to foresee.
     prefetch_line(s->irradiance + (ulong)(pixel_y + PREFETCH) * s->irradiance_pitch + s->x);
     prefetch_state(s, i + PREFETCH * s->grid_width);
+#if LINES
+    prefetch_line(s->heights + i + PREFETCH * s->grid_width);
+#endif
 #endif
     // What is no irradiance counts as 0; a minus before a zero is dropped.
     lanes_f i0 = load_irradiance(s, pixel_y) + 0.0f;
@@ -187,11 +188,7 @@ static inline void illuminate(const source_t *s, uint y, lanes_u *worst, lanes_f
 #if LINES || SCREEN
     lanes_f turns = SPREAD(0.0f);
 #if LINES
-    // Heights of the samples in standard deviations: they belong to the surface that `epoch` drew.
-    const uint j = y / s->quarter;
-    lanes_words4 blocks;
-    image_blocks(s->x, y - j * s->quarter, s->epoch_low, s->epoch_high, STREAM_SURFACE_HEIGHT, s->key, &blocks);
-    turns += s->line_turns * normals_of_blocks(&blocks, j);
+    turns += s->line_turns * as_lanes_f(load_words(s, (__global const uint *)(s->heights + i)));
 #endif
 #if SCREEN
     turns += as_lanes_f(load_words(s, (__global const uint *)(s->screen + i)));
@@ -242,10 +239,7 @@ __kernel void fused_columns_forward(FIELD_PARAMETERS,
 #endif
 #if LINES
         source.line_turns = line_turns;
-        source.quarter = quarter;
-        source.key = key;
-        source.epoch_low = epoch_low;
-        source.epoch_high = epoch_high;
+        source.heights = heights;
 #endif
 #if SCREEN
         source.screen = screen;

@@ -81,8 +81,9 @@ static inline void store_powers(const image_t *image, uint y, lanes_f first, lan
 #include "fused_codelets.h"
 
 // positions: of the kept lines (as in pass A), then of all others that are read. blocks: for each block of the transform three numbers; the
-// second counts the groups that reach into it or lie before it, the third the other lines up to its end. ends: as in pass A. width, height: of the image in pixels. adds 1: the
-// intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform takes long to compile.
+// second counts the groups that reach into it or lie before it, the third the other lines up to its end. ends: as in pass A. width, height:
+// of the image in pixels. adds 1: the intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform
+// takes long to compile.
 __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_width, __global const float *twiddles,
                                     __global const uint *positions, uint groups, __global const uint *blocks,
                                     __global const uchar *ends, float weight,

@@ -82,11 +82,64 @@ static inline void store_some(lanes_f values, __global float *to, uint count) {
         to[lane] = each[lane];
 }
 
+static inline lanes_u load_some_words(__global const uint *from, uint count) {
+    if (count == LANES)
+        return load_lanes_u(from);
+    uint words[LANES];
+    for (uint lane = 0; lane < LANES; ++lane)
+        words[lane] = lane < count ? from[lane] : 0u;
+    return vload_lanes(0, words);
+}
+
+static inline void store_some_words(lanes_u words, __global uint *to, uint count) {
+    if (count == LANES) {
+        store_lanes_u(words, to);
+        return;
+    }
+    uint each[LANES];
+    vstore_lanes(words, 0, each);
+    for (uint lane = 0; lane < count; ++lane)
+        to[lane] = each[lane];
+}
+
 // Complex numbers that lie in memory as re, im, re, im ..
 static inline void load_interleaved(__global const float *from, lanes_complex *z) {
     const lanes_f a = load_lanes_f(from), b = load_lanes_f(from + LANES);
     z->re = (lanes_f)(a.even, b.even);
     z->im = (lanes_f)(a.odd, b.odd);
+}
+
+// count of LANES of them.
+static inline void load_some_interleaved(__global const float *from, uint count, lanes_complex *z) {
+    if (count == LANES) {
+        load_interleaved(from, z);
+        return;
+    }
+    float re[LANES], im[LANES];
+    for (uint lane = 0; lane < LANES; ++lane) {
+        re[lane] = lane < count ? from[2 * lane] : 0.0f;
+        im[lane] = lane < count ? from[2 * lane + 1] : 0.0f;
+    }
+    z->re = vload_lanes(0, re);
+    z->im = vload_lanes(0, im);
+}
+
+static inline void store_some_interleaved(const lanes_complex *z, __global float *to, uint count) {
+    lanes_f low, high;
+    low.even = z->re.lo;
+    low.odd = z->im.lo;
+    high.even = z->re.hi;
+    high.odd = z->im.hi;
+    if (count == LANES) {
+        store_lanes_f(low, to);
+        store_lanes_f(high, to + LANES);
+        return;
+    }
+    float values[2 * LANES];
+    vstore_lanes(low, 0, values);
+    vstore_lanes(high, 1, values);
+    for (uint i = 0; i < 2u * count; ++i)
+        to[i] = values[i];
 }
 
 // exp(2 pi i word / 2^32), as phasor_from_word().
@@ -140,6 +193,14 @@ static inline lanes_f minus_logs(lanes_f u) {
     return -(fma(e, SPREAD(0.693145751953125f), t) + low);
 }
 
+// Circular Gaussian numbers with E|z|^2 = 1, as gaussian_from_words() in phase.cl.
+static inline void gaussians_from_words(lanes_u phase, lanes_u magnitude, lanes_complex *z) {
+    const lanes_f r = sqrt(minus_logs(uniforms_from_words(magnitude)));
+    phasors_from_words(phase, z);
+    z->re *= r;
+    z->im *= r;
+}
+
 // Even and odd words apart: each has its 64 bits where it lies, and no word moves to another place.
 static inline void multiply_words(lanes_u words, ulong factor, lanes_u *low, lanes_u *high) {
     const half_ul pairs = as_half_ul(words);
@@ -171,6 +232,10 @@ static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_hig
     blocks->w3 = c3;
 }
 
+static inline lanes_u words_of(const lanes_words4 *blocks, uint j) {
+    return j == 0 ? blocks->w0 : j == 1 ? blocks->w1 : j == 2 ? blocks->w2 : blocks->w3;
+}
+
 static inline void normals_from_pair(lanes_u radius, lanes_u turn, lanes_f *first, lanes_f *second) {
     const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(radius)));
     lanes_complex p;
@@ -183,14 +248,6 @@ static inline void normals_from_pair(lanes_u radius, lanes_u turn, lanes_f *firs
 static inline void normals_from_blocks(const lanes_words4 *blocks, lanes_f *normals) {
     normals_from_pair(blocks->w0, blocks->w1, &normals[0], &normals[1]);
     normals_from_pair(blocks->w2, blocks->w3, &normals[2], &normals[3]);
-}
-
-// The j-th of the four normals that normals_from_block() makes of each block.
-static inline lanes_f normals_of_blocks(const lanes_words4 *blocks, uint j) {
-    const lanes_f r = sqrt(2.0f * minus_logs(uniforms_from_words(j < 2u ? blocks->w0 : blocks->w2)));
-    lanes_complex p;
-    phasors_from_words(j < 2u ? blocks->w1 : blocks->w3, &p);
-    return r * ((j & 1u) ? p.im : p.re);
 }
 
 #endif

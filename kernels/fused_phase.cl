@@ -4,45 +4,10 @@
 #include "phase_state.h"
 #include "fused_lanes.h"
 
-static inline lanes_u words_of(const lanes_words4 *blocks, uint j) {
-    return j == 0 ? blocks->w0 : j == 1 ? blocks->w1 : j == 2 ? blocks->w2 : blocks->w3;
-}
-
-// count of LANES complex numbers, re and im side by side.
-static inline void store_interleaved(lanes_f re, lanes_f im, __global float *to, uint count) {
-    lanes_f low, high;
-    low.even = re.lo;
-    low.odd = im.lo;
-    high.even = re.hi;
-    high.odd = im.hi;
-    if (count == LANES) {
-        store_lanes_f(low, to);
-        store_lanes_f(high, to + LANES);
-        return;
-    }
-    float values[2 * LANES];
-    vstore_lanes(low, 0, values);
-    vstore_lanes(high, 1, values);
-    for (uint i = 0; i < 2u * count; ++i)
-        to[i] = values[i];
-}
-
 static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4 *magnitude, uint j, __global float *to, uint count) {
-    const lanes_f r = sqrt(minus_logs(uniforms_from_words(words_of(magnitude, j))));
-    lanes_complex p;
-    phasors_from_words(words_of(phase, j), &p);
-    store_interleaved(r * p.re, r * p.im, to, count);
-}
-
-static inline void store_words(lanes_u words, __global uint *to, uint count) {
-    if (count == LANES) {
-        store_lanes_u(words, to);
-        return;
-    }
-    uint values[LANES];
-    vstore_lanes(words, 0, values);
-    for (uint i = 0; i < count; ++i)
-        to[i] = values[i];
+    lanes_complex z;
+    gaussians_from_words(words_of(phase, j), words_of(magnitude, j), &z);
+    store_some_interleaved(&z, to, count);
 }
 
 __kernel void fused_phase_refresh(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
@@ -71,14 +36,14 @@ __kernel void fused_phase_refresh(__global state_word *state, uint grid_width, u
                 break;
             const ulong i = (ulong)y * grid_width + x;
 #if FIELD_UNIT_PHASOR
-            store_words(words_of(&phase, j), state + first + i, count);
+            store_some_words(words_of(&phase, j), state + first + i, count);
 #else
             store_gaussians(&phase, &magnitude, j, state + knot_offset(samples, first, 0) + 2 * i, count);
 #endif
 #if PHASE_CONTINUOUS
             store_gaussians(&next_phase, &next_magnitude, j, state + knot_offset(samples, first, 1) + 2 * i, count);
             if (polarization == 0)
-                store_words(words_of(&start, j), (__global uint *)state + i, count);
+                store_some_words(words_of(&start, j), (__global uint *)state + i, count);
 #endif
 #if PHASE_TRANSLATE
             if (polarization == 0) {

@@ -2,6 +2,9 @@
 // phase.h of the C API. PHASE_TRANSLATE 1: the state moves with the surface and holds the rest of the shift.
 #include "field_grid.h"
 #include "phase_state.h"
+#if ADVANCE
+#include "phase_advance.h"
+#endif
 
 // |z|^2 is exponential with mean 1 (Goodman): |z| = sqrt(-ln u).
 static inline complex_float gaussian_from_words(words4 phase, words4 magnitude, uint j) {
@@ -113,16 +116,8 @@ static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __g
 // Which sample gets the state of a place: the first one, in the order of rows, of those that come from there and are not new anyway.
 __kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_height, uint width, uint height, uint oversampling,
                           float knots_per_path, __global const state_word *source, ulong rest_offset,
-#if HAS_PATH
-                          __global const float *path, ulong path_offset, uint path_pitch,
-#endif
-#if HAS_CORRELATION
-                          __global const float *correlation, ulong correlation_offset, uint correlation_pitch,
-#endif
-#if HAS_MASK
-                          __global const uchar *mask, ulong mask_offset, uint mask_pitch,
-#endif
-                          __global const float *shift, ulong shift_offset, uint shift_pitch) {
+                          PATH_PARAMETER CORRELATION_PARAMETER MASK_PARAMETER __global const float *shift,
+                          ulong shift_offset, uint shift_pitch) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;
@@ -151,30 +146,14 @@ __kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_heigh
 #endif
 
 #if ADVANCE
-#define KEEP 0u
-#define CROSS_ONE 1u
-#define CROSS_TWO 2u
-#define REPLACE 3u
-
-// Carries the field on by a path, a time and a shift. One work-item a Philox block, all polarizations. Samples with nothing to do are not
-// touched, except that with a shift every sample is copied from `source`.
-__kernel void phase_advance(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint polarization_count,
-                            uint2 key, uint frame_low, uint frame_high, uint substep, uint width, uint height, uint oversampling,
-                            float knots_per_path, float uniform_path, float uniform_correlation, ulong rest_offset,
-#if HAS_PATH
-                            __global const float *path, ulong path_offset, uint path_pitch,
-#endif
-#if HAS_CORRELATION
-                            __global const float *correlation, ulong correlation_offset, uint correlation_pitch,
-#endif
+// Carries the field on by a path, a time and a shift (phase_advance_lanes.cl: without a shift, on CPU devices). One work-item a Philox block,
+// all polarizations. Samples with nothing to do are not touched, except that with a shift every sample is copied from `source`.
+__kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
 #if HAS_SHIFT
                             __global const state_word *source, __global const uint *owner, __global const float *shift,
                             ulong shift_offset, uint shift_pitch,
 #endif
-#if HAS_MASK
-                            __global const uchar *mask, ulong mask_offset, uint mask_pitch,
-#endif
-                            __global uint *bad) {
+                            MASK_PARAMETER __global uint *bad) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= grid_width || row >= quarter)
         return;

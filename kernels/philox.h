@@ -120,4 +120,23 @@ static inline ALWAYS_INLINE normals4 normals_from_block(words4 block) {
     return normals;
 }
 
+static inline ALWAYS_INLINE float normal_of(normals4 normals, uint j) {
+    return j == 0 ? normals.n0 : j == 1 ? normals.n1 : j == 2 ? normals.n2 : normals.n3;
+}
+
+// exp(x), |x| < 87: x = n ln 2 + r in two parts of ln 2, Taylor polynomial of exp(r), |r| <= ln(2) / 2 (relative error 8e-9 before
+// rounding). Not the built-in: this feeds random numbers.
+static inline ALWAYS_INLINE float exp_of(float x) {
+    const float n = rint(x * 1.44269504f);
+    const float r = fma(n, -1.428606765330187e-06f, fma(n, -0.693145751953125f, x));
+    float p = fma(r, 1.98412698e-4f, 1.38888889e-3f);
+    p = fma(r, p, 8.33333333e-3f);
+    p = fma(r, p, 4.16666667e-2f);
+    p = fma(r, p, 1.66666667e-1f);
+    p = fma(r, p, 0.5f);
+    p = fma(r, p, 1.0f);
+    p = fma(r, p, 1.0f);
+    return p * as_float(((int)n + 127) << 23);
+}
+
 #endif

@@ -1,19 +1,17 @@
-// The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as expose() in sensor.cl. What is on
-// is decided at run time: pass C of the fused engine includes this, and a transform takes long to compile.
+// The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as expose_pixel() in sensor_pixel.h.
+// What is on is decided at run time: pass C of the fused engine includes this, and a transform takes long to compile.
 //   OUTPUT_FORMAT
 #ifndef CLSP_SENSOR_LANES_H
 #define CLSP_SENSOR_LANES_H
 
 #include "fused_lanes.h"
+#include "sensor_camera.h"
 
 #if OUTPUT_FORMAT == FORMAT_UINT8
-typedef uchar output_t;
 typedef CLSP_JOIN(uchar, LANES) lanes_output;
 #elif OUTPUT_FORMAT == FORMAT_UINT16
-typedef ushort output_t;
 typedef CLSP_JOIN(ushort, LANES) lanes_output;
 #else
-typedef float output_t;
 typedef lanes_f lanes_output;
 #endif
 // The built-ins go through small numbers one by one on PoCL.
@@ -30,42 +28,6 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 #define store_lanes_output(codes, to) vstore_lanes(codes, 0, to)
 #endif
 
-// The same numbers as core/stages/sensor_lanes.hpp.
-#define SENSOR_READ_NOISE 1u
-#define SENSOR_SHOT_NOISE 2u
-#define SENSOR_ROW_NOISE 4u
-#define SENSOR_COLUMN_NOISE 8u
-#define SENSOR_MOSAIC 16u
-#define SENSOR_GAMMA 32u
-#define SENSOR_LAG_FIRST 64u
-#define SENSOR_QUANTIZE 128u
-#define SENSOR_CROSSTALK 256u
-
-// The same members as SensorConstants there, of four bytes each.
-typedef struct {
-    uint switches, width, height, quarter, key_low, key_high, frame_low, frame_high;
-    float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
-    float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn, top_code, output_scale;
-} sensor_t;
-
-// Maps are NULL where their effect is off.
-#define SENSOR_PARAMETERS                                                                                                               \
-    sensor_t sensor, __global const float *offset, __global const uchar *response, __global const float *pixel_gain,                    \
-        __global const float *read_noise_map, __global float *lag_state, __global output_t *output, ulong output_offset, uint output_pitch
-#define SENSOR_CAMERA                                                                                                                   \
-    { sensor, offset, response, pixel_gain, read_noise_map, lag_state, output + output_offset, output_pitch }
-
-typedef struct {
-    sensor_t s;
-    __global const float *offset;
-    __global const uchar *response;
-    __global const float *pixel_gain;
-    __global const float *read_noise_map;
-    __global float *lag_state;
-    __global output_t *output;
-    uint output_pitch;
-} camera_t;
-
 // What is random in LANES columns of four rows, one in each quarter of the image.
 typedef struct {
     lanes_f read[4], shot[4], column;
@@ -77,7 +39,7 @@ static inline lanes_f smaller(lanes_f a, lanes_f b) { return select(b, a, a < b)
 // NaN counts as 0.
 static inline lanes_f positive(lanes_f a) { return select(SPREAD(0.0f), a, a > 0.0f); }
 
-// exp_of() in sensor.cl.
+// exp_of() in philox.h.
 static inline lanes_f exps(lanes_f x) {
     const lanes_f n = nearest(x * 1.44269504f);
     const lanes_f r = fma(n, SPREAD(-1.428606765330187e-06f), fma(n, SPREAD(-0.693145751953125f), x));
@@ -91,7 +53,7 @@ static inline lanes_f exps(lanes_f x) {
     return p * as_lanes_f((convert_lanes_i(n) + 127) << 23);
 }
 
-// poisson() in sensor.cl.
+// poisson() in sensor_pixel.h.
 static inline lanes_f poissons(lanes_f mean, lanes_f w, lanes_u word) {
     const lanes_i is_small = mean < 12.0f;
     lanes_f count = SPREAD(0.0f);

@@ -7,6 +7,9 @@
 
 #include <fcntl.h>
 #include <unistd.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include <algorithm>
 #include <atomic>
@@ -872,9 +875,18 @@ void silence_exit() {
 #endif
 }
 
+// Frames and buffers of a long run come and go between small things that stay. glibc puts them among those once the first
+// of them was freed, and its heaps grow to twice the size: above a megabyte, each is to have pages of its own.
+void keep_heaps_small() {
+#ifdef __GLIBC__
+    ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
+#endif
+}
+
 } // namespace
 
 int main(int argc, char **argv) {
+    keep_heaps_small();
     handle_signals();
     const int code = run_guarded(argc, argv);
     silence_exit();

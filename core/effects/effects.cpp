@@ -155,39 +155,39 @@ std::vector<Effect> make_catalogue() {
      "sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
      [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; }},
-    {"shot_noise", "sensor", "Poisson noise of the signal", "sensor.cl: sensor_expose (SHOT_NOISE)", kSetsSensor,
+    {"shot_noise", "sensor", "Poisson noise of the signal", "sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
      {{"dn_per_electron", "DN/e", 1e-6, 1e6, 0.08, 0.5}},
      [](Model &m, Values v) {
          sensor(m, "shot_noise").shot_noise = true;
          m.sensor->conversion_gain_dn_per_e = v[0];
      }},
-    {"prnu", "sensor", "the pixels' gains vary", "sensor.cl: sensor_expose (PIXEL_GAIN)", kSetsSensor,
+    {"prnu", "sensor", "the pixels' gains vary", "sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.006, 0.03}},
      [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; }},
-    {"dsnu", "sensor", "the pixels' offsets vary", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+    {"dsnu", "sensor", "the pixels' offsets vary", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
      [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; }},
-    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; }},
-    {"hot_pixels", "sensor", "few pixels with large offsets", "sensor.cl: sensor_expose (OFFSET)", kSetsSensor,
+    {"hot_pixels", "sensor", "few pixels with large offsets", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
      [](Model &m, Values v) {
          sensor(m, "hot_pixels").hot_pixel_fraction = v[0];
          m.sensor->hot_pixel_mean_dn = v[1];
      }},
-    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "sensor.cl: sensor_expose (ROW_NOISE)", kSetsSensor,
+    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; }},
-    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "sensor.cl: sensor_expose (GAMMA)",
+    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
      {{"gamma", "1", 0.1, 10.0, 0.93, 0.75}},
      [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; }},
-    {"full_well", "sensor", "the signal clips below the converter's maximum", "sensor.cl: sensor_expose", kSetsSensor,
+    {"full_well", "sensor", "the signal clips below the converter's maximum", "sensor_pixel.h: expose_pixel", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
      [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; }},
     {"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
-     "sensor.cl: sensor_expose (EFFECTIVE_BITS)", kSetsSensor,
+     "sensor_pixel.h: expose_pixel (CODE_STEP)", kSetsSensor,
      {{"bits", "bits", 1.0, 16.0, 8.0, 6.0, true}},
      [](Model &m, Values v) {
          SensorParameters &s = sensor(m, "adc_bits");
@@ -197,14 +197,14 @@ std::vector<Effect> make_catalogue() {
          s.effective_bits = static_cast<std::uint32_t>(std::lround(v[0]));
      }},
     {"bayer_mismatch", "sensor", "the two green-diagonal sites of the 2x2 mosaic have gains 1 - d and 1 + d",
-     "sensor.cl: sensor_expose (PIXEL_GAIN)", kSetsSensor,
+     "sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
      {{"delta", "1", -1.0, 1.0, 0.015, 0.06}},
      [](Model &m, Values v) {
          auto &gain = sensor(m, "bayer_mismatch").mosaic_gain;
          gain[1] *= 1.0 - v[0];
          gain[2] *= 1.0 + v[0];
      }},
-    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "sensor.cl: sensor_expose (LAG)", kSetsSensor,
+    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
      [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; }},
     };

@@ -419,13 +419,13 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
                                         Interpolation::kNearest);
     }
     // As in enqueue_laser().
-    const bool still = frame.refresh != Refresh::kAll;
+    const bool drawn_anew = frame.refresh == Refresh::kAll;
     Exposure exposure;
     exposure.field = field_.get();
     stages_.aperture->check_phase(*stages_.phase, field_.get());
-    exposure.screen = airflow_ && still ? &airflow_->screen() : nullptr;
-    exposure.moves_image = parameters_.vibration_rms_px > 0.0 && still;
-    exposure.adds = (still ? blurs(frame) ? blur_steps(parameters_) : 1 : exposure_steps_.count) > 1;
+    exposure.screen = airflow_ && !drawn_anew ? &airflow_->screen() : nullptr;
+    exposure.moves_image = parameters_.vibration_rms_px > 0.0 && !drawn_anew;
+    exposure.adds = exposures_of(frame, drawn_anew) > 1;
     if (exposes_in_last_pass())
         exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
     stages_.aperture->prepare(*stages_.phase, exposure);
@@ -434,6 +434,12 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
 
 bool Pipeline::blurs(const Frame &frame) const {
     return parameters_.shutter_fraction > 0.0 && frame.motion && stages_.motion->advance().path;
+}
+
+std::uint32_t Pipeline::exposures_of(const Frame &frame, bool fresh) const {
+    if (blurs(frame) && !fresh)
+        return blur_steps(parameters_);
+    return frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
 }
 
 void Pipeline::prepare_advances(const Frame &frame, const Checked &images) {
@@ -569,8 +575,8 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
         irradiance = spread;
     }
 
-    const bool blurs = p.shutter_fraction > 0.0 && surface.advance.path && !surface.fresh;
-    const std::uint32_t count = blurs ? blur_steps(p) : frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
+    const bool blurred = blurs(frame) && !surface.fresh;
+    const std::uint32_t count = exposures_of(frame, surface.fresh);
     Exposure exposure;
     exposure.field = field_.get();
     exposure.material = material;
@@ -596,7 +602,7 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
     for (std::uint32_t i = 0; i < count; ++i) {
         if (i > 0) {
             PhaseAdvance step;
-            if (blurs) {
+            if (blurred) {
                 step.path = surface.advance.path;
                 step.path_scale = p.shutter_fraction / count;
                 step.continues = true;

@@ -128,8 +128,10 @@ class Pipeline {
     bool exposes_in_last_pass() const;
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
     struct Surface; // what became of the surface since the last frame
-    // Whether the surface moves while the shutter is open, in a frame that is not drawn anew.
+    // Whether the surface moves while the shutter is open, unless all of it is drawn anew.
     bool blurs(const Frame &frame) const;
+    // Sub-exposures of a frame. fresh: all of the surface is drawn anew.
+    std::uint32_t exposures_of(const Frame &frame, bool fresh) const;
     // Checks all advances of the phase that enqueue_surface() and enqueue_laser() will ask for, which builds their kernels.
     void prepare_advances(const Frame &frame, const Checked &images);
     Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);

@@ -18,9 +18,9 @@ class StageText {
 
     std::string read(Place place) const {
         std::string text;
-        // What a point is made of can be long: once in the code is enough.
+        // What a point is made of can be long, so it is a loop; a kernel with room for it has it unrolled
+        // (FFT_INPUT_LOOP), so that loads need not wait for sums.
         if (place == Place::kMacro)
-            // A kernel with room for it has the loop unrolled, so that loads need not wait for sums.
             text = fmt::format("{0}lanes_f xr[{1}], xi[{1}];\n{0}FFT_INPUT_LOOP\n{0}for (uint q = 0; q < {1}u; ++q)\n"
                                "{0}    FFT_INPUT(strip, base + j + q * {2}u, xr[q], xi[q]);\n",
                                indent_, stage_.radix, stage_.m);
@@ -303,6 +303,11 @@ std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<
         table.push_back(ends);
     }
     return table;
+}
+
+bool within_ends(const FusedPlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position) {
+    const std::uint32_t radix = plan.radices.back();
+    return at_ends(position % radix, radix, ends[position / radix]);
 }
 
 } // namespace clsp

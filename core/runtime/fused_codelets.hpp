@@ -43,9 +43,6 @@ constexpr std::uint8_t kFusedEnds[] = {0, 1, 2, 4}, kFusedAllEnds = 255;
 // (inverse).
 std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<bool(std::uint32_t)> &counts);
 // Whether position p is made and read.
-inline bool within_ends(const FusedPlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position) {
-    const std::uint32_t radix = plan.radices.back(), q = position % radix, at = ends[position / radix];
-    return 2 * at >= radix || q < at || q + at >= radix;
-}
+bool within_ends(const FusedPlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position);
 
 } // namespace clsp

@@ -346,6 +346,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     if (in_place && (exposure.adds || passes > (partial_() ? 2 : 1)))
         throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
     prepare(phase, exposure); // a kernel that does not build leaves no frame half done
+    field.enqueue_heights(chain, phase);
     std::size_t pass = 0;
     for (std::size_t line = 0; line < lines.size(); ++line)
         for (std::uint32_t k = 0; k < polarizations; k += at_once, ++pass) {

@@ -67,9 +67,17 @@ void Field::configure(const FieldParameters &p) {
         table = DeviceBuffer(context_, rows.size() * sizeof(float), rows.data());
     }
     std::vector<LaserLine> lines = laser_lines(p);
+    const bool dephases = p.line_count > 1 && p.dephasing_rad > 0.0;
+    if (dephases && !heights_) {
+        draw_heights_ = context_->kernel("surface_heights.cl", "surface_heights", "");
+        heights_ = DeviceBuffer(context_, grid_.samples() * sizeof(float));
+    } else if (!dephases) {
+        heights_ = {};
+    }
     parameters_ = p;
     lines_ = std::move(lines);
     table_ = std::move(table);
+    heights_epoch_.reset(); // the seed may be another one
     kernels_.clear();
 }
 
@@ -109,7 +117,7 @@ cl::Kernel &Field::kernel_for(const Phase &phase, Variant variant) {
 
 void Field::prepare(const Phase &phase, bool with_screen) {
     kernel_for(phase, {false, with_screen});
-    if (parameters_.line_count > 1 && parameters_.dephasing_rad > 0.0)
+    if (heights_)
         kernel_for(phase, {true, with_screen});
 }
 
@@ -134,13 +142,25 @@ void Field::add_arguments(KernelArguments &arguments, const Phase &phase, const 
         arguments.add(static_cast<cl_float>(std::sqrt(1.0 - p.coherent_fraction)))
             .add(static_cast<cl_float>(input.coherent_gain * coherent_amplitude(p.coherent_fraction)));
     if (turns != 0.0)
-        arguments.add(static_cast<cl_float>(turns))
-            .add(cl_uint{quarter_rows(grid_.grid_height)})
-            .add(philox_key(p.seed))
-            .add(frame_low(phase.epoch()))
-            .add(frame_high(phase.epoch()));
+        arguments.add(static_cast<cl_float>(turns)).add(heights_.get());
     if (input.screen)
         arguments.add(*input.screen);
+}
+
+void Field::enqueue_heights(CommandChain &chain, const Phase &phase) {
+    if (!heights_ || heights_epoch_ == phase.epoch())
+        return;
+    const std::uint32_t quarter = quarter_rows(grid_.grid_height);
+    KernelArguments(draw_heights_)
+        .add(cl_uint{grid_.grid_width})
+        .add(cl_uint{grid_.grid_height})
+        .add(cl_uint{quarter})
+        .add(philox_key(parameters_.seed))
+        .add(frame_low(phase.epoch()))
+        .add(frame_high(phase.epoch()))
+        .add(heights_.get());
+    chain.run("field", draw_heights_, grid_.grid_width, quarter);
+    heights_epoch_ = phase.epoch();
 }
 
 void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,

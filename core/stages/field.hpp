@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace clsp {
@@ -57,6 +58,9 @@ class Field {
     void add_arguments(KernelArguments &arguments, const Phase &phase, const FieldInput &input,
                        std::uint32_t polarization, std::size_t line) const;
 
+    // Draws the heights of the phase's surface that add_arguments() hands on, if they are needed and not those that
+    // are there: before the first line of a frame.
+    void enqueue_heights(CommandChain &chain, const Phase &phase);
     // Builds what such frames need; nothing is built later.
     void prepare(const Phase &phase, bool with_screen);
     void enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input, std::uint32_t polarization,
@@ -75,6 +79,9 @@ class Field {
     FieldParameters parameters_;
     std::vector<LaserLine> lines_;
     DeviceBuffer table_;
+    cl::Kernel draw_heights_;
+    DeviceBuffer heights_;                       // on the field grid; empty where no line needs them
+    std::optional<std::uint64_t> heights_epoch_; // of the phase, as they are
     BadPixelCounter bad_materials_;
     std::string kernel_options_; // of the kernels kept
     std::map<Variant, cl::Kernel> kernels_;

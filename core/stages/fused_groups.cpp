@@ -89,6 +89,7 @@ class FusedGroups final : public FusedEngine {
         return std::uint64_t{capacity_} * grid_.grid_width * sizeof(cl_float2);
     }
     bool leaves_sample_powers() const override { return sample_powers_; }
+    bool exposes(const Sensor &sensor) const override { return !sample_powers_ && sensor.exposes_pixels(); }
     void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
                  const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
@@ -98,10 +99,17 @@ class FusedGroups final : public FusedEngine {
                        const std::optional<std::array<double, 2>> &shift) override;
     void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
                            const ImageView &intensity) override;
+    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                         const ExposedFrame &exposed) override;
 
   private:
     GroupKernel &columns_kernel(const std::string &field_options);
     GroupKernel &rows_kernel(bool shifted);
+    GroupKernel &exposed_kernel(const ExposedFrame &exposed);
+    // Those of pass C up to the image before it, and the last ones.
+    KernelArguments inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights, bool adds,
+                                      const ImageView &before) const;
+    void enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const;
     void make_tables(const Pupil &pupil, bool every_line);
 
     std::shared_ptr<Context> context_;
@@ -116,7 +124,7 @@ class FusedGroups final : public FusedEngine {
     DeviceBuffer slots_;
     DeviceBuffer pupil_;
     DeviceBuffer frequencies_, line_frequencies_;
-    std::map<std::string, GroupKernel> columns_;
+    std::map<std::string, GroupKernel> columns_, exposed_; // by their options
     GroupKernel rows_, shifted_rows_, inverse_;
 };
 
@@ -129,7 +137,7 @@ FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid
       sample_powers_(request.sample_powers || column_shape_.lines % grid.oversampling != 0),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), complex_pupil_(!pupil.phase_turns.empty()) {
     inverse_ = build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
-                     fmt::format("-DOVERSAMPLING={}", pixel_samples_), pixel_samples_);
+                     fmt::format("-DOVERSAMPLING={} -DSENSOR=0", pixel_samples_), pixel_samples_);
     rows_kernel(false);
     make_tables(pupil, request.every_line);
     // Sizes that a frame's kernels have.
@@ -196,7 +204,22 @@ GroupKernel &FusedGroups::rows_kernel(bool shifted) {
     return rows;
 }
 
-void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *, bool) {
+GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
+    const std::string options = exposed.sensor->pixel_options(exposed.output.format);
+    const auto found = exposed_.find(options);
+    if (found != exposed_.end())
+        return found->second;
+    return exposed_
+        .emplace(options,
+                 build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
+                       fmt::format("-DOVERSAMPLING={} -DSENSOR=1 {}", pixel_samples_, options), pixel_samples_))
+        .first->second;
+}
+
+void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
+                          bool) {
+    if (exposed)
+        exposed_kernel(*exposed);
     for (std::size_t line = 0; line < field.lines().size(); ++line)
         columns_kernel(field.options(phase, line, with_screen));
     rows_kernel(shifted);
@@ -230,21 +253,38 @@ void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
     rows.enqueue(chain, "pupil", kept_);
 }
 
-void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
-                                    const ImageView &before, const ImageView &intensity) {
-    KernelArguments(inverse_.kernel)
-        .add(lines)
+KernelArguments FusedGroups::inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights,
+                                               bool adds, const ImageView &before) const {
+    KernelArguments arguments(inverse.kernel);
+    arguments.add(lines)
         .add(cl_uint{grid_.grid_width})
         .add(column_twiddles_.get())
         .add(slots_.get())
         .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
-        .add(cl_uint{before ? 1u : 0u})
-        .add(before ? before : intensity)
-        .add(intensity)
-        .add(cl_uint{grid_.width})
-        .add(cl_uint{grid_.height})
-        .add(cl::Local(inverse_.tile_bytes));
-    inverse_.enqueue(chain, "inverse_fft", grid_.width * pixel_samples_);
+        .add(cl_uint{adds ? 1u : 0u})
+        .add(before);
+    return arguments;
+}
+
+void FusedGroups::enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const {
+    arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(inverse.tile_bytes));
+    inverse.enqueue(chain, "inverse_fft", grid_.width * pixel_samples_);
+}
+
+void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                    const ImageView &before, const ImageView &intensity) {
+    KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
+    enqueue_inverse(chain, inverse_, arguments.add(intensity));
+}
+
+void FusedGroups::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                  const ImageView &before, const ExposedFrame &exposed) {
+    GroupKernel &inverse = exposed_kernel(exposed);
+    KernelArguments arguments =
+        inverse_arguments(inverse, lines, weights, bool(before), before ? before : exposed.output);
+    exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
+    enqueue_inverse(chain, inverse, arguments);
+    exposed.sensor->exposed();
 }
 
 } // namespace

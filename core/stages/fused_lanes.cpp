@@ -61,7 +61,7 @@ class FusedLanes final : public FusedEngine {
     std::uint64_t lines_bytes() const override;
     bool leaves_sample_powers() const override { return sample_powers_; }
     bool exposes(const Sensor &sensor) const override {
-        return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_lanes();
+        return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
     }
     std::uint32_t polarizations() const override { return tiles_.polarizations; }
     void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
@@ -335,7 +335,7 @@ void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, W
     cl::Kernel &kernel = exposed_kernel(exposed.output.format);
     KernelArguments arguments =
         inverse_arguments(kernel, lines, weights, bool(before), before ? before : exposed.output);
-    exposed.sensor->add_lanes_arguments(arguments, exposed.frame_index, exposed.output);
+    exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
     enqueue_inverse(chain, kernel, arguments);
     exposed.sensor->exposed();
 }

@@ -161,7 +161,12 @@ Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
                     kernel_options(), variant[0] ? 1 : 0, variant[1] ? 1 : 0, variant[2] ? 1 : 0, variant[3] ? 1 : 0,
                     variant[1] || variant[4] ? 1 : 0);
     AdvanceKernels kernels;
-    kernels.advance = context_->kernel("phase.cl", "phase_advance", options);
+    kernels.in_lanes =
+        works_in_lanes(*context_) && !variant[2] && parameters_.field == FieldKind::kCircularGaussian;
+    kernels.advance = kernels.in_lanes
+                          ? context_->kernel("phase_advance_lanes.cl", "phase_advance_lanes",
+                                             fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
+                          : context_->kernel("phase.cl", "phase_advance", options);
     if (variant[2])
         kernels.claim = context_->kernel("phase.cl", "phase_claim", options);
     return advance_.emplace(variant, std::move(kernels)).first->second;
@@ -257,7 +262,10 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
     if (advance.mask)
         arguments.add(advance.mask);
     arguments.add(bad_pixels_.buffer());
-    chain.run("phase", kernels.advance, grid_.grid_width, quarter);
+    if (kernels.in_lanes)
+        chain.run("phase", kernels.advance, quarter, 1, 1, 1);
+    else
+        chain.run("phase", kernels.advance, grid_.grid_width, quarter);
     if (advance.shift)
         std::swap(state_, next_state_);
 }

@@ -88,6 +88,7 @@ class Phase {
     using AdvanceVariant = std::array<bool, 5>; // images of path, correlation, shift, mask; a correlation for all
     struct AdvanceKernels {
         cl::Kernel advance, claim; // claim: with a shift
+        bool in_lanes = false;     // the one of kernels/phase_advance_lanes.cl, a work-item for each row
     };
     void check_refreshed() const;
     void check_polarization(std::uint32_t polarization) const;

@@ -4,7 +4,7 @@
 #include "runtime/error.hpp"
 #include "runtime/fused_device.hpp"
 #include "stages/philox.hpp"
-#include "stages/sensor_lanes.hpp"
+#include "stages/sensor_camera.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -172,6 +172,7 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
     if (p.lag_fraction > 0.0)
         lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * sizeof(float));
     in_lanes_ = clsp::works_in_lanes(*context_);
+    make_switches();
 }
 
 void Sensor::make_fixed_pattern() {
@@ -241,22 +242,28 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     const auto found = kernels_.find(output);
     if (found != kernels_.end())
         return found->second;
+    const cl::Kernel kernel =
+        in_lanes_ ? context_->kernel("sensor_lanes.cl", "sensor_expose_lanes",
+                                     fmt::format("-DOUTPUT_FORMAT={} -DLANES={}", static_cast<std::uint32_t>(output),
+                                                 fused_lanes(*context_)))
+                  : context_->kernel("sensor.cl", "sensor_expose",
+                                     fmt::format("{} -DCROSSTALK={}", pixel_options(output),
+                                                 parameters_.crosstalk_fraction > 0.0 ? 1 : 0));
+    return kernels_.emplace(output, kernel).first->second;
+}
+
+std::string Sensor::pixel_options(Format output) const {
+    return fmt::format("-DOUTPUT_FORMAT={} -DQUANTIZE={}{}", static_cast<std::uint32_t>(output),
+                       parameters_.quantize || output != Format::kFloat32 ? 1 : 0, switches_);
+}
+
+void Sensor::make_switches() {
     const SensorParameters &p = parameters_;
-    std::string options = fmt::format("-DOUTPUT_FORMAT={}", static_cast<std::uint32_t>(output));
-    if (in_lanes_)
-        return kernels_
-            .emplace(output, context_->kernel("sensor_lanes.cl", "sensor_expose_lanes",
-                                              fmt::format("{} -DLANES={}", options, fused_lanes(*context_))))
-            .first->second;
-    const bool quantize = p.quantize || output != Format::kFloat32;
-    const auto define = [&](const char *name, bool on) { options += fmt::format(" -D{}={}", name, on ? 1 : 0); };
-    define("WHOLE_QUARTERS", p.height % 4 == 0);
+    const auto define = [&](const char *name, bool on) { switches_ += fmt::format(" -D{}={}", name, on ? 1 : 0); };
     define("READ_NOISE", p.read_noise_dn > 0.0);
     define("COLD", bool(response_));
     define("OFFSET", bool(offset_));
-    define("QUANTIZE", quantize);
     define("CODE_STEP", code_step_of(p) != 1.0);
-    define("CROSSTALK", p.crosstalk_fraction > 0.0);
     define("MOSAIC", has_mosaic(p));
     define("PRNU", bool(pixel_gain_));
     define("DARK_CURRENT", dark_signal_of(p) > 0.0);
@@ -266,7 +273,6 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     define("ROW_NOISE", p.row_noise_dn > 0.0);
     define("COLUMN_NOISE", p.column_noise_dn > 0.0);
     define("READ_NOISE_SPREAD", bool(read_noise_map_));
-    return kernels_.emplace(output, context_->kernel("sensor.cl", "sensor_expose", options)).first->second;
 }
 
 ImageView Sensor::check_output(const ImageDescription &output, bool in_last_pass) {
@@ -298,53 +304,12 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
     const SensorParameters &p = parameters_;
     cl::Kernel &kernel = kernel_for(output.format);
     const std::uint32_t quarter = quarter_rows(p.height);
-    if (in_lanes_) {
-        KernelArguments arguments(kernel);
-        add_lanes_arguments(arguments.add(intensity), frame_index, output);
+    KernelArguments arguments(kernel);
+    add_arguments(arguments.add(intensity), frame_index, output);
+    if (in_lanes_)
         chain.run("sensor", kernel, quarter, 1, 1, 1);
-        exposed();
-        return;
-    }
-    const double full = top_code_of(p), step = code_step_of(p);
-    const auto real = [](double value) { return static_cast<cl_float>(value); };
-    KernelArguments(kernel)
-        .add(intensity)
-        .add(offset_.get())
-        .add(response_.get())
-        .add(pixel_gain_.get())
-        .add(read_noise_map_.get())
-        .add(lag_state_.get())
-        .add(cl_uint{p.width})
-        .add(cl_uint{p.height})
-        .add(cl_uint{quarter})
-        .add(philox_key(p.seed))
-        .add(frame_low(frame_index))
-        .add(frame_high(frame_index))
-        .add(real(p.exposure_gain_dn))
-        .add(real(p.saturation_dn))
-        .add(real(p.black_level_dn))
-        .add(real(p.read_noise_dn))
-        .add(real(top_code(output.format)))
-        .add(real(p.float_full_scale / full))
-        .add(real(p.crosstalk_fraction))
-        .add(real(p.mosaic_gain[0]))
-        .add(real(p.mosaic_gain[1]))
-        .add(real(p.mosaic_gain[2]))
-        .add(real(p.mosaic_gain[3]))
-        .add(real(dark_signal_of(p)))
-        .add(real(p.conversion_gain_dn_per_e))
-        .add(real(p.conversion_gain_dn_per_e > 0.0 ? 1.0 / p.conversion_gain_dn_per_e : 0.0))
-        .add(real(p.lag_fraction))
-        .add(cl_uint{lag_started_ ? 0u : 1u})
-        .add(real(p.gamma))
-        .add(real(full))
-        .add(real(1.0 / full))
-        .add(real(p.row_noise_dn))
-        .add(real(p.column_noise_dn))
-        .add(real(step))
-        .add(real(1.0 / step))
-        .add(output);
-    chain.run("sensor", kernel, p.width, quarter);
+    else
+        chain.run("sensor", kernel, p.width, quarter);
     exposed();
 }
 
@@ -354,7 +319,7 @@ double Sensor::top_code(Format output) const {
     return parameters_.quantize || output != Format::kFloat32 ? full + 1.0 - code_step_of(parameters_) : full;
 }
 
-void Sensor::add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const {
+void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const {
     const SensorParameters &p = parameters_;
     const auto real = [](double value) { return static_cast<cl_float>(value); };
     const auto on = [](bool is_on, SensorSwitch which) { return is_on ? cl_uint{which} : 0u; };

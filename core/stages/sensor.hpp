@@ -11,6 +11,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace clsp {
@@ -70,16 +71,20 @@ class Sensor {
     ImageView check_output(const ImageDescription &output, bool in_last_pass = false);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
-    // Whether kernels/sensor_lanes.h makes this sensor's frames from each pixel's intensity alone, on this device.
-    bool exposes_lanes() const { return in_lanes_ && parameters_.crosstalk_fraction == 0.0; }
-    // SENSOR_PARAMETERS there, for a kernel that makes the next frame.
-    void add_lanes_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const;
+    // Whether each pixel's intensity alone makes its code, so that other kernels can include kernels/sensor_lanes.h or
+    // sensor_pixel.h.
+    bool exposes_pixels() const { return parameters_.crosstalk_fraction == 0.0; }
+    // The switches of sensor_pixel.h.
+    std::string pixel_options(Format output) const;
+    // SENSOR_PARAMETERS of kernels/sensor_camera.h, for a kernel that makes the next frame.
+    void add_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const;
     // That kernel is enqueued: the next frame has one before it.
     void exposed() { lag_started_ = bool(lag_state_); }
     void enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb);
 
   private:
     void make_fixed_pattern();
+    void make_switches();
     cl::Kernel &kernel_for(Format output);
     double top_code(Format output) const;
 
@@ -89,6 +94,7 @@ class Sensor {
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
     bool lag_started_ = false;
     bool in_lanes_ = false;
+    std::string switches_; // of sensor_pixel.h, but for what depends on the output's format
     std::map<Format, cl::Kernel> kernels_;          // by output format
     std::map<Format, cl::Kernel> demosaic_kernels_; // by input format
 };

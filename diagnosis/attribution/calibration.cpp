@@ -1,7 +1,6 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
 #include "attribution/experiment.hpp"
-#include "attribution/lanes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -67,7 +66,7 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
     const bool coarse = step > kCoarse * layout_.read_noise_dn;
     // The first dark sequence: black level and noise do not depend on the light.
     std::optional<std::size_t> dark, still;
-    std::vector<std::size_t> lit;
+    std::vector<Task> lit;
     for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
         const SequenceLayout &sequence = layout_.sequences[s];
         if (!concerned[s])
@@ -78,47 +77,64 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
             continue;
         }
         if (real_levels_[s].mean_dn > real_calibration_.black_level_dn)
-            lit.push_back(s);
+            lit.push_back({0, s, kCalibrationSeed});
         // Speckle that stands still has all levels at once, and shows the noise between the steps.
         if (!still && sequence.scene != CaptureScene::kFlat && !sequence.moving && sequence.frame_count >= 2)
             still = s;
     }
-    const auto calibrate_all = [&] {
-        if (dark) {
-            if (coarse)
-                calibrate_coarse_dark(effects, *dark, step, result);
-            else
-                calibrate_dark(effects, *dark, result);
-        }
-        run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
-            for (const std::size_t s : lit) {
-                if (lanes_[s] != lane)
-                    continue;
-                lane_checkpoint();
-                if (coarse && layout_.sequences[s].scene == CaptureScene::kFlat)
-                    calibrate_coarse_signal(effects, s, step, result);
-                else
-                    calibrate_signal(effects, s, result);
-            }
+    // A part of it, from the levels at its begin; gives black level, read noise, and the sequence's share.
+    const auto part = [&](char kind, std::size_t s, const CalibratedLevels &levels, const auto &work) {
+        return memo_.value(key_of(effects, levels, s).add_kind(kind), [&] {
+            CalibratedLevels own = levels;
+            work(own);
+            return std::vector<double>{own.black_level_dn, own.read_noise_dn, own.signal_share[s]};
         });
+    };
+    const auto on_dark = [&] {
+        const std::vector<double> levels = part(coarse ? 'D' : 'd', *dark, result, [&](CalibratedLevels &own) {
+            Simulator &simulator = simulator_of(*dark, kCalibrationSeed);
+            if (coarse)
+                calibrate_coarse_dark(simulator, effects, *dark, step, own);
+            else
+                calibrate_dark(simulator, effects, *dark, own);
+        });
+        result.black_level_dn = levels[0];
+        result.read_noise_dn = levels[1];
     };
     if (coarse && dark) {
         result.read_noise_dn = layout_.read_noise_dn;
         if (still) {
-            calibrate_coarse_dark(effects, *dark, step, result);
-            calibrate_signal(effects, *still, result);
-            calibrate_coarse_noise(effects, *still, result);
+            on_dark();
+            const std::vector<double> levels = part('n', *still, result, [&](CalibratedLevels &own) {
+                Simulator &simulator = simulator_of(*still, kCalibrationSeed);
+                calibrate_signal(simulator, effects, *still, own);
+                calibrate_coarse_noise(simulator, effects, *still, own);
+            });
+            result.read_noise_dn = levels[1];
+            result.signal_share[*still] = levels[2];
         }
     }
-    calibrate_all();
+    if (dark)
+        on_dark();
+    const CalibratedLevels begin = result;
+    run_tasks(lit, {}, [&](const Task &task, Simulator &simulator, unsigned) {
+        const std::size_t s = task.sequence;
+        const bool is_coarse = coarse && layout_.sequences[s].scene == CaptureScene::kFlat;
+        result.signal_share[s] = part(is_coarse ? 'S' : 's', s, begin, [&](CalibratedLevels &own) {
+            if (is_coarse)
+                calibrate_coarse_signal(simulator, effects, s, step, own);
+            else
+                calibrate_signal(simulator, effects, s, own);
+        })[2];
+    });
     return result;
 }
 
-void Experiment::calibrate_dark(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
+void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
     const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[sequence].frame_count);
     const double wanted = real_calibration_.read_noise_dn * real_calibration_.read_noise_dn + kQuantizationVariance;
     for (int round = 0; round < kRounds; ++round) {
-        const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const SequenceLevel level = sequence_level(layout_, sequence, codes.data(), frame_count);
         levels.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
         if (frame_count >= 2) {
@@ -129,23 +145,23 @@ void Experiment::calibrate_dark(const EffectSettings &effects, std::size_t seque
     }
 }
 
-void Experiment::calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+void Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double centre = real_calibration_.black_level_dn;
     const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
     levels.black_level_dn = root(centre - step_dn, centre + step_dn, 1e-3 * step_dn, [&](double black_level_dn) {
         levels.black_level_dn = black_level_dn;
-        const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         return sequence_level(layout_, sequence, codes.data(), frame_count).mean_dn - centre;
     });
 }
 
-void Experiment::calibrate_signal(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
+void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
     const double signal = real_levels_[sequence].mean_dn - real_calibration_.black_level_dn;
     const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[sequence].frame_count);
     // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
     double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
     for (int round = 0; round < kRounds; ++round) {
-        const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const double mean = sequence_mean_dn(layout_, sequence, codes.data(), frame_count);
         const double share = levels.signal_share[sequence];
         const double slope = (mean - last_mean) / (share - last_share);
@@ -157,7 +173,7 @@ void Experiment::calibrate_signal(const EffectSettings &effects, std::size_t seq
     }
 }
 
-void Experiment::calibrate_coarse_signal(const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+void Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double wanted = real_levels_[sequence].mean_dn;
     const double signal = wanted - real_calibration_.black_level_dn;
     const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
@@ -165,17 +181,17 @@ void Experiment::calibrate_coarse_signal(const EffectSettings &effects, std::siz
     const double centre = share, reach = std::min(0.5 * centre, 2.0 * step_dn / signal);
     share = root(centre - reach, centre + reach, 1e-3 * step_dn, [&](double at) {
         share = at;
-        const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         return sequence_level(layout_, sequence, codes.data(), frame_count).mean_dn - wanted;
     });
 }
 
-void Experiment::calibrate_coarse_noise(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
+void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
     const double wanted = real_levels_[sequence].temporal_noise_dn, centre = layout_.read_noise_dn;
     const std::uint32_t frame_count = std::min(2 * kTrialFrames, layout_.sequences[sequence].frame_count);
     levels.read_noise_dn = root((1.0 - kNoiseRange) * centre, (1.0 + kNoiseRange) * centre, 1e-3 * wanted, [&](double read_noise_dn) {
         levels.read_noise_dn = read_noise_dn;
-        const auto codes = frames(effects, levels, sequence, kCalibrationSeed, frame_count);
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         return sequence_level(layout_, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;
     });
 }

@@ -69,13 +69,13 @@ double EffectModel::difference(Eigen::Index strength, double part) const {
     return candidate.difference(s.parameter, s.strength) * (candidate.parameters[s.parameter].whole ? 1.0 : part);
 }
 
-double move_strengths(EffectModel &model, const Eigen::VectorXd &step) {
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
     double largest = 0.0;
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
         const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
         Strength &s = model.strengths[p];
         s.strength = model.effects[s.effect].candidate->snapped(s.parameter,
-                                                                std::clamp(s.strength + bounded, kWeakest, kStrongest));
+                                                                std::clamp(s.strength + bounded, kWeakest, strongest));
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;

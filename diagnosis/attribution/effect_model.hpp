@@ -14,8 +14,9 @@
 
 namespace clsp {
 
-// Strengths over which an effect is looked for: beyond the range of common cameras on both sides.
-constexpr double kWeakest = -0.8, kStrongest = 2.0, kStrengthStep = 0.02;
+// Strengths over which an effect is looked for: beyond the range of common cameras on both sides; up to kCommon once a
+// search went farther.
+constexpr double kWeakest = -0.8, kCommon = 1.3, kStrongest = 2.0, kStrengthStep = 0.02;
 // A strength counts as simulated if one that near was.
 constexpr double kNear = 0.06;
 // A linear step of a fit is trusted that far.
@@ -63,7 +64,7 @@ struct EffectModel {
 };
 
 // A step of strengths, each bounded; the largest one.
-double move_strengths(EffectModel &model, const Eigen::VectorXd &step);
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrongest);
 
 // A fitted parameter of a model.
 struct FittedParameter {

@@ -155,6 +155,7 @@ double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double no
     options.seeds = kSearchSeeds;
     options.secant_rounds = kExchangeRounds;
     options.near = options.far = kNear;
+    options.strongest = fits.strongest();
     options.hopeless = kHopeless * now;
     GaussNewtonFit fit = gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
     model = std::move(fit.model);
@@ -184,26 +185,30 @@ void halve(EffectModel &model, std::size_t effect) {
 const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
     const FittedModel &whole = path.models.back();
     const double now = square_by(whole.model.full(), fits, whole);
-    double best_square = kWorthAFit * now;
-    const Move *chosen = nullptr;
-    for (const Move &move : tried) {
+    std::vector<EffectModel> models(tried.size(), path.model);
+    std::vector<double> squares(tried.size(), 1e300);
+    fits.experiment().side_by_side(tried.size(), [&](std::size_t i) {
+        const Move &move = tried[i];
         const bool adds = move.place == path.model.effects.size();
         const std::string what =
             "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
         fits.report(at, what + " for " + move.candidate->id);
-        EffectModel model = path.model;
+        EffectModel &model = models[i];
         if (move.shares)
             halve(model, move.place);
         if (const std::size_t out = goes_out(path, move, fits.options().max_effects); out < model.effects.size())
             model = model.without(out);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
-        double square = 1e300;
-        if (!possible([&] { square = quick_fit(fits, model, path, now) + (adds ? kLeastGain : 0.0); }) ||
-            square >= best_square)
+        possible([&] { squares[i] = quick_fit(fits, model, path, now) + (adds ? kLeastGain : 0.0); });
+    });
+    double best_square = kWorthAFit * now;
+    const Move *chosen = nullptr;
+    for (std::size_t i = 0; i < tried.size(); ++i) {
+        if (squares[i] >= best_square)
             continue;
-        best_square = square;
-        best = std::move(model);
-        chosen = &move;
+        best_square = squares[i];
+        best = std::move(models[i]);
+        chosen = &tried[i];
     }
     return chosen;
 }
@@ -233,6 +238,7 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     const FittedModel &whole = path.models.back();
     Path other;
     other.looks = path.looks;
+    other.progress = path.progress;
     other.model = std::move(model);
     FittedModel fitted;
     const Origin origin{whole.model.full(), path.pool};

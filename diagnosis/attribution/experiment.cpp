@@ -4,6 +4,7 @@
 #include "runtime/error.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <fmt/core.h>
 #include <numeric>
@@ -13,31 +14,52 @@ namespace {
 
 using Codes = std::vector<std::vector<std::uint16_t>>;
 
-// Each lane has memory of its own for the frames of one sequence.
-constexpr std::size_t kMostLanes = 4;
+// Each lane has memory of its own for the frames of one sequence. There are twice as many as processors: one waits for
+// its kernels while another one measures.
+constexpr std::size_t kMostLanes = 8, kLanesPerThread = 2;
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
+constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 
 } // namespace
 
+// Lives as long as a thread works in a lane.
+struct Experiment::Inside {
+    Inside(const Experiment *experiment_, std::size_t lane_, const std::function<void()> &checkpoint_,
+           OpenTasks &tasks_)
+        : experiment(experiment_), lane(lane_), checkpoint(checkpoint_), tasks(tasks_), before(here) {
+        here = this;
+    }
+    Inside(const Inside &) = delete;
+    Inside &operator=(const Inside &) = delete;
+    ~Inside() { here = before; }
+
+    const Experiment *const experiment;
+    const std::size_t lane;
+    const std::function<void()> &checkpoint;
+    OpenTasks &tasks; // of all lanes
+    const Inside *const before; // of another experiment
+    static thread_local const Inside *here;
+};
+thread_local const Experiment::Inside *Experiment::Inside::here = nullptr;
+
 Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
                        unsigned threads)
-    : layout_(real.layout), threads_(threads) {
+    : layout_(real.layout), threads_(threads), memo_(kMemoBytes) {
     const std::size_t sequences = layout_.sequences.size();
-    const auto lit = std::count_if(layout_.sequences.begin(), layout_.sequences.end(),
-                                   [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
     // Hypotheses are called on the caller's thread, one at a time.
     const std::size_t lanes =
-        hypotheses.empty() ? std::clamp<std::size_t>(std::min<std::size_t>(lit, threads), 1, kMostLanes) : 1;
+        hypotheses.empty() && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
         simulators_.push_back(std::make_unique<Simulator>(context, real.layout, hypotheses));
         simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
     }
-    share_out(lanes);
+    sort_by_work();
+    const auto spare_residuals = std::make_shared<SpareBuffers<float>>();
     offsets_.push_back(0);
     for (std::size_t s = 0; s < sequences; ++s) {
         parted_ = parted_ || layout_.sequences[s].frame_count >= 4;
         has_dark_ = has_dark_ || layout_.sequences[s].scene == CaptureScene::kDark;
-        statistics_.emplace_back(layout_, s, half_count(s));
+        statistics_.emplace_back(layout_, s, half_count(s), spare_residuals);
         const auto &list = statistics_.back().list();
         list_.insert(list_.end(), list.begin(), list.end());
         offsets_.push_back(list_.size());
@@ -50,7 +72,7 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
         frame_counts.push_back(layout_.sequences[s].frame_count);
         real_levels_.push_back(sequence_level(layout_, s, real.codes[s].data(), frame_counts[s]));
     }
-    real_calibration_ = measured_calibration(real.codes, frame_counts, std::vector<bool>(sequences, true));
+    real_calibration_ = measured_calibration(real_levels_, frame_counts, std::vector<bool>(sequences, true));
     real_.first.resize(count());
     real_.second.resize(count());
     for (std::size_t s = 0; s < sequences; ++s)
@@ -62,15 +84,20 @@ std::uint32_t Experiment::half_count(std::size_t sequence) const {
     return frames >= 4 ? frames / 2 : frames;
 }
 
-Calibration Experiment::measured_calibration(const Codes &codes, const std::vector<std::uint32_t> &frame_counts,
+std::uint32_t Experiment::frame_count(std::size_t sequence, Folds folds) const {
+    return folds == Folds::kFirst ? half_count(sequence) : layout_.sequences[sequence].frame_count;
+}
+
+Calibration Experiment::measured_calibration(const std::vector<SequenceLevel> &levels,
+                                             const std::vector<std::uint32_t> &frame_counts,
                                              const std::vector<bool> &present) const {
     Calibration result{layout_.black_level_dn, layout_.read_noise_dn};
     double mean = 0.0, variance = 0.0;
     unsigned means = 0, variances = 0;
-    for (std::size_t s = 0; s < codes.size(); ++s) {
+    for (std::size_t s = 0; s < levels.size(); ++s) {
         if (layout_.sequences[s].scene != CaptureScene::kDark || !present[s])
             continue;
-        const SequenceLevel level = sequence_level(layout_, s, codes[s].data(), frame_counts[s]);
+        const SequenceLevel &level = levels[s];
         mean += level.mean_dn;
         ++means;
         // Frames that are all alike are a damaged recording, no noiseless camera: then the data sheet's noise counts.
@@ -89,13 +116,19 @@ Calibration Experiment::measured_calibration(const Codes &codes, const std::vect
 
 SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const EffectSettings &effects,
                                     std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) {
+    return levels(simulator_of(sequence, seed), calibrated, effects, sequence, seed, frame_count);
+}
+
+SimulationLevels Experiment::levels(Simulator &simulator, const CalibratedLevels &calibrated,
+                                    const EffectSettings &effects, std::size_t sequence, std::uint64_t seed,
+                                    std::uint32_t frame_count) const {
     SimulationLevels result;
     result.black_level_dn = calibrated.black_level_dn;
     result.read_noise_dn = calibrated.read_noise_dn;
     if (layout_.sequences[sequence].scene == CaptureScene::kDark)
         return result;
     const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn);
-    const double intensity = simulators_[lanes_[sequence]]->mean_intensity(sequence, effects, seed, frame_count);
+    const double intensity = simulator.mean_intensity(sequence, effects, seed, frame_count);
     if (!(intensity > 0.0))
         // With effects that together block all light the simulator is asked for too much, which is no fault of the
         // capture.
@@ -110,9 +143,16 @@ SimulationLevels Experiment::levels(const CalibratedLevels &calibrated, const Ef
 
 std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                               std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) {
-    std::vector<std::uint16_t> codes(std::size_t{frame_count} * layout_.pixel_count());
-    simulators_[lanes_[sequence]]->codes(sequence, effects, levels(calibrated, effects, sequence, seed, frame_count),
-                                         seed, frame_count, codes.data());
+    const auto codes = frames(simulator_of(sequence, seed), effects, calibrated, sequence, seed, frame_count);
+    return {codes.data(), codes.data() + codes.size()};
+}
+
+SpareBuffers<std::uint16_t>::Buffer Experiment::frames(Simulator &simulator, const EffectSettings &effects,
+                                                       const CalibratedLevels &calibrated, std::size_t sequence,
+                                                       std::uint64_t seed, std::uint32_t frame_count) const {
+    auto codes = spare_codes_.take(std::size_t{frame_count} * layout_.pixel_count());
+    simulator.codes(sequence, effects, levels(simulator, calibrated, effects, sequence, seed, frame_count), seed,
+                    frame_count, codes.data());
     return codes;
 }
 
@@ -121,90 +161,202 @@ std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects
                                                    const std::function<void(std::size_t)> &before_each) {
     const std::vector<bool> all(layout_.sequences.size(), true);
     std::vector<FoldStatistics> result(seeds.size(), {Eigen::VectorXd(count()), Eigen::VectorXd(count())});
-    simulate(
-        effects, calibrated, seeds, all, before_each, [&](std::size_t s) { return layout_.sequences[s].frame_count; },
-        [&](std::size_t i, std::size_t s, const std::uint16_t *codes, const Calibration &calibration) {
-            measure(s, codes, calibration, result[i]);
-        });
+    simulate(effects, calibrated, seeds, all, before_each, Folds::kBoth,
+             [&](std::size_t i, std::size_t s, const std::vector<double> &values) { put(s, values, result[i]); });
     return result;
+}
+
+MemoKey Experiment::key_of(const EffectSettings &effects, const CalibratedLevels &levels,
+                           std::size_t sequence) const {
+    MemoKey key;
+    key.add(std::uint64_t{sequence});
+    key.add(simulators_.front()->concerning(effects, sequence));
+    key.add(levels.black_level_dn).add(levels.read_noise_dn);
+    if (layout_.sequences[sequence].scene != CaptureScene::kDark)
+        key.add(levels.signal_share[sequence]);
+    return key;
 }
 
 void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
                           const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
-                          const std::function<void(std::size_t)> &before_each,
-                          const std::function<std::uint32_t(std::size_t)> &frame_count, const TakeFrames &take) {
+                          const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take) {
     const std::size_t sequences = layout_.sequences.size();
-    const auto is_dark = [&](std::size_t s) { return layout_.sequences[s].scene == CaptureScene::kDark; };
     std::vector<std::uint32_t> frame_counts(sequences);
     std::vector<bool> dark(sequences);
+    std::vector<MemoKey> keys;
     for (std::size_t s = 0; s < sequences; ++s) {
-        frame_counts[s] = frame_count(s);
-        dark[s] = is_dark(s);
+        frame_counts[s] = frame_count(s, folds);
+        dark[s] = layout_.sequences[s].scene == CaptureScene::kDark;
+        keys.push_back(key_of(effects, calibrated, s).add(std::uint64_t(folds)));
     }
+    std::vector<Calibration> calibrations(seeds.size());
+    const auto statistics_key = [&](std::size_t i, std::size_t s) {
+        MemoKey key = keys[s];
+        return key.add_kind('m').add(seeds[i]).add(calibrations[i].black_level_dn).add(calibrations[i].read_noise_dn);
+    };
     // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
-    std::vector<Calibration> calibrations;
-    for (std::size_t i = 0; i < seeds.size(); ++i) {
-        Codes codes(sequences);
-        for (std::size_t s = 0; s < sequences; ++s)
-            if (dark[s]) {
-                if (checkpoint)
-                    checkpoint();
-                codes[s] = frames(effects, calibrated, s, seeds[i], frame_counts[s]);
-            }
-        calibrations.push_back(measured_calibration(codes, frame_counts, dark));
+    std::vector<Task> tasks;
+    for (std::size_t i = 0; i < seeds.size(); ++i)
+        tasks.push_back({i, by_work_.back(), seeds[i]}); // all dark sequences; the last one is one if any is
+    run_tasks(tasks, {}, [&](const Task &task, Simulator &simulator, unsigned threads) {
+        const std::size_t i = task.seed_index;
+        std::vector<SpareBuffers<std::uint16_t>::Buffer> codes(sequences);
+        const auto codes_of = [&](std::size_t s) {
+            if (codes[s].empty())
+                codes[s] = frames(simulator, effects, calibrated, s, task.seed, frame_counts[s]);
+            return codes[s].data();
+        };
+        std::vector<SequenceLevel> levels(sequences);
+        for (std::size_t s = 0; s < sequences; ++s) {
+            if (!dark[s])
+                continue;
+            const std::vector<double> level = memo_.value(MemoKey(keys[s]).add_kind('l').add(task.seed), [&] {
+                const SequenceLevel measured_level = sequence_level(layout_, s, codes_of(s), frame_counts[s]);
+                return std::vector<double>{measured_level.mean_dn, measured_level.temporal_noise_dn};
+            });
+            levels[s] = {level[0], level[1]};
+        }
+        calibrations[i] = measured_calibration(levels, frame_counts, dark);
         for (std::size_t s = 0; s < sequences; ++s)
             if (dark[s] && concerned[s])
-                take(i, s, codes[s].data(), calibrations[i]);
-    }
-    run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
-        for (std::size_t i = 0; i < seeds.size(); ++i) {
-            if (lane == 0 && before_each)
-                before_each(i);
-            for (std::size_t s = 0; s < sequences; ++s) {
-                if (dark[s] || !concerned[s] || lanes_[s] != lane)
-                    continue;
-                lane_checkpoint();
-                take(i, s, frames(effects, calibrated, s, seeds[i], frame_counts[s]).data(), calibrations[i]);
-            }
-        }
+                take(i, s, memo_.value(statistics_key(i, s), [&] {
+                    return measured(s, folds, codes_of(s), calibrations[i], threads);
+                }));
+    });
+    tasks.clear();
+    for (std::size_t i = 0; i < seeds.size(); ++i)
+        for (const std::size_t s : by_work_)
+            if (!dark[s] && concerned[s])
+                tasks.push_back({i, s, seeds[i]});
+    run_tasks(tasks, before_each, [&](const Task &task, Simulator &simulator, unsigned threads) {
+        const std::size_t i = task.seed_index, s = task.sequence;
+        take(i, s, memo_.value(statistics_key(i, s), [&] {
+            const auto codes = frames(simulator, effects, calibrated, s, task.seed, frame_counts[s]);
+            return measured(s, folds, codes.data(), calibrations[i], threads);
+        }));
     });
 }
 
-// Sequences that take long first, each to the lane that has least to do.
-void Experiment::share_out(std::size_t lane_count) {
-    const std::size_t sequences = layout_.sequences.size();
-    std::vector<std::size_t> order(sequences);
-    std::iota(order.begin(), order.end(), std::size_t{0});
+void Experiment::run_tasks(const std::vector<Task> &tasks, const std::function<void(std::size_t)> &before_each,
+                           const DoTask &work) {
+    if (const Inside *place = inside()) {
+        place->tasks.run(tasks.size(), [&](std::size_t t) {
+            const Inside &helper = *inside(); // perhaps another lane
+            helper.checkpoint();
+            work(tasks[t], *simulators_[helper.lane], 1);
+        });
+        return;
+    }
+    const std::size_t lanes = simulators_.size(), busy = std::clamp<std::size_t>(tasks.size(), 1, lanes);
+    // A lane with company measures on its own thread: starting others for so little takes longer.
+    const unsigned threads = std::max(1u, threads_ / static_cast<unsigned>(busy));
+    std::vector<std::atomic<bool>> begun(tasks.size());
+    run_lanes(lanes, checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
+        std::size_t seed_index = 0;
+        const auto run = [&](std::size_t t) {
+            if (begun[t].exchange(true))
+                return;
+            if (lane == 0 && before_each && tasks[t].seed_index >= seed_index) {
+                before_each(tasks[t].seed_index);
+                seed_index = tasks[t].seed_index + 1;
+            }
+            lane_checkpoint();
+            work(tasks[t], *simulators_[lane], threads);
+        };
+        for (std::size_t t = 0; t < tasks.size(); ++t)
+            if (lane_of(tasks[t].sequence, tasks[t].seed) == lane)
+                run(t);
+        for (std::size_t t = tasks.size(); t-- > 0;)
+            run(t);
+    });
+}
+
+void Experiment::side_by_side(std::size_t count, const std::function<void(std::size_t)> &work) {
+    if (count <= 1 || inside()) {
+        for (std::size_t i = 0; i < count; ++i)
+            work(i);
+        return;
+    }
+    std::atomic<std::size_t> next{0};
+    OpenTasks tasks;
+    run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
+        const Inside inside(this, lane, lane_checkpoint, tasks);
+        tasks.work(lane_checkpoint, [&] {
+            for (std::size_t i = next++; i < count; i = next++) {
+                lane_checkpoint();
+                work(i);
+            }
+        });
+    });
+}
+
+const Experiment::Inside *Experiment::inside() const {
+    const Inside *place = Inside::here;
+    while (place && place->experiment != this)
+        place = place->before;
+    return place;
+}
+
+bool Experiment::on_callers_thread() const {
+    const Inside *place = inside();
+    return !place || place->lane == 0;
+}
+
+Simulator &Experiment::simulator_of(std::size_t sequence, std::uint64_t seed) const {
+    const Inside *place = inside();
+    return *simulators_[place ? place->lane : lane_of(sequence, seed)];
+}
+
+void Experiment::sort_by_work() {
+    by_work_.resize(layout_.sequences.size());
+    std::iota(by_work_.begin(), by_work_.end(), std::size_t{0});
     const auto work = [&](std::size_t s) {
         const SequenceLayout &sequence = layout_.sequences[s];
         // A moving surface has an interference pattern of its own in every frame, which takes about as long as all
         // else.
         return sequence.scene == CaptureScene::kDark ? 0u : sequence.frame_count * (sequence.moving ? 2u : 1u);
     };
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return work(a) > work(b); });
-    std::vector<std::uint64_t> load(lane_count, 0);
-    lanes_.assign(sequences, 0);
-    for (const std::size_t s : order) {
-        lanes_[s] = static_cast<std::size_t>(std::min_element(load.begin(), load.end()) - load.begin());
-        load[lanes_[s]] += work(s);
-    }
+    std::stable_sort(by_work_.begin(), by_work_.end(),
+                     [&](std::size_t a, std::size_t b) { return work(a) > work(b); });
+    places_.resize(by_work_.size());
+    for (std::size_t place = 0; place < by_work_.size(); ++place)
+        places_[by_work_[place]] = place;
 }
 
 Calibration Experiment::calibration_of(const Codes &codes) const {
     std::vector<std::uint32_t> frame_counts;
     std::vector<bool> present;
+    std::vector<SequenceLevel> levels(codes.size());
     for (std::size_t s = 0; s < codes.size(); ++s) {
         frame_counts.push_back(layout_.sequences[s].frame_count);
         present.push_back(!codes[s].empty());
+        if (present[s] && layout_.sequences[s].scene == CaptureScene::kDark)
+            levels[s] = sequence_level(layout_, s, codes[s].data(), frame_counts[s]);
     }
-    return measured_calibration(codes, frame_counts, present);
+    return measured_calibration(levels, frame_counts, present);
+}
+
+std::vector<double> Experiment::measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
+                                         const Calibration &calibration, unsigned threads) const {
+    const std::size_t values = end(sequence) - begin(sequence);
+    std::vector<double> result(static_cast<std::size_t>(folds) * values);
+    statistics_[sequence].compute(codes, calibration, result.data(), threads);
+    if (folds == Folds::kBoth) {
+        const std::size_t step = frame_count(sequence, folds) - half_count(sequence);
+        statistics_[sequence].compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, threads);
+    }
+    return result;
+}
+
+void Experiment::put(std::size_t sequence, const std::vector<double> &values, FoldStatistics &into) const {
+    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::copy(values.begin(), half, into.first.data() + begin(sequence));
+    std::copy(half, values.end(), into.second.data() + begin(sequence));
 }
 
 void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
                          FoldStatistics &into) const {
-    const std::size_t step = (layout_.sequences[sequence].frame_count - half_count(sequence)) * layout_.pixel_count();
-    statistics_[sequence].compute(codes, calibration, into.first.data() + begin(sequence), threads_);
-    statistics_[sequence].compute(codes + step, calibration, into.second.data() + begin(sequence), threads_);
+    put(sequence, measured(sequence, Folds::kBoth, codes, calibration, threads_), into);
 }
 
 std::vector<Eigen::VectorXd> Experiment::halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
@@ -214,11 +366,10 @@ std::vector<Eigen::VectorXd> Experiment::halves(const EffectSettings &effects, c
     std::vector<Eigen::VectorXd> result(otherwise.begin(),
                                         otherwise.begin() + std::min(otherwise.size(), seeds.size()));
     result.resize(seeds.size(), Eigen::VectorXd::Zero(count()));
-    simulate(
-        effects, calibrated, seeds, concerned, {}, [&](std::size_t s) { return half_count(s); },
-        [&](std::size_t i, std::size_t s, const std::uint16_t *codes, const Calibration &calibration) {
-            statistics_[s].compute(codes, calibration, result[i].data() + begin(s), threads_);
-        });
+    simulate(effects, calibrated, seeds, concerned, {}, Folds::kFirst,
+             [&](std::size_t i, std::size_t s, const std::vector<double> &values) {
+                 std::copy(values.begin(), values.end(), result[i].data() + begin(s));
+             });
     return result;
 }
 

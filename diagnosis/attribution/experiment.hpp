@@ -1,6 +1,7 @@
 // A capture and its simulator, measured alike: frames go in, statistics of two halves of the frames come out.
 #pragma once
 
+#include "attribution/memo.hpp"
 #include "simulator/simulator.hpp"
 #include "statistics/sequence_statistics.hpp"
 
@@ -77,37 +78,79 @@ class Experiment {
     std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                       std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count);
 
-    // Called before each sequence; throws to cancel.
+    // Calls work(0) ... work(count - 1), which are to be independent of each other: each in a lane that simulates and
+    // measures what the work asks for, helped by lanes that have run out of work. Within such work, all of them on its
+    // own thread.
+    void side_by_side(std::size_t count, const std::function<void(std::size_t)> &work);
+    // Whether this is the thread that progress may be told on: other lanes' are not.
+    bool on_callers_thread() const;
+
+    // Called before each sequence, on the caller's thread; throws to cancel.
     std::function<void()> checkpoint;
 
   private:
-    using TakeFrames = std::function<void(std::size_t seed, std::size_t sequence, const std::uint16_t *codes,
-                                          const Calibration &calibration)>;
+    // How a sequence's frames are measured: the first half alone, or all frames in halves.
+    enum class Folds : std::uint32_t { kFirst = 1, kBoth = 2 };
     std::uint32_t half_count(std::size_t sequence) const;
-    // Captures, sequence by sequence. `take` gets those that are concerned, lanes side by side; `seed` counts the
-    // seeds.
+    std::uint32_t frame_count(std::size_t sequence, Folds folds) const;
+    // Statistics of the halves of a sequence that are asked for, one after the other.
+    std::vector<double> measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
+                                 const Calibration &calibration, unsigned threads) const;
+    // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, lanes side by side;
+    // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated again.
+    using TakeValues =
+        std::function<void(std::size_t seed_index, std::size_t sequence, const std::vector<double> &values)>;
     void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
                   const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
-                  const std::function<void(std::size_t)> &before_each,
-                  const std::function<std::uint32_t(std::size_t)> &frame_count, const TakeFrames &take);
-    void share_out(std::size_t lane_count);
+                  const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
+    // What the frames of a sequence depend on beside the seed.
+    MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;
+    struct Inside; // which lane a thread works in
+    const Inside *inside() const;
+    // One sequence, drawn from one seed.
+    struct Task {
+        std::size_t seed_index, sequence;
+        std::uint64_t seed;
+    };
+    // Lanes side by side: each does its own tasks, then what the others have not begun. threads: how many a task may
+    // use. before_each: called with the seed_index of tasks as they come (may be empty).
+    using DoTask = std::function<void(const Task &task, Simulator &simulator, unsigned threads)>;
+    void run_tasks(const std::vector<Task> &tasks, const std::function<void(std::size_t)> &before_each,
+                   const DoTask &work);
+    // The simulator that draws a sequence unless another one helps out: the same for the same random numbers, as it
+    // keeps the light that it drew last.
+    std::size_t lane_of(std::size_t sequence, std::uint64_t seed) const {
+        return (places_[sequence] + seed) % simulators_.size();
+    }
+    // That lane's; in the work of side_by_side() the work's own.
+    Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
+    void sort_by_work();
+    SimulationLevels levels(Simulator &simulator, const CalibratedLevels &calibrated, const EffectSettings &effects,
+                            std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) const;
+    SpareBuffers<std::uint16_t>::Buffer frames(Simulator &simulator, const EffectSettings &effects,
+                                               const CalibratedLevels &calibrated, std::size_t sequence,
+                                               std::uint64_t seed, std::uint32_t frame_count) const;
+    void put(std::size_t sequence, const std::vector<double> &values, FoldStatistics &into) const;
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
-    void calibrate_dark(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_dark(const EffectSettings &effects, std::size_t sequence, double step_dn,
+    void calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
                                CalibratedLevels &levels);
-    void calibrate_signal(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_signal(const EffectSettings &effects, std::size_t sequence, double step_dn,
+    void calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
                                  CalibratedLevels &levels);
-    void calibrate_coarse_noise(const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    Calibration measured_calibration(const std::vector<std::vector<std::uint16_t>> &codes,
+    void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    // levels: of all sequences, those that are no dark ones of any content. present: those that count.
+    Calibration measured_calibration(const std::vector<SequenceLevel> &levels,
                                      const std::vector<std::uint32_t> &frame_counts,
                                      const std::vector<bool> &present) const;
 
     CaptureLayout layout_;
     unsigned threads_;
-    // Sequences are simulated and measured side by side: lanes_ says by which simulator each.
+    // Sequences are simulated and measured side by side, each lane by a simulator of its own.
     std::vector<std::unique_ptr<Simulator>> simulators_;
-    std::vector<std::size_t> lanes_;
+    Memo memo_;
+    mutable SpareBuffers<std::uint16_t> spare_codes_;
+    std::vector<std::size_t> by_work_, places_; // sequences that take long first; the place of each
     std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
     std::vector<StatisticInfo> list_;
     std::vector<std::size_t> offsets_;

@@ -74,16 +74,19 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
             now.jacobian = best.jacobian;
             update_secant(now.jacobian, model.distance_from(best.model), mean - best_mean);
         } else {
+            std::vector<Eigen::Index> unknown;
             for (Eigen::Index p = 0; p < parameters; ++p) {
                 const std::size_t k = static_cast<std::size_t>(p);
-                if (round == 0 && k < known.size() && known[k].size()) {
+                if (round == 0 && k < known.size() && known[k].size())
                     now.jacobian.col(p) = known[k];
-                    continue;
-                }
-                if (report)
-                    report(p);
-                now.jacobian.col(p) = slope(experiment, model, p, now.pool, options);
+                else
+                    unknown.push_back(p);
             }
+            experiment.side_by_side(unknown.size(), [&](std::size_t i) {
+                if (report)
+                    report(unknown[i]);
+                now.jacobian.col(unknown[i]) = slope(experiment, model, unknown[i], now.pool, options);
+            });
         }
         solve(now, mean);
         if (now.square > (secant ? 1.0 : kMuchWorse) * best.square) {
@@ -101,7 +104,7 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
         if (round >= kHopefulRounds && best.square > options.hopeless)
             break;
         model = best.model;
-        const double moved = move_strengths(model, step);
+        const double moved = move_strengths(model, step, options.strongest);
         const bool near = moved < options.near && (all_fresh || round > 0);
         const bool near_enough = round + 1 >= options.rounds && moved < options.far;
         if (near || near_enough || model.distance_from(best.model).squaredNorm() == 0.0)

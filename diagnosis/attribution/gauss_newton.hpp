@@ -30,6 +30,7 @@ struct GaussNewtonOptions {
     double part = 1.0;       // of the usual finite differences
     double near = 0.06;      // a step that is shorter ends it
     double far = 0.06;       // and one that is shorter ends the secant rounds
+    double strongest = kStrongest;
     double hopeless = 1e300; // so does that squared distance after a few of them
 };
 

@@ -4,41 +4,22 @@
 #include "attribution/covariance.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 
 namespace clsp {
 
 // Whitened columns of a matrix.
-inline Eigen::MatrixXd whiten_columns(const Covariance &covariance, const Eigen::MatrixXd &matrix) {
-    Eigen::MatrixXd result(matrix.rows(), matrix.cols());
-    for (Eigen::Index c = 0; c < matrix.cols(); ++c)
-        result.col(c) = covariance.whiten(matrix.col(c));
-    return result;
-}
+Eigen::MatrixXd whiten_columns(const Covariance &covariance, const Eigen::MatrixXd &matrix);
 
 // b that minimizes |target - matrix b|^2, both whitened; empty without columns.
-inline Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
-    if (matrix.cols() == 0)
-        return Eigen::VectorXd(0);
-    return matrix.completeOrthogonalDecomposition().solve(target);
-}
+Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 
 // |target - matrix b|^2 at its least.
-inline double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
-    if (matrix.cols() == 0)
-        return target.squaredNorm();
-    return (target - matrix * solve_least_squares(matrix, target)).squaredNorm();
-}
+double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 
 // What one column more, as much of it as fits best, takes off |target - matrix b|^2; all whitened.
 struct Promise {
     double gain = 0.0, coefficient = 0.0;
 };
-inline Promise promise_of(const Eigen::VectorXd &column, const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
-    Eigen::MatrixXd columns(target.size(), matrix.cols() + 1);
-    columns << column, matrix;
-    const Eigen::VectorXd coefficients = solve_least_squares(columns, target);
-    return {residual_square(matrix, target) - (target - columns * coefficients).squaredNorm(), coefficients[0]};
-}
+Promise promise_of(const Eigen::VectorXd &column, const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 
 } // namespace clsp

@@ -69,7 +69,7 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
         return sum;
     }
     double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    for (double u = kWeakest; u <= kStrongest; u += kStrengthStep) {
+    for (double u = kWeakest; u <= strongest_; u += kStrengthStep) {
         const Eigen::VectorXd change = covariance.whiten(response->at(u));
         for (int h = 0; h < 3; ++h) {
             const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);
@@ -125,7 +125,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd 
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
     EffectModel moved = model;
-    if (move_strengths(moved, fitted.step) < kNothingMoved)
+    if (move_strengths(moved, fitted.step, strongest_) < kNothingMoved)
         return;
     Pool own;
     FittedModel again;
@@ -152,6 +152,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd 
     options.part = part;
     options.near = part * kNear;
     options.far = part * kFar;
+    options.strongest = strongest_;
     std::vector<Eigen::VectorXd> columns;
     for (Eigen::Index p = 0; p < known.cols(); ++p)
         columns.push_back(known.col(p));

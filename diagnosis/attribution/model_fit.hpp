@@ -29,6 +29,7 @@ struct Path {
         looks; // each other effect's change of the statistics when it was last looked at
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
+    double progress = 0.0;
 };
 
 // The two halves' differences from a model.
@@ -44,8 +45,11 @@ class ModelFit {
 
     Experiment &experiment() const { return experiment_; }
     const SearchOptions &options() const { return options_; }
+    // How far strengths go.
+    double strongest() const { return strongest_; }
+    void set_strongest(double strongest) { strongest_ = strongest; }
     void report(double fraction, const std::string &what) const {
-        if (progress_)
+        if (progress_ && experiment_.on_callers_thread())
             progress_(what, fraction);
     }
 
@@ -95,6 +99,7 @@ class ModelFit {
     Experiment &experiment_;
     SearchOptions options_;
     Progress progress_;
+    double strongest_ = kStrongest;
     GapModel baseline_;
     Pool baseline_pool_;
 };

@@ -11,6 +11,7 @@
 namespace clsp {
 namespace {
 
+constexpr double kBegin = 0.3; // of the progress: the baseline is simulated
 constexpr int kFitRounds = 3;
 // Effects whose gain at a first look is less than that part of the best one's are not fitted.
 constexpr double kLeastLook = 0.2;
@@ -56,6 +57,17 @@ class Search {
     // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
     bool grow(Path &path, const FittedModel &current, double from, double share);
 
+    // Effects that explain the gap, within the range that is common for each if any do.
+    Path explain(const FittedModel &baseline);
+    // Adds effects to the baseline until nothing is left or nothing helps.
+    Path begin(const FittedModel &baseline);
+    void grow_all(Path &path, const FittedModel &baseline);
+    // Exchanges effects, adds others, takes out what is needless.
+    void finish(Path &path, const FittedModel &baseline);
+    static bool is_explained(const Path &path) {
+        return !path.models.empty() && !path.models.back().residual.detected;
+    }
+
     // Little of the baseline's excess is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
         return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * baseline_excess_;
@@ -96,17 +108,23 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         std::stable_sort(result.begin(), result.end(), by_gain);
         result.resize(std::min(result.size(), kMostLooks));
     }
-    for (Refined &refined : result) {
-        const Candidate &candidate = *refined.candidate;
+    std::vector<Change> changes(result.size()); // of no size where the simulator refuses
+    experiment_.side_by_side(result.size(), [&](std::size_t i) {
+        const Candidate &candidate = *result[i].candidate;
         fits_.report(0.0, "screening " + candidate.id);
-        refined.gain = 0.0;
         EffectModel with = model;
         with.add(candidate, 1.0, 0.5);
-        Change change;
-        if (!possible([&] {
-                change = simulate_change(experiment_, path.pool, with.settings(), refined.concerned,
+        possible([&] {
+            changes[i] = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
                                          fits_.options().seed, kSearchSeeds);
-            }))
+        });
+    });
+    for (std::size_t i = 0; i < result.size(); ++i) {
+        Refined &refined = result[i];
+        const Candidate &candidate = *refined.candidate;
+        Change &change = changes[i];
+        refined.gain = 0.0;
+        if (change.mean.size() == 0)
             continue;
         path.looks[&candidate] = change.mean;
         const double gain = gain_of(change.mean, refined.sign);
@@ -126,15 +144,20 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
 }
 
 void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
-    const auto simulate = [&](double strength) {
+    const auto change_at = [&](double strength) {
         EffectModel with = model;
         with.add(*refined.candidate, refined.sign, strength);
-        refined.response.add(strength, simulate_change(experiment_, pool, with.settings(), refined.concerned,
-                                                       fits_.options().seed, kSearchSeeds));
+        return simulate_change(experiment_, pool, with.settings(), refined.concerned, fits_.options().seed,
+                               kSearchSeeds);
     };
+    std::vector<double> strengths;
     for (const double strength : {0.0, 0.5, 1.0})
         if (refined.response.empty() || refined.response.distance(strength) > kNear)
-            simulate(strength);
+            strengths.push_back(strength);
+    std::vector<Change> changes(strengths.size());
+    experiment_.side_by_side(strengths.size(), [&](std::size_t i) { changes[i] = change_at(strengths[i]); });
+    for (std::size_t i = 0; i < strengths.size(); ++i)
+        refined.response.add(strengths[i], std::move(changes[i]));
     const double before = fits_.held_out(fitted);
     for (int round = 0;; ++round) {
         const double after = fits_.held_out(fitted, &refined.response, &refined.strength);
@@ -142,7 +165,7 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
         refined.gain = before - after;
         if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
             break;
-        simulate(refined.strength);
+        refined.response.add(refined.strength, change_at(refined.strength));
     }
 }
 
@@ -271,36 +294,70 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     return true;
 }
 
+void Search::grow_all(Path &path, const FittedModel &baseline) {
+    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects) {
+        const double share = 0.5 * (1.0 - path.progress);
+        const FittedModel current = path.models.empty() ? baseline : path.models.back();
+        if (!grow(path, current, path.progress, share))
+            break;
+        path.progress += share;
+    }
+}
+
+Path Search::begin(const FittedModel &baseline) {
+    Path path;
+    path.pool = fits_.baseline_pool();
+    path.progress = kBegin;
+    grow_all(path, baseline);
+    return path;
+}
+
+void Search::finish(Path &path, const FittedModel &baseline) {
+    for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
+        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !exchange(fits_, path, path.progress))
+            break;
+        grow_all(path, baseline);
+    }
+    if (is_explained(path) && path.models.size() > 2)
+        prune(fits_, path, path.progress);
+}
+
+Path Search::explain(const FittedModel &baseline) {
+    // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier.
+    const auto goes_far = [](const Path &path) {
+        return std::any_of(path.model.strengths.begin(), path.model.strengths.end(), [&](const Strength &s) {
+            const HypothesisParameter &p = path.model.effects[s.effect].candidate->parameters[s.parameter];
+            return p.weak != p.strong && s.strength > kCommon;
+        });
+    };
+    Path common;
+    const auto common_explains = [&] {
+        fits_.set_strongest(kCommon);
+        common = begin(baseline);
+        finish(common, baseline);
+        fits_.set_strongest(kStrongest);
+        return is_explained(common);
+    };
+    Path path = begin(baseline);
+    const bool far = goes_far(path);
+    if (far && common_explains())
+        return common;
+    finish(path, baseline);
+    if (!far && goes_far(path) && common_explains())
+        return common;
+    return path;
+}
+
 SearchResult Search::run() {
     SearchResult result;
-    result.baseline = fits_.fit_baseline(0.3);
+    result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
     baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
-        Path path;
-        path.pool = fits_.baseline_pool();
-        double progress = 0.3;
-        const auto explained = [&] { return !path.models.empty() && !path.models.back().residual.detected; };
-        const auto explain = [&] {
-            while (!explained() && path.model.effects.size() < fits_.options().max_effects) {
-                const double share = 0.5 * (1.0 - progress);
-                const FittedModel current = path.models.empty() ? baseline : path.models.back();
-                if (!grow(path, current, progress, share))
-                    break;
-                progress += share;
-            }
-        };
-        explain();
-        for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-            if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !exchange(fits_, path, progress))
-                break;
-            explain();
-        }
-        if (explained() && path.models.size() > 2)
-            prune(fits_, path, progress);
+        Path path = explain(baseline);
         if (!path.models.empty())
             fits_.judge(path.models.back(), path.model, path.models.back().model.replicates(),
-                        fits_.options().model_replicates, progress, 1.0);
+                        fits_.options().model_replicates, 0.98, 1.0);
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
     }

@@ -248,6 +248,28 @@ bool Simulator::concerns(const std::string &id, std::size_t sequence) const {
     return effect_reaches(id, layout, self.layout.field, false);
 }
 
+std::vector<EffectSetting> Simulator::concerning(const std::vector<EffectSetting> &effects,
+                                                 std::size_t sequence) const {
+    const Implementation &self = *implementation_;
+    self.check_sequence(sequence);
+    const SequenceModel model = sequence_model(self.layout, self.hypotheses, sequence, effects);
+    const auto is_hypothesis = [&](const EffectSetting &effect) {
+        return std::any_of(self.hypotheses.begin(), self.hypotheses.end(),
+                           [&](const Hypothesis &h) { return h.id == effect.id; });
+    };
+    std::vector<EffectSetting> result;
+    for (const EffectSetting &effect : effects)
+        if (is_hypothesis(effect) ? concerns(effect.id, sequence)
+                                  : effect_reaches(effect.id, self.layout.sequences[sequence], self.layout.field,
+                                                   !model.on_irradiance.empty()))
+            result.push_back(effect);
+    // Hypotheses work one after the other as they are given; the catalogue's effects do so in its own order.
+    std::stable_sort(result.begin(), result.end(), [&](const EffectSetting &a, const EffectSetting &b) {
+        return is_hypothesis(a) != is_hypothesis(b) ? is_hypothesis(b) : !is_hypothesis(a) && a.id < b.id;
+    });
+    return result;
+}
+
 void Simulator::codes(std::size_t sequence, const std::vector<EffectSetting> &effects, const SimulationLevels &levels,
                       std::uint64_t seed, std::uint32_t frame_count, std::uint16_t *codes) {
     Implementation &self = *implementation_;

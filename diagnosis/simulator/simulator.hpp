@@ -67,6 +67,10 @@ class Simulator {
     // has no surface_boiling and no motion_decorrelation.
     bool concerns(const std::string &id, std::size_t sequence) const;
 
+    // Those of the effects that codes() takes notice of, in an order that does not matter to it: lists that are the same
+    // give the same frames.
+    std::vector<EffectSetting> concerning(const std::vector<EffectSetting> &effects, std::size_t sequence) const;
+
     // Frames 0 ... frame_count - 1 of a sequence: frame_count * height * width codes. The same seed gives the same surfaces, noise and
     // fixed patterns whatever the effects (common random numbers). Fixed patterns of the sensor (prnu, dsnu, column_fpn, hot_pixels) depend on
     // the seed alone: they are the same in all sequences of a capture. Speckle and temporal noise differ between sequences.

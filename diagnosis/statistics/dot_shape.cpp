@@ -155,7 +155,7 @@ DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &ima
 }
 
 DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image, double background,
-                       const DotPositions &positions) {
+                       const DotPositions &positions, double least_core) {
     const DotGeometry &dots = geometry.dots;
     DotShape shape;
     const double sigma = dots.sigma, half_spacing = 0.5 * dots.spacing;
@@ -221,8 +221,8 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
         shape.dot_width.push_back(own.light > 0.0 ? std::sqrt(std::max(0.5 * (own.xx + own.yy) / own.light, 0.0))
                                                   : 0.0);
     }
-    shape.core = ratio(core, core_count);
-    const double scale = std::max(shape.core, 1e-3);
+    shape.core = std::max({ratio(core, core_count), least_core, 1e-3});
+    const double scale = shape.core;
     for (std::size_t k = 0; k < kProfileRings; ++k)
         shape.profile[k] = ratio(ring_light[k], ring_count[k]) / scale;
     for (std::size_t zone = 0; zone < 3; ++zone)

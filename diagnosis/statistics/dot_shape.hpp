@@ -49,8 +49,10 @@ struct DotShape {
     std::vector<double> dot_width; // of each dot, px; 0 of a dot that is not seen
 };
 
+// least_core: the core that the profile is told relative to is taken to be no less, as light beside the dots may leave
+// it none.
 DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image, double background,
-                       const DotPositions &positions);
+                       const DotPositions &positions, double least_core);
 
 // Mean of the image under a Gaussian window of that width about a point; 0 where everything is masked.
 double window_mean(const Geometry &geometry, const std::vector<float> &image, const std::array<double, 2> &point,

@@ -1,6 +1,7 @@
 #include "statistics/measures.hpp"
 
 #include "statistics/dot_shape.hpp"
+#include "statistics/parallel_for.hpp"
 #include "statistics/speckle_sums.hpp"
 
 #include <algorithm>
@@ -9,6 +10,9 @@
 namespace clsp::statistics {
 
 namespace {
+
+// Of the mean light.
+constexpr double kLeastCore = 0.05;
 
 using Point = std::array<double, 2>;
 
@@ -125,7 +129,7 @@ void put_stray_light(const Measurement &m, const DotShape &shape, double backgro
     const Geometry &geometry = m.geometry;
     const DotGeometry &dots = geometry.dots;
     const std::vector<float> &mean = m.frames.mean;
-    const double scale = std::max(shape.core, 0.05 * m.frames.light);
+    const double scale = shape.core;
     if (!dots.between.empty()) {
         double spread = 0.0;
         for (const std::uint32_t pixel : dots.between)
@@ -157,7 +161,7 @@ void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPosi
     std::vector<std::uint32_t> pixels;
     std::vector<float> inverse;
     // Mean of the Gaussian over the disc of one sigma is 2 (1 - exp(-1/2)) of its peak.
-    const double peak = std::max(shape.core, 0.05 * m.frames.light) / (2.0 * (1.0 - std::exp(-0.5)));
+    const double peak = shape.core / (2.0 * (1.0 - std::exp(-0.5)));
     for (const Point &dot : positions.modelled)
         for (double y = std::ceil(dot[1] - reach); y <= dot[1] + reach; ++y)
             for (double x = std::ceil(dot[0] - reach); x <= dot[0] + reach; ++x) {
@@ -238,8 +242,9 @@ void measure_dots(const Measurement &m, Sink &sink) {
     for (const std::uint32_t pixel : geometry.dots.between)
         background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
     const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
-    const DotShape shape = measure_shape(geometry, m.frames.mean, background, positions);
-    sink.put("doe", "dot_peak", "log", std::log(std::max(shape.core, 1e-3 * m.frames.light) / m.frames.light));
+    const DotShape shape =
+        measure_shape(geometry, m.frames.mean, background, positions, kLeastCore * m.frames.light);
+    sink.put("doe", "dot_peak", "log", std::log(shape.core / m.frames.light));
     put_positions(geometry, positions, sink);
     put_shape(geometry, shape, sink);
     put_flux(geometry, positions, sink);

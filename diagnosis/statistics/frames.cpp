@@ -1,5 +1,7 @@
 #include "statistics/frames.hpp"
 
+#include "statistics/parallel_for.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <mutex>
@@ -57,9 +59,7 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, float black,
     std::vector<float> centred(width), squares(width);
     for (std::size_t t = 0; t < geometry.frames; ++t) {
         const std::uint16_t *row = codes + t * geometry.pixels + start;
-        const float factor = scale[t], shift = offset[t] + pivot;
-        for (std::size_t x = 0; x < width; ++x)
-            centred[x] += factor * (float(row[x]) - black) - shift;
+        add_codes(centred.data(), row, {black, scale[t], offset[t] + pivot}, width);
     }
     const float share = 1.0f / float(geometry.frames);
     float *mean = frames.mean.data() + start;
@@ -72,14 +72,10 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, float black,
         for (std::size_t t = 0; t < geometry.frames; ++t) {
             const std::uint16_t *row = codes + t * geometry.pixels + start;
             float *residual = frames.residual.data() + t * geometry.pixels + start;
-            const float factor = scale[t], shift = offset[t] + pivot;
-            for (std::size_t x = 0; x < width; ++x)
-                residual[x] = factor * (float(row[x]) - black) - shift - centred[x];
+            residual_codes(residual, row, {black, scale[t], offset[t] + pivot}, centred.data(), width);
             if (weight)
-                for (std::size_t x = 0; x < width; ++x)
-                    residual[x] *= weight[x];
-            for (std::size_t x = 0; x < width; ++x)
-                squares[x] += residual[x] * residual[x];
+                multiply(residual, residual, weight, width);
+            add_squares(squares.data(), residual, width);
             frames.row_mean[t * geometry.height + y] = ratio(sum(residual, width), geometry.row_used[y]);
         }
         const float unbiased = 1.0f / float(geometry.frames - 1);
@@ -94,7 +90,7 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, float black,
 } // namespace
 
 Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-                   unsigned threads) {
+                   unsigned threads, SpareBuffers<float> &spare) {
     Frames frames;
     const std::size_t count = geometry.frames;
     frames.histogram.assign(std::size_t(geometry.maximum_code) + 1, 0);
@@ -123,7 +119,7 @@ Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const C
 
     frames.mean.assign(geometry.pixels, 0.0f);
     if (count > 1) {
-        frames.residual.resize(count * geometry.pixels);
+        frames.residual = spare.take(count * geometry.pixels);
         frames.row_mean.resize(count * geometry.height);
         frames.variance.assign(geometry.pixels, 0.0f);
     }

@@ -3,6 +3,7 @@
 
 #include "statistics/geometry.hpp"
 #include "statistics/sequence_statistics.hpp"
+#include "statistics/spare_buffers.hpp"
 
 #include <cstdint>
 #include <vector>
@@ -22,7 +23,7 @@ struct Frames {
     std::vector<float> mean;    // image, DN above the black level; masked pixels 0
     // Frame minus mean image, zero on average over the frame; the mean of each frame of a static laser scene is first
     // scaled to that of all, so that flicker of the laser is out. Masked pixels 0. Empty for a single frame.
-    std::vector<float> residual;
+    SpareBuffers<float>::Buffer residual;
     std::vector<double> row_mean;         // of the residual: frames x height
     std::vector<float> variance;          // of each pixel over time, unbiased; masked pixels 0
     double pixel_variance = 0.0;          // its mean; the read variance of a single frame
@@ -33,8 +34,9 @@ struct Frames {
     }
 };
 
+// spare: outlives the frames.
 Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-                   unsigned threads);
+                   unsigned threads, SpareBuffers<float> &spare);
 
 // Sums over the residuals of all frames, in the order of the frames.
 struct ResidualSums {

@@ -10,7 +10,16 @@
 
 namespace clsp::statistics {
 
-Geometry::Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count, bool with_dots) {
+namespace {
+
+FieldCoefficients field_terms(double x, double y) {
+    const double squared = x * x + y * y;
+    return {1.0, x, y, squared, squared * squared};
+}
+
+} // namespace
+
+Geometry::Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count, bool whole) {
     if (layout.sequences.empty())
         throw Error(Status::kInvalidArgument, "statistics: the capture has no sequences; give at least one.");
     if (sequence >= layout.sequences.size())
@@ -46,7 +55,13 @@ Geometry::Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint3
         field_x.push_back((double(x) - principal_point[0]) / corner_radius);
     for (std::size_t y = 0; y < height; ++y)
         field_y.push_back((double(y) - principal_point[1]) / corner_radius);
-    if (scene == CaptureScene::kDots && with_dots) {
+    if (!whole)
+        return;
+    for (std::size_t y = 0; y < height; ++y)
+        for (std::size_t x = 0; x < width; ++x)
+            region_used[region_of(x, y)] += is_used(y * width + x);
+    sum_field();
+    if (scene == CaptureScene::kDots) {
         if (!layout.dots || layout.dots->positions_px.empty() || !(layout.dots->sigma_px > 0.0))
             throw Error(
                 Status::kInvalidArgument,
@@ -94,9 +109,23 @@ void Geometry::set_mask(const std::vector<std::uint8_t> &mask) {
             for (int dx = -kMaximumLag; dx <= kMaximumLag; ++dx)
                 pairs_.push_back(lag_sum(weight.data(), weight.data(), width, height, {dx, dy}));
     }
-    for (std::size_t y = 0; y < height; ++y)
-        for (std::size_t x = 0; x < width; ++x)
-            region_used[region_of(x, y)] += is_used(y * width + x);
+}
+
+void Geometry::sum_field() {
+    for (std::size_t y = 0; y < height; ++y) {
+        std::array<std::array<double, kFieldTerms>, kFieldTerms> row{};
+        for (std::size_t x = 0; x < width; ++x) {
+            if (!is_used(y * width + x))
+                continue;
+            const FieldCoefficients value = field_terms(field_x[x], field_y[y]);
+            for (std::size_t i = 0; i < kFieldTerms; ++i)
+                for (std::size_t j = 0; j <= i; ++j)
+                    row[i][j] += value[i] * value[j];
+        }
+        for (std::size_t i = 0; i < kFieldTerms; ++i)
+            for (std::size_t j = 0; j <= i; ++j)
+                field_gram[i][j] += row[i][j];
+    }
 }
 
 double Geometry::pairs(Lag lag) const {
@@ -107,44 +136,31 @@ double Geometry::pairs(Lag lag) const {
     return pairs_[std::size_t(dy * (2 * kMaximumLag + 1) + dx + kMaximumLag)];
 }
 
-namespace {
-
-FieldCoefficients field_terms(double x, double y) {
-    const double squared = x * x + y * y;
-    return {1.0, x, y, squared, squared * squared};
-}
-
-} // namespace
-
 FieldCoefficients fit_field(const Geometry &geometry, const std::vector<float> &image, std::size_t terms) {
-    using Matrix = Eigen::Matrix<double, int(kFieldTerms), int(kFieldTerms)>;
-    using Vector = Eigen::Matrix<double, int(kFieldTerms), 1>;
-    Matrix gram = Matrix::Zero();
-    Vector right = Vector::Zero();
+    FieldCoefficients right{};
     for (std::size_t y = 0; y < geometry.height; ++y) {
-        Matrix row_gram = Matrix::Zero();
-        Vector row_right = Vector::Zero();
+        FieldCoefficients row_right{};
         for (std::size_t x = 0; x < geometry.width; ++x) {
             const std::size_t pixel = y * geometry.width + x;
             if (!geometry.is_used(pixel))
                 continue;
             const FieldCoefficients value = field_terms(geometry.field_x[x], geometry.field_y[y]);
-            for (int i = 0; i < int(kFieldTerms); ++i) {
-                row_right[i] += value[std::size_t(i)] * image[pixel];
-                for (int j = 0; j <= i; ++j)
-                    row_gram(i, j) += value[std::size_t(i)] * value[std::size_t(j)];
-            }
+            for (std::size_t i = 0; i < kFieldTerms; ++i)
+                row_right[i] += value[i] * image[pixel];
         }
-        gram += row_gram;
-        right += row_right;
+        for (std::size_t i = 0; i < kFieldTerms; ++i)
+            right[i] += row_right[i];
     }
     const int count = int(std::min(terms, kFieldTerms));
-    const Eigen::MatrixXd part = gram.topLeftCorner(count, count).selfadjointView<Eigen::Lower>();
+    Eigen::MatrixXd part(count, count);
+    for (int i = 0; i < count; ++i)
+        for (int j = 0; j <= i; ++j)
+            part(i, j) = part(j, i) = geometry.field_gram[std::size_t(i)][std::size_t(j)];
     const Eigen::LDLT<Eigen::MatrixXd> factors(part);
     FieldCoefficients field{};
     if (factors.info() != Eigen::Success || factors.rcond() < 1e-12)
         return field;
-    const Eigen::VectorXd solution = factors.solve(right.head(count));
+    const Eigen::VectorXd solution = factors.solve(Eigen::Map<const Eigen::VectorXd>(right.data(), count));
     for (int i = 0; i < count; ++i)
         field[std::size_t(i)] = solution[i];
     return field;

@@ -13,6 +13,7 @@
 namespace clsp::statistics {
 
 constexpr int kMaximumLag = 8;
+constexpr std::size_t kFieldTerms = 5; // 1, x, y, r^2, r^4
 constexpr std::size_t kBin = 4; // pixels along an edge of the bins for long lags
 
 // Lattice of the dots. Lengths in pixels.
@@ -26,7 +27,8 @@ struct DotGeometry {
 };
 
 struct Geometry {
-    Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count, bool with_dots = true);
+    // whole: with what levels can do without, that is regions, dots and the sums of the smooth field.
+    Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count, bool whole = true);
 
     bool is_lit() const { return scene != CaptureScene::kDark; }
     bool is_laser() const { return scene == CaptureScene::kBoard || scene == CaptureScene::kDots; }
@@ -48,14 +50,16 @@ struct Geometry {
     std::vector<double> field_x, field_y; // by column and row, from the principal point, in corner radii
     std::vector<float> bin_used;          // unmasked pixels of each bin
     std::array<double, 9> region_used{};
-    DotGeometry dots; // of scene dots, unless made without
+    // Sums of the products of two terms of the smooth field over the unmasked pixels; the upper half is 0.
+    std::array<std::array<double, kFieldTerms>, kFieldTerms> field_gram{};
+    DotGeometry dots; // of scene dots
 
   private:
     void set_mask(const std::vector<std::uint8_t> &mask);
+    void sum_field();
     std::vector<double> pairs_; // (2 kMaximumLag + 1) x (kMaximumLag + 1), masked only
 };
 
-constexpr std::size_t kFieldTerms = 5; // 1, x, y, r^2, r^4
 using FieldCoefficients = std::array<double, kFieldTerms>;
 
 // Least squares of the first `terms` over the unmasked pixels; the others are 0. All 0 if the pixels do not determine

@@ -1,6 +1,8 @@
 // Sums over the residuals: moments, correlations between pixels and between frames, motion of the image.
 #include "statistics/frames.hpp"
 
+#include "statistics/parallel_for.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -101,12 +103,10 @@ ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, unsig
             const std::size_t start = y * width;
             const float *row = residual + start;
             part.powers.add(row, width);
-            for (std::size_t x = 0; x < width; ++x)
-                columns[x] += row[x];
+            add(columns.data(), row, width);
             const float *left = row;
             if (is_static_laser) {
-                for (std::size_t x = 0; x < width; ++x)
-                    weighted[x] = row[x] * weight[start + x];
+                multiply(weighted.data(), row, weight.data() + start, width);
                 left = weighted.data();
                 for (std::size_t k = 0; k < derivatives.size(); ++k)
                     part.motion[k] += dot(row, derivatives[k].data() + start, width);

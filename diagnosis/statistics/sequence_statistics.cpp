@@ -6,15 +6,16 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 namespace clsp {
 
 namespace {
 
 void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-             unsigned threads, statistics::Sink &sink) {
+             unsigned threads, SpareBuffers<float> &spare, statistics::Sink &sink) {
     using namespace statistics;
-    const Frames frames = make_frames(geometry, codes, calibration, threads);
+    const Frames frames = make_frames(geometry, codes, calibration, threads, spare);
     const ResidualSums residual = sum_residuals(geometry, frames, threads);
     const Measurement m{geometry, frames, residual, codes, calibration.black_level_dn, threads};
     measure_temporal_noise(m, sink);
@@ -43,12 +44,14 @@ void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, c
 
 } // namespace
 
-SequenceStatistics::SequenceStatistics(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count)
-    : geometry_(std::make_shared<statistics::Geometry>(layout, sequence, frame_count)) {
+SequenceStatistics::SequenceStatistics(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count,
+                                       std::shared_ptr<SpareBuffers<float>> spare)
+    : geometry_(std::make_shared<statistics::Geometry>(layout, sequence, frame_count)),
+      spare_(spare ? std::move(spare) : std::make_shared<SpareBuffers<float>>()) {
     // The list is what measuring black frames writes.
     const std::vector<std::uint16_t> black(geometry_->frames * geometry_->pixels);
     statistics::Sink sink(layout.sequences[sequence].name, &list_, nullptr);
-    measure(*geometry_, black.data(), {}, 1, sink);
+    measure(*geometry_, black.data(), {}, 1, *spare_, sink);
 }
 
 void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &calibration, double *values,
@@ -65,7 +68,7 @@ void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &
                 "statistics: black level {} DN, read noise {} DN; both must be finite and the noise not negative.",
                 calibration.black_level_dn, calibration.read_noise_dn));
     statistics::Sink sink({}, nullptr, values);
-    measure(*geometry_, codes, calibration, threads, sink);
+    measure(*geometry_, codes, calibration, threads, *spare_, sink);
     if (sink.count() != list_.size())
         throw Error(Status::kInternal, fmt::format("statistics: {} values for a list of {}; please report this.",
                                                    sink.count(), list_.size()));

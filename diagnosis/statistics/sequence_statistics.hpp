@@ -2,6 +2,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "statistics/spare_buffers.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -37,7 +38,9 @@ struct Calibration {
 class SequenceStatistics {
   public:
     // frame_count: how many frames compute() will get (a part of the sequence's); temporal statistics need at least 2.
-    SequenceStatistics(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count);
+    // spare: shared with others that measure in turn; nullptr: its own.
+    SequenceStatistics(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count,
+                       std::shared_ptr<SpareBuffers<float>> spare = nullptr);
 
     const std::vector<StatisticInfo> &list() const { return list_; }
     // codes: frame_count * height * width. values: list().size() numbers, all finite. Thread-safe; uses `threads`
@@ -46,6 +49,7 @@ class SequenceStatistics {
 
   private:
     std::shared_ptr<const statistics::Geometry> geometry_;
+    std::shared_ptr<SpareBuffers<float>> spare_;
     std::vector<StatisticInfo> list_;
 };
 

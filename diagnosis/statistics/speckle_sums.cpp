@@ -1,5 +1,6 @@
 #include "statistics/speckle_sums.hpp"
 
+#include "statistics/parallel_for.hpp"
 #include "statistics/sink.hpp"
 
 #include <cmath>
@@ -34,8 +35,7 @@ std::vector<float> bin_image(const Geometry &geometry, const float *image) {
     for (std::size_t by = 0; by < bins_y; ++by) {
         std::fill(rows.begin(), rows.end(), 0.0f);
         for (std::size_t y = by * kBin; y < (by + 1) * kBin; ++y)
-            for (std::size_t x = 0; x < geometry.width; ++x)
-                rows[x] += image[y * geometry.width + x];
+            add(rows.data(), image + y * geometry.width, geometry.width);
         for (std::size_t bx = 0; bx < bins_x; ++bx)
             for (std::size_t k = 0; k < kBin; ++k)
                 bins[by * bins_x + bx] += rows[bx * kBin + k];

@@ -2,6 +2,7 @@
 // frequencies.
 #include "statistics/speckle_sums.hpp"
 
+#include "statistics/parallel_for.hpp"
 #include "statistics/sink.hpp"
 
 #include <unsupported/Eigen/FFT>

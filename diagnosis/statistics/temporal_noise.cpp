@@ -1,5 +1,7 @@
 #include "statistics/measures.hpp"
 
+#include "statistics/parallel_for.hpp"
+
 #include <algorithm>
 #include <cmath>
 

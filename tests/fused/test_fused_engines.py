@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from clspeckle import errors
 
-from reference import aperture, phase
+from reference import aperture, phase, philox
 
 BOUND = 2e-6
 
@@ -77,9 +77,7 @@ def test_intensity_against_the_reference(fused, measured, case):
         fields = [state.field(k) for k in (0, 1)]
         pupil = aperture.circle_pupil(grid, diameter)
         for p in (0.0, 1.0):
-            stage = clspeckle.Aperture(
-                (height, width), relative_diameter=diameter, degree_of_polarization=p, **shared
-            )
+            stage = clspeckle.Aperture((height, width), relative_diameter=diameter, degree_of_polarization=p, **shared)
             assert stage.info().fft_backend == "fused"
             assert stage.info().fft_reason == ""
             expected = aperture.intensity(grid, irradiance, fields, pupil, p)
@@ -145,6 +143,110 @@ def test_materials_of_both_engines_agree(fused, clfft, measured):
         error = relative_error(a, b)
         measured("relative L2 difference", error)
         assert error < BOUND
+
+
+@pytest.mark.parametrize("engine", ["fused-lanes", "fused-groups", "clfft"])
+def test_laser_lines_against_the_reference(monkeypatch, measured, engine):
+    """Each line turns the field by k s h: the heights stay until all of the surface is drawn anew, lines may change."""
+    monkeypatch.setenv("CLSPECKLE_FFT", engine)
+    shape, seed, p = (45, 70), 6, 0.4
+    grid = phase.FieldGrid(shape[1], shape[0], 1, 0)
+    pupil = aperture.circle_pupil(grid, 0.6)
+
+    def expected_intensity(fields, heights, lines, spread):
+        offsets = np.linspace(-2.0, 2.0, lines)
+        weights = np.exp(-(offsets**2) / 2) / np.exp(-(offsets**2) / 2).sum()
+        turned = [[u * np.exp(1j * k * spread * heights) for u in fields] for k in offsets]
+        intensities = [aperture.intensity(grid, noise_image(*shape), u, pupil, p) for u in turned]
+        return np.tensordot(weights, intensities, 1)
+
+    some = np.zeros(shape, np.uint8)
+    some[10:30, 20:50] = 1
+    with clspeckle.Context() as context:
+        camera = clspeckle.Pipeline.from_parameters(
+            shape,
+            output="intensity",
+            seed=seed,
+            context=context,
+            line_count=3,
+            dephasing_rad=0.7,
+            relative_diameter=0.6,
+            degree_of_polarization=p,
+        )
+        for frame_index, (refresh, drawn) in enumerate([("all", 0), (None, 0), (some, 0), ("all", 3), (None, 3)]):
+            lines, spread = (9, 0.9) if frame_index == 4 else (3, 0.7)
+            if frame_index == 4:
+                camera.set_effect("linewidth", dephasing_rad=spread)
+            got = camera.render(noise_image(*shape), frame_index=frame_index, refresh=refresh)
+            heights = philox.image_normal(grid.grid_height, grid.grid_width, seed, drawn, 0x30)
+            fields = [camera.phase.field(k) for k in (0, 1)]
+            error = relative_error(got, expected_intensity(fields, heights, lines, spread))
+            measured("relative L2 error", error)
+            assert error < BOUND
+
+
+CAMERAS = {
+    "default": {},
+    "8 bits": {"bits": 8},
+    "no noise": {"read_noise_dn": 0.0},
+    "noise without read noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
+    "all": {
+        "shot_noise": True,
+        "conversion_gain_dn_per_e": 0.8,
+        "prnu": 0.02,
+        "cold_pixel_fraction": 0.01,
+        "hot_pixel_fraction": 0.01,
+        "mosaic_gain": (0.9, 1.05, 0.95, 1.1),
+        "dark_current_e_per_s": 300.0,
+        "saturation_dn": 900.0,
+        "lag_fraction": 0.2,
+        "gamma": 0.9,
+        "dsnu_dn": 2.0,
+        "column_offset_dn": 2.0,
+        "row_noise_dn": 3.0,
+        "column_noise_dn": 3.0,
+        "read_noise_spread": 0.2,
+        "effective_bits": 7,
+    },
+}
+
+
+OPTICS = {
+    "plain": {},
+    "unpolarized": {"degree_of_polarization": 0.3},
+    "oversampled": {"oversampling": 2, "guard_px": 1},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "optics"),
+    [
+        *[(name, "plain") for name in CAMERAS],
+        ("default", "unpolarized"),
+        ("all", "unpolarized"),
+        ("all", "oversampled"),
+    ],
+)
+def test_sensor_in_the_last_pass(fused, name, optics):
+    """Codes made with the intensity are those of the sensor behind it, bit for bit: also where the image's four quarters
+    are not of one size, and where a frame remembers the last one."""
+    shape = (48, 32) if name == "8 bits" else (45, 70)
+    view = OPTICS[optics]
+    grid = {key: value for key, value in view.items() if key != "degree_of_polarization"}
+    sensors = [clspeckle.Sensor(shape, seed=4, context=fused, **CAMERAS[name]) for _ in range(2)]
+    stages = [
+        {
+            "phase": clspeckle.Phase(shape, seed=3, context=fused, **grid),
+            "aperture": clspeckle.Aperture(shape, relative_diameter=0.6, context=fused, **view),
+        }
+        for _ in range(2)
+    ]
+    camera = clspeckle.Pipeline(sensor=sensors[0], **stages[0])
+    for frame_index in range(3):
+        codes = camera.render(noise_image(*shape), frame_index=frame_index, refresh="all")
+        stages[1]["phase"].refresh(frame_index)
+        intensity = stages[1]["aperture"].intensity(stages[1]["phase"], noise_image(*shape))
+        assert np.array_equal(sensors[1].expose(intensity, frame_index=frame_index), codes)
 
 
 def test_in_place(fused):

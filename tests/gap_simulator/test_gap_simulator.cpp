@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <random>
 #include <set>
 
 namespace clsp::gap_simulator_test {
@@ -300,6 +301,37 @@ TEST_F(GapSimulator, HypothesesActAtTheirPoint) {
     EXPECT_TRUE(simulator.concerns("offset", kDark));
     // It counts in the mean.
     EXPECT_NEAR(simulator.mean_intensity(kFlat, {{"veil", {2.0}}}, 7, 2), 3.0, 1e-5);
+}
+
+// Six lists of effects at random, in any order: those that a sequence takes notice of give its frames.
+TEST_F(GapSimulator, WhatConcernsASequenceGivesItsFrames) {
+    const auto spot = [](const HypothesisFrame &frame) { frame.pixels[24 * std::size_t{frame.layout->width} + 50] = 5.0f; };
+    Simulator simulator(context, small_layout(), {make_hypothesis("spot", HypothesisPoint::kIrradiance, spot)});
+    std::mt19937 random(5);
+    std::size_t taken = 0, left = 0;
+    for (int list = 0; list < 6; ++list) {
+        std::vector<EffectSetting> effects;
+        for (const Effect &effect : effect_catalogue())
+            if (random() % 3 == 0)
+                effects.push_back(strong(effect).front());
+        if (list % 3 == 0)
+            effects.push_back({"spot", {1.0}});
+        std::shuffle(effects.begin(), effects.end(), random);
+        for (std::size_t s = 0; s < kSequenceCount; ++s) {
+            const std::vector<EffectSetting> concerning = simulator.concerning(effects, s);
+            taken += concerning.size();
+            left += effects.size() - concerning.size();
+            EXPECT_EQ(draw(simulator, s, effects), draw(simulator, s, concerning)) << "list " << list << " on " << kNames[s];
+            std::vector<EffectSetting> others = effects;
+            std::reverse(others.begin(), others.end());
+            EXPECT_EQ(simulator.concerning(others, s), concerning);
+        }
+    }
+    EXPECT_GT(taken, 50u);
+    EXPECT_GT(left, 50u);
+    // Light that a hypothesis shaped is spread and displaced on a board, too.
+    EXPECT_EQ(simulator.concerning({{"lens_distortion", {0.1}}}, kBoardMoving).size(), 0u);
+    EXPECT_EQ(simulator.concerning({{"lens_distortion", {0.1}}, {"spot", {1.0}}}, kBoardMoving).size(), 2u);
 }
 
 TEST_F(GapSimulator, AShapedIrradianceMakesGlareAndDistortionShowOnFlat) {

@@ -374,6 +374,33 @@ TEST(GapStatistics, MomentsOfWhatIsNoDotAreBounded) {
     EXPECT_TRUE(narrowest) << "no seed reached a bound: the test tests nothing";
 }
 
+// Dots that vanish and become holes: the profile and the spokes are told relative to a core that would go through zero on the way.
+TEST(GapStatistics, ProfilesOfWhatIsNoDotAreBounded) {
+    const CaptureLayout layout = make_layout(CaptureScene::kDots, false, 2);
+    bool no_core = false;
+    for (int step = -8; step <= 8; ++step) {
+        std::vector<double> image(kPixels, 100.0);
+        for (std::size_t i = 0; i < kPixels; ++i)
+            for (const auto &dot : layout.dots->positions_px) {
+                const double r = std::hypot(double(i % kWidth) - dot[0], double(i / kWidth) - dot[1]);
+                image[i] += step * std::exp(-0.5 * r * r) + 8.0 * std::exp(-0.5 * (r - 3.0) * (r - 3.0));
+            }
+        std::mt19937 random(std::uint32_t(step + 8));
+        std::normal_distribution<double> noise(0.0, 2.0);
+        Codes codes;
+        for (std::size_t i = 0; i < 2 * kPixels; ++i)
+            codes.push_back(std::uint16_t(std::max(0.0, std::round(kBlack + image[i % kPixels] + noise(random)))));
+        for (const auto &[name, value] : named(layout, codes)) {
+            if (name.rfind("dot_profile/", 0) == 0 || name.rfind("dot_angular", 0) == 0) {
+                EXPECT_LE(std::abs(value), 10.0) << name << ", core of " << step << " DN";
+            }
+            if (name == "dot_peak")
+                no_core = no_core || std::abs(value - std::log(0.05)) < 1e-9;
+        }
+    }
+    EXPECT_TRUE(no_core) << "no core reached its bound: the test tests nothing";
+}
+
 // 10 frames of 96 x 80: the standard error of the noise is 4 / sqrt(2 * 69120) = 0.011 DN; the margin is four of them.
 // Rounding adds 1/12.
 TEST(GapStatistics, LevelIsRobust) {

@@ -335,3 +335,29 @@ def test_path_and_time_multiply(context, start):
         state.advance(index, path=0.2, correlation=0.9)
     found = np.mean([correlation(state.field(k), start[1][k]) for k in (0, 1)])
     assert abs(found - 0.9**4 * phase.path_correlation(0.8)) < BOUND
+
+
+@pytest.mark.parametrize("grid", [*GRIDS, (70, 131, 1, 3)])
+@pytest.mark.parametrize("dynamics", ["replace", "continuous"])
+def test_lanes_and_samples_give_the_same_bits(monkeypatch, grid, dynamics):
+    """The kernel with explicit vectors and the one of a sample each: numbers and images, values out of range, masks."""
+    results = []
+    for engine in ("fused-lanes", "clfft"):
+        monkeypatch.setenv("CLSPECKLE_FFT", engine)
+        with clspeckle.Context() as context:
+            state, _ = make(context, grid, dynamics=dynamics)
+            rng = np.random.default_rng(7)
+            shape = grid[:2]
+            state.refresh(0)
+            for index in range(1, 13):
+                odd_path = random_path(shape, rng) * rng.choice([1, 1, 1, np.nan, -1], shape).astype(np.float32)
+                odd_r = rng.choice([0, 0.5, 0.99, 1, 1.2, -1e-9, np.nan], shape).astype(np.float32)
+                mask = rng.random(shape) < 0.1
+                path = (0.0, 0.37, odd_path)[index % 3] if dynamics == "continuous" else 0.0
+                r = (1.0, 0.9, odd_r, odd_r)[index % 4]
+                state.advance(index, path=path, correlation=r, mask=mask if index % 5 == 0 else None)
+            with pytest.raises(clspeckle.errors.InvalidDataError) as caught:
+                state.check()
+            results.append((state.save(), str(caught.value)))
+    assert np.array_equal(results[0][0].view(np.uint8), results[1][0].view(np.uint8))
+    assert results[0][1] == results[1][1]

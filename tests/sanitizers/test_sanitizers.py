@@ -159,16 +159,25 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
     assert run(program, *arguments, **ADDRESS_OPTIONS).returncode != 0
 
 
+THREADED = {
+    "test_concurrency": [],
+    # Lanes side by side, and a whole diagnosis in them.
+    "test_attribution": ["--gtest_filter=Lanes*:OpenTasks*:Memo*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
+}
+
+
 @pytest.mark.nightly
 def test_threads() -> None:
-    build = sanitized_build("sanitizers/thread", "thread", ["test_concurrency"])
-    for engine in ("auto", "clfft"):
-        done = run(
-            build / "bin" / "test_concurrency",
-            TSAN_OPTIONS=f"suppressions={HERE / 'threads.supp'}:exitcode=99",
-            CLSPECKLE_FFT=engine,
-        )
-        assert done.returncode == 0, done.stdout[-20000:]
+    build = sanitized_build("sanitizers/thread", "thread", [*THREADED])
+    for program, arguments in THREADED.items():
+        for engine in ("auto", "clfft"):
+            done = run(
+                build / "bin" / program,
+                *arguments,
+                TSAN_OPTIONS=f"suppressions={HERE / 'threads.supp'}:exitcode=99",
+                CLSPECKLE_FFT=engine,
+            )
+            assert done.returncode == 0, done.stdout[-20000:]
 
 
 def oclgrind(log: Path, *arguments: str, **variables: str) -> tuple[Done, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from clspeckle import errors
 SHAPE = (64, 96)
 """Large enough that the grid holds a defocused point."""
 
+KERNELS = Path(__file__).resolve().parents[3] / "kernels"
+
 IDS = [effect.id for effect in clspeckle.effects()]
 NEEDS_DOTS = [effect.id for effect in clspeckle.effects() if "dots.cl" in effect.kernel]
 NEEDS_A_SENSOR = [
-    effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and "sensor.cl" in effect.kernel
+    effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and effect.kernel.startswith("sensor")
 ]
 
 
@@ -56,6 +59,16 @@ def plain(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
     return result
 
 
+def assert_names_what_exists(kernel: str) -> None:
+    """``file: function (OPTION), file`` of the kernels' folder: the file is there, and says the other two."""
+    for part in kernel.split(", "):
+        match = re.fullmatch(r"(\w+\.(?:cl|h))(?:: (\w+))?(?: \((\w+)\))?", part)
+        assert match, kernel
+        source = (KERNELS / match[1]).read_text(encoding="utf-8")
+        for word in filter(None, match.groups()[1:]):
+            assert re.search(rf"\b{word}\b", source), f"{match[1]} has no {word}"
+
+
 def test_the_catalogue() -> None:
     catalogue = clspeckle.effects()
     assert len(catalogue) >= 30
@@ -64,7 +77,7 @@ def test_the_catalogue() -> None:
         assert re.fullmatch(r"[a-z_]+", effect.id)
         assert effect.stage in ("laser", "doe", "surface", "motion", "optics", "sensor")
         assert effect.summary
-        assert re.match(r"\w+\.cl", effect.kernel)
+        assert_names_what_exists(effect.kernel)
         assert 1 <= len(effect.parameters) <= 4
         for parameter in effect.parameters:
             assert re.fullmatch(r"[a-z0-9_]+", parameter.name)

@@ -1,4 +1,4 @@
-// What kernels/sensor_lanes.h needs to know of a sensor.
+// What kernels/sensor_camera.h needs to know of a sensor.
 #pragma once
 
 #include "runtime/opencl.hpp"
