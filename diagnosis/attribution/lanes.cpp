@@ -4,7 +4,6 @@
 #include <atomic>
 #include <chrono>
 #include <exception>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -47,8 +46,8 @@ void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
     try {
         for (; started < count; ++started)
             threads.emplace_back(run, started, others);
-    } catch (const std::system_error &) {
-        // No further thread to be had: this one does the work.
+    } catch (...) {
+        // No further thread to be had, or no memory for one: this one does the work.
     }
     if (count > 0)
         run(0, callers);

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -37,8 +36,8 @@ void parallel_for(std::size_t count, unsigned threads, const std::function<void(
     try {
         for (std::size_t i = 1; i < workers; ++i)
             helpers.emplace_back(work);
-    } catch (const std::system_error &) {
-        // No further thread to be had: those that run do the work.
+    } catch (...) {
+        // No further thread to be had, or no memory for one: those that run do the work.
     }
     work();
     for (std::thread &helper : helpers)
