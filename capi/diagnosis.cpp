@@ -8,6 +8,7 @@
 #include "progress.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
+#include "simulator/opencl_hypothesis.hpp"
 #include "status.hpp"
 #include "structs.hpp"
 #include "texts.hpp"
@@ -162,9 +163,17 @@ Hypothesis checked_hypothesis(const ClspHypothesis *user, std::uint32_t index) {
                                      fixed_text(p.unit, "the unit of " + which), p.minimum, p.maximum, p.weak,
                                      p.strong});
     }
+    if (h.opencl_source) {
+        if (h.apply)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("apply and opencl_source {} are both given; give one of them", named));
+        result.opencl_source = h.opencl_source;
+        check_opencl_hypothesis(result);
+        return result;
+    }
     if (!h.apply)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("apply {} is NULL; give the function that changes the pixels", named));
+                    fmt::format("apply {} is NULL; give the function that changes the pixels, or opencl_source", named));
     Hypothesis description = result; // what `apply` needs of it
     result.apply = [function = h.apply, data = h.user_data, description](const HypothesisFrame &frame) {
         call_hypothesis(function, data, description, frame);

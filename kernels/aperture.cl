@@ -65,15 +65,20 @@ __kernel void aperture_intensity(__global const sample_t *field, uint grid_width
         return;
     float sum = 0.0f;
 #if PIXEL_TAPS
-    // The taps are centred on the pixel; the field is periodic.
+    // The taps are centred on the pixel; the field is periodic. Counting on: a division for each tap would take longer
+    // than all else.
     const uint first = (PIXEL_TAPS - oversampling) / 2u;
+    const uint left = (x * oversampling + grid_width - first % grid_width) % grid_width;
+    uint row = (y * oversampling + grid_height - first % grid_height) % grid_height;
     for (uint j = 0; j < PIXEL_TAPS; ++j) {
-        const uint row = (y * oversampling + j + grid_height - first) % grid_height;
+        __global const sample_t *line = field + (ulong)row * grid_width;
+        uint column = left;
         float row_sum = 0.0f;
         for (uint i = 0; i < PIXEL_TAPS; ++i) {
-            const uint column = (x * oversampling + i + grid_width - first) % grid_width;
-            row_sum = fma(taps[i], power_of(field[(ulong)row * grid_width + column]), row_sum);
+            row_sum = fma(taps[i], power_of(line[column]), row_sum);
+            column = column + 1u == grid_width ? 0u : column + 1u;
         }
+        row = row + 1u == grid_height ? 0u : row + 1u;
         sum = fma(taps[j], row_sum, sum);
     }
     // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark places.

@@ -27,6 +27,8 @@
 #define STREAM_SURFACE_HEIGHT 0x30u
 #define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33, 0x34, 0x40 to 0x46, 0x51 and 0x52
 #define STREAM_ETCH_NOISE 0x50u
+#define STREAM_HYPOTHESIS 0x60u         // + draw, 0 to 15
+#define STREAM_HYPOTHESIS_FIXED 0x70u   // + draw, 0 to 15
 
 // A call left in a kernel keeps compilers that vectorize across work-items from doing so; clang thinks Philox too large to be inlined twice.
 #if defined(__clang__) || defined(__GNUC__)

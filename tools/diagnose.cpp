@@ -3,6 +3,7 @@
 #include "commands.hpp"
 #include "effects.hpp"
 #include "errors.hpp"
+#include "hypothesis_file.hpp"
 #include "options.hpp"
 
 #include <fmt/format.h>
@@ -76,6 +77,19 @@ void warn_of_capture(const clspeckle::Capture &capture, Console &console) {
     }
 }
 
+clspeckle::Diagnosis diagnose_or_compare(const clspeckle::Context &context, const clspeckle::Capture &capture,
+                                         const clspeckle::Capture &sim, const clspeckle::DiagnoseOptions &options) {
+    try {
+        return sim ? clspeckle::compare(context, capture, sim, options)
+                   : clspeckle::diagnose(context, capture, options);
+    } catch (const clspeckle::Error &error) {
+        // Source that does not compile is the user's input, not a fault of the device.
+        if (error.status() != CLSP_ERROR_BUILD || options.hypotheses.empty())
+            throw;
+        throw InputError(error.message() + (error.build_log().empty() ? "" : "\n" + error.build_log()));
+    }
+}
+
 } // namespace
 
 void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
@@ -90,6 +104,9 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     if (!arguments.html.empty())
         check_writable(arguments.html);
     std::vector<std::string> without = effect_ids(arguments.without);
+    std::vector<clspeckle::Hypothesis> hypotheses;
+    for (const std::string &path : arguments.hypotheses)
+        hypotheses.push_back(read_hypothesis(path));
     const auto capture = clspeckle::Capture::open(arguments.folder);
     warn_of_capture(capture, console);
     clspeckle::Capture sim;
@@ -106,10 +123,10 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     options.threads = arguments.threads;
     options.evidence = !arguments.html.empty();
     options.without = std::move(without);
+    options.hypotheses = std::move(hypotheses);
     options.progress = progress_on(console);
     const clspeckle::Context context = make_context(arguments.device);
-    const auto diagnosis =
-        sim ? clspeckle::compare(context, capture, sim, options) : clspeckle::diagnose(context, capture, options);
+    const auto diagnosis = diagnose_or_compare(context, capture, sim, options);
     if (to_file)
         write_output([&] { diagnosis.write_report(arguments.json); });
     if (!arguments.html.empty())

@@ -21,6 +21,7 @@ struct DiagnoseArguments {
     std::string json; ///< File for the report, "-" for standard output; empty: none.
     std::string html; ///< File for the report for eyes; empty: none.
     std::vector<std::string> without;
+    std::vector<std::string> hypotheses; ///< Files that describe effects of the user's own.
     std::uint64_t seed = 0;
     double level = clspeckle::DiagnoseOptions().level;
     std::uint32_t replicates = clspeckle::DiagnoseOptions().null_replicates;

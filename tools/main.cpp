@@ -179,6 +179,7 @@ mean: docs/diagnosis.md.
 Examples:
   clspeckle diagnose my-camera
   clspeckle diagnose my-camera --json report.json --html report.html --without gamma,full_well
+  clspeckle diagnose my-camera --hypothesis shading.json
   clspeckle diagnose my-camera --json - --quiet > report.json
 )";
 
@@ -588,6 +589,11 @@ void add_diagnose_options(CLI::App &app, tools::DiagnoseArguments &a, bool &quie
 void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
     app.footer(std::string(diagnose_examples) + "\n" + exit_codes);
     app.add_option("CAPTURE", a.folder, "Folder of the capture set, or its capture.json")->required()->type_name("");
+    app.add_option("--hypothesis", a.hypotheses,
+                   "An effect of your own, as JSON and OpenCL source (docs/diagnosis.md); may be given several times")
+        ->allow_extra_args(false)
+        ->type_name("FILE")
+        ->check(named());
     add_diagnose_options(app, a, quiet);
 }
 

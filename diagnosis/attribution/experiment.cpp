@@ -46,9 +46,11 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
                        unsigned threads)
     : layout_(real.layout), threads_(threads), memo_(kMemoBytes) {
     const std::size_t sequences = layout_.sequences.size();
-    // Hypotheses are called on the caller's thread, one at a time.
+    // The caller's functions are called on the caller's thread, one at a time.
+    const bool calls_back = std::any_of(hypotheses.begin(), hypotheses.end(),
+                                        [](const Hypothesis &hypothesis) { return bool(hypothesis.apply); });
     const std::size_t lanes =
-        hypotheses.empty() && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
+        !calls_back && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
         simulators_.push_back(std::make_unique<Simulator>(context, real.layout, hypotheses));
         simulators_.back()->set_cache_bytes(kCacheBytes / lanes);

@@ -3,6 +3,7 @@
 #include "effects/effects.hpp"
 #include "runtime/error.hpp"
 #include "simulator/effect_reach.hpp"
+#include "simulator/opencl_hypothesis.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -105,8 +106,14 @@ void check_hypotheses(const std::vector<Hypothesis> &hypotheses) {
         if (!ids.insert(h.id).second)
             throw Error(Status::kInvalidArgument,
                         fmt::format("two hypotheses have the id \"{}\"; give each its own", h.id));
+        if (h.apply && !h.opencl_source.empty())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("the hypothesis \"{}\" has a function and OpenCL source; give one of them", h.id));
+        if (!h.apply && h.opencl_source.empty())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("the hypothesis \"{}\" has neither a function to apply nor OpenCL source", h.id));
         if (!h.apply)
-            throw Error(Status::kInvalidArgument, fmt::format("the hypothesis \"{}\" has no function to apply", h.id));
+            check_opencl_hypothesis(h);
         if (h.point > HypothesisPoint::kCodes)
             throw Error(
                 Status::kInvalidArgument,

@@ -3,6 +3,7 @@
 #include "effects/effects.hpp"
 #include "runtime/error.hpp"
 #include "simulator/effect_reach.hpp"
+#include "simulator/opencl_hypothesis.hpp"
 #include "simulator/optics.hpp"
 #include "simulator/sensor_side.hpp"
 #include "simulator/sequence_model.hpp"
@@ -229,6 +230,9 @@ Simulator::Simulator(std::shared_ptr<Context> context, const CaptureLayout &layo
         throw Error(Status::kInvalidArgument, "context is NULL; a simulator needs one");
     check_layout(layout);
     check_hypotheses(hypotheses);
+    for (std::size_t i = 0; i < hypotheses.size(); ++i)
+        if (!hypotheses[i].apply)
+            hypotheses[i].apply = opencl_hypothesis(context, hypotheses[i], static_cast<std::uint32_t>(i));
     implementation_ = std::make_unique<Implementation>(std::move(context), layout, std::move(hypotheses));
 }
 

@@ -44,7 +44,9 @@ struct Hypothesis {
     std::string id, stage, summary;
     HypothesisPoint point = HypothesisPoint::kIntensity;
     std::vector<HypothesisParameter> parameters;
+    // One of the two: a function of a frame, or OpenCL source with a function of a pixel (opencl_hypothesis.hpp).
     std::function<void(const HypothesisFrame &)> apply;
+    std::string opencl_source;
 };
 
 // Levels of one simulated sequence.

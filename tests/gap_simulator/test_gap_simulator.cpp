@@ -381,7 +381,7 @@ TEST_F(GapSimulator, HypothesesThatCannotBeUsedAreRefused) {
     EXPECT_TRUE(contains(error(make_hypothesis("defocus", HypothesisPoint::kCodes, nothing)),
                          "id of an effect of the catalogue"));
     EXPECT_TRUE(contains(error(make_hypothesis("", HypothesisPoint::kCodes, nothing)), "empty id"));
-    EXPECT_TRUE(contains(error(make_hypothesis("x", HypothesisPoint::kCodes, {})), "no function"));
+    EXPECT_TRUE(contains(error(make_hypothesis("x", HypothesisPoint::kCodes, {})), "neither a function"));
     EXPECT_TRUE(
         contains(error(make_hypothesis("x", static_cast<HypothesisPoint>(3), nothing)), "it must be 0 (irradiance)"));
     Hypothesis range = good;

@@ -389,9 +389,17 @@ void run_simulator() {
         sequence.frame_count = 3;
         layout.sequences.push_back(sequence);
     }
-    clsp::Simulator simulator(clsp::Context::create({}), layout);
+    clsp::Hypothesis rows;
+    rows.id = "rows";
+    rows.stage = "sensor";
+    rows.point = clsp::HypothesisPoint::kCodes;
+    rows.parameters = {{"sigma", "DN", 0.0, 10.0, 1.0, 3.0}};
+    rows.opencl_source = "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {\n"
+                         "    return hypothesis_pixel(frame, x + 1, y - 1) + values.sigma *\n"
+                         "        (hypothesis_normal(frame, 0, y, 0) + hypothesis_fixed_normal(frame, x, y, 1));\n}\n";
+    clsp::Simulator simulator(clsp::Context::create({}), layout, {rows});
     const std::vector<clsp::EffectSetting> effects{
-        {"vignetting", {0.4}}, {"power_flicker", {0.1}}, {"ambient_light", {20.0}}};
+        {"vignetting", {0.4}}, {"power_flicker", {0.1}}, {"ambient_light", {20.0}}, {"rows", {2.0}}};
     const std::vector<clsp::SimulationLevels> levels(2, {200.0, 64.0, 3.0});
     const clsp::Capture capture = clsp::simulate_capture(simulator, effects, levels, 1);
     for (const std::vector<std::uint16_t> &codes : capture.codes) {

@@ -63,7 +63,18 @@ typedef struct ClspHypothesisFrame {
  *  @return 0; anything else ends the diagnosis with CLSP_ERROR_INVALID_DATA. */
 typedef int32_t (*ClspHypothesisFunction)(void *user_data, const ClspHypothesisFrame *frame);
 
-/** An effect of the caller's own. Everything is copied; `apply` and `user_data` must be good until clspDiagnose() returns. */
+/** An effect of the caller's own: `apply`, or `opencl_source`. Everything is copied; `apply` and `user_data` must be good until
+ *  clspDiagnose() returns.
+ *
+ *  OpenCL source defines
+ *
+ *      float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)
+ *
+ *  which gives the new value of a pixel. It runs on the device, several frames at once; parameters are members of `values`, in single
+ *  precision, and their names must be identifiers of C. `frame` has pixels (as they were, row by row), width, height, bits, sequence, scene
+ *  (CLSP_SCENE_*), moving, frame_index, seed, f_number, pixel_pitch_m and wavelength_m. hypothesis_pixel(frame, x, y) reads the pixel, beyond
+ *  the border the nearest one inside; hypothesis_normal(frame, x, y, draw) is a standard normal number of that place, frame and sequence,
+ *  hypothesis_fixed_normal(frame, x, y, draw) one that is the same in all frames of a capture; draw is 0 to 15. */
 typedef struct ClspHypothesis {
     uint32_t struct_size;     /**< Size of the struct as the caller knows it. */
     uint32_t point;           /**< CLSP_HYPOTHESIS_*; default INTENSITY. */
@@ -73,8 +84,9 @@ typedef struct ClspHypothesis {
     const ClspEffectParameter *parameters; /**< Weak and strong lie within minimum and maximum; all parameters move together. */
     uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
     uint32_t reserved;        /**< 0. */
-    ClspHypothesisFunction apply; /**< What it does to a frame. The same arguments must give the same pixels. */
+    ClspHypothesisFunction apply; /**< What it does to a frame. The same arguments must give the same pixels. NULL with OpenCL source. */
     void *user_data;          /**< Handed to `apply`; default NULL. */
+    const char *opencl_source; /**< What it does to a pixel, in OpenCL C 1.2; NULL (default): `apply` does it. */
 } ClspHypothesis;
 
 /** How to diagnose. */

@@ -1247,6 +1247,8 @@ struct Hypothesis {
     std::vector<HypothesisParameter> parameters;
     /** Changes frame.pixels in place, on the thread of diagnose(). What it throws leaves diagnose(). */
     std::function<void(const ClspHypothesisFrame &frame)> apply;
+    /** Instead of `apply`: OpenCL source with a function of a pixel, see ClspHypothesis. Empty: none. */
+    std::string opencl_source;
 };
 
 /** What diagnose() is asked for; see ClspDiagnoseDesc for ranges. */
@@ -1313,6 +1315,7 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
         functions[i] = {&from.apply, &thrown};
         to.apply = from.apply ? detail::clspeckle_detail_apply : nullptr;
         to.user_data = &functions[i];
+        to.opencl_source = from.opencl_source.empty() ? nullptr : from.opencl_source.c_str();
         pointers.push_back(&to);
     }
     std::vector<const char *> without;

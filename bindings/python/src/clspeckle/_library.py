@@ -913,6 +913,7 @@ class ClspHypothesis(ctypes.Structure):
         ("reserved", c_uint32),
         ("apply", HYPOTHESIS_FUNCTION),
         ("user_data", c_void_p),
+        ("opencl_source", c_char_p),
     ]
 
 

@@ -65,16 +65,26 @@ class Hypothesis:
             return (1 - fraction) * pixels + fraction * pixels.mean()
 
         clspeckle.Hypothesis("haze", "optics", haze, {"fraction": (0.05, 0.3, 0, 1)})
+
+        # rows.cl:
+        # float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {
+        #     return hypothesis_pixel(frame, x, y) + values.sigma * hypothesis_fixed_normal(frame, 0, y, 0);
+        # }
+        source = Path("rows.cl").read_text()
+        clspeckle.Hypothesis("rows", "sensor", source, {"sigma": (0.5, 4, 0, 50)}, point="codes")
     """
 
     id: str
     """1 to 31 letters, digits, "_", "-" and "."; neither the catalogue's nor another hypothesis's."""
     stage: str
     """"laser", "doe", "surface", "motion", "optics" or "sensor"."""
-    apply: Callable[..., Any]
+    apply: Callable[..., Any] | str
     """``apply(pixels, *, sequence, frame_index, seed, **parameters)``: changes `pixels`, a float32 array of (height,
     width), in place and returns None, or returns a new array. The same arguments must give the same pixels: what is
-    random must come from `seed` (of the simulated capture), `sequence` (its name) and `frame_index`."""
+    random must come from `seed` (of the simulated capture), `sequence` (its name) and `frame_index`.
+
+    Or text: OpenCL C that defines ``float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)``,
+    the new value of a pixel (docs/diagnosis.md, ``diagnosis.h``). It runs on the device, several frames at once."""
     parameters: Mapping[str, Sequence[float]]
     """1 to 4 by name: (weak, strong) or (weak, strong, minimum, maximum). All move together from weak to strong, and
     may go beyond. Without a minimum and a maximum the range ends twice the difference beyond weak and strong, or at 0
@@ -97,8 +107,10 @@ class Hypothesis:
             raise errors.InvalidArgumentError(
                 f'id of the hypothesis is {name!r}, expected 1 to 31 letters, digits, "_", "-" and "."'
             )
-        if not callable(self.apply):
-            raise TypeError(f"apply of the hypothesis {name!r} must be a function, got {_check.kind(self.apply)}")
+        if not callable(self.apply) and not isinstance(self.apply, str):
+            raise TypeError(
+                f"apply of the hypothesis {name!r} must be a function or OpenCL source, got {_check.kind(self.apply)}"
+            )
         if self.stage not in _STAGES:
             raise errors.InvalidArgumentError(
                 f"stage of the hypothesis {name!r} is {self.stage!r}, expected {_check.one_of(_STAGES)}"
@@ -456,10 +468,16 @@ class _DiagnosisCall(Call):
             setattr(struct, member, _check.no_null(getattr(hypothesis, member).encode(), member))
         struct.parameters = parameters
         struct.parameter_count = len(names)
-        struct.apply = self.keep(_library.HYPOTHESIS_FUNCTION(self._applier(hypothesis, names)))
+        if isinstance(hypothesis.apply, str):
+            struct.opencl_source = _check.no_null(hypothesis.apply.encode(), "apply")
+        else:
+            function = self._applier(hypothesis, hypothesis.apply, names)
+            struct.apply = self.keep(_library.HYPOTHESIS_FUNCTION(function))
         return struct
 
-    def _applier(self, hypothesis: Hypothesis, names: list[str]) -> Callable[[int | None, Any], int]:
+    def _applier(
+        self, hypothesis: Hypothesis, function: Callable[..., Any], names: list[str]
+    ) -> Callable[[int | None, Any], int]:
         def apply(_data: int | None, pointer: Any) -> int:
             try:
                 if self.interrupted:
@@ -468,7 +486,7 @@ class _DiagnosisCall(Call):
                 shape = (frame.height, frame.width)
                 view = np.ctypeslib.as_array(frame.pixels, shape=shape)
                 pixels = view.copy()  # whoever keeps it keeps memory of Python's
-                result = hypothesis.apply(
+                result = function(
                     pixels,
                     sequence=_library.text(frame.sequence_name),
                     frame_index=frame.frame_index,

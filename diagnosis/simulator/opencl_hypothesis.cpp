@@ -1,0 +1,135 @@
+#include "simulator/opencl_hypothesis.hpp"
+
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/error.hpp"
+#include "runtime/kernel_arguments.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <fmt/core.h>
+#include <set>
+#include <string>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+constexpr const char *kFile = "hypothesis.cl", *kHeader = "hypothesis_source.h";
+constexpr std::size_t kMostValues = 4; // of the kernel's float4
+
+bool is_identifier(const std::string &name) {
+    const auto letter = [](unsigned char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
+    const auto digit = [](unsigned char c) { return c >= '0' && c <= '9'; };
+    return !name.empty() && letter(static_cast<unsigned char>(name.front())) &&
+           std::all_of(name.begin(), name.end(), [&](unsigned char c) { return letter(c) || digit(c); });
+}
+
+std::string generated_header(const Hypothesis &hypothesis) {
+    std::string members, places;
+    for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i) {
+        members += fmt::format(" float {};", hypothesis.parameters[i].name);
+        places += fmt::format("{}(values).s{}", i ? ", " : "", i);
+    }
+    return fmt::format("typedef struct {{{} }} hypothesis_values;\n"
+                       "#define HYPOTHESIS_VALUES(values) {{{}}}\n"
+                       "#line 1 \"{}\"\n{}\n",
+                       members, places, hypothesis.id, hypothesis.opencl_source);
+}
+
+// A frame's two images on the device, and the kernel between them.
+class Pass {
+  public:
+    Pass(std::shared_ptr<Context> context, const Hypothesis &hypothesis, std::uint32_t number)
+        : context_(std::move(context)), queue_(context_->cl_context(), context_->device()), number_(number) {
+        const ProgramCache::GeneratedHeader header{kHeader, generated_header(hypothesis)};
+        try {
+            kernel_ = context_->kernel(kFile, "hypothesis_apply", {}, &header);
+        } catch (const Error &error) {
+            if (error.status() != Status::kBuild)
+                throw;
+            throw Error(
+                Status::kBuild,
+                fmt::format("the OpenCL source of the hypothesis \"{}\" does not build{}; it must define "
+                            "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)",
+                            hypothesis.id,
+                            error.build_log().empty() ? std::string(": ") + error.what()
+                                                      : "; the build log tells where"),
+                error.opencl_code(), error.build_log());
+        }
+    }
+
+    void run(const HypothesisFrame &frame, std::size_t value_count) {
+        const CaptureLayout &layout = *frame.layout;
+        const SequenceLayout &sequence = layout.sequences[frame.sequence];
+        const std::size_t bytes = layout.pixel_count() * sizeof(float);
+        if (!before_ || before_.bytes() != bytes) {
+            before_ = DeviceBuffer(context_, bytes);
+            after_ = DeviceBuffer(context_, bytes);
+        }
+        cl_float4 values{};
+        for (std::size_t i = 0; i < std::min(value_count, kMostValues); ++i)
+            values.s[i] = static_cast<cl_float>(frame.values[i]);
+        KernelArguments(kernel_)
+            .add(before_.get())
+            .add(after_.get())
+            .add(cl_uint{layout.width})
+            .add(cl_uint{layout.height})
+            .add(cl_uint{layout.bits})
+            .add(static_cast<cl_uint>(frame.sequence))
+            .add(static_cast<cl_uint>(sequence.scene))
+            .add(cl_uint{sequence.moving ? 1u : 0u})
+            .add(cl_uint{frame.frame_index})
+            .add(cl_ulong{frame.seed})
+            .add(cl_uint{number_})
+            .add(static_cast<cl_float>(sequence.f_number > 0.0 ? sequence.f_number : layout.f_number))
+            .add(static_cast<cl_float>(layout.pixel_pitch_m))
+            .add(static_cast<cl_float>(layout.wavelength_m))
+            .add(values);
+        check_opencl(
+            clEnqueueWriteBuffer(queue_(), before_.get()(), CL_TRUE, 0, bytes, frame.pixels, 0, nullptr, nullptr),
+            "clEnqueueWriteBuffer");
+        CommandChain(queue_(), 0, nullptr).run("hypothesis", kernel_, layout.width, layout.height);
+        check_opencl(
+            clEnqueueReadBuffer(queue_(), after_.get()(), CL_TRUE, 0, bytes, frame.pixels, 0, nullptr, nullptr),
+            "clEnqueueReadBuffer");
+    }
+
+  private:
+    std::shared_ptr<Context> context_;
+    cl::CommandQueue queue_;
+    cl::Kernel kernel_;
+    DeviceBuffer before_, after_;
+    std::uint32_t number_;
+};
+
+} // namespace
+
+void check_opencl_hypothesis(const Hypothesis &hypothesis) {
+    const auto complain = [&](const std::string &what) {
+        throw Error(Status::kInvalidArgument, fmt::format("the hypothesis \"{}\" {}", hypothesis.id, what));
+    };
+    if (hypothesis.opencl_source.find_first_not_of(" \t\r\n") == std::string::npos)
+        complain("has OpenCL source without anything in it; it must define float hypothesis(hypothesis_frame frame, "
+                 "hypothesis_values values, uint x, uint y)");
+    if (hypothesis.parameters.size() > kMostValues)
+        complain(
+            fmt::format("has {} parameters, OpenCL source can have {}", hypothesis.parameters.size(), kMostValues));
+    std::set<std::string> names;
+    for (const HypothesisParameter &parameter : hypothesis.parameters) {
+        if (!is_identifier(parameter.name))
+            complain(fmt::format("has the parameter \"{}\"; in OpenCL source it must be a name of letters, digits and "
+                                 "'_' that begins with no digit",
+                                 parameter.name));
+        if (!names.insert(parameter.name).second)
+            complain(fmt::format("has two parameters with the name \"{}\"; give each its own", parameter.name));
+    }
+}
+
+std::function<void(const HypothesisFrame &)> opencl_hypothesis(std::shared_ptr<Context> context,
+                                                               const Hypothesis &hypothesis, std::uint32_t number) {
+    const auto pass = std::make_shared<Pass>(std::move(context), hypothesis, number);
+    return [pass, count = hypothesis.parameters.size()](const HypothesisFrame &frame) { pass->run(frame, count); };
+}
+
+} // namespace clsp
