@@ -147,6 +147,9 @@ Json read_json(const std::string &path) {
         const std::size_t bracket = what.find("] ");
         if (bracket != std::string::npos)
             what = what.substr(bracket + 2);
+        // It quotes what was read, which need be no text at all.
+        std::replace_if(
+            what.begin(), what.end(), [](unsigned char c) { return c < 0x20 || c > 0x7e; }, '?');
         throw InputError(fmt::format("{}: is not valid JSON: {}", path, what));
     }
 }

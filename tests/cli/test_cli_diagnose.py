@@ -105,10 +105,83 @@ def test_an_effect_is_named_with_a_waterfall(ok, tmp_path: Path) -> None:
     assert "row_noise" not in withheld["cause"]["effects"]
 
 
+RAMP = """float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {
+    return hypothesis_pixel(frame, x, y) + values.slope * (2.0f * x / (frame.width - 1) - 1.0f);
+}
+"""
+
+
+def write_hypothesis(folder: Path, source: str = RAMP, **change: object) -> Path:
+    """In a folder of its own: the source lies beside the description, wherever the program runs."""
+    folder.mkdir()
+    (folder / "ramp.cl").write_text(source)
+    about = {"id": "ramp", "stage": "optics", "summary": "more light on the right", "point": "intensity",
+             "parameters": {"slope": {"weak": 0.02, "strong": 0.2, "unit": "1"}}, "opencl": "ramp.cl"}  # fmt: skip
+    about.update(change)
+    path = folder / "ramp.json"
+    path.write_text(json.dumps({key: value for key, value in about.items() if value is not None}))
+    return path
+
+
+def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
+    write_set(tmp_path / "set", 20)
+    write_hypothesis(tmp_path / "own")
+    report = ok("diagnose", "set", "--hypothesis", "own/ramp.json", "--json", "-", *QUICK).json()
+    assert report["cause"]["effects"] == ["ramp"]
+    assert report["cause"]["ranking"][0]["parameters"]["slope"] == pytest.approx(20 / 300, abs=0.003)
+    # It takes part in the ranking; what explains more is named.
+    write_hypothesis(tmp_path / "rows", RAMP.replace("2.0f * x / (frame.width", "2.0f * y / (frame.height"), id="rows")
+    both = ok("diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "rows/ramp.json", "--json", "-", *QUICK)
+    assert both.json()["cause"]["effects"] == ["ramp"]
+    message = refused("diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "own/ramp.json", *QUICK)
+    assert 'two hypotheses have the id "ramp"' in message
+    write_hypothesis(tmp_path / "broken", RAMP.replace("values.slope", "slop"))
+    message = refused("diagnose", "set", "--hypothesis", "broken/ramp.json", *QUICK)
+    assert 'the OpenCL source of the hypothesis "ramp" does not build' in message
+    assert "ramp:2" in message and "slop" in message
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"id": "two words"}, "it must be 1 to 31 letters, digits"),
+        ({"id": None}, '"id" is missing'),
+        ({"id": 3}, '"id" must be text, got 3'),
+        ({"id": "gamma"}, "id of an effect of the catalogue"),
+        ({"stage": "optic"}, 'is "optic", it must be laser, doe'),
+        ({"stage": None}, '"stage" is missing'),
+        ({"point": "code"}, '"point" is "code", it must be irradiance, intensity or codes'),
+        ({"parameters": None}, '"parameters" must be an object with 1 to 4 entries'),
+        ({"parameters": {}}, '"parameters" must be an object with 1 to 4 entries'),
+        ({"parameters": {"slope": 3}}, 'the parameter "slope" must be an object, got 3'),
+        ({"parameters": {"slope": {"weak": 1}}}, 'the parameter "slope": "strong" is missing'),
+        ({"parameters": {"slope": {"weak": 1, "strong": "2"}}}, '"strong" must be a number, got "2"'),
+        ({"parameters": {"slope": {"weak": 1, "strong": 2, "least": 0}}}, 'unknown key "least"'),
+        ({"parameters": {"slope": {"weak": 1, "strong": 2, "minimum": 1.5}}}, "weak and strong within minimum and maximum"),
+        ({"parameters": {"a slope": {"weak": 1, "strong": 2}}}, "letters, digits and '_'"),
+        ({"opencl": "nowhere.cl"}, "nowhere.cl cannot be read"),
+        ({"opencl": "."}, "cannot be read"),
+        ({"opencl": None}, '"opencl" is missing'),
+        ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest known key is "opencl"'),
+    ],
+    ids=str,
+)
+def test_effects_of_ones_own_that_cannot_be(refused, tmp_path: Path, change: dict[str, object], words: str) -> None:
+    write_set(tmp_path / "set", 0)
+    write_hypothesis(tmp_path / "own", **change)
+    message = refused("diagnose", "set", "--hypothesis", "own/ramp.json", *QUICK)
+    assert words in message
+    assert not re.search(r"CLSP_|clsp[A-Z]|desc->", message), "names of the C interface mean nothing here"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["missing"], "missing"),
+        (["set", "--hypothesis", "missing.json"], "missing.json"),
+        (["set", "--hypothesis", ""], "--hypothesis: is empty; name a file"),
+        (["set", "--hypothesis", "set/capture.json"], "unknown key"),
+        (["set", "--hypothesis", "set/dark.npy"], "is not valid JSON"),
         (["set", "--without", "defokus"], "--without: there is no effect \"defokus\"; the nearest one is \"defocus\""),
         (["set", "--without", "gamma,,defocus"], "--without gamma,,defocus: one of the names is empty; the effects are linewidth, "),
         (["set", "--without", " "], "one of the names is empty"),

@@ -67,6 +67,11 @@ std::int32_t add_ramp(void *data, const ClspHypothesisFrame *frame) {
     return calls.answer;
 }
 
+constexpr const char *kRampSource =
+    "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {\n"
+    "    return hypothesis_pixel(frame, x, y) + values.slope * (2.0f * x / (frame.width - 1) - 1.0f);\n"
+    "}\n";
+
 ClspHypothesis ramp_hypothesis(const ClspEffectParameter &parameter, RampCalls &calls) {
     auto hypothesis = clspeckle::make<ClspHypothesis>();
     hypothesis.id = "ramp";
@@ -194,7 +199,66 @@ TEST_F(Diagnosis, RefusesBadHypotheses) {
     refuse("slope", [](H &, P &p) { p.maximum = test::nan_value; });
     refuse("name", [](H &, P &p) { p.name[0] = '\0'; });
     refuse("does not end", [](H &, P &p) { std::memset(p.unit, 'x', sizeof p.unit); });
+    refuse("both given", [](H &h, P &) { h.opencl_source = kRampSource; });
+    const auto from_source = [](H &h) {
+        h.apply = nullptr;
+        h.opencl_source = kRampSource;
+    };
+    refuse("without anything in it", [](H &h, P &) {
+        h.apply = nullptr;
+        h.opencl_source = " ";
+    });
+    refuse("letters, digits and '_'", [&](H &h, P &p) {
+        from_source(h);
+        std::strcpy(p.name, "a slope");
+    });
     EXPECT_EQ(calls.frames, 0u);
+    ClspEffectParameter parameter = slope();
+    ClspHypothesis hypothesis = ramp_hypothesis(parameter, calls);
+    from_source(hypothesis);
+    hypothesis.opencl_source = "float hypothesis(void) {";
+    const ClspHypothesis *list[] = {&hypothesis};
+    ClspDiagnoseDesc desc = quick_desc();
+    desc.hypotheses = list;
+    desc.hypothesis_count = 1;
+    ClspDiagnosis made = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_BUILD, "the OpenCL source of the hypothesis \"ramp\" does not build",
+                      clspDiagnose(context, capture, &desc, &made));
+    EXPECT_EQ(made, nullptr);
+}
+
+// On the device, in as many lanes as there are: the same as the function on the caller's thread, to the last digit of what
+// single precision leaves the same.
+TEST_F(Diagnosis, HypothesisAsOpenclSource) {
+    clspeckle::Hypothesis ramp;
+    ramp.id = "ramp";
+    ramp.stage = "optics";
+    ramp.parameters = {{"slope", "1", 0.0, 1.0, 0.02, 0.2}};
+    ramp.opencl_source = kRampSource;
+    clspeckle::DiagnoseOptions options = quick_options();
+    options.hypotheses = {ramp};
+    std::vector<ClspDiagnosisParameter> fitted;
+    std::vector<double> p_values;
+    for (const std::uint32_t threads : {1u, 4u}) {
+        options.threads = threads;
+        const auto found = clspeckle::diagnose(context, capture, options);
+        EXPECT_EQ(found.effects(), std::vector<std::string>{"ramp"});
+        ASSERT_EQ(found.parameters().size(), 1u);
+        fitted.push_back(found.parameters().front());
+        p_values.push_back(found.summary().residual_p_value);
+    }
+    EXPECT_NEAR(fitted[0].value, 20.0 / 300.0, 0.003);
+    EXPECT_EQ(fitted[0].value, fitted[1].value);
+    EXPECT_EQ(p_values[0], p_values[1]);
+    RampCalls calls;
+    options.hypotheses.front().opencl_source.clear();
+    options.hypotheses.front().apply = [&](const ClspHypothesisFrame &frame) { add_ramp(&calls, &frame); };
+    const auto by_function = clspeckle::diagnose(context, capture, options);
+    EXPECT_NEAR(by_function.parameters().front().value, fitted[0].value, 1e-4);
+    EXPECT_GT(calls.frames, 0u);
+    // Both at once are too many.
+    options.hypotheses.front().opencl_source = kRampSource;
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), clspeckle::Error);
 }
 
 TEST_F(Diagnosis, ProgressIsToldAndCancels) {

@@ -49,6 +49,13 @@ def add_ramp(pixels: npt.NDArray[np.float32], *, sequence: str, frame_index: int
 HYPOTHESIS = clspeckle.Hypothesis("ramp", "optics", add_ramp, {"slope": (0.02, 0.2)}, units={"slope": "1"})
 
 
+RAMP_SOURCE = """
+float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {
+    return hypothesis_pixel(frame, x, y) + values.slope * (2.0f * x / (frame.width - 1) - 1.0f);
+}
+"""
+
+
 @pytest.fixture(scope="module")
 def found(context: clspeckle.Context) -> clspeckle.Diagnosis:
     """Of a camera whose gap has a cause among the hypotheses."""
@@ -72,6 +79,19 @@ def test_a_hypothesis_is_ranked(found: clspeckle.Diagnosis) -> None:
     assert found.shrink.held_out
     assert [step.effect for step in found.shrink.steps] == ["ramp"]
     assert found.seconds > 0
+
+
+def test_a_hypothesis_as_opencl_source(found: clspeckle.Diagnosis, context: clspeckle.Context) -> None:
+    """It says what the function says, and nobody is called back."""
+    hypothesis = clspeckle.Hypothesis("ramp", "optics", RAMP_SOURCE, {"slope": (0.02, 0.2)})
+    by_source = clspeckle.diagnose(codes(20), hypotheses=[hypothesis], context=context, **QUICK)
+    assert by_source.effects == ("ramp",)
+    slopes = [diagnosis.ranking[0].parameters["slope"] for diagnosis in (by_source, found)]
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-3)
+    broken = clspeckle.Hypothesis("ramp", "optics", RAMP_SOURCE.replace("values.slope", "slop"), {"slope": (0.02, 0.2)})
+    with pytest.raises(errors.BuildError, match='of the hypothesis "ramp" does not build') as caught:
+        clspeckle.diagnose(codes(20), hypotheses=[broken], context=context, **QUICK)
+    assert "slop" in caught.value.build_log
 
 
 def test_summary_and_report(found: clspeckle.Diagnosis, tmp_path: Path) -> None:
@@ -278,6 +298,8 @@ def test_bad_arguments(
         ({"stage": "optic"}, errors.InvalidArgumentError, 'did you mean "optics"'),
         ({"point": "code"}, errors.InvalidArgumentError, 'did you mean "codes"'),
         ({"apply": None}, TypeError, "function"),
+        ({"apply": ""}, errors.InvalidArgumentError, "without anything in it"),
+        ({"apply": "float a;\0"}, errors.InvalidArgumentError, "apply"),
         ({"parameters": {}}, errors.InvalidArgumentError, "has 0 entries, expected 1 to 4"),
         ({"parameters": dict.fromkeys("abcde", (1, 2))}, errors.InvalidArgumentError, "has 5 entries"),
         ({"parameters": {"slope": (0, 0)}}, errors.InvalidArgumentError, "minimum below the maximum"),

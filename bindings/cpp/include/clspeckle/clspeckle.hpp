@@ -1248,7 +1248,7 @@ struct Hypothesis {
     /** Changes frame.pixels in place, on the thread of diagnose(). What it throws leaves diagnose(). */
     std::function<void(const ClspHypothesisFrame &frame)> apply;
     /** Instead of `apply`: OpenCL source with a function of a pixel, see ClspHypothesis. Empty: none. */
-    std::string opencl_source;
+    std::string opencl_source{};
 };
 
 /** What diagnose() is asked for; see ClspDiagnoseDesc for ranges. */

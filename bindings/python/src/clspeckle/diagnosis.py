@@ -83,8 +83,8 @@ class Hypothesis:
     width), in place and returns None, or returns a new array. The same arguments must give the same pixels: what is
     random must come from `seed` (of the simulated capture), `sequence` (its name) and `frame_index`.
 
-    Or text: OpenCL C that defines ``float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)``,
-    the new value of a pixel (docs/diagnosis.md, ``diagnosis.h``). It runs on the device, several frames at once."""
+    Or text: OpenCL C that defines ``float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint
+    y)``, the new value of a pixel (docs/diagnosis.md, ``diagnosis.h``). It runs on the device, and nobody is called."""
     parameters: Mapping[str, Sequence[float]]
     """1 to 4 by name: (weak, strong) or (weak, strong, minimum, maximum). All move together from weak to strong, and
     may go beyond. Without a minimum and a maximum the range ends twice the difference beyond weak and strong, or at 0
