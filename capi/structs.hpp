@@ -21,6 +21,7 @@ template <> inline constexpr std::uint32_t kFirstSize<ClspContextDesc> = 48;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDoePatternDesc> = 200;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDotLayoutDesc> = 120;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;
+template <> inline constexpr std::uint32_t kFirstSize<ClspHypothesis> = 64;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPatternDesc> = 160;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPhaseDesc> = 40;
 template <> inline constexpr std::uint32_t kFirstSize<ClspPipelineDesc> = 40;

@@ -1,7 +1,8 @@
-// A hypothesis that was given as OpenCL source, over a frame. The generated header has hypothesis_values, HYPOTHESIS_VALUES and the
-// caller's hypothesis().
+// A hypothesis that was given as OpenCL source, over a frame. What includes this has hypothesis_values and HYPOTHESIS_VALUES before it, and
+// the caller's text behind it.
 #include "hypothesis.h"
-#include "hypothesis_source.h"
+
+float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y);
 
 __kernel void hypothesis_apply(__global const float *pixels, __global float *changed, uint width, uint height, uint bits, uint sequence,
                                uint scene, uint moving, uint frame_index, ulong seed, uint number, float f_number, float pixel_pitch_m,

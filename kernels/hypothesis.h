@@ -15,7 +15,7 @@ typedef struct {
     uint width, height, bits;
     uint sequence, scene, moving, frame_index;
     ulong seed;  // of the simulated capture
-    uint number; // of the hypothesis: each has random numbers of its own
+    uint number; // 16 bits of the hypothesis: each has random numbers of its own
     float f_number, pixel_pitch_m, wavelength_m;
 } hypothesis_frame;
 

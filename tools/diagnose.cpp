@@ -46,8 +46,11 @@ template <typename Write> void write_output(Write write) {
 }
 
 /** Ids of "a, b", each a known effect. */
-std::vector<std::string> effect_ids(const std::vector<std::string> &texts) {
+std::vector<std::string> effect_ids(const std::vector<std::string> &texts,
+                                    const std::vector<clspeckle::Hypothesis> &hypotheses) {
     std::vector<std::string> known, result;
+    for (const clspeckle::Hypothesis &hypothesis : hypotheses)
+        known.push_back(hypothesis.id);
     for (const ClspEffectInfo &effect : effect_catalogue())
         known.emplace_back(effect.id);
     for (const std::string &text : texts)
@@ -86,7 +89,10 @@ clspeckle::Diagnosis diagnose_or_compare(const clspeckle::Context &context, cons
         // Source that does not compile is the user's input, not a fault of the device.
         if (error.status() != CLSP_ERROR_BUILD || options.hypotheses.empty())
             throw;
-        throw InputError(error.message() + (error.build_log().empty() ? "" : "\n" + error.build_log()));
+        constexpr std::size_t most = 4000;
+        const std::string log = error.build_log();
+        throw InputError(error.message() + (log.empty() ? "" : "\n" + log.substr(0, most)) +
+                         (log.size() > most ? " ..." : ""));
     }
 }
 
@@ -103,10 +109,10 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
             "--html -: the page is written to a file, for a browser to open; name one, for example --html report.html");
     if (!arguments.html.empty())
         check_writable(arguments.html);
-    std::vector<std::string> without = effect_ids(arguments.without);
     std::vector<clspeckle::Hypothesis> hypotheses;
     for (const std::string &path : arguments.hypotheses)
         hypotheses.push_back(read_hypothesis(path));
+    std::vector<std::string> without = effect_ids(arguments.without, hypotheses);
     const auto capture = clspeckle::Capture::open(arguments.folder);
     warn_of_capture(capture, console);
     clspeckle::Capture sim;

@@ -108,13 +108,18 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
     return by_extension.begin()->second;
 }
 
-/** JSON leaves open which of two equal keys counts, so neither is taken. */
-Json::parser_callback_t refuse_double_keys(const std::string &path) {
+/** Deeper than anything that is meant, and far from what the stack holds. */
+constexpr int most_levels = 100;
+
+/** JSON leaves open which of two equal keys counts, so neither is taken; nor is a file of nothing but brackets. */
+Json::parser_callback_t refuse_bad_structure(const std::string &path) {
     struct Level {
         std::set<std::string> keys;
         std::string last;
     };
-    return [path, levels = std::vector<Level>()](int, Json::parse_event_t event, Json &parsed) mutable {
+    return [path, levels = std::vector<Level>()](int depth, Json::parse_event_t event, Json &parsed) mutable {
+        if (depth > most_levels)
+            throw InputError(fmt::format("{}: is nested more than {} levels deep", path, most_levels));
         if (event == Json::parse_event_t::object_start) {
             levels.emplace_back();
         } else if (event == Json::parse_event_t::object_end) {
@@ -141,7 +146,7 @@ Json read_json(const std::string &path) {
     std::string text(static_cast<std::size_t>(file.size()), '\0');
     file.read(text.data(), text.size());
     try {
-        return Json::parse(text, refuse_double_keys(path));
+        return Json::parse(text, refuse_bad_structure(path));
     } catch (const Json::exception &error) {
         std::string what = error.what();
         const std::size_t bracket = what.find("] ");

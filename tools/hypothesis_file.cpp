@@ -8,7 +8,10 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -29,13 +32,25 @@ constexpr Point points[] = {{"irradiance", CLSP_HYPOTHESIS_IRRADIANCE},
                             {"codes", CLSP_HYPOTHESIS_CODES}};
 
 constexpr std::size_t most_letters = sizeof(ClspDiagnosisRanked::effect) - 1;
+constexpr std::size_t most_name = sizeof(ClspEffectParameter::name) - 1;
+constexpr std::size_t most_unit = sizeof(ClspEffectParameter::unit) - 1;
+constexpr std::uintmax_t most_source_bytes = 1 << 20;
 
 const std::vector<std::string> file_keys = {"id", "stage", "summary", "point", "parameters", "opencl"};
 const std::vector<std::string> parameter_keys = {"weak", "strong", "minimum", "maximum", "unit"};
 
+/** What was given, for a message: briefly, and nothing that a terminal would obey. */
+std::string shown(const Json &value) {
+    if (value.is_object() || value.is_array())
+        return value.is_object() ? "an object" : "an array";
+    constexpr std::size_t most = 60;
+    const std::string text = value.dump(-1, ' ', true);
+    return text.size() > most ? text.substr(0, most) + " ..." : text;
+}
+
 void check_keys(const Json &object, const std::vector<std::string> &known, const std::string &where) {
     if (!object.is_object())
-        throw InputError(fmt::format("{} must be an object, got {}", where, object.dump()));
+        throw InputError(fmt::format("{} must be an object, got {}", where, shown(object)));
     for (const auto &[key, value] : object.items())
         if (std::find(known.begin(), known.end(), key) == known.end())
             throw InputError(fmt::format("{}: unknown key \"{}\"; the nearest known key is \"{}\"", where, key,
@@ -49,9 +64,11 @@ std::string text_of(const Json &object, const char *key, const char *otherwise, 
         return otherwise;
     if (found == object.end())
         throw InputError(fmt::format("{}: \"{}\" is missing", where, key));
-    if (!found->is_string() || found->get<std::string>().find('\0') != std::string::npos)
-        throw InputError(fmt::format("{}: \"{}\" must be text, got {}", where, key, found->dump()));
-    return found->get<std::string>();
+    const std::string text = found->is_string() ? found->get<std::string>() : "";
+    if (!found->is_string() || std::any_of(text.begin(), text.end(), [](unsigned char c) { return c < 0x20; }))
+        throw InputError(
+            fmt::format("{}: \"{}\" must be text without control characters, got {}", where, key, shown(*found)));
+    return text;
 }
 
 double number_of(const Json &object, const char *key, const std::string &where) {
@@ -59,7 +76,7 @@ double number_of(const Json &object, const char *key, const std::string &where) 
     if (found == object.end())
         throw InputError(fmt::format("{}: \"{}\" is missing", where, key));
     if (!found->is_number())
-        throw InputError(fmt::format("{}: \"{}\" must be a number, got {}", where, key, found->dump()));
+        throw InputError(fmt::format("{}: \"{}\" must be a number, got {}", where, key, shown(*found)));
     return found->get<double>();
 }
 
@@ -68,6 +85,9 @@ clspeckle::HypothesisParameter parameter_of(const std::string &name, const Json 
     clspeckle::HypothesisParameter result;
     result.name = name;
     result.unit = text_of(object, "unit", "1", where);
+    if (name.size() > most_name || result.unit.size() > most_unit)
+        throw InputError(fmt::format("{}: its name has {} bytes and its unit {}, they may have {} and {}", where,
+                                     name.size(), result.unit.size(), most_name, most_unit));
     result.weak = number_of(object, "weak", where);
     result.strong = number_of(object, "strong", where);
     // Without a range it ends twice the difference beyond weak and strong, or at 0 if both lie on one side of it.
@@ -81,13 +101,25 @@ clspeckle::HypothesisParameter parameter_of(const std::string &name, const Json 
 }
 
 std::string source_of(const fs::path &path, const std::string &where) {
-    std::error_code ignored;
+    const auto complain = [&](const std::string &why) {
+        throw InputError(fmt::format("{}: the OpenCL source {} cannot be read: {}", where, path.string(), why));
+    };
+    std::error_code code;
+    if (!fs::exists(path, code))
+        complain("it does not exist");
+    if (!fs::is_regular_file(path, code))
+        complain("it is no file");
+    if (fs::file_size(path, code) > most_source_bytes)
+        complain(fmt::format("it has more than {} bytes", most_source_bytes));
+    errno = 0;
     std::ifstream file(path, std::ios::binary);
-    if (!fs::is_regular_file(path, ignored) || !file)
-        throw InputError(fmt::format("{}: the OpenCL source {} cannot be read", where, path.string()));
     std::string text(std::istreambuf_iterator<char>(file), {});
+    if (!file.is_open() || file.bad())
+        complain(errno ? std::strerror(errno) : "the system gives no reason");
     if (text.find('\0') != std::string::npos)
-        throw InputError(fmt::format("{}: {} is no text", where, path.string()));
+        complain("it is no text");
+    if (text.empty())
+        complain("it is empty");
     return text;
 }
 
@@ -122,8 +154,6 @@ clspeckle::Hypothesis read_hypothesis(const std::string &path) {
     for (const auto &[name, value] : parameters->items())
         result.parameters.push_back(parameter_of(name, value, fmt::format("{}: the parameter \"{}\"", path, name)));
     result.opencl_source = source_of(fs::path(path).parent_path() / text_of(root, "opencl", nullptr, path), path);
-    if (result.opencl_source.empty())
-        throw InputError(fmt::format("{}: the OpenCL source is empty", path));
     return result;
 }
 

@@ -9,14 +9,24 @@
 #include <cstddef>
 #include <fmt/core.h>
 #include <set>
+#include <sstream>
 #include <string>
 #include <utility>
 
 namespace clsp {
 namespace {
 
-constexpr const char *kFile = "hypothesis.cl", *kHeader = "hypothesis_source.h";
-constexpr std::size_t kMostValues = 4; // of the kernel's float4
+constexpr const char *kRoot = "hypothesis_source.cl"; // generated
+constexpr std::size_t kMostValues = 4;                // of the kernel's float4
+
+// Of C99 and OpenCL C 1.2, as far as a parameter may be called so.
+const std::set<std::string> kReserved = {
+    "auto",    "bool",      "break",      "case",      "char",     "const",   "constant",  "continue", "default",
+    "do",      "double",    "else",       "enum",      "event_t",  "extern",  "float",     "for",      "global",
+    "goto",    "half",      "if",         "image2d_t", "inline",   "int",     "kernel",    "local",    "long",
+    "private", "read_only", "read_write", "register",  "restrict", "return",  "sampler_t", "short",    "signed",
+    "size_t",  "sizeof",    "static",     "struct",    "switch",   "typedef", "uchar",     "uint",     "ulong",
+    "union",   "unsigned",  "ushort",     "void",      "volatile", "while",   "write_only"};
 
 bool is_identifier(const std::string &name) {
     const auto letter = [](unsigned char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
@@ -25,26 +35,56 @@ bool is_identifier(const std::string &name) {
            std::all_of(name.begin(), name.end(), [&](unsigned char c) { return letter(c) || digit(c); });
 }
 
-std::string generated_header(const Hypothesis &hypothesis) {
+bool includes_files(const std::string &source) {
+    std::istringstream lines(source);
+    for (std::string line; std::getline(lines, line);) {
+        std::size_t i = line.find_first_not_of(" \t");
+        if (i == std::string::npos || line[i] != '#')
+            continue;
+        i = line.find_first_not_of(" \t", i + 1);
+        if (i != std::string::npos && line.compare(i, 7, "include") == 0)
+            return true;
+    }
+    return false;
+}
+
+// The caller's text comes last: its macros change nothing of ours, and a function with other arguments than declared is
+// reported in its own line.
+std::string program_of(const Hypothesis &hypothesis) {
     std::string members, places;
     for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i) {
         members += fmt::format(" float {};", hypothesis.parameters[i].name);
         places += fmt::format("{}(values).s{}", i ? ", " : "", i);
     }
-    return fmt::format("typedef struct {{{} }} hypothesis_values;\n"
-                       "#define HYPOTHESIS_VALUES(values) {{{}}}\n"
-                       "#line 1 \"{}\"\n{}\n",
-                       members, places, hypothesis.id, hypothesis.opencl_source);
+    constexpr const char *kByteOrderMark = "\xef\xbb\xbf";
+    const std::string &source = hypothesis.opencl_source;
+    return fmt::format("#include \"hypothesis.h\"\n"
+                       "#line 1 \"parameters of {0}\"\n"
+                       "typedef struct {{{1} }} hypothesis_values;\n"
+                       "#define HYPOTHESIS_VALUES(values) {{{2}}}\n"
+                       "#include \"hypothesis.cl\"\n"
+                       "#line 1 \"{0}\"\n{3}\n",
+                       hypothesis.id, members, places,
+                       source.compare(0, 3, kByteOrderMark) == 0 ? source.substr(3) : source);
+}
+
+// FNV-1a, folded to 16 bits: random numbers of a hypothesis do not depend on which others are there.
+std::uint32_t number_of(const std::string &id) {
+    std::uint32_t hash = 0x811c9dc5u;
+    for (const unsigned char c : id)
+        hash = (hash ^ c) * 0x01000193u;
+    return (hash >> 16) ^ (hash & 0xffffu);
 }
 
 // A frame's two images on the device, and the kernel between them.
 class Pass {
   public:
-    Pass(std::shared_ptr<Context> context, const Hypothesis &hypothesis, std::uint32_t number)
-        : context_(std::move(context)), queue_(context_->cl_context(), context_->device()), number_(number) {
-        const ProgramCache::GeneratedHeader header{kHeader, generated_header(hypothesis)};
+    Pass(std::shared_ptr<Context> context, const Hypothesis &hypothesis)
+        : context_(std::move(context)), queue_(context_->cl_context(), context_->device()),
+          number_(number_of(hypothesis.id)) {
+        const ProgramCache::GeneratedHeader program{kRoot, program_of(hypothesis)};
         try {
-            kernel_ = context_->kernel(kFile, "hypothesis_apply", {}, &header);
+            kernel_ = context_->kernel(kRoot, "hypothesis_apply", {}, &program);
         } catch (const Error &error) {
             if (error.status() != Status::kBuild)
                 throw;
@@ -115,11 +155,16 @@ void check_opencl_hypothesis(const Hypothesis &hypothesis) {
     if (hypothesis.parameters.size() > kMostValues)
         complain(
             fmt::format("has {} parameters, OpenCL source can have {}", hypothesis.parameters.size(), kMostValues));
+    if (includes_files(hypothesis.opencl_source))
+        complain("has OpenCL source that includes files; it must stand alone, put their text into it");
     std::set<std::string> names;
     for (const HypothesisParameter &parameter : hypothesis.parameters) {
         if (!is_identifier(parameter.name))
             complain(fmt::format("has the parameter \"{}\"; in OpenCL source it must be a name of letters, digits and "
                                  "'_' that begins with no digit",
+                                 parameter.name));
+        if (kReserved.count(parameter.name))
+            complain(fmt::format("has the parameter \"{}\", a word of OpenCL C's own; give it another name",
                                  parameter.name));
         if (!names.insert(parameter.name).second)
             complain(fmt::format("has two parameters with the name \"{}\"; give each its own", parameter.name));
@@ -127,8 +172,8 @@ void check_opencl_hypothesis(const Hypothesis &hypothesis) {
 }
 
 std::function<void(const HypothesisFrame &)> opencl_hypothesis(std::shared_ptr<Context> context,
-                                                               const Hypothesis &hypothesis, std::uint32_t number) {
-    const auto pass = std::make_shared<Pass>(std::move(context), hypothesis, number);
+                                                               const Hypothesis &hypothesis) {
+    const auto pass = std::make_shared<Pass>(std::move(context), hypothesis);
     return [pass, count = hypothesis.parameters.size()](const HypothesisFrame &frame) { pass->run(frame, count); };
 }
 

@@ -4,7 +4,6 @@
 #include "runtime/context.hpp"
 #include "simulator/simulator.hpp"
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 
@@ -13,9 +12,9 @@ namespace clsp {
 // Throws kInvalidArgument unless the hypothesis has source that can be tried, and names of parameters that can stand in it.
 void check_opencl_hypothesis(const Hypothesis &hypothesis);
 
-// Compiles the source; what it does to a frame. number: the hypothesis's place in its list, which gives it random numbers
-// of its own. Throws kBuild with the compiler's log. The function is for one thread at a time and waits for the device.
+// Compiles the source; what it does to a frame. Throws kBuild with the compiler's log. The function is for one thread at a
+// time and waits for the device.
 std::function<void(const HypothesisFrame &)> opencl_hypothesis(std::shared_ptr<Context> context,
-                                                               const Hypothesis &hypothesis, std::uint32_t number);
+                                                               const Hypothesis &hypothesis);
 
 } // namespace clsp

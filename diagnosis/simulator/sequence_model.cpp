@@ -124,12 +124,12 @@ void check_hypotheses(const std::vector<Hypothesis> &hypotheses) {
             const bool finite = std::isfinite(p.minimum) && std::isfinite(p.maximum) && std::isfinite(p.weak) &&
                                 std::isfinite(p.strong);
             const auto within = [&](double value) { return value >= p.minimum && value <= p.maximum; };
-            if (p.name.empty() || !finite || !(p.minimum <= p.maximum) || !within(p.weak) || !within(p.strong))
+            if (p.name.empty() || !finite || !(p.minimum < p.maximum) || !within(p.weak) || !within(p.strong))
                 throw Error(
                     Status::kInvalidArgument,
                     fmt::format(
                         "parameter \"{}\" of the hypothesis \"{}\" has minimum {}, maximum {}, weak {}, strong {}; "
-                        "it needs a name, and weak and strong within minimum and maximum, all finite",
+                        "it needs a name, a minimum below the maximum, and weak and strong within minimum and maximum, all finite",
                         p.name, h.id, p.minimum, p.maximum, p.weak, p.strong));
         }
     }

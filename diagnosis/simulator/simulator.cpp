@@ -13,6 +13,7 @@
 #include <cmath>
 #include <fmt/core.h>
 #include <list>
+#include <new>
 #include <numeric>
 #include <utility>
 
@@ -144,6 +145,10 @@ struct Simulator::Implementation {
                 a.hypothesis->apply({&layout, sequence, frame, seed, a.values, values});
             } catch (const Error &error) {
                 throw Error(error.status(), fmt::format("{} failed: {}", where(), error.what()), error.opencl_code());
+            } catch (const cl::Error &error) { // the device's failure, not the caller's
+                throw from_opencl(error.err(), error.what());
+            } catch (const std::bad_alloc &) {
+                throw;
             } catch (const std::exception &error) {
                 throw Error(Status::kInvalidData, fmt::format("{} failed: {}", where(), error.what()));
             } catch (...) {
@@ -230,9 +235,9 @@ Simulator::Simulator(std::shared_ptr<Context> context, const CaptureLayout &layo
         throw Error(Status::kInvalidArgument, "context is NULL; a simulator needs one");
     check_layout(layout);
     check_hypotheses(hypotheses);
-    for (std::size_t i = 0; i < hypotheses.size(); ++i)
-        if (!hypotheses[i].apply)
-            hypotheses[i].apply = opencl_hypothesis(context, hypotheses[i], static_cast<std::uint32_t>(i));
+    for (Hypothesis &hypothesis : hypotheses)
+        if (!hypothesis.apply)
+            hypothesis.apply = opencl_hypothesis(context, hypothesis);
     implementation_ = std::make_unique<Implementation>(std::move(context), layout, std::move(hypotheses));
 }
 

@@ -135,6 +135,10 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
     assert both.json()["cause"]["effects"] == ["ramp"]
     message = refused("diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "own/ramp.json", *QUICK)
     assert 'two hypotheses have the id "ramp"' in message
+    without = ok("diagnose", "set", "--hypothesis", "own/ramp.json", "--without", "ramp", "--json", "-", *QUICK).json()
+    assert "ramp" not in {entry["effect"] for entry in without["cause"]["ranking"]}
+    (tmp_path / "deep.json").write_text("[" * 200000 + "]" * 200000)
+    assert "nested more than 100 levels deep" in refused("diagnose", "set", "--hypothesis", "deep.json", *QUICK)
     write_hypothesis(tmp_path / "broken", RAMP.replace("values.slope", "slop"))
     message = refused("diagnose", "set", "--hypothesis", "broken/ramp.json", *QUICK)
     assert 'the OpenCL source of the hypothesis "ramp" does not build' in message
@@ -146,7 +150,7 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
     [
         ({"id": "two words"}, "it must be 1 to 31 letters, digits"),
         ({"id": None}, '"id" is missing'),
-        ({"id": 3}, '"id" must be text, got 3'),
+        ({"id": 3}, '"id" must be text without control characters, got 3'),
         ({"id": "gamma"}, "id of an effect of the catalogue"),
         ({"stage": "optic"}, 'is "optic", it must be laser, doe'),
         ({"stage": None}, '"stage" is missing'),
@@ -159,8 +163,13 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
         ({"parameters": {"slope": {"weak": 1, "strong": 2, "least": 0}}}, 'unknown key "least"'),
         ({"parameters": {"slope": {"weak": 1, "strong": 2, "minimum": 1.5}}}, "weak and strong within minimum and maximum"),
         ({"parameters": {"a slope": {"weak": 1, "strong": 2}}}, "letters, digits and '_'"),
-        ({"opencl": "nowhere.cl"}, "nowhere.cl cannot be read"),
-        ({"opencl": "."}, "cannot be read"),
+        ({"opencl": "nowhere.cl"}, "nowhere.cl cannot be read: it does not exist"),
+        ({"opencl": "."}, "cannot be read: it is no file"),
+        ({"stage": "op\x1btics"}, "without control characters"),
+        ({"parameters": {"a" * 32: {"weak": 1, "strong": 2}}}, "its name has 32 bytes"),
+        ({"parameters": {"slope": {"weak": 1, "strong": 2, "unit": "u" * 16}}}, "its unit 16"),
+        ({"parameters": {"slope": {"weak": 1, "strong": 1, "minimum": 1, "maximum": 1}}}, "a minimum below the maximum"),
+        ({"parameters": {"slope": {"weak": [1], "strong": 1}}}, '"weak" must be a number, got an array'),
         ({"opencl": None}, '"opencl" is missing'),
         ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest known key is "opencl"'),
     ],

@@ -250,7 +250,23 @@ TEST_F(Diagnosis, HypothesisAsOpenclSource) {
     EXPECT_NEAR(fitted[0].value, 20.0 / 300.0, 0.003);
     EXPECT_EQ(fitted[0].value, fitted[1].value);
     EXPECT_EQ(p_values[0], p_values[1]);
+    // As a program has it that knows of no source: without the last member.
     RampCalls calls;
+    const ClspEffectParameter parameter = slope();
+    ClspHypothesis old{};
+    ASSERT_CLSP_OK(clspHypothesisInit(&old, offsetof(ClspHypothesis, opencl_source)));
+    const ClspHypothesis now = ramp_hypothesis(parameter, calls);
+    std::memcpy(&old.point, &now.point, offsetof(ClspHypothesis, opencl_source) - offsetof(ClspHypothesis, point));
+    old.opencl_source = kRampSource; // behind its end: not looked at
+    const ClspHypothesis *list[] = {&old};
+    ClspDiagnoseDesc desc = quick_desc();
+    desc.hypotheses = list;
+    desc.hypothesis_count = 1;
+    ClspDiagnosis made = nullptr;
+    ASSERT_CLSP_OK(clspDiagnose(context, capture, &desc, &made));
+    EXPECT_CLSP_OK(clspDiagnosisRelease(made));
+    EXPECT_GT(calls.frames, 0u);
+    calls.frames = 0;
     options.hypotheses.front().opencl_source.clear();
     options.hypotheses.front().apply = [&](const ClspHypothesisFrame &frame) { add_ramp(&calls, &frame); };
     const auto by_function = clspeckle::diagnose(context, capture, options);

@@ -105,15 +105,19 @@ template <typename Expected> void expect_codes(const Codes &codes, Expected expe
 
 // Against Philox and Box-Muller on the host.
 TEST_F(OpenclHypothesis, HasRandomNumbersOfItsOwn) {
-    const auto drawn = [&](const std::string &expression, std::size_t sequence, bool second = false) {
-        std::vector<Hypothesis> list = {
-            from_source("noise", HypothesisPoint::kCodes, returning("512.0f + 100.0f * " + expression))};
-        if (second)
-            list.insert(list.begin(), from_source("first", HypothesisPoint::kCodes, returning("0.0f")));
-        Simulator simulator(context, small_layout(), list);
-        return draw(simulator, sequence, {{"noise", {0.0, 0.0}}}, kLevels, (std::uint64_t{5} << 32) + 7);
+    const auto drawn = [&](const std::string &expression, std::size_t sequence, const char *id = "noise") {
+        // Which others are there makes no difference.
+        Simulator simulator(context, small_layout(),
+                            {from_source("first", HypothesisPoint::kCodes, returning("0.0f")),
+                             from_source(id, HypothesisPoint::kCodes, returning("512.0f + 100.0f * " + expression))});
+        return draw(simulator, sequence, {{id, {0.0, 0.0}}}, kLevels, (std::uint64_t{5} << 32) + 7);
     };
-    const auto expected = [](std::uint32_t x, std::uint32_t y, std::uint32_t frame, std::uint32_t stream) {
+    std::uint32_t number = 0x811c9dc5u; // FNV-1a of "noise", folded
+    for (const char c : {'n', 'o', 'i', 's', 'e'})
+        number = (number ^ static_cast<std::uint32_t>(c)) * 0x01000193u;
+    number = (number >> 16 ^ number) & 0xffffu;
+    const auto expected = [&](std::uint32_t x, std::uint32_t row, std::uint32_t frame, std::uint32_t stream) {
+        const std::uint32_t y = row | number << 16;
         const auto words = host_block((std::uint64_t{5} << 32) + 7, {x, y, frame, stream});
         const double radius = std::sqrt(-2.0 * std::log((words[0] + 0.5) * 0x1p-32));
         return 512.0 + 100.0 * radius * std::cos(2.0 * kPi * words[1] * 0x1p-32);
@@ -123,13 +127,34 @@ TEST_F(OpenclHypothesis, HasRandomNumbersOfItsOwn) {
     expect_codes(codes, [&](auto x, auto y, auto f) { return expected(x, y, f, 0x63u | moving << 16); });
     expect_codes(drawn("hypothesis_fixed_normal(frame, x, y, 1)", kBoardMoving),
                  [&](auto x, auto y, auto) { return expected(x, y, 0, 0x71u); });
-    expect_codes(drawn("hypothesis_normal(frame, 0, y, 3)", kBoardMoving, true),
-                 [&](auto, auto y, auto f) { return expected(0, y | 1u << 16, f, 0x63u | moving << 16); });
+    expect_codes(drawn("hypothesis_normal(frame, 0, y, 3)", kBoardMoving),
+                 [&](auto, auto y, auto f) { return expected(0, y, f, 0x63u | moving << 16); });
     EXPECT_NE(codes, drawn("hypothesis_normal(frame, x, y, 3)", kDark));
     EXPECT_NE(codes, drawn("hypothesis_normal(frame, x, y, 2)", kBoardMoving));
-    EXPECT_NE(codes, drawn("hypothesis_normal(frame, x, y, 3)", kBoardMoving, true));
+    EXPECT_NE(codes, drawn("hypothesis_normal(frame, x, y, 3)", kBoardMoving, "noises"));
     EXPECT_EQ(drawn("hypothesis_fixed_normal(frame, x, y, 1)", kBoardMoving),
               drawn("hypothesis_fixed_normal(frame, x, y, 1)", kFlat));
+}
+
+TEST_F(OpenclHypothesis, MayBeWrittenAsUsual) {
+    const Codes plain = [&] {
+        Simulator simulator(context, small_layout(),
+                            {from_source("h", HypothesisPoint::kCodes, returning("300.0f + x * values.part"))});
+        return draw(simulator, kDark, {{"h", {0.5, 0.0}}});
+    }();
+    EXPECT_EQ(plain[10], 305);
+    for (const std::string &source :
+         {// Macros of the source are its own, whatever the library's kernel calls its things.
+          "#define width frame.width\n#define number 3\n#define changed 4\n#define seed 5\n#define get_global_id(i) "
+          "0\n" +
+              returning("300.0f + x * values.part + 0 * (width + number + changed + seed)"),
+          "\xef\xbb\xbf" + returning("300.0f + x * values.part"), // a byte order mark
+          std::string("constant float base = 300.0f;\r\nfloat helper(float a) { return base + a; }\r\n"
+                      "float hypothesis(hypothesis_frame f, hypothesis_values v, uint column, uint row) {\r\n"
+                      "    return helper(column * v.part);\r\n}\r\n// no line end")}) {
+        Simulator simulator(context, small_layout(), {from_source("h", HypothesisPoint::kCodes, source)});
+        EXPECT_EQ(plain, draw(simulator, kDark, {{"h", {0.5, 0.0}}})) << source;
+    }
 }
 
 TEST_F(OpenclHypothesis, SourceThatCannotBeUsedIsRefused) {
@@ -170,8 +195,15 @@ TEST_F(OpenclHypothesis, SourceThatCannotBeUsedIsRefused) {
     }
     bad.opencl_source = "float hypotesis(uint x) { return x; }";
     EXPECT_TRUE(contains(refused(bad, Status::kBuild), "it must define float hypothesis("));
-    bad.opencl_source = "#include \"nowhere.h\"\n" + good.opencl_source;
-    EXPECT_TRUE(contains(refused(bad, Status::kBuild), "nowhere.h"));
+    for (const char *line : {"#include \"philox.h\"\n", "  # include <stdio.h>\n"}) {
+        bad.opencl_source = line + good.opencl_source;
+        EXPECT_TRUE(contains(refused(bad, Status::kInvalidArgument), "must stand alone")) << line;
+    }
+    for (const char *name : {"constant", "global", "half", "float"}) {
+        bad = good;
+        bad.parameters[0].name = name;
+        EXPECT_TRUE(contains(refused(bad, Status::kInvalidArgument), "a word of OpenCL C's own")) << name;
+    }
     // What it computes is checked like what a function does.
     Simulator simulator(
         context, small_layout(),

@@ -88,6 +88,7 @@ def test_a_hypothesis_as_opencl_source(found: clspeckle.Diagnosis, context: clsp
     assert by_source.effects == ("ramp",)
     slopes = [diagnosis.ranking[0].parameters["slope"] for diagnosis in (by_source, found)]
     assert slopes[0] == pytest.approx(slopes[1], rel=1e-3)
+    assert clspeckle.Hypothesis("x", "optics", RAMP_SOURCE, {"seed": (1, 2)}), "no argument of a function"
     broken = clspeckle.Hypothesis("ramp", "optics", RAMP_SOURCE.replace("values.slope", "slop"), {"slope": (0.02, 0.2)})
     with pytest.raises(errors.BuildError, match='of the hypothesis "ramp" does not build') as caught:
         clspeckle.diagnose(codes(20), hypotheses=[broken], context=context, **QUICK)
@@ -299,7 +300,9 @@ def test_bad_arguments(
         ({"point": "code"}, errors.InvalidArgumentError, 'did you mean "codes"'),
         ({"apply": None}, TypeError, "function"),
         ({"apply": ""}, errors.InvalidArgumentError, "without anything in it"),
-        ({"apply": "float a;\0"}, errors.InvalidArgumentError, "apply"),
+        ({"apply": "float a;\0"}, errors.InvalidArgumentError, "source of the hypothesis .* null"),
+        ({"apply": "float \ud800"}, errors.InvalidArgumentError, "UTF-8"),
+        ({"apply": "float a;", "parameters": {"\u00e9": (1, 2)}}, errors.InvalidArgumentError, "OpenCL C"),
         ({"parameters": {}}, errors.InvalidArgumentError, "has 0 entries, expected 1 to 4"),
         ({"parameters": dict.fromkeys("abcde", (1, 2))}, errors.InvalidArgumentError, "has 5 entries"),
         ({"parameters": {"slope": (0, 0)}}, errors.InvalidArgumentError, "minimum below the maximum"),

@@ -128,7 +128,14 @@ class Hypothesis:
                 f"{_library.CLSP_MAX_EFFECT_PARAMETERS}: without a parameter there is nothing to fit"
             )
         for key, given in self.parameters.items():
-            if not isinstance(key, str) or not key.isidentifier() or key in _KEYWORDS:
+            if isinstance(self.apply, str) and not (isinstance(key, str) and key.isidentifier() and key.isascii()):
+                raise errors.InvalidArgumentError(
+                    f"the parameter {key!r} of the hypothesis {name!r} must be a name that OpenCL C can have: letters, "
+                    "digits and '_', no digit first"
+                )
+            if not isinstance(self.apply, str) and (
+                not isinstance(key, str) or not key.isidentifier() or key in _KEYWORDS
+            ):
                 raise errors.InvalidArgumentError(
                     f"the parameter {key!r} of the hypothesis {name!r} must be a name that `apply` can have as an "
                     f"argument, other than {', '.join(_KEYWORDS)}"
@@ -469,7 +476,11 @@ class _DiagnosisCall(Call):
         struct.parameters = parameters
         struct.parameter_count = len(names)
         if isinstance(hypothesis.apply, str):
-            struct.opencl_source = _check.no_null(hypothesis.apply.encode(), "apply")
+            what = f"the OpenCL source of the hypothesis {name!r}"
+            try:
+                struct.opencl_source = _check.no_null(hypothesis.apply.encode(), what)
+            except UnicodeEncodeError as error:
+                raise errors.InvalidArgumentError(f"{what} is no text that UTF-8 can hold: {error}") from None
         else:
             function = self._applier(hypothesis, hypothesis.apply, names)
             struct.apply = self.keep(_library.HYPOTHESIS_FUNCTION(function))
