@@ -46,6 +46,26 @@ bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places
     return 2 * seen >= compared;
 }
 
+// More of a statistic of dots, by that part of the worst deviation.
+constexpr double kClearPart = 0.2;
+bool dots_show_more(const std::vector<GapPlace> &places, const char *name, double least) {
+    return std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {
+        return place.statistic.name == name && place.z > kDeviations && place.z > least;
+    });
+}
+
+// Light where the pattern has none. What happens at the surface or in the laser takes the light of a pattern nowhere
+// else on average (but under the surface, which a board does not show).
+bool light_falls_between_dots(const std::vector<GapPlace> &places, double worst) {
+    return dots_show_more(places, "light_between_dots", kClearPart * worst);
+}
+
+// Some dots have no light, which lies nowhere else either: the pattern lacks them. Their width is that of noise.
+bool dots_are_missing(const std::vector<GapPlace> &places, double worst) {
+    return dots_show_more(places, "core_below_10_percent", kClearPart * worst) &&
+           !dots_show_more(places, "light_between_dots", 0.0);
+}
+
 // Wider dots by that part of the worst deviation: what lies between them may be their tails.
 constexpr double kWider = 0.2;
 bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
@@ -127,12 +147,16 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, co
         for (GapPlace &place : places)
             if (place.statistic.stage != "sensor" || place.statistic.name == "repeated_frames")
                 place.statistic.stage = "motion";
-    } else if (dots.differs && boards.recorded && !boards.differs)
+    } else if (dots.differs && boards.recorded && !boards.differs && dots_are_missing(places, worst))
+        set_stage(places, "doe", {"laser"});
+    else if (dots.differs && boards.recorded && !boards.differs)
         set_stage(places, "doe", {"doe", "laser", "optics"});
+    else if (dots.differs && boards.differs && light_falls_between_dots(places, worst))
+        set_stage(places, "optics", {"sensor"});
     else if (!alike.empty())
         set_stage(places, alike.c_str(), {});
     // One cause at a time: no pattern falls on the boards, and none makes dots wider.
-    if (boards.differs || (dots.differs && dots_are_wider(places, worst)))
+    if (boards.differs || (dots.differs && dots_are_wider(places, worst) && !dots_are_missing(places, worst)))
         for (GapPlace &place : places)
             if (place.statistic.stage == "doe")
                 place.statistic.stage = "optics";

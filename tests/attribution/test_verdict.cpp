@@ -161,6 +161,43 @@ TEST_F(Stages, DotsOnASurfaceThatAgrees) {
     EXPECT_EQ(placed("dots_moving", "laser", {{"dots_moving", 20.0}, {"dots_static", -12.0}}), "laser");
 }
 
+TEST_F(Stages, WhereTheLightOfAPatternLies) {
+    struct Deviation {
+        const char *sequence, *statistic, *stage;
+        double z;
+    };
+    const auto stages = [&](const std::vector<Deviation> &deviations, const std::string &alike) {
+        std::vector<GapPlace> places;
+        for (const Deviation &d : deviations) {
+            GapPlace place;
+            place.statistic.sequence = d.sequence;
+            place.statistic.name = d.statistic;
+            place.statistic.stage = d.stage;
+            place.z = d.z;
+            places.push_back(place);
+        }
+        place_stages(layout, places, alike);
+        std::vector<std::string> result;
+        for (const GapPlace &place : places)
+            result.push_back(place.statistic.stage);
+        return result;
+    };
+    using Names = std::vector<std::string>;
+    // Less contrast alone is like depolarization; with light between the dots it comes through the lens.
+    const Deviation contrast{"board_moving", "contrast", "surface", -90.0},
+        between{"dots_moving", "light_between_dots", "doe", 40.0}, little{"dots_moving", "light_between_dots", "doe", 9.0};
+    EXPECT_EQ(stages({contrast, {"dots_moving", "contrast", "surface", -70.0}}, "laser"), (Names{"laser", "laser"}));
+    EXPECT_EQ(stages({contrast, between}, "laser"), (Names{"optics", "optics"}));
+    EXPECT_EQ(stages({contrast, little}, "laser"), (Names{"laser", "laser"}));
+    EXPECT_EQ(stages({contrast, {"dots_moving", "light_between_dots", "doe", -40.0}}, "laser"), (Names{"laser", "laser"}));
+    // Dots without light have no width; dots that are spread lack light, too, but it lies beside them.
+    const Deviation empty{"dots_moving", "core_below_10_percent", "doe", 90.0},
+        width{"dots_moving", "dot_width", "optics", 95.0};
+    EXPECT_EQ(stages({width, empty}, ""), (Names{"doe", "doe"}));
+    EXPECT_EQ(stages({width, empty, between}, ""), (Names{"optics", "optics", "optics"}));
+    EXPECT_EQ(stages({width, {"dots_moving", "core_below_10_percent", "doe", 9.0}}, ""), (Names{"optics", "optics"}));
+}
+
 TEST_F(Stages, SmallDeviationsBesideLargeOnesRuleNothingOut) {
     // 6 deviations in the dark are a hundredth of what the boards show.
     const std::vector<std::pair<std::string, double>> z = {

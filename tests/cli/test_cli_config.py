@@ -215,7 +215,7 @@ BAD_CONFIGS = [
     ('{"render": {"seed": 1}, "render": {"frames": 2}}', ['"render" is given twice']),
     ("", ["is empty"]),
     ("\x00\x01", ["not valid JSON"]),
-    ("[" * 100000, ["not valid JSON"]),
+    ("[" * 100000, ["nested more than 100 levels deep"]),
 ]
 
 

@@ -96,7 +96,8 @@ def plot_parameters(rows: list[dict[str, Any]], path: Path) -> None:
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_ylim(0.3, 1.7)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
-    axes.set_ylabel("estimate / truth (red: interval misses)")
+    axes.set_ylabel("estimate / truth")
+    axes.set_title("Fitted parameters; red: the 95 % interval misses the truth", fontsize=9)
     figure.savefig(path, dpi=130)
     plt.close(figure)
 
