@@ -162,6 +162,8 @@ TEST_F(Stages, DotsOnASurfaceThatAgrees) {
 }
 
 TEST_F(Stages, WhereTheLightOfAPatternLies) {
+    layout.sequences = {sequence("board_moving", CaptureScene::kBoard, true),
+                        sequence("dots_moving", CaptureScene::kDots, true)};
     struct Deviation {
         const char *sequence, *statistic, *stage;
         double z;
