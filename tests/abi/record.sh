@@ -3,8 +3,8 @@
 # With no arguments it renews tests/abi/clspeckle.abi from the build in CLSPECKLE_BUILD_DIR, else build/; do that when a release adds to the
 # interface.
 set -euo pipefail
+root="$(cd "$(dirname "$0")/../.." && pwd)"
 if [ $# -eq 0 ]; then
-    root="$(cd "$(dirname "$0")/../.." && pwd)"
     build="${CLSPECKLE_BUILD_DIR:-$root/build}"
     cmake --build "$build" --target clspeckle_abi >/dev/null
     set -- "$build/abi/libclspeckle.so" "$root/tests/abi/clspeckle.abi"
@@ -12,4 +12,6 @@ fi
 # Only what the exported functions reach, and nothing of the machine that it was recorded on.
 abidw --exported-interfaces-only --no-show-locs \
       --no-corpus-path --no-comp-dir-path --no-elf-needed --type-id-style hash "$1" >"$2.part"
+# Some compiler launchers leave the source folder in the debug information.
+sed -i "s#path='$root/#path='#" "$2.part"
 mv "$2.part" "$2"
