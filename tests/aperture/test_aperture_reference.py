@@ -168,6 +168,39 @@ def test_oversampled_pupil(context, oversampling, diameter):
     )
 
 
+def over_pixels(samples, oversampling, side):
+    """Band-limited, periodic samples integrated over squares of `side` pixels around the pixels' centres, which lie
+    (oversampling - 1) / 2 samples beyond their first ones: exact, by the Fourier transform."""
+    spectrum = np.fft.fft2(samples)
+    for axis, count in enumerate(samples.shape):
+        f = np.fft.fftfreq(count)  # cycles per sample
+        transfer = np.sinc(side * oversampling * f) * np.exp(1j * np.pi * f * (oversampling - 1))
+        spectrum *= transfer[:, None] if axis == 0 else transfer
+    return np.fft.ifft2(spectrum).real[::oversampling, ::oversampling]
+
+
+@pytest.mark.parametrize("fill_factor", [0.25, 0.8, 1.0])
+@pytest.mark.parametrize(("oversampling", "diameter"), [(1, 0.3), (2, 0.55), (3, 0.8), (4, 1.1)])
+@pytest.mark.parametrize("degree_of_polarization", [0.3, 1.0])
+def test_light_over_a_pixels_area(context, measured, fill_factor, oversampling, diameter, degree_of_polarization):
+    """Everywhere, also where the area's samples lie beyond the border: the field is periodic. The taps come near the
+    exact integral (the largest error of a pixel, measured 3e-6 to 1.7e-3 of the mean for pupils of 0.27 to 0.3 cycles
+    per sample; wider ones are nearer to the end of what 7 or 8 taps can do). A border that is read wrong is off by
+    the mean itself."""
+    grid = phase.FieldGrid(36, 30, oversampling)
+    state = drawn_phase(context, grid)
+    irradiance = np.ones((30, 36), np.float32)
+    pupil = aperture.circle_pupil(grid, diameter)
+    images = [np.abs(np.fft.ifft2(aperture.spectrum(grid, irradiance, state.field(k)) * pupil)) ** 2 for k in (0, 1)]
+    p = degree_of_polarization
+    expected = over_pixels((1 + p) / 2 * images[0] + (1 - p) / 2 * images[1], oversampling, np.sqrt(fill_factor))
+    stage = make(context, grid, relative_diameter=diameter, degree_of_polarization=p, fill_factor=fill_factor)
+    assert (stage.info().grid_width, stage.info().grid_height) == (36 * oversampling, 30 * oversampling)
+    error = float(np.abs(stage.intensity(state, irradiance) - expected).max() / expected.mean())
+    measured("largest error", error)
+    assert error < 2.5e-3
+
+
 def test_relative_diameter_from_the_lens(context):
     """D = pixel_pitch / (wavelength f_number): 2.9 um at 940 nm and f/8 is 0.386."""
     grid = phase.FieldGrid(64, 64)
