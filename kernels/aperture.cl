@@ -65,11 +65,11 @@ __kernel void aperture_intensity(__global const sample_t *field, uint grid_width
         return;
     float sum = 0.0f;
 #if PIXEL_TAPS
-    // The taps are centred on the pixel; the field is periodic. Counting on: a division for each tap would take longer
+    // The taps are centred on the pixel; the field is periodic, and no narrower than they. Counting on: a division for each tap would take longer
     // than all else.
     const uint first = (PIXEL_TAPS - oversampling) / 2u;
-    const uint left = (x * oversampling + grid_width - first % grid_width) % grid_width;
-    uint row = (y * oversampling + grid_height - first % grid_height) % grid_height;
+    const uint left = (x * oversampling + grid_width - first) % grid_width;
+    uint row = (y * oversampling + grid_height - first) % grid_height;
     for (uint j = 0; j < PIXEL_TAPS; ++j) {
         __global const sample_t *line = field + (ulong)row * grid_width;
         uint column = left;

@@ -46,7 +46,7 @@ bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places
     return 2 * seen >= compared;
 }
 
-// More of a statistic of dots, by that part of the worst deviation.
+// Clearly more of a statistic: by that part of the worst deviation.
 constexpr double kClearPart = 0.2;
 bool dots_show_more(const std::vector<GapPlace> &places, const char *name, double least) {
     return std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {
@@ -66,14 +66,11 @@ bool dots_are_missing(const std::vector<GapPlace> &places, double worst) {
            !dots_show_more(places, "light_between_dots", 0.0);
 }
 
-// Wider dots by that part of the worst deviation: what lies between them may be their tails.
-constexpr double kWider = 0.2;
+// What lies between wider dots may be their tails.
 bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
-    return std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {
-        const std::string &name = place.statistic.name;
-        return (name == "dot_width" || name == "dot_width_x" || name == "dot_width_y") && place.z > kDeviations &&
-               place.z > kWider * worst;
-    });
+    return dots_show_more(places, "dot_width", kClearPart * worst) ||
+           dots_show_more(places, "dot_width_x", kClearPart * worst) ||
+           dots_show_more(places, "dot_width_y", kClearPart * worst);
 }
 
 // Resting light that changes as a whole: the frame's mean without its rows and columns; or, under a rolling shutter,

