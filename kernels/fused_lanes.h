@@ -38,13 +38,17 @@ typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
 #define shuffle_lanes(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 #define load_lanes_f(from) (*(__global const unaligned_lanes_f *)(from))
 #define load_lanes_u(from) (*(__global const unaligned_lanes_u *)(from))
+#define load_local_f(from) (*(__local const unaligned_lanes_f *)(from))
 #define store_lanes_f(values, to) (*(__global unaligned_lanes_f *)(to) = (values))
+#define store_local_f(values, to) (*(__local unaligned_lanes_f *)(to) = (values))
 #define store_lanes_u(values, to) (*(__global unaligned_lanes_u *)(to) = (values))
 #else
 #define shuffle_lanes(a, b, ...) shuffle2(a, b, (lanes_u)(__VA_ARGS__))
 #define load_lanes_f(from) vload_lanes(0, from)
 #define load_lanes_u(from) vload_lanes(0, from)
+#define load_local_f(from) vload_lanes(0, from)
 #define store_lanes_f(values, to) vstore_lanes(values, 0, to)
+#define store_local_f(values, to) vstore_lanes(values, 0, to)
 #define store_lanes_u(values, to) vstore_lanes(values, 0, to)
 #endif
 

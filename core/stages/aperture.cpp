@@ -2,6 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
+#include "runtime/fused_device.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/pixel_taps.hpp"
 
@@ -91,16 +92,17 @@ void Aperture::configure(const ApertureParameters &p) {
         fft_ = context_->fft(grid_.grid_width, grid_.grid_height, true);
 
     // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the
-    // samples' powers, and the first polarization's intensity, unless both are taken at once.
+    // samples' powers, and the first polarization's intensity, unless both are taken at once or add up in the powers.
     const std::uint64_t field_bytes = fused ? fused->lines_bytes() : grid_.samples() * sizeof(cl_float2);
     const std::uint64_t scratch_bytes = !fused          ? fft_->scratch_bytes()
                                         : sample_powers ? grid_.samples() * sizeof(float)
                                                         : 0;
     const std::uint64_t scratch_offset = aligned(field_bytes);
     const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
-    const std::uint64_t partial_bytes = p.degree_of_polarization < 1.0 && !(fused && fused->polarizations() == 2)
-                                            ? std::uint64_t{grid_.width} * grid_.height * sizeof(float)
-                                            : 0;
+    const std::uint64_t partial_bytes =
+        p.degree_of_polarization < 1.0 && !sample_powers && !(fused && fused->polarizations() == 2)
+            ? std::uint64_t{grid_.width} * grid_.height * sizeof(float)
+            : 0;
     const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
     DeviceBuffer workspace;
     if (p.workspace_from_host && field_() &&
@@ -119,10 +121,20 @@ void Aperture::configure(const ApertureParameters &p) {
         workspace = DeviceBuffer(context_, workspace_bytes);
     const std::string options = fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={} -DSAMPLE_POWERS={}",
                                             is_complex ? 1 : 0, tap_count, sample_powers ? 1 : 0);
+    // The pixels of powers in vectors, where a row's sums have room.
+    std::uint64_t row_bytes = 0;
+    if (sample_powers && tap_count > 0 && works_in_lanes(*context_))
+        row_bytes = (std::uint64_t{grid_.grid_width} + tap_count + fused_lanes(*context_)) * sizeof(float);
+    if (row_bytes > context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>())
+        row_bytes = 0;
     cl::Kernel apply, write, add;
     if (!fused)
         apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
-    if (!fused || sample_powers) {
+    if (row_bytes > 0) {
+        const std::string lanes = fmt::format("-DPIXEL_TAPS={} -DLANES={}", tap_count, fused_lanes(*context_));
+        write = context_->kernel("aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=0");
+        add = context_->kernel("aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=1");
+    } else if (!fused || sample_powers) {
         write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
         add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
     }
@@ -164,6 +176,7 @@ void Aperture::configure(const ApertureParameters &p) {
                                   grid_.grid_width, grid_.grid_height, decision.source));
     decision_ = std::move(decision);
     sample_powers_ = sample_powers;
+    row_bytes_ = row_bytes;
     complex_pupil_ = is_complex;
     tap_count_ = tap_count;
     apply_pupil_ = apply;
@@ -188,7 +201,8 @@ void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
     if (decision_.engine) {
         const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || field.weighs_polarizations() ? 2 : 1;
-        const bool one_pass = !exposure.adds && field.lines().size() == 1 && polarizations <= decision_.engine->polarizations();
+        const bool one_pass =
+            !exposure.adds && field.lines().size() == 1 && polarizations <= decision_.engine->polarizations();
         decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image,
                                   exposure.exposed ? &*exposure.exposed : nullptr, !exposure.exposed || !one_pass);
         return;
@@ -343,7 +357,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     const std::vector<LaserLine> &lines = field.lines();
     const std::uint32_t at_once = decision_.engine ? decision_.engine->polarizations() : 1;
     const std::size_t passes = lines.size() * (polarizations / at_once);
-    if (in_place && (exposure.adds || passes > (partial_() ? 2 : 1)))
+    if (in_place && (exposure.adds || (!sample_powers_ && passes > (partial_() ? 2 : 1))))
         throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
     prepare(phase, exposure); // a kernel that does not build leaves no frame half done
     field.enqueue_heights(chain, phase);
@@ -362,6 +376,16 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             };
             const cl_float weight = weight_of(k);
             const Weights weights{{weight, at_once == 2 ? weight_of(1) : 0.0f}};
+            if (sample_powers_) {
+                // Fields add up sample by sample; pixels are made of them once.
+                ImageView powers;
+                powers.mem = scratch_();
+                powers.pitch = grid_.grid_width;
+                decision_.engine->enqueue_intensity(chain, field_, weights, pass > 0 ? powers : ImageView{}, powers);
+                if (pass + 1 == passes)
+                    enqueue_pixels(chain, scratch_, 1.0f, exposure.adds ? intensity : ImageView{}, intensity);
+                continue;
+            }
             ImageView partial = intensity;
             if (in_place && passes > 1) {
                 partial.mem = partial_();
@@ -370,33 +394,42 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             }
             const bool adds = pass > 0 || exposure.adds;
             const ImageView &out = pass + 1 == passes ? intensity : partial;
-            if (decision_.engine && !sample_powers_) {
-                const ImageView before = adds ? partial : ImageView{};
+            const ImageView before = adds ? partial : ImageView{};
+            if (decision_.engine) {
                 if (exposure.exposed && pass + 1 == passes)
                     decision_.engine->enqueue_exposed(chain, field_, weights, before, *exposure.exposed);
                 else
                     decision_.engine->enqueue_intensity(chain, field_, weights, before, out);
                 continue;
             }
-            if (decision_.engine) {
-                ImageView powers;
-                powers.mem = scratch_();
-                powers.pitch = grid_.grid_width;
-                decision_.engine->enqueue_intensity(chain, field_, {{1.0, 0.0}}, {}, powers);
-            }
-            cl::Kernel &kernel = intensity_kernel(adds);
-            KernelArguments arguments(kernel);
-            arguments.add(decision_.engine ? scratch_ : field_)
-                .add(cl_uint{grid_.grid_width})
-                .add(cl_uint{grid_.oversampling})
-                .add(weight);
-            if (tap_count_ > 0)
-                arguments.add(cl_uint{grid_.grid_height}).add(taps_.get());
-            if (adds)
-                arguments.add(partial);
-            arguments.add(out).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
-            chain.run("intensity", kernel, grid_.width, grid_.height);
+            enqueue_pixels(chain, field_, weight, before, out);
         }
+}
+
+void Aperture::enqueue_pixels(CommandChain &chain, const cl::Buffer &samples, cl_float weight, const ImageView &before,
+                              const ImageView &intensity) {
+    cl::Kernel &kernel = before ? add_intensity_ : write_intensity_;
+    KernelArguments arguments(kernel);
+    if (row_bytes_ > 0) {
+        arguments.add(samples)
+            .add(cl_uint{grid_.grid_width})
+            .add(cl_uint{grid_.grid_height})
+            .add(cl_uint{grid_.oversampling})
+            .add(taps_.get());
+        if (before)
+            arguments.add(before);
+        arguments.add(intensity).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+        arguments.add(cl::Local(row_bytes_));
+        chain.run("intensity", kernel, grid_.height, 1, 1, 1);
+        return;
+    }
+    arguments.add(samples).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
+    if (tap_count_ > 0)
+        arguments.add(cl_uint{grid_.grid_height}).add(taps_.get());
+    if (before)
+        arguments.add(before);
+    arguments.add(intensity).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
+    chain.run("intensity", kernel, grid_.width, grid_.height);
 }
 
 void Aperture::enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity) {

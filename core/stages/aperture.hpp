@@ -96,10 +96,13 @@ class Aperture {
     // Parts of the work memory.
     void slice_workspace(const cl::Buffer &memory, std::uint64_t offset);
     cl::Kernel &pupil_kernel(bool shifted);
-    cl::Kernel &intensity_kernel(bool adds) { return adds ? add_intensity_ : write_intensity_; }
     // The field behind the lens, to the work memory: with the fused engine its kept lines.
     void enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
                        const Exposure &exposure, std::uint32_t polarization, std::size_t line);
+    // Pixels of samples: a field's, or with the fused engine the powers of all. before: what they are added to; may be
+    // empty, or the same pixels.
+    void enqueue_pixels(CommandChain &chain, const cl::Buffer &samples, cl_float weight, const ImageView &before,
+                        const ImageView &intensity);
 
     std::shared_ptr<Context> context_;
     ApertureParameters parameters_; // the pupil's image is in pupil_image_
@@ -113,6 +116,7 @@ class Aperture {
     std::shared_ptr<Fft> fft_; // where the decision has no engine of its own
     FusedDecision decision_;
     bool sample_powers_ = false; // the fused engine leaves the samples' powers in the scratch memory
+    std::uint64_t row_bytes_ = 0;  // and vectors make pixels of them, with that much local memory; 0: they do not
     DeviceBuffer pupil_, taps_;
     bool complex_pupil_ = false;
     std::uint32_t tap_count_ = 0;

@@ -1,6 +1,7 @@
 #include "stages/field.hpp"
 
 #include "runtime/checks.hpp"
+#include "runtime/fused_device.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
@@ -60,8 +61,8 @@ void Field::configure(const FieldParameters &p) {
         for (const Material &m : p.materials->materials()) {
             const double c = coherent_fraction(m.roughness_rms_m, p.wavelength_m);
             const double q = m.degree_of_polarization < 0.0 ? p.degree_of_polarization : m.degree_of_polarization;
-            for (const double value : {std::sqrt(1.0 - c), coherent_amplitude(c), std::sqrt(0.5 * (1.0 + q)),
-                                       std::sqrt(0.5 * (1.0 - q))})
+            for (const double value :
+                 {std::sqrt(1.0 - c), coherent_amplitude(c), std::sqrt(0.5 * (1.0 + q)), std::sqrt(0.5 * (1.0 - q))})
                 rows.push_back(static_cast<float>(value));
         }
         table = DeviceBuffer(context_, rows.size() * sizeof(float), rows.data());
@@ -69,7 +70,10 @@ void Field::configure(const FieldParameters &p) {
     std::vector<LaserLine> lines = laser_lines(p);
     const bool dephases = p.line_count > 1 && p.dephasing_rad > 0.0;
     if (dephases && !heights_) {
-        draw_heights_ = context_->kernel("surface_heights.cl", "surface_heights", "");
+        draws_in_lanes_ = works_in_lanes(*context_);
+        draw_heights_ = draws_in_lanes_ ? context_->kernel("surface_heights_lanes.cl", "surface_heights_lanes",
+                                                           fmt::format("-DLANES={}", fused_lanes(*context_)))
+                                        : context_->kernel("surface_heights.cl", "surface_heights", "");
         heights_ = DeviceBuffer(context_, grid_.samples() * sizeof(float));
     } else if (!dephases) {
         heights_ = {};
@@ -159,7 +163,10 @@ void Field::enqueue_heights(CommandChain &chain, const Phase &phase) {
         .add(frame_low(phase.epoch()))
         .add(frame_high(phase.epoch()))
         .add(heights_.get());
-    chain.run("field", draw_heights_, grid_.grid_width, quarter);
+    if (draws_in_lanes_)
+        chain.run("field", draw_heights_, quarter, 1, 1, 1);
+    else
+        chain.run("field", draw_heights_, grid_.grid_width, quarter);
     heights_epoch_ = phase.epoch();
 }
 

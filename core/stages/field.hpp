@@ -80,6 +80,7 @@ class Field {
     std::vector<LaserLine> lines_;
     DeviceBuffer table_;
     cl::Kernel draw_heights_;
+    bool draws_in_lanes_ = false;
     DeviceBuffer heights_;                       // on the field grid; empty where no line needs them
     std::optional<std::uint64_t> heights_epoch_; // of the phase, as they are
     BadPixelCounter bad_materials_;

@@ -126,7 +126,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
                        const FusedRequest &request)
     : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
       sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
-      tiles_(tiles_of(*context_, grid.grid_height, lanes_, request.two_polarizations && !sample_powers_)),
+      tiles_(tiles_of(*context_, grid.grid_height, lanes_, request.two_polarizations)),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
       column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
                                                                      fused_codelets(row_plan_, lanes_)},
