@@ -69,6 +69,18 @@ double EffectModel::difference(Eigen::Index strength, double part) const {
     return candidate.difference(s.parameter, s.strength) * (candidate.parameters[s.parameter].whole ? 1.0 : part);
 }
 
+double move_one(EffectModel &model, Eigen::Index strength, double part) {
+    const EffectSettings before = model.settings();
+    const double step = model.difference(strength, part);
+    double &moved = model.strengths[static_cast<std::size_t>(strength)].strength;
+    const double at = moved;
+    moved = at + step;
+    if (model.settings() != before)
+        return step;
+    moved = at - step; // at the end of its range
+    return -step;
+}
+
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
     double largest = 0.0;
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
@@ -98,15 +110,23 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
     return result;
 }
 
+Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change) {
+    Eigen::VectorXd result = kModelError * change;
+    for (Eigen::Index k = 0; k < change.size(); ++k)
+        if (list[static_cast<std::size_t>(k)].unit == "log")
+            result[k] = std::copysign(kModelError * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
+    return result;
+}
+
 Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
-                                    const Eigen::VectorXd &change) {
+                                    const Eigen::VectorXd &error) {
     const Covariance &covariance = model.full();
     Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
-    variance += model.coefficients(covariance, kModelError * change).cwiseAbs2();
-    for (Eigen::Index k = 0; k < change.size(); ++k)
+    variance += model.coefficients(covariance, error).cwiseAbs2();
+    for (Eigen::Index k = 0; k < error.size(); ++k)
         if (covariance.tolerance()[k] > 0.0)
             variance +=
-                model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(change.size(), k))
+                model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(error.size(), k))
                     .cwiseAbs2();
     return variance.cwiseSqrt();
 }

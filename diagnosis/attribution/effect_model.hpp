@@ -29,7 +29,7 @@ constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
 constexpr double kLeastGain = 14.0;
 // Where a residual remains, an effect must explain this part of what is beyond chance.
 constexpr double kLeastShare = 0.12;
-// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make.
+// Standard deviation of the simulator's error, relative to the change of a quantity that the effects make.
 constexpr double kModelError = 0.025;
 
 // A parameter of one of the model's effects and its strength.
@@ -63,6 +63,8 @@ struct EffectModel {
     }
 };
 
+// Moves a strength as far as a finite difference needs; how far that is.
+double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
 // A step of strengths, each bounded; the largest one.
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrongest);
 
@@ -76,17 +78,19 @@ struct FittedParameter {
 // many replicates.
 std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
                                                const Eigen::VectorXd &deviations, double replicates);
+// Standard deviation of the simulator's error in each statistic: a part of what the effects change. A logarithm that
+// changes by c is of a quantity that changes by 1 - exp(-c) of what it is then, and no more than that part of it is in
+// doubt. change: of the mean statistics by the effects.
+Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change);
 // Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of
-// the model do to it: of the size of all changes together, and of each statistic on its own. change: of the mean
-// statistics by the effects.
-Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
-                                    const Eigen::VectorXd &change);
+// the model do to it: of the size of all changes together, and of each statistic on its own. error: simulator_error().
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &error);
 
 // By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before
 // remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Neighbouring
-// frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not at
-// all or by f^2; and the first frame had one before it, which nobody recorded, or none. change: of the mean statistics
-// by the effects.
+// frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not
+// at all or by f^2; and the first frame had one before it, which nobody recorded, or none. change: of the mean
+// statistics by the effects.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
                                   const EffectSettings &effects, const Eigen::VectorXd &change);
 

@@ -18,25 +18,20 @@ constexpr std::size_t kMostRivals = 2;
 constexpr double kLeastRival = 0.5;
 constexpr int kExchangeRounds = 8;
 constexpr double kHopeless = 4.0; // after some rounds
+constexpr double kLeastRoundGain = 0.02;
 // Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
 constexpr std::size_t kMostAdded = 5;
-// A quick fit sees few random numbers, not always the same for both models: one that comes that near may be the better
-// one.
-constexpr double kWorthAFit = 1.5;
-// What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it.
+// A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
+// of a squared distance. And where much more is left, an exchange that takes away little of it explains nothing.
+constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
+// What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it, and after
+// that for replicates.
 constexpr double kLeastNeeded = 60.0;
 // An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
 // added: there a residual says that something is missing, here the best of many may have fitted noise.
 constexpr double kLeastWorth = 30.0;
 // A strength at which most effects do little.
 constexpr double kNothing = -0.4;
-
-// The squared distance that a fit leaves, by a covariance that need not be its own: those of two models differ by
-// chance, too.
-double square_by(const Covariance &covariance, const ModelFit &fits, const FittedModel &fitted) {
-    const Eigen::VectorXd difference = fits.experiment().real().mean() - fitted.model.full().mean();
-    return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
-}
 
 // An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
 // at the end. place: the number of effects where none goes.
@@ -139,9 +134,13 @@ std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
     return result;
 }
 
-// The squared distance that a few rounds of a fit reach, by common random numbers from the path's model, where it is
-// `now`.
-double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double now) {
+// What an exchange must leave to be worth a fit, where the squared distance is `now`.
+double worth_of(const ModelFit &fits, double now) {
+    return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.experiment().count());
+}
+
+// What a few rounds of a fit reach, by common random numbers from the path's model, whose squared distance is `now`.
+GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &path, double now) {
     const FittedModel &start = path.models.back();
     std::vector<Eigen::VectorXd> known(model.strengths.size());
     for (std::size_t p = 0; p < model.strengths.size(); ++p)
@@ -157,9 +156,8 @@ double quick_fit(ModelFit &fits, EffectModel &model, const Path &path, double no
     options.near = options.far = kNear;
     options.strongest = fits.strongest();
     options.hopeless = kHopeless * now;
-    GaussNewtonFit fit = gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
-    model = std::move(fit.model);
-    return fit.square;
+    options.least_gain = kLeastRoundGain;
+    return gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
 }
 
 // Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
@@ -184,30 +182,32 @@ void halve(EffectModel &model, std::size_t effect) {
 // The best of some moves, if one is nearly as good as what there is, or better: the model with it.
 const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
     const FittedModel &whole = path.models.back();
-    const double now = square_by(whole.model.full(), fits, whole);
-    std::vector<EffectModel> models(tried.size(), path.model);
-    std::vector<double> squares(tried.size(), 1e300);
+    const double now = fits.square_by(whole.model.full(), whole);
+    std::vector<GaussNewtonFit> reached(tried.size());
     fits.experiment().side_by_side(tried.size(), [&](std::size_t i) {
         const Move &move = tried[i];
         const bool adds = move.place == path.model.effects.size();
         const std::string what =
             "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
         fits.report(at, what + " for " + move.candidate->id);
-        EffectModel &model = models[i];
+        EffectModel model = path.model;
         if (move.shares)
             halve(model, move.place);
         if (const std::size_t out = goes_out(path, move, fits.options().max_effects); out < model.effects.size())
             model = model.without(out);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
-        possible([&] { squares[i] = quick_fit(fits, model, path, now) + (adds ? kLeastGain : 0.0); });
+        possible([&] {
+            reached[i] = quick_fit(fits, model, path, now);
+            reached[i].square += adds ? kLeastGain : 0.0;
+        });
     });
-    double best_square = kWorthAFit * now;
+    double best_square = worth_of(fits, now);
     const Move *chosen = nullptr;
     for (std::size_t i = 0; i < tried.size(); ++i) {
-        if (squares[i] >= best_square)
+        if (reached[i].square >= best_square)
             continue;
-        best_square = squares[i];
-        best = std::move(models[i]);
+        best_square = reached[i].square;
+        best = std::move(reached[i].model);
         chosen = &tried[i];
     }
     return chosen;
@@ -234,6 +234,13 @@ void note_rival(SearchStep &step, const std::string &effect, const FittedModel &
     weigh(step.ranking);
 }
 
+// A path's models before an effect, and none yet for those from there on.
+std::vector<FittedModel> models_until(const Path &path, std::size_t effect, std::size_t count) {
+    std::vector<FittedModel> result(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(effect));
+    result.resize(count);
+    return result;
+}
+
 bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
     const FittedModel &whole = path.models.back();
     Path other;
@@ -242,7 +249,12 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     other.model = std::move(model);
     FittedModel fitted;
     const Origin origin{whole.model.full(), path.pool};
-    if (!possible([&] { fitted = fits.fit(other.model, other.pool, fits.options().model_replicates, at, &origin); }))
+    FitOptions options;
+    options.replicates = fits.options().model_replicates;
+    options.from = options.to = at;
+    options.near = true;
+    options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
+    if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
         return false;
     if (fitted.residual.p_value <= kSeldom)
         fits.polish(other.model, other.pool, fitted, at);
@@ -277,13 +289,22 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     step.ranking.push_back(ranked);
     weigh(step.ranking);
     other.steps.push_back(std::move(step));
-    other.models.assign(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(begin));
-    if (!fits.fit_prefixes(other.model, begin, other.models, std::move(fitted), at))
-        return false;
-    for (std::size_t n = begin; n < other.models.size(); ++n)
-        other.steps[n].residual = other.models[n].residual;
+    other.models = models_until(path, begin, other.steps.size());
+    other.steps.back().residual = fitted.residual;
+    other.models.back() = std::move(fitted);
     path = std::move(other);
     return true;
+}
+
+// The changes by the strengths of all effects but one.
+Eigen::MatrixXd columns_without(const Path &path, std::size_t out) {
+    const Eigen::MatrixXd &all = path.models.back().jacobian;
+    Eigen::MatrixXd result(all.rows(), all.cols());
+    Eigen::Index columns = 0;
+    for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
+        if (path.model.strengths[p].effect != out)
+            result.col(columns++) = all.col(static_cast<Eigen::Index>(p));
+    return result.leftCols(columns);
 }
 
 // The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
@@ -293,12 +314,7 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
     const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
     const Change loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
                                         fits.options().pool_seeds);
-    Eigen::MatrixXd jacobian(whole.jacobian.rows(), static_cast<Eigen::Index>(others.strengths.size()));
-    Eigen::Index column = 0;
-    for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
-        if (path.model.strengths[p].effect != out)
-            jacobian.col(column++) = whole.jacobian.col(static_cast<Eigen::Index>(p));
-    return residual_square(whiten_columns(covariance, jacobian), covariance.whiten(loss.mean));
+    return residual_square(whiten_columns(covariance, columns_without(path, out)), covariance.whiten(loss.mean));
 }
 
 } // namespace
@@ -324,31 +340,32 @@ void prune(ModelFit &fits, Path &path, double at) {
         EffectModel others = path.model.without(out);
         Pool pool;
         FittedModel fitted;
-        std::vector<FittedModel> models;
         const auto explains = [&] {
             const FittedModel &whole = path.models.back();
-            const Origin origin{whole.model.full(), path.pool};
-            fitted = fits.fit(others, pool, fits.options().model_replicates, at, &origin);
             const Covariance &covariance = whole.model.full();
-            return !fitted.residual.detected &&
-                   square_by(covariance, fits, fitted) <= square_by(covariance, fits, whole) + kLeastWorth;
+            const double now = fits.square_by(covariance, whole);
+            const Origin origin{covariance, path.pool};
+            FitOptions options;
+            options.replicates = fits.options().model_replicates;
+            options.from = options.to = at;
+            options.known = columns_without(path, out);
+            options.worth = now + kLeastNeeded;
+            fitted = fits.fit(others, pool, options, &origin);
+            return !fitted.effects.empty() && !fitted.residual.detected &&
+                   fits.square_by(covariance, fitted) <= now + kLeastWorth;
         };
         bool needless = false;
         possible([&] { needless = loss_without(fits, path, out, others) <= kLeastNeeded && explains(); });
-        if (needless) {
-            models.assign(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(out));
-            needless = fits.fit_prefixes(others, out, models, std::move(fitted), at);
-        }
         if (!needless) {
             ++out;
             continue;
         }
         path.model = std::move(others);
         path.pool = std::move(pool);
-        path.models = std::move(models);
+        path.models = models_until(path, out, path.models.size() - 1);
         path.steps.erase(path.steps.begin() + static_cast<std::ptrdiff_t>(out));
-        for (std::size_t n = out; n < path.models.size(); ++n)
-            path.steps[n].residual = path.models[n].residual;
+        path.steps.back().residual = fitted.residual;
+        path.models.back() = std::move(fitted);
     }
 }
 

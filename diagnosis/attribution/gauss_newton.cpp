@@ -10,8 +10,8 @@ namespace {
 
 // A round is taken back where the squared distance grew by that factor.
 constexpr double kMuchWorse = 1.5;
-// So many rounds have a chance, however far they are.
-constexpr int kHopefulRounds = 2;
+// So many rounds have a chance, however far they are; and that many that gain nothing.
+constexpr int kHopefulRounds = 2, kIdleRounds = 2;
 
 // Broyden's update: the matrix nearest to the last one that tells what a step did.
 void update_secant(Eigen::MatrixXd &jacobian, const Eigen::VectorXd &moved, const Eigen::VectorXd &changed) {
@@ -32,14 +32,7 @@ std::vector<bool> concerned_sequences(Experiment &experiment, const std::string 
 Eigen::VectorXd slope(Experiment &experiment, const EffectModel &model, Eigen::Index p, const Pool &pool,
                       const GaussNewtonOptions &options) {
     EffectModel moved = model;
-    double &strength = moved.strengths[static_cast<std::size_t>(p)].strength;
-    const double at = strength;
-    double step = model.difference(p, options.part);
-    strength = at + step;
-    if (moved.settings() == pool.effects) { // at the end of its range
-        step = -step;
-        strength = at + step;
-    }
+    const double step = move_one(moved, p, options.part);
     return simulate_change(experiment, pool, moved.settings(), concerned_sequences(experiment, model.id_of(p)),
                            options.seed, options.seeds)
                .mean /
@@ -56,6 +49,7 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
         experiment.real().mean() - origin.covariance.mean() + origin.pool.mean(options.seeds);
     GaussNewtonFit best;
     Eigen::VectorXd best_mean, step;
+    int idle = 0;
     // The linear step from the best model, and the squared distance that it should leave.
     const auto solve = [&](GaussNewtonFit &fit, const Eigen::VectorXd &mean) {
         const Eigen::VectorXd target = origin.covariance.whiten(target_of_origin - mean);
@@ -89,6 +83,7 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
             });
         }
         solve(now, mean);
+        idle = now.square > (1.0 - options.least_gain) * best.square ? idle + 1 : 0;
         if (now.square > (secant ? 1.0 : kMuchWorse) * best.square) {
             // A step too far: what it told goes into the next one.
             if (!secant)
@@ -101,7 +96,8 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
             best = std::move(now);
             best_mean = mean;
         }
-        if (round >= kHopefulRounds && best.square > options.hopeless)
+        if ((round >= kHopefulRounds && best.square > options.hopeless) ||
+            (options.least_gain > 0.0 && idle == kIdleRounds))
             break;
         model = best.model;
         const double moved = move_strengths(model, step, options.strongest);

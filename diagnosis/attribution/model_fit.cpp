@@ -2,6 +2,7 @@
 
 #include "attribution/least_squares.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <numeric>
@@ -15,9 +16,14 @@ constexpr double kNoDoubt = 1e-9;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
 constexpr double kNothingMoved = 0.004, kFine = 0.15;
+// And one that takes less than that from the squared distance is not judged; nor one that takes less than that part of
+// what is beyond chance: where much is left, an effect is missing, and strengths are to be fitted once more.
+constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
 // Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
 constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
+// Captures by which parameters are measured in the end.
+constexpr std::size_t kParameterSeeds = 8;
 
 std::string label(const EffectSettings &effects) {
     std::string result;
@@ -93,6 +99,11 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
     return sum;
 }
 
+double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitted) const {
+    const Eigen::VectorXd difference = experiment_.real().mean() - fitted.model.full().mean();
+    return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
+}
+
 FittedModel ModelFit::fit_baseline(double to) {
     const std::vector<bool> all(experiment_.layout().sequences.size(), true);
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
@@ -112,15 +123,36 @@ FittedModel ModelFit::fit_baseline(double to) {
     return baseline;
 }
 
-FittedModel ModelFit::fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at, const Origin *origin) {
-    const Eigen::MatrixXd unknown(static_cast<Eigen::Index>(experiment_.count()), 0);
-    return fit(model, pool, unknown, replicates, at, at, origin);
-}
-
-FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates,
-                          double from, double to, const Origin *origin) {
-    return fit(model, pool, known, model.strengths.size() == 1 ? 1 : kGaussNewtonRounds, 1.0, replicates, from, to,
-               origin);
+FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &wanted, const Origin *origin) {
+    GaussNewtonOptions options;
+    options.seed = options_.seed;
+    options.seeds = options_.pool_seeds;
+    options.rounds = wanted.near || model.strengths.size() == 1 ? 1 : kGaussNewtonRounds;
+    options.secant_rounds = kSecantRounds;
+    options.part = wanted.part;
+    options.near = wanted.part * kNear;
+    options.far = wanted.part * kFar;
+    options.strongest = strongest_;
+    std::vector<Eigen::VectorXd> columns;
+    for (Eigen::Index p = 0; p < wanted.known.cols(); ++p)
+        columns.push_back(wanted.known.col(p));
+    const Origin baseline{baseline_.full(), baseline_pool_};
+    GaussNewtonFit reached = gauss_newton(experiment_, model, origin ? *origin : baseline, columns, options,
+                                          [&](Eigen::Index p) { report(wanted.from, "fitting " + model.id_of(p)); });
+    FittedModel fitted;
+    if (reached.square > wanted.worth)
+        return fitted;
+    model = std::move(reached.model);
+    pool = std::move(reached.pool);
+    fitted.effects = model.settings();
+    fitted.jacobian = std::move(reached.jacobian);
+    fitted.part = wanted.part;
+    fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
+    judge(fitted, {fitted.effects, pool.levels, {}}, std::min(wanted.replicates, options_.model_replicates),
+          wanted.from, wanted.to);
+    if (fitted.residual.p_value > kNoDoubt)
+        judge(fitted, fitted.model.replicates(), options_.model_replicates, wanted.from, wanted.to);
+    return fitted;
 }
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
@@ -129,11 +161,16 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
         return;
     Pool own;
     FittedModel again;
-    const Eigen::MatrixXd unknown(static_cast<Eigen::Index>(experiment_.count()), 0);
+    FitOptions fine;
+    // By as many replicates as the other one's: the score depends on how many there are.
+    fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+    fine.from = fine.to = at;
+    fine.near = true;
+    fine.part = kFine;
+    const double now = square_by(fitted.model.full(), fitted);
+    fine.worth = now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
     const Origin origin{fitted.model.full(), pool};
-    if (!possible([&] {
-            again = fit(moved, own, unknown, kGaussNewtonRounds, kFine, options_.model_replicates, at, at, &origin);
-        }) ||
+    if (!possible([&] { again = fit(moved, own, fine, &origin); }) || again.effects.empty() ||
         again.score >= fitted.score)
         return;
     model = std::move(moved);
@@ -141,44 +178,13 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     fitted = std::move(again);
 }
 
-// Strengths by Gauss-Newton rounds, then replicates at the fitted strengths and a last, linear step.
-FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, int rounds, double part,
-                          std::uint32_t replicates, double from, double to, const Origin *origin) {
-    GaussNewtonOptions options;
-    options.seed = options_.seed;
-    options.seeds = options_.pool_seeds;
-    options.rounds = rounds;
-    options.secant_rounds = kSecantRounds;
-    options.part = part;
-    options.near = part * kNear;
-    options.far = part * kFar;
-    options.strongest = strongest_;
-    std::vector<Eigen::VectorXd> columns;
-    for (Eigen::Index p = 0; p < known.cols(); ++p)
-        columns.push_back(known.col(p));
-    const Origin baseline{baseline_.full(), baseline_pool_};
-    GaussNewtonFit reached = gauss_newton(experiment_, model, origin ? *origin : baseline, columns, options,
-                                          [&](Eigen::Index p) { report(from, "fitting " + model.id_of(p)); });
-    model = std::move(reached.model);
-    pool = std::move(reached.pool);
-    FittedModel fitted;
-    fitted.effects = model.settings();
-    fitted.jacobian = std::move(reached.jacobian);
-    fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
-    judge(fitted, model, {fitted.effects, pool.levels, {}}, std::min(replicates, options_.model_replicates), from, to);
-    if (fitted.residual.p_value > kNoDoubt)
-        judge(fitted, model, fitted.model.replicates(), options_.model_replicates, from, to);
-    return fitted;
-}
-
-void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates replicates, std::uint32_t count,
-                     double from, double to) {
+void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to) {
     if (replicates.draws.size() >= count)
         return;
     replicate(replicates, count, from, to);
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
     const Eigen::VectorXd tolerance =
-        kModelError * fitted.change.cwiseAbs() +
+        simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
         reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.change);
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
@@ -187,26 +193,69 @@ void ModelFit::judge(FittedModel &fitted, const EffectModel &model, Replicates r
     fitted.step = step;
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(experiment_.real());
-    const Eigen::MatrixXd strays = fitted.model.strays(GapModel::Fit::kBoth);
-    Eigen::VectorXd strengths = step;
-    for (Eigen::Index p = 0; p < strengths.size(); ++p)
-        strengths[p] += model.strengths[static_cast<std::size_t>(p)].strength;
-    fitted.parameters = fitted_parameters(model, strengths, strength_deviations(fitted.model, strays, fitted.change),
-                                          static_cast<double>(strays.rows()));
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
 }
 
-bool ModelFit::fit_prefixes(const EffectModel &model, std::size_t begin, std::vector<FittedModel> &models,
-                            FittedModel last, double at) {
-    models.resize(begin);
-    for (std::size_t n = begin + 1; n < model.effects.size(); ++n) {
-        EffectModel part = model.first(n);
-        Pool pool;
-        if (!possible([&] { models.push_back(fit(part, pool, few_replicates(), at)); }))
-            return false;
+void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model, double at) {
+    const Replicates &replicates = fitted.model.replicates();
+    const std::size_t count = std::min(kParameterSeeds, replicates.draws.size());
+    std::vector<std::uint64_t> seeds(count);
+    std::iota(seeds.begin(), seeds.end(), options_.seed + 1); // those of the first replicates
+    Eigen::MatrixXd jacobian(fitted.jacobian.rows(), fitted.jacobian.cols());
+    for (Eigen::Index p = 0; p < jacobian.cols(); ++p) {
+        report(at, "measuring " + model.id_of(p));
+        EffectModel moved = model;
+        const double step = move_one(moved, p, fitted.part);
+        const EffectSettings settings = moved.settings();
+        std::vector<FoldStatistics> draws;
+        if (!possible([&] {
+                const std::vector<bool> shown = concerned(model.id_of(p));
+                const CalibratedLevels levels = experiment_.calibrate(settings, shown, &replicates.levels);
+                draws = experiment_.replicates(settings, levels, seeds, {});
+            })) {
+            jacobian.col(p) = fitted.jacobian.col(p); // the simulator does not go there
+            continue;
+        }
+        Eigen::MatrixXd slopes(jacobian.rows(), static_cast<Eigen::Index>(count));
+        for (std::size_t r = 0; r < count; ++r)
+            slopes.col(static_cast<Eigen::Index>(r)) = (draws[r].mean() - replicates.draws[r].mean()) / step;
+        const Eigen::ArrayXd mean = slopes.rowwise().mean().array();
+        const Eigen::ArrayXd error = (slopes.colwise() - mean.matrix()).array().square().rowwise().sum() /
+                                     static_cast<double>(count * (count - 1));
+        // What is no larger than its error says nothing, and would say it with a weight (James and Stein's estimate).
+        jacobian.col(p) = mean * (1.0 - error / mean.square().max(1e-300)).max(0.0);
     }
-    models.push_back(std::move(last));
-    return true;
+    const GapModel model_of_changes(experiment_, replicates, options_.residual_level, jacobian,
+                                    fitted.model.full().tolerance());
+    const Covariance &covariance = model_of_changes.full();
+    Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, experiment_.real().mean() - covariance.mean())
+                                    .cwiseMax(-kLargestStep)
+                                    .cwiseMin(kLargestStep);
+    for (Eigen::Index p = 0; p < strengths.size(); ++p)
+        strengths[p] += model.strengths[static_cast<std::size_t>(p)].strength;
+    const Eigen::MatrixXd strays = model_of_changes.strays(GapModel::Fit::kBoth);
+    fitted.parameters = fitted_parameters(
+        model, strengths,
+        strength_deviations(model_of_changes, strays, simulator_error(experiment_.list(), fitted.change)),
+        static_cast<double>(strays.rows()));
+}
+
+void ModelFit::complete(Path &path, const FittedModel &baseline, double at) {
+    const Eigen::MatrixXd &jacobian = path.models.back().jacobian;
+    for (std::size_t n = 0; n + 1 < path.models.size(); ++n) {
+        if (!path.models[n].effects.empty())
+            continue;
+        EffectModel part = path.model.first(n + 1);
+        Pool pool;
+        FitOptions options;
+        options.replicates = few_replicates();
+        options.from = options.to = at;
+        options.known = jacobian.leftCols(static_cast<Eigen::Index>(part.strengths.size()));
+        // What cannot be simulated without those that come after it does nothing without them.
+        if (!possible([&] { path.models[n] = fit(part, pool, options); }))
+            path.models[n] = n ? path.models[n - 1] : baseline;
+        path.steps[n].residual = path.models[n].residual;
+    }
 }
 
 } // namespace clsp

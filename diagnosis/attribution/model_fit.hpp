@@ -28,7 +28,7 @@ struct Path {
     std::map<const Candidate *, Eigen::VectorXd>
         looks; // each other effect's change of the statistics when it was last looked at
     std::vector<SearchStep> steps;
-    std::vector<FittedModel> models; // after each step
+    std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
     double progress = 0.0;
 };
 
@@ -36,6 +36,18 @@ struct Path {
 struct Differences {
     Eigen::VectorXd first, second;
     Eigen::VectorXd mean() const { return 0.5 * (first + second); }
+};
+
+// What a fit may go by. known: the changes by the model's first parameters when they were last fitted, for the first
+// round; may have no columns. replicates: that many judge the model, or all that the options of the search say where
+// they leave a doubt.
+struct FitOptions {
+    std::uint32_t replicates = 0;
+    double from = 0.0, to = 0.0; // of the progress
+    Eigen::MatrixXd known = {};
+    bool near = false;    // the strengths are near the right ones: one round with changes of its own does
+    double part = 1.0;    // of the usual finite differences
+    double worth = 1e300; // a fit that leaves a larger squared distance, by its origin's covariance, is not judged
 };
 
 class ModelFit {
@@ -57,27 +69,24 @@ class ModelFit {
     FittedModel fit_baseline(double to);
     // Half captures of the baseline: fit_baseline()'s common random numbers.
     const Pool &baseline_pool() const { return baseline_pool_; }
-    // The model's strengths and its pool. known: the changes by the model's first parameters when they were last
-    // fitted, for the first round; may have no columns. replicates: that many judge the model, or all that the options
-    // say where they leave a doubt. origin: null for the baseline.
-    FittedModel fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, std::uint32_t replicates, double from,
-                    double to, const Origin *origin = nullptr);
-    FittedModel fit(EffectModel &model, Pool &pool, std::uint32_t replicates, double at,
-                    const Origin *origin = nullptr);
+    // The model's strengths and its pool: by Gauss-Newton rounds, then replicates and a last, linear step. origin: null
+    // for the baseline. A fit that is not worth being judged has no effects.
+    FittedModel fit(EffectModel &model, Pool &pool, const FitOptions &options, const Origin *origin = nullptr);
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
-    void judge(FittedModel &fitted, const EffectModel &model, Replicates replicates, std::uint32_t count, double from,
-               double to);
+    void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
+    // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
+    // with. Where an effect is a few draws itself (power that flickers, air, hot pixels), two captures say of some
+    // statistics how they answer to these draws, not to the effect.
+    void measure_parameters(FittedModel &fitted, const EffectModel &model, double at);
     // Enough to see that much is missing.
     std::uint32_t few_replicates() const {
         return std::min(options_.model_replicates, std::max(12u, options_.model_replicates / 2));
     }
-    // The models after each of the model's effects from `begin` on, but the last, which is `last`. False if one cannot
-    // be simulated.
-    bool fit_prefixes(const EffectModel &model, std::size_t begin, std::vector<FittedModel> &models, FittedModel last,
-                      double at);
+    // Fits what a path has without a model (see Path).
+    void complete(Path &path, const FittedModel &baseline, double at);
 
     // Sequences in which an effect shows.
     std::vector<bool> concerned(const std::string &id) const;
@@ -85,14 +94,15 @@ class ModelFit {
     // Squared distance of each half after the fit to the other half, summed. response: of one effect more, its strength
     // fitted, too.
     double held_out(const FittedModel &fitted, const Response *response = nullptr, double *strength = nullptr) const;
+    // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
+    // two models differ by chance, too.
+    double square_by(const Covariance &covariance, const FittedModel &fitted) const;
     // What the squared distance of both halves has beyond chance.
     double excess_square(const FittedModel &fitted) const {
         return held_out(fitted) - 2.0 * static_cast<double>(experiment_.count());
     }
 
   private:
-    FittedModel fit(EffectModel &model, Pool &pool, const Eigen::MatrixXd &known, int rounds, double part,
-                    std::uint32_t replicates, double from, double to, const Origin *origin);
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 

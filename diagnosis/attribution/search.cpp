@@ -64,9 +64,7 @@ class Search {
     void grow_all(Path &path, const FittedModel &baseline);
     // Exchanges effects, adds others, takes out what is needless.
     void finish(Path &path, const FittedModel &baseline);
-    static bool is_explained(const Path &path) {
-        return !path.models.empty() && !path.models.back().residual.detected;
-    }
+    static bool is_explained(const Path &path) { return !path.models.empty() && !path.models.back().residual.detected; }
 
     // Little of the baseline's excess is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
@@ -262,10 +260,12 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         Pool own;
         FittedModel fitted;
         const Origin origin{current.model.full(), path.pool};
-        if (!possible([&] {
-                fitted = fits_.fit(with, own, current.jacobian, replicates, begin,
-                                   begin + 0.6 * share / fits_.options().finalists, &origin);
-            }))
+        FitOptions options;
+        options.replicates = replicates;
+        options.from = begin;
+        options.to = begin + 0.6 * share / fits_.options().finalists;
+        options.known = current.jacobian;
+        if (!possible([&] { fitted = fits_.fit(with, own, options, &origin); }))
             continue;
         finalists.push_back(&candidate);
         models.push_back(std::move(with));
@@ -355,9 +355,12 @@ SearchResult Search::run() {
     baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
         Path path = explain(baseline);
-        if (!path.models.empty())
-            fits_.judge(path.models.back(), path.model, path.models.back().model.replicates(),
-                        fits_.options().model_replicates, 0.98, 1.0);
+        if (!path.models.empty()) {
+            fits_.complete(path, baseline, path.progress);
+            fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
+                        0.98, 0.99);
+            fits_.measure_parameters(path.models.back(), path.model, 0.99);
+        }
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
     }

@@ -251,7 +251,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
         draw.first += moved.first;
         draw.second += moved.second;
     }
-    const Eigen::VectorXd tolerance = kModelError * moved.mean().cwiseAbs();
+    const Eigen::VectorXd tolerance = simulator_error(experiment_.list(), moved.mean()).cwiseAbs();
     result.model =
         std::make_shared<const GapModel>(experiment_, replicates, options_.residual_level, result.jacobian, tolerance);
     result.residual = result.model->test(difference_);
@@ -273,8 +273,9 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     Eigen::VectorXd strengths(parameters);
     for (Eigen::Index p = 0; p < parameters; ++p)
         strengths[p] = model.strengths[std::size_t(p)].strength;
-    result.parameters = fitted_parameters(model, strengths, strength_deviations(*result.model, strays, moved.mean()),
-                                          static_cast<double>(strays.rows()));
+    result.parameters = fitted_parameters(
+        model, strengths, strength_deviations(*result.model, strays, simulator_error(experiment_.list(), moved.mean())),
+        static_cast<double>(strays.rows()));
     return result;
 }
 
@@ -361,8 +362,8 @@ Replicates draw_differences(Experiment &experiment, const EffectSettings &effect
     Replicates result{effects, experiment.calibrate(effects, all, nullptr), {}};
     std::vector<std::uint64_t> seeds(2 * std::size_t{count});
     std::iota(seeds.begin(), seeds.end(), seed + 1);
-    const std::vector<FoldStatistics> draws =
-        experiment.replicates(effects, result.levels, seeds, [&](std::size_t i) { progress(double(i) / double(seeds.size())); });
+    const std::vector<FoldStatistics> draws = experiment.replicates(
+        effects, result.levels, seeds, [&](std::size_t i) { progress(double(i) / double(seeds.size())); });
     for (std::size_t i = 0; i < seeds.size(); i += 2)
         result.draws.push_back(minus(draws[i], draws[i + 1]));
     return result;

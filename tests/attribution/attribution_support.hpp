@@ -46,10 +46,10 @@ inline CaptureLayout small_layout() {
 }
 
 inline Capture simulated(const EffectSettings &effects, std::uint64_t seed,
-                         const std::vector<Hypothesis> &hypotheses = {}) {
-    Simulator simulator(context(), small_layout(), hypotheses);
+                         const std::vector<Hypothesis> &hypotheses = {}, const CaptureLayout &layout = small_layout()) {
     Capture capture;
-    capture.layout = small_layout();
+    capture.layout = layout;
+    Simulator simulator(context(), capture.layout, hypotheses);
     for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {
         const SequenceLayout &sequence = capture.layout.sequences[s];
         std::vector<std::uint16_t> codes(sequence.frame_count * capture.layout.pixel_count());

@@ -22,6 +22,11 @@ class Exchange : public testing::Test {
         result.null_replicates = 24;
         return result;
     }
+    static FitOptions all_replicates(const ModelFit &fits) {
+        FitOptions result;
+        result.replicates = fits.options().model_replicates;
+        return result;
+    }
     const Candidate &candidate(const std::string &id) const {
         return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
     }
@@ -31,7 +36,7 @@ class Exchange : public testing::Test {
         Path path;
         for (const std::string &id : effects) {
             path.model.add(candidate(id), 1.0, path.steps.empty() ? first_strength : 0.5);
-            path.models.push_back(fits.fit(path.model, path.pool, fits.options().model_replicates, 0.0));
+            path.models.push_back(fits.fit(path.model, path.pool, all_replicates(fits)));
             SearchStep step;
             step.added = id;
             step.residual = path.models.back().residual;
@@ -57,7 +62,8 @@ class Exchange : public testing::Test {
         return result;
     }
     // Steps, models and effects say the same.
-    static void expect_consistent(const Path &path) {
+    static void expect_consistent(ModelFit &fits, Path path, const FittedModel &baseline) {
+        fits.complete(path, baseline, 0.0);
         ASSERT_EQ(path.steps.size(), path.model.effects.size());
         ASSERT_EQ(path.models.size(), path.model.effects.size());
         for (std::size_t n = 0; n < path.steps.size(); ++n) {
@@ -74,14 +80,15 @@ class Exchange : public testing::Test {
 TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
     Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {}, 2);
     ModelFit fits(experiment, options(), {});
-    fits.fit_baseline(0.0);
+    const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
     ASSERT_TRUE(path.models.back().residual.detected);
     EXPECT_TRUE(exchange(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"row_noise", "crosstalk"}));
     EXPECT_FALSE(path.models.back().residual.detected);
+    fits.measure_parameters(path.models.back(), path.model, 0.0);
     EXPECT_NEAR(path.models.back().parameters.back().value, 0.22, 0.03);
-    expect_consistent(path);
+    expect_consistent(fits, path, baseline);
 }
 
 TEST_F(Exchange, WhatIsMissingIsAdded) {
@@ -90,15 +97,16 @@ TEST_F(Exchange, WhatIsMissingIsAdded) {
         SearchOptions limited = options();
         limited.max_effects = most;
         ModelFit fits(experiment, limited, {});
-        fits.fit_baseline(0.0);
+        const FittedModel baseline = fits.fit_baseline(0.0);
         Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
         ASSERT_TRUE(path.models.back().residual.detected);
         EXPECT_EQ(exchange(fits, path, 0.0), most > 1);
-        expect_consistent(path);
+        expect_consistent(fits, path, baseline);
         if (most == 1)
             continue;
         EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "crosstalk"}));
         EXPECT_FALSE(path.models.back().residual.detected);
+        fits.measure_parameters(path.models.back(), path.model, 0.0);
         EXPECT_NEAR(path.models.back().parameters.back().value, 0.15, 0.02);
     }
 }
@@ -106,11 +114,11 @@ TEST_F(Exchange, WhatIsMissingIsAdded) {
 TEST_F(Exchange, NothingForWhatIsRight) {
     Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
     ModelFit fits(experiment, options(), {});
-    fits.fit_baseline(0.0);
+    const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
     EXPECT_FALSE(exchange(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
-    expect_consistent(path);
+    expect_consistent(fits, path, baseline);
 }
 
 // Two names for one thing: nothing is exchanged, but the choice is no certain one any more.
@@ -151,13 +159,13 @@ TEST_F(Exchange, WhatDoesAsWellIsARival) {
 TEST_F(Exchange, NeedlessEffectsArePruned) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
     ModelFit fits(experiment, options(), {});
-    fits.fit_baseline(0.0);
+    const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
     ASSERT_FALSE(path.models.back().residual.detected); // a flexible effect too many does no harm but for its name
     prune(fits, path, 0.0);
     EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "row_noise"}));
     EXPECT_FALSE(path.models.back().residual.detected);
-    expect_consistent(path);
+    expect_consistent(fits, path, baseline);
 }
 
 // Where light is cut near a bin's edge, the shares of bright pixels change within a few DN: the usual differences, 40 DN, look past it.
@@ -169,12 +177,14 @@ TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
     EffectModel model;
     model.add(well, 1.0, well.strength(0, 330.0));
     Pool pool;
-    FittedModel fitted = fits.fit(model, pool, fits.options().model_replicates, 0.0);
+    FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
+    fits.measure_parameters(fitted, model, 0.0);
     const FittedParameter first = fitted.parameters.front();
     EXPECT_LT(first.high, 380.0) << "sure of a wrong value";
     const double score = fitted.score;
     fits.polish(model, pool, fitted, 0.0);
     EXPECT_LT(fitted.score, score - 20.0);
+    fits.measure_parameters(fitted, model, 0.0);
     EXPECT_NEAR(fitted.parameters.front().value, 380.0, 4.0);
     EXPECT_LT(fitted.parameters.front().low, 380.0);
     EXPECT_GT(fitted.parameters.front().high, 380.0);
