@@ -3,7 +3,8 @@
 
 namespace {
 
-// relative_diameter in hundredths, degree of polarization in tenths, refresh 0 (still) or 1 (all new).
+// relative_diameter in hundredths, degree of polarization in tenths, refresh 0 (still) or 1 (all new), fill factor in
+// hundredths (0: a pixel is a point).
 void frame(benchmark::State &state) {
     const auto width = static_cast<std::uint32_t>(state.range(0)), height = static_cast<std::uint32_t>(state.range(1));
     const clspeckle::Context &context = bench::context();
@@ -17,6 +18,7 @@ void frame(benchmark::State &state) {
     aperture_desc.height = height;
     aperture_desc.relative_diameter = 0.01 * double(state.range(2));
     aperture_desc.degree_of_polarization = 0.1 * double(state.range(3));
+    aperture_desc.fill_factor = 0.01 * double(state.range(5));
     auto sensor_desc = clspeckle::make<ClspSensorDesc>();
     sensor_desc.width = width;
     sensor_desc.height = height;
@@ -43,14 +45,17 @@ void frame(benchmark::State &state) {
 }
 
 BENCHMARK(frame)
-    ->ArgNames({"width", "height", "D_percent", "p_tenths", "refresh_all"})
-    ->Args({512, 512, 50, 10, 0})
-    ->Args({1024, 1024, 50, 10, 0})
-    ->Args({1024, 1024, 100, 10, 0})
-    ->Args({1024, 1024, 50, 0, 0})
-    ->Args({1024, 1024, 50, 10, 1})
-    ->Args({1920, 1080, 50, 10, 0})
-    ->Args({2048, 2048, 50, 10, 0})
+    ->ArgNames({"width", "height", "D_percent", "p_tenths", "refresh_all", "fill_percent"})
+    ->Args({512, 512, 50, 10, 0, 0})
+    ->Args({1024, 1024, 50, 10, 0, 0})
+    ->Args({1024, 1024, 100, 10, 0, 0})
+    ->Args({1024, 1024, 50, 0, 0, 0})
+    ->Args({1024, 1024, 50, 10, 1, 0})
+    ->Args({1024, 1024, 50, 10, 0, 80})
+    ->Args({1024, 1024, 50, 0, 0, 80})
+    ->Args({1920, 1080, 50, 10, 0, 0})
+    ->Args({1920, 1080, 50, 10, 0, 80})
+    ->Args({2048, 2048, 50, 10, 0, 0})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 

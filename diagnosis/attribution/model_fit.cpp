@@ -22,8 +22,8 @@ constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
 // Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
 constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
-// Captures by which parameters are measured in the end.
-constexpr std::size_t kParameterSeeds = 8;
+// Captures on either side of a strength by which a slope is measured in the end.
+constexpr std::size_t kSlopeSeeds = 4;
 
 std::string label(const EffectSettings &effects) {
     std::string result;
@@ -196,34 +196,45 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
 }
 
+Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
+                                         double part) const {
+    const Strength &moved_one = model.strengths[static_cast<std::size_t>(strength)];
+    // A step of a whole number is no small one: the other side's is another one.
+    const bool whole = model.effects[moved_one.effect].candidate->parameters[moved_one.parameter].whole;
+    Eigen::MatrixXd slopes(replicates.draws.front().first.size(), 0);
+    Eigen::VectorXd sides[2];
+    for (std::size_t side = 0; side < 2; ++side) {
+        EffectModel moved = model;
+        const double step = move_one(moved, strength, side == 0 || whole ? part : -part);
+        const EffectSettings settings = moved.settings();
+        const CalibratedLevels levels =
+            experiment_.calibrate(settings, concerned(model.id_of(strength)), &replicates.levels);
+        std::vector<std::uint64_t> seeds(kSlopeSeeds); // those of the first replicates, others for each side
+        std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + side * kSlopeSeeds);
+        const std::vector<FoldStatistics> draws = experiment_.replicates(settings, levels, seeds, {});
+        Eigen::MatrixXd of_side(slopes.rows(), static_cast<Eigen::Index>(kSlopeSeeds));
+        for (std::size_t r = 0; r < kSlopeSeeds; ++r)
+            of_side.col(static_cast<Eigen::Index>(r)) =
+                (draws[r].mean() - replicates.draws[side * kSlopeSeeds + r].mean()) / step;
+        sides[side] = of_side.rowwise().mean();
+        slopes.conservativeResize(Eigen::NoChange, slopes.cols() + of_side.cols());
+        slopes.rightCols(of_side.cols()) = of_side;
+    }
+    const Eigen::ArrayXd mean = slopes.rowwise().mean().array();
+    const double count = static_cast<double>(slopes.cols());
+    const Eigen::ArrayXd square =
+        (slopes.colwise() - mean.matrix()).array().square().rowwise().sum() / (count * (count - 1.0)) +
+        0.25 * (sides[0] - sides[1]).array().square();
+    // What is no larger than its error says nothing, and would say it with a weight (James and Stein's estimate).
+    return mean * (1.0 - square / mean.square().max(1e-300)).max(0.0);
+}
+
 void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model, double at) {
     const Replicates &replicates = fitted.model.replicates();
-    const std::size_t count = std::min(kParameterSeeds, replicates.draws.size());
-    std::vector<std::uint64_t> seeds(count);
-    std::iota(seeds.begin(), seeds.end(), options_.seed + 1); // those of the first replicates
-    Eigen::MatrixXd jacobian(fitted.jacobian.rows(), fitted.jacobian.cols());
+    Eigen::MatrixXd jacobian = fitted.jacobian;
     for (Eigen::Index p = 0; p < jacobian.cols(); ++p) {
         report(at, "measuring " + model.id_of(p));
-        EffectModel moved = model;
-        const double step = move_one(moved, p, fitted.part);
-        const EffectSettings settings = moved.settings();
-        std::vector<FoldStatistics> draws;
-        if (!possible([&] {
-                const std::vector<bool> shown = concerned(model.id_of(p));
-                const CalibratedLevels levels = experiment_.calibrate(settings, shown, &replicates.levels);
-                draws = experiment_.replicates(settings, levels, seeds, {});
-            })) {
-            jacobian.col(p) = fitted.jacobian.col(p); // the simulator does not go there
-            continue;
-        }
-        Eigen::MatrixXd slopes(jacobian.rows(), static_cast<Eigen::Index>(count));
-        for (std::size_t r = 0; r < count; ++r)
-            slopes.col(static_cast<Eigen::Index>(r)) = (draws[r].mean() - replicates.draws[r].mean()) / step;
-        const Eigen::ArrayXd mean = slopes.rowwise().mean().array();
-        const Eigen::ArrayXd error = (slopes.colwise() - mean.matrix()).array().square().rowwise().sum() /
-                                     static_cast<double>(count * (count - 1));
-        // What is no larger than its error says nothing, and would say it with a weight (James and Stein's estimate).
-        jacobian.col(p) = mean * (1.0 - error / mean.square().max(1e-300)).max(0.0);
+        possible([&] { jacobian.col(p) = measured_slope(replicates, model, p, fitted.part); }); // or the fit's
     }
     const GapModel model_of_changes(experiment_, replicates, options_.residual_level, jacobian,
                                     fitted.model.full().tolerance());

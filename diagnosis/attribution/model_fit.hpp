@@ -79,7 +79,8 @@ class ModelFit {
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
     // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
     // with. Where an effect is a few draws itself (power that flickers, air, hot pixels), two captures say of some
-    // statistics how they answer to these draws, not to the effect.
+    // statistics how they answer to these draws, not to the effect. And where a statistic bends sharply (light that is
+    // cut near a bin's edge), a slope is that of one side.
     void measure_parameters(FittedModel &fitted, const EffectModel &model, double at);
     // Enough to see that much is missing.
     std::uint32_t few_replicates() const {
@@ -103,6 +104,10 @@ class ModelFit {
     }
 
   private:
+    // A column of the Jacobian, on both sides of a strength and by the replicates' own random numbers: less by what it is
+    // uncertain of and by what the sides differ. part: of the usual finite differences.
+    Eigen::VectorXd measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
+                                   double part) const;
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 
