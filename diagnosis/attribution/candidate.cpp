@@ -15,6 +15,9 @@ constexpr double kRoom = 2.0;
 // Of the finite differences along a parameter.
 constexpr double kDifference = 0.15;
 
+// Where a count of none lies on a scale of ratios.
+constexpr double kNoneOfThem = 0.25;
+
 struct Scale {
     double weak, strong;
     bool geometric;
@@ -45,15 +48,20 @@ double Candidate::value(std::size_t parameter, double strength) const {
 }
 
 double Candidate::strength(std::size_t parameter, double value) const {
-    const Scale scale = scale_of(parameters[parameter]);
+    const HypothesisParameter &p = parameters[parameter];
+    const Scale scale = scale_of(p);
     if (scale.weak == scale.strong)
         return 0.0;
+    if (scale.geometric && p.whole)
+        value = std::max(value, kNoneOfThem);
     return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
                            : (value - scale.weak) / (scale.strong - scale.weak);
 }
 
 double Candidate::snapped(std::size_t parameter, double at) const {
-    return parameters[parameter].whole ? strength(parameter, value(parameter, at)) : at;
+    const HypothesisParameter &p = parameters[parameter];
+    const double held = value(parameter, at);
+    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, held) : at;
 }
 
 double Candidate::difference(std::size_t parameter, double at) const {

@@ -18,9 +18,10 @@ struct Candidate {
     double value(std::size_t parameter, double strength) const;
     // The strength at which a parameter has a value.
     double strength(std::size_t parameter, double value) const;
-    // The strength of the nearest value that differs from others: of whole numbers, where the parameter is one.
+    // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
+    // it is one.
     double snapped(std::size_t parameter, double strength) const;
-    // How far to go from a strength for a finite difference; where nothing lies there, the same way back.
+    // How far to go from a strength for a finite difference.
     double difference(std::size_t parameter, double strength) const;
     // Its first parameter may be below zero, where the effect goes the other way.
     bool has_direction() const { return parameters.front().minimum < 0.0 && parameters.front().weak > 0.0; }

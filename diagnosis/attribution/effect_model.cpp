@@ -10,6 +10,10 @@ namespace {
 
 // Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
 constexpr double kTemperature = 2.0;
+// Of a finite difference: with less room to the end of its range a strength goes the other way.
+constexpr double kLeastWay = 0.5;
+// A whole unit of a strength that moves the statistics by fewer standard deviations says nothing of it; its deviation.
+constexpr double kNothingSaid = 1e-6, kAnyStrength = 1e3;
 
 } // namespace
 
@@ -66,19 +70,23 @@ Eigen::VectorXd EffectModel::distance_from(const EffectModel &other) const {
 double EffectModel::difference(Eigen::Index strength, double part) const {
     const Strength &s = strengths[static_cast<std::size_t>(strength)];
     const Candidate &candidate = *effects[s.effect].candidate;
-    return candidate.difference(s.parameter, s.strength) * (candidate.parameters[s.parameter].whole ? 1.0 : part);
+    return candidate.difference(s.parameter, s.strength) *
+           (candidate.parameters[s.parameter].whole ? std::copysign(1.0, part) : part);
 }
 
 double move_one(EffectModel &model, Eigen::Index strength, double part) {
-    const EffectSettings before = model.settings();
     const double step = model.difference(strength, part);
-    double &moved = model.strengths[static_cast<std::size_t>(strength)].strength;
-    const double at = moved;
-    moved = at + step;
-    if (model.settings() != before)
-        return step;
-    moved = at - step; // at the end of its range
-    return -step;
+    Strength &s = model.strengths[static_cast<std::size_t>(strength)];
+    const Candidate &candidate = *model.effects[s.effect].candidate;
+    const double at = s.strength;
+    const auto way = [&](double distance) { return candidate.snapped(s.parameter, at + distance) - at; };
+    double moved = way(step);
+    if (std::abs(moved) < kLeastWay * std::abs(step)) {
+        const double back = way(-step);
+        moved = std::abs(back) > std::abs(moved) ? back : moved;
+    }
+    s.strength = at + moved;
+    return moved != 0.0 ? moved : step; // what has one value only changes nothing
 }
 
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
@@ -114,7 +122,7 @@ Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Ei
     Eigen::VectorXd result = kModelError * change;
     for (Eigen::Index k = 0; k < change.size(); ++k)
         if (list[static_cast<std::size_t>(k)].unit == "log")
-            result[k] = std::copysign(kModelError * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
+            result[k] = kModelError * (change[k] > 0.0 ? 1.0 - std::exp(-change[k]) : change[k]);
     return result;
 }
 
@@ -128,7 +136,11 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
             variance +=
                 model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(error.size(), k))
                     .cwiseAbs2();
-    return variance.cwiseSqrt();
+    Eigen::VectorXd result = variance.cwiseSqrt();
+    for (Eigen::Index p = 0; p < result.size(); ++p)
+        if (covariance.whiten(model.directions().col(p)).norm() < kNothingSaid)
+            result[p] = kAnyStrength;
+    return result;
 }
 
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,

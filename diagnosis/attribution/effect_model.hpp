@@ -56,14 +56,14 @@ struct EffectModel {
     EffectModel first(std::size_t count) const;
     // Of each strength from that of a model of the same effects.
     Eigen::VectorXd distance_from(const EffectModel &other) const;
-    // How far to go with a strength for a finite difference.
+    // How far to go with a strength for a finite difference. part: of the usual one; below 0: the other way.
     double difference(Eigen::Index strength, double part = 1.0) const;
     const std::string &id_of(Eigen::Index strength) const {
         return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id;
     }
 };
 
-// Moves a strength as far as a finite difference needs; how far that is.
+// Moves a strength as far as a finite difference needs, the other way where its range ends; how far that is.
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
 // A step of strengths, each bounded; the largest one.
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrongest);
@@ -79,11 +79,13 @@ struct FittedParameter {
 std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
                                                const Eigen::VectorXd &deviations, double replicates);
 // Standard deviation of the simulator's error in each statistic: a part of what the effects change. A logarithm that
-// changes by c is of a quantity that changes by 1 - exp(-c) of what it is then, and no more than that part of it is in
-// doubt. change: of the mean statistics by the effects.
+// grows by c is of a quantity to which 1 - exp(-c) of what it is then was added, and no more than that part of it is in
+// doubt; one that falls is of a quantity that was damped by an exponent in doubt. change: of the mean statistics by the
+// effects.
 Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change);
 // Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of
-// the model do to it: of the size of all changes together, and of each statistic on its own. error: simulator_error().
+// the model do to it: of the size of all changes together, and of each statistic on its own. Of those of which the
+// statistics say nothing, so large that any value lies within. error: simulator_error().
 Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays, const Eigen::VectorXd &error);
 
 // By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before

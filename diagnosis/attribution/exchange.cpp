@@ -176,6 +176,7 @@ void halve(EffectModel &model, std::size_t effect) {
             parameter.weak < parameter.strong
                 ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength)))
                 : 0.5 * (s.strength + kNothing);
+        s.strength = candidate.snapped(s.parameter, s.strength);
     }
 }
 
@@ -246,6 +247,7 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     Path other;
     other.looks = path.looks;
     other.progress = path.progress;
+    other.strongest = path.strongest;
     other.model = std::move(model);
     FittedModel fitted;
     const Origin origin{whole.model.full(), path.pool};

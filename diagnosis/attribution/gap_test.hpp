@@ -36,6 +36,7 @@ class GapModel {
              const Eigen::VectorXd &tolerance);
 
     const Replicates &replicates() const { return replicates_; }
+    const Eigen::MatrixXd &directions() const { return directions_; }
     const Covariance &full() const { return full_; } // of the mean of both halves
     const Covariance &fold() const { return fold_; } // of one half
     const Eigen::VectorXd &first_mean() const { return first_mean_; } // of the first halves

@@ -127,7 +127,9 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     GaussNewtonOptions options;
     options.seed = options_.seed;
     options.seeds = options_.pool_seeds;
-    options.rounds = wanted.near || model.strengths.size() == 1 ? 1 : kGaussNewtonRounds;
+    // What is known is of another strength.
+    const bool alone = model.strengths.size() == 1 && wanted.known.cols() == 0;
+    options.rounds = wanted.near || alone ? 1 : kGaussNewtonRounds;
     options.secant_rounds = kSecantRounds;
     options.part = wanted.part;
     options.near = wanted.part * kNear;
@@ -162,7 +164,6 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     Pool own;
     FittedModel again;
     FitOptions fine;
-    // By as many replicates as the other one's: the score depends on how many there are.
     fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
     fine.from = fine.to = at;
     fine.near = true;
@@ -170,8 +171,11 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     const double now = square_by(fitted.model.full(), fitted);
     fine.worth = now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
     const Origin origin{fitted.model.full(), pool};
-    if (!possible([&] { again = fit(moved, own, fine, &origin); }) || again.effects.empty() ||
-        again.score >= fitted.score)
+    if (!possible([&] { again = fit(moved, own, fine, &origin); }) || again.effects.empty())
+        return;
+    // By as many replicates as the other one: the score depends on how many there are.
+    judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(again.model.replicates().draws.size()), at, at);
+    if (again.score >= fitted.score)
         return;
     model = std::move(moved);
     pool = std::move(own);
@@ -201,9 +205,8 @@ Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const Eff
     const Strength &moved_one = model.strengths[static_cast<std::size_t>(strength)];
     // A step of a whole number is no small one: the other side's is another one.
     const bool whole = model.effects[moved_one.effect].candidate->parameters[moved_one.parameter].whole;
-    Eigen::MatrixXd slopes(replicates.draws.front().first.size(), 0);
-    Eigen::VectorXd sides[2];
-    for (std::size_t side = 0; side < 2; ++side) {
+    Eigen::MatrixXd slopes(replicates.draws.front().first.size(), 0), sides = slopes;
+    const auto measure = [&](std::size_t side) {
         EffectModel moved = model;
         const double step = move_one(moved, strength, side == 0 || whole ? part : -part);
         const EffectSettings settings = moved.settings();
@@ -216,15 +219,20 @@ Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const Eff
         for (std::size_t r = 0; r < kSlopeSeeds; ++r)
             of_side.col(static_cast<Eigen::Index>(r)) =
                 (draws[r].mean() - replicates.draws[side * kSlopeSeeds + r].mean()) / step;
-        sides[side] = of_side.rowwise().mean();
         slopes.conservativeResize(Eigen::NoChange, slopes.cols() + of_side.cols());
         slopes.rightCols(of_side.cols()) = of_side;
-    }
+        sides.conservativeResize(Eigen::NoChange, sides.cols() + 1);
+        sides.rightCols<1>() = of_side.rowwise().mean();
+    };
+    for (std::size_t side = 0; side < 2; ++side)
+        possible([&] { measure(side); }); // or the other side alone
+    if (slopes.cols() == 0)
+        return {};
     const Eigen::ArrayXd mean = slopes.rowwise().mean().array();
     const double count = static_cast<double>(slopes.cols());
     const Eigen::ArrayXd square =
         (slopes.colwise() - mean.matrix()).array().square().rowwise().sum() / (count * (count - 1.0)) +
-        0.25 * (sides[0] - sides[1]).array().square();
+        0.25 * (sides.leftCols<1>() - sides.rightCols<1>()).array().square();
     // What is no larger than its error says nothing, and would say it with a weight (James and Stein's estimate).
     return mean * (1.0 - square / mean.square().max(1e-300)).max(0.0);
 }
@@ -234,7 +242,9 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
     Eigen::MatrixXd jacobian = fitted.jacobian;
     for (Eigen::Index p = 0; p < jacobian.cols(); ++p) {
         report(at, "measuring " + model.id_of(p));
-        possible([&] { jacobian.col(p) = measured_slope(replicates, model, p, fitted.part); }); // or the fit's
+        const Eigen::VectorXd measured = measured_slope(replicates, model, p, fitted.part);
+        if (measured.size())
+            jacobian.col(p) = measured;
     }
     const GapModel model_of_changes(experiment_, replicates, options_.residual_level, jacobian,
                                     fitted.model.full().tolerance());
@@ -242,8 +252,10 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
     Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, experiment_.real().mean() - covariance.mean())
                                     .cwiseMax(-kLargestStep)
                                     .cwiseMin(kLargestStep);
-    for (Eigen::Index p = 0; p < strengths.size(); ++p)
-        strengths[p] += model.strengths[static_cast<std::size_t>(p)].strength;
+    for (Eigen::Index p = 0; p < strengths.size(); ++p) {
+        const Strength &s = model.strengths[static_cast<std::size_t>(p)];
+        strengths[p] = model.effects[s.effect].candidate->snapped(s.parameter, s.strength + strengths[p]);
+    }
     const Eigen::MatrixXd strays = model_of_changes.strays(GapModel::Fit::kBoth);
     fitted.parameters = fitted_parameters(
         model, strengths,

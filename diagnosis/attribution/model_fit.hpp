@@ -30,6 +30,7 @@ struct Path {
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
     double progress = 0.0;
+    double strongest = kStrongest; // how far its strengths may go
 };
 
 // The two halves' differences from a model.

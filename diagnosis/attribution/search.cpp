@@ -265,7 +265,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         options.from = begin;
         options.to = begin + 0.6 * share / fits_.options().finalists;
         options.known = current.jacobian;
-        if (!possible([&] { fitted = fits_.fit(with, own, options, &origin); }))
+        if (!possible([&] { fitted = fits_.fit(with, own, options, &origin); }) || fitted.effects.empty())
             continue;
         finalists.push_back(&candidate);
         models.push_back(std::move(with));
@@ -306,6 +306,7 @@ void Search::grow_all(Path &path, const FittedModel &baseline) {
 
 Path Search::begin(const FittedModel &baseline) {
     Path path;
+    path.strongest = fits_.strongest();
     path.pool = fits_.baseline_pool();
     path.progress = kBegin;
     grow_all(path, baseline);
@@ -356,6 +357,7 @@ SearchResult Search::run() {
     if (baseline.residual.detected) {
         Path path = explain(baseline);
         if (!path.models.empty()) {
+            fits_.set_strongest(path.strongest);
             fits_.complete(path, baseline, path.progress);
             fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
                         0.98, 0.99);

@@ -210,13 +210,11 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
         for (Eigen::Index p = 0; p < parameters; ++p) {
             tell("fitting " + model.id_of(p), from);
             EffectModel other = model;
-            double &strength = other.strengths[std::size_t(p)].strength;
-            double step = model.difference(p);
-            strength += step;
+            double step = move_one(other, p);
             FoldStatistics there;
-            if (other.settings() == model.settings() || !possible([&] { there = change(other.settings()); })) {
-                step = -step;
-                strength = model.strengths[std::size_t(p)].strength + step;
+            if (!possible([&] { there = change(other.settings()); })) {
+                other = model;
+                step = move_one(other, p, -1.0);
                 there = change(other.settings());
             }
             result.jacobian.col(p) = (minus(there, moved).mean()) / step;
@@ -261,13 +259,11 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     const Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
                                      .cwiseMax(-kLargestStep)
                                      .cwiseMin(kLargestStep);
-    for (Eigen::Index p = 0; p < parameters; ++p) {
-        double &strength = model.strengths[std::size_t(p)].strength;
-        const double next = std::clamp(strength + step[p], kWeakest, kStrongest);
-        result.change.first += result.jacobian.col(p) * (next - strength);
-        result.change.second += result.jacobian.col(p) * (next - strength);
-        strength = next;
-    }
+    const EffectModel last = model;
+    move_strengths(model, step);
+    const Eigen::VectorXd change_of_last = result.jacobian * model.distance_from(last);
+    result.change.first += change_of_last;
+    result.change.second += change_of_last;
     result.effects = model.settings();
     const Eigen::MatrixXd strays = result.model->strays(GapModel::Fit::kFirst);
     Eigen::VectorXd strengths(parameters);

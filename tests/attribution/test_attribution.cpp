@@ -119,6 +119,44 @@ TEST(Candidates, WholeNumbersStayWhole) {
     EXPECT_LT(gamma.difference(0, 1.2), 0.0);
 }
 
+// A strength beyond what its value may be is no strength: differences from there would be of nothing.
+TEST(Candidates, StrengthsEndWhereValuesDo) {
+    for (const Candidate &candidate : candidates({}, {}))
+        for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+            for (double u = kWeakest; u <= kStrongest; u += 0.1) {
+                const double held = candidate.snapped(p, u), value = candidate.value(p, u);
+                EXPECT_NEAR(candidate.value(p, held), value, 1e-12 * std::abs(value)) << candidate.id;
+                EXPECT_NEAR(candidate.snapped(p, held), held, 1e-9) << candidate.id;
+                EffectModel model;
+                model.add(candidate, 1.0, u);
+                const double from = model.strengths[p].strength, before = model.settings()[0].values[p];
+                const double moved = move_one(model, static_cast<Eigen::Index>(p));
+                EXPECT_NEAR(model.strengths[p].strength, from + moved, 1e-12) << candidate.id;
+                EXPECT_NE(model.settings()[0].values[p], before) << candidate.id << " at " << u;
+                EXPECT_NEAR(candidate.strength(p, model.settings()[0].values[p]) - candidate.strength(p, before), moved, 1e-9)
+                    << candidate.id << " at " << u;
+            }
+}
+
+TEST(Candidates, ACountMayBeNone) {
+    Candidate candidate{"frames_lost", "sensor", "", {{"count", "1", 0.0, 16.0, 1.0, 8.0, true}}};
+    EXPECT_EQ(candidate.value(0, -0.8), 0.0);
+    EXPECT_TRUE(std::isfinite(candidate.snapped(0, -0.8)));
+    EXPECT_EQ(candidate.value(0, candidate.snapped(0, -0.8)), 0.0);
+}
+
+TEST(SimulatorError, OfLogarithms) {
+    const std::vector<StatisticInfo> list(3, [] {
+        StatisticInfo info;
+        info.unit = "log";
+        return info;
+    }());
+    const Eigen::VectorXd error = simulator_error(list, Eigen::Vector3d(3.0, -3.0, 0.001));
+    EXPECT_NEAR(error[0], kModelError * (1.0 - std::exp(-3.0)), 1e-12); // of what was added
+    EXPECT_NEAR(error[1], -3.0 * kModelError, 1e-12);                   // of the exponent
+    EXPECT_NEAR(error[2], 0.001 * kModelError, 1e-3 * 0.001 * kModelError);
+}
+
 TEST(Response, ParabolasAreReproduced) {
     Response response;
     for (const double u : {0.0, 0.5, 1.0})
@@ -171,6 +209,16 @@ TEST(Diagnosis, NamesTheEffectAndItsParameter) {
         EXPECT_GT(result.fraction, 0.8) << c.id;
         EXPECT_GT(result.fraction_95[1], result.fraction_95[0]);
     }
+}
+
+// Twice as far beyond the strong end as the weak end is before it; 1 is all that there can be.
+TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
+    const DiagnosisResult result = diagnose(context(), simulated({{"vignetting", {0.9}}}, kCaptureSeed + 160), quick(1));
+    EXPECT_EQ(result.verdict, Verdict::kNamed);
+    ASSERT_EQ(result.parameters.size(), 1u);
+    EXPECT_LE(result.parameters[0].low, 0.9);
+    EXPECT_GE(result.parameters[0].high, 0.9);
+    EXPECT_GT(result.parameters[0].high - result.parameters[0].low, 0.001);
 }
 
 // Steps of 16 DN at a read noise of 4.3 DN: dark and even frames have two codes, and their mean goes up in stairs with the level.

@@ -66,4 +66,36 @@ TEST(Parameters, WhereAStatisticBendsSharply) {
     EXPECT_NEAR(0.0, intervals.mean_log, 0.01);
 }
 
+// Beside an effect that explains all, one that does nothing: any of its values would.
+TEST(Parameters, OfWhichTheCaptureSaysNothing) {
+    Hypothesis nothing;
+    nothing.id = "nothing";
+    nothing.stage = "sensor";
+    nothing.point = HypothesisPoint::kIntensity;
+    nothing.parameters = {{"amount", "1", 0.01, 8.0, 0.1, 1.0}};
+    nothing.apply = [](const HypothesisFrame &) {};
+    const std::vector<Candidate> all = candidates({nothing}, {});
+    const auto find = [&](const std::string &id) -> const Candidate & {
+        return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    };
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 700, {}, small_layout()), {nothing}, 1);
+    SearchOptions search;
+    search.null_replicates = 16;
+    search.model_replicates = 12;
+    ModelFit fits(experiment, search, {});
+    fits.fit_baseline(0.0);
+    EffectModel model;
+    model.add(find("vignetting"), 1.0, 0.5);
+    model.add(find("nothing"), 1.0, 0.5);
+    Pool pool;
+    FitOptions options;
+    options.replicates = search.model_replicates;
+    FittedModel fitted = fits.fit(model, pool, options);
+    fits.measure_parameters(fitted, model, 0.0);
+    ASSERT_EQ(fitted.parameters.size(), 2u);
+    EXPECT_LT(fitted.parameters[0].high - fitted.parameters[0].low, 0.1);
+    EXPECT_EQ(fitted.parameters[1].low, 0.01);
+    EXPECT_EQ(fitted.parameters[1].high, 8.0);
+}
+
 } // namespace
