@@ -18,6 +18,9 @@ std::vector<std::size_t> blocks_of(const Experiment &experiment) {
     return blocks;
 }
 
+// A fit goes by the covariance of all replicates, so that of most of them says how far it strays.
+constexpr Eigen::Index kStrayFolds = 6;
+
 double excess_distance(double mean_square, double expected) { return std::sqrt(std::max(0.0, mean_square - expected)); }
 
 } // namespace
@@ -71,13 +74,21 @@ Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }
 
-Eigen::MatrixXd GapModel::strays(Fit fit) const {
-    const Eigen::Index n = static_cast<Eigen::Index>(replicates_.draws.size());
+Eigen::MatrixXd GapModel::strays(const Experiment &experiment, Fit fit) const {
+    const auto &draws = replicates_.draws;
+    const Eigen::Index n = static_cast<Eigen::Index>(draws.size());
+    const Eigen::VectorXd least = least_deviations(experiment.list(), draws);
     Eigen::MatrixXd result(n, directions_.cols());
-    for (Eigen::Index r = 0; r < n; ++r) {
-        const Covariance &other = part_[r < n / 2 ? 1 : 0];
-        const FoldStatistics &draw = replicates_.draws[static_cast<std::size_t>(r)];
-        result.row(r) = coefficients(other, fit == Fit::kBoth ? draw.mean() - other.mean() : draw.first - first_mean_);
+    for (Eigen::Index k = 0; k < kStrayFolds; ++k) {
+        const Eigen::Index begin = k * n / kStrayFolds, end = (k + 1) * n / kStrayFolds;
+        Eigen::MatrixXd others(n - (end - begin), full_.mean().size());
+        for (Eigen::Index r = 0; r < others.rows(); ++r)
+            others.row(r) = draws[static_cast<std::size_t>(r < begin ? r : r + (end - begin))].mean();
+        const Covariance covariance(others, blocks_of(experiment), least, full_.tolerance());
+        for (Eigen::Index r = begin; r < end; ++r) {
+            const FoldStatistics &draw = draws[static_cast<std::size_t>(r)];
+            result.row(r) = coefficients(covariance, fit == Fit::kBoth ? draw.mean() - full_.mean() : draw.first - first_mean_);
+        }
     }
     return result;
 }

@@ -46,10 +46,10 @@ class GapModel {
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 
-    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by the
-    // covariance of the other half of the replicates: how far a fit strays by chance. One row a replicate.
+    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by a
+    // covariance of replicates that it is not among: how far a fit strays by chance. One row a replicate.
     enum class Fit { kBoth, kFirst };
-    Eigen::MatrixXd strays(Fit fit) const;
+    Eigen::MatrixXd strays(const Experiment &experiment, Fit fit) const;
 
   private:
     // Without what lies along the directions.

@@ -256,7 +256,7 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
         const Strength &s = model.strengths[static_cast<std::size_t>(p)];
         strengths[p] = model.effects[s.effect].candidate->snapped(s.parameter, s.strength + strengths[p]);
     }
-    const Eigen::MatrixXd strays = model_of_changes.strays(GapModel::Fit::kBoth);
+    const Eigen::MatrixXd strays = model_of_changes.strays(experiment_, GapModel::Fit::kBoth);
     fitted.parameters = fitted_parameters(
         model, strengths,
         strength_deviations(model_of_changes, strays, simulator_error(experiment_.list(), fitted.change)),

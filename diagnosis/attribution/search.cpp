@@ -23,6 +23,9 @@ constexpr std::size_t kMostLooks = 14;
 constexpr double kLeastPromise = 4.0;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
+// So are those farther behind where the best one explains less than that part: what an effect scatters by itself (power
+// that flickers) counts as not explained until it is simulated.
+constexpr double kDoubtful = 0.25;
 // Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
 constexpr double kLittleLeft = 0.02;
 constexpr int kMostExchanges = 3;
@@ -244,11 +247,14 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     std::vector<Pool> pools;
     std::vector<FittedModel> fits;
     std::vector<const Refined *> finalists;
-    const double margin = refined.empty() ? 0.0 : std::max(kFinalMargin, kFinalMarginShare * refined.front().gain);
+    const double best_gain = refined.empty() ? 0.0 : refined.front().gain;
+    const double margin = std::max(kFinalMargin, kFinalMarginShare * best_gain);
+    const bool doubtful = best_gain < kDoubtful * excess;
+    const auto is_near = [&](const Refined &candidate) { return candidate.gain >= best_gain - margin; };
     const auto contends = [&](const Refined &candidate) {
-        return candidate.gain >= kLeastGain && candidate.gain >= refined.front().gain - margin;
+        return candidate.gain >= kLeastGain && (doubtful || is_near(candidate));
     };
-    const bool contested = refined.size() > 1 && contends(refined[1]);
+    const bool contested = refined.size() > 1 && contends(refined[1]) && is_near(refined[1]);
     const std::uint32_t replicates = contested ? fits_.options().model_replicates : fits_.few_replicates();
     for (const Refined &candidate : refined) {
         if (models.size() == fits_.options().finalists || !contends(candidate))

@@ -265,7 +265,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     result.change.first += change_of_last;
     result.change.second += change_of_last;
     result.effects = model.settings();
-    const Eigen::MatrixXd strays = result.model->strays(GapModel::Fit::kFirst);
+    const Eigen::MatrixXd strays = result.model->strays(experiment_, GapModel::Fit::kFirst);
     Eigen::VectorXd strengths(parameters);
     for (Eigen::Index p = 0; p < parameters; ++p)
         strengths[p] = model.strengths[std::size_t(p)].strength;
