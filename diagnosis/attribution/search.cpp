@@ -255,7 +255,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         return candidate.gain >= kLeastGain && (doubtful || is_near(candidate));
     };
     const bool contested = refined.size() > 1 && contends(refined[1]) && is_near(refined[1]);
-    const std::uint32_t replicates = contested ? fits_.options().model_replicates : fits_.few_replicates();
+    const std::uint32_t replicates = contested && !doubtful ? fits_.options().model_replicates : fits_.few_replicates();
     for (const Refined &candidate : refined) {
         if (models.size() == fits_.options().finalists || !contends(candidate))
             break;
