@@ -122,7 +122,7 @@ Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Ei
     Eigen::VectorXd result = kModelError * change;
     for (Eigen::Index k = 0; k < change.size(); ++k)
         if (list[static_cast<std::size_t>(k)].unit == "log")
-            result[k] = kModelError * (change[k] > 0.0 ? 1.0 - std::exp(-change[k]) : change[k]);
+            result[k] = std::copysign(kModelError * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
     return result;
 }
 

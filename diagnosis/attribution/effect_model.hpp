@@ -80,8 +80,9 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
                                                const Eigen::VectorXd &deviations, double replicates);
 // Standard deviation of the simulator's error in each statistic: a part of what the effects change. A logarithm that
 // grows by c is of a quantity to which 1 - exp(-c) of what it is then was added, and no more than that part of it is in
-// doubt; one that falls is of a quantity that was damped by an exponent in doubt. change: of the mean statistics by the
-// effects.
+// doubt. One that falls far counts alike: it comes near the floor that it has, where nothing is left to be wrong about
+// (by a part of c, clipped light that no pixel shows any more would be in doubt by a fifth of itself). change: of the
+// mean statistics by the effects.
 Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change);
 // Standard deviations of fitted strengths: how far the fit strays on replicates (GapModel::strays), and what errors of
 // the model do to it: of the size of all changes together, and of each statistic on its own. Of those of which the
