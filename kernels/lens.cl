@@ -142,8 +142,8 @@ __kernel void lens_finish(__global const float *light, ulong light_offset, uint 
         return;
     float value = light[light_offset + (ulong)y * light_pitch + x];
 #if GLARE
-    // The real part of the filter's field. The transform's rounding must not make light negative.
-    const float glare = spread[2u * ((ulong)y * spread_width + x)];
+    // The transform's rounding must not make light negative.
+    const float glare = spread[(ulong)y * spread_width + x];
     value = value >= 0.0f ? fmax(fma(1.0f - glare_fraction, value, glare_fraction * glare), 0.0f) : value;
 #endif
     value += ambient;

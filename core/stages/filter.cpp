@@ -13,6 +13,15 @@
 namespace clsp {
 namespace {
 
+constexpr double kPi = 3.14159265358979323846;
+
+// A width of two numbers that the transform takes.
+FieldGrid filter_grid(std::uint32_t width, std::uint32_t height, std::uint32_t guard_px) {
+    FieldGrid grid = make_field_grid(width, height, 1, guard_px);
+    grid.grid_width = 2 * fft_size_at_least(std::max(2u, (width + guard_px + 1) / 2));
+    return grid;
+}
+
 // A reach of `reach` pixels needs twice as much guard: each side has half of it. More than the image itself is of no
 // use.
 std::uint32_t guard_of(double reach, std::uint32_t width, std::uint32_t height) {
@@ -51,8 +60,8 @@ std::uint32_t gaussian_guard_px(double sigma_px, std::uint32_t width, std::uint3
 FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height,
                      std::uint32_t guard_px, const PointSpread &point_spread,
                      std::shared_ptr<FilterWorkspace> workspace)
-    : context_(std::move(context)), grid_(make_field_grid(width, height, 1, guard_px)),
-      fft_(context_->fft(grid_.grid_width, grid_.grid_height)),
+    : context_(std::move(context)), grid_(filter_grid(width, height, guard_px)),
+      fft_(context_->fft(columns(), grid_.grid_height)),
       workspace_(workspace ? std::move(workspace) : std::make_shared<FilterWorkspace>(context_)),
       transfer_(context_, grid_.samples() * sizeof(cl_float)),
       load_(context_->kernel("filter.cl", "filter_load", "-DHAS_WEIGHT=0")),
@@ -60,7 +69,7 @@ FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std:
       multiply_(context_->kernel("filter.cl", "filter_multiply", "-DHAS_WEIGHT=0")),
       store_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=0")),
       store_weighted_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=1")) {
-    workspace_->reserve(grid_.samples() * sizeof(cl_float2), fft_->scratch_bytes());
+    workspace_->reserve(grid_.samples() * sizeof(cl_float), fft_->scratch_bytes());
     make_transfer(point_spread);
 }
 
@@ -76,19 +85,30 @@ void FftFilter::make_transfer(const PointSpread &point_spread) {
     if (!(sum > 0.0 && sum <= kLargestNumber))
         throw Error(Status::kInvalidArgument,
                     fmt::format("the sum of a point spread is {}, it must be finite and above 0", sum));
-    std::vector<cl_float2> samples(values.size());
+    std::vector<cl_float> samples(values.size());
     for (std::size_t i = 0; i < values.size(); ++i)
-        samples[i] = {{static_cast<cl_float>(values[i] / sum), 0.0f}};
+        samples[i] = static_cast<cl_float>(values[i] / sum);
+    std::vector<cl_float2> roots(columns());
+    for (std::size_t k = 0; k < roots.size(); ++k) {
+        const double angle = -2.0 * kPi * double(k) / grid_.grid_width;
+        roots[k] = {{static_cast<cl_float>(std::cos(angle)), static_cast<cl_float>(std::sin(angle))}};
+    }
+    roots_ = DeviceBuffer(context_, roots.size() * sizeof(cl_float2), roots.data());
     // In memory of its own: the shared one may be in use by a frame that is still under way.
-    const DeviceBuffer spectrum(context_, samples.size() * sizeof(cl_float2), samples.data());
+    const DeviceBuffer spectrum(context_, samples.size() * sizeof(cl_float), samples.data());
     const DeviceBuffer scratch =
         fft_->scratch_bytes() > 0 ? DeviceBuffer(context_, fft_->scratch_bytes()) : DeviceBuffer();
     cl::CommandQueue queue(context_->cl_context(), context_->device());
     CommandChain chain(queue(), 0, nullptr);
     fft_->enqueue(chain, FftDirection::kForward, "filter", spectrum.get(), scratch.get());
     cl::Kernel transfer = context_->kernel("filter.cl", "filter_transfer", "-DHAS_WEIGHT=0");
-    KernelArguments(transfer).add(spectrum.get()).add(transfer_.get()).add(cl_ulong{grid_.samples()});
-    chain.run("filter", transfer, grid_.samples());
+    KernelArguments(transfer)
+        .add(spectrum.get())
+        .add(roots_.get())
+        .add(transfer_.get())
+        .add(cl_uint{columns()})
+        .add(cl_uint{grid_.grid_height});
+    chain.run("filter", transfer, columns(), grid_.grid_height);
     check_opencl(clFinish(queue()), "clFinish");
 }
 
@@ -101,8 +121,13 @@ void FftFilter::enqueue_convolve(CommandChain &chain, const char *stage, const I
     arguments.add(workspace_->field()).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
     chain.run(stage, load, grid_.grid_width, grid_.grid_height);
     fft_->enqueue(chain, FftDirection::kForward, stage, workspace_->field(), workspace_->scratch());
-    KernelArguments(multiply_).add(workspace_->field()).add(transfer_.get()).add(cl_ulong{grid_.samples()});
-    chain.run(stage, multiply_, grid_.samples());
+    KernelArguments(multiply_)
+        .add(workspace_->field())
+        .add(roots_.get())
+        .add(transfer_.get())
+        .add(cl_uint{columns()})
+        .add(cl_uint{grid_.grid_height});
+    chain.run(stage, multiply_, columns(), grid_.grid_height / 2 + 1);
     fft_->enqueue(chain, FftDirection::kInverse, stage, workspace_->field(), workspace_->scratch());
 }
 

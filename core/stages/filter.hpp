@@ -4,9 +4,10 @@
 //     out = (1 - f(x)) in + h * (f in)         the same with a fraction for each pixel: what leaves a pixel is what the
 //     others get
 //
-// Beyond its borders the image goes on with its edge pixels, as far as half the guard on each side; the transform is
-// periodic beyond that. A flat image stays as it is. Pixels that are NaN, infinite or negative spread nothing and are
-// passed on as they are.
+// Images are real: neighbours along a row are the two parts of one complex number, so that a transform of half the
+// width does (the field is the padded image itself, row by row). Beyond its borders the image goes on with its edge
+// pixels, as far as half the guard on each side; the transform is periodic beyond that. A flat image stays as it is.
+// Pixels that are NaN, infinite or negative spread nothing and are passed on as they are.
 #pragma once
 
 #include "runtime/command_chain.hpp"
@@ -52,25 +53,26 @@ class FftFilter {
     FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height, std::uint32_t guard_px,
               const PointSpread &point_spread, std::shared_ptr<FilterWorkspace> workspace = nullptr);
 
-    const FieldGrid &grid() const { return grid_; }
+    const FieldGrid &grid() const { return grid_; } // of even width
 
     // The whole filter, every command under the name `stage` (a string literal). in and out may be the same pixels.
     // weight: FLOAT32, f(x) in 0 to 1 (clamped; NaN is 0); without one, f is `fraction`. All images are width x height.
     void enqueue(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &out, double fraction,
                  const ImageView &weight = {});
-    // Only h * in, or h * (f in): the result is the real part of field(), rows of grid().grid_width complex numbers,
-    // until the workspace is used again.
+    // Only h * in, or h * (f in): the result is in field(), rows of grid().grid_width floats, until the workspace is
+    // used again.
     void enqueue_convolve(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &weight = {});
     const cl::Buffer &field() const { return workspace_->field(); }
 
   private:
     void make_transfer(const PointSpread &point_spread);
+    std::uint32_t columns() const { return grid_.grid_width / 2; } // of the transform
 
     std::shared_ptr<Context> context_;
     FieldGrid grid_;
     std::shared_ptr<Fft> fft_;
     std::shared_ptr<FilterWorkspace> workspace_;
-    DeviceBuffer transfer_;
+    DeviceBuffer transfer_, roots_; // kernels/filter.cl has them
     cl::Kernel load_, load_weighted_, multiply_, store_, store_weighted_;
 };
 

@@ -103,6 +103,9 @@ TEST_F(Filter, MatchesADirectConvolution) {
         std::uint32_t guard;
     } cases[] = {{exponential_spread(scale), exponential_guard_px(scale, width, height)},
                  {gaussian_spread(2.0), gaussian_guard_px(2.0, width, height)},
+                 // Odd and even numbers of rows and of the transform's columns.
+                 {exponential_spread(scale), 9},
+                 {gaussian_spread(2.0), 11},
                  // No preset, and no other symmetry than the one that is needed: a slanted line.
                  {[](double dx, double dy) { return dx == 2 * dy && std::abs(dy) <= 1 ? 1.0 : 0.0; }, 4}};
     for (const auto &c : cases) {
@@ -203,8 +206,9 @@ TEST_F(Filter, SharesItsWorkMemory) {
     FftFilter first(context(), width, height, 8, exponential_spread(scale), workspace);
     const std::uint64_t before = context()->memory_use().allocated_bytes;
     FftFilter second(context(), width, height, 8, gaussian_spread(scale), workspace);
-    // A transfer function, and no other memory.
-    EXPECT_EQ(before + second.grid().samples() * sizeof(float), context()->memory_use().allocated_bytes);
+    // A transfer function and the roots of one row, and no other memory.
+    EXPECT_EQ(before + (second.grid().samples() + second.grid().grid_width) * sizeof(float),
+              context()->memory_use().allocated_bytes);
     run(second, image, 1.0);
     EXPECT_EQ(expected, run(first, image, 0.5));
     // A larger filter makes the shared memory grow; the others go on with it.
