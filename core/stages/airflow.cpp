@@ -3,6 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "stages/half_width.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
@@ -61,7 +62,7 @@ void check_airflow(const AirflowParameters &p) {
 }
 
 Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const AirflowParameters &p)
-    : context_(std::move(context)), grid_(grid), parameters_(p) {
+    : context_(std::move(context)), grid_(grid), parameters_(p), halves_(can_be_halved(grid.grid_width)) {
     check_airflow(p);
     check_positive(p.rms_rad, "airflow rms_rad");
     const std::vector<double> x = axis_filter(grid_.grid_width, grid_.oversampling, p.scale_px),
@@ -75,15 +76,20 @@ Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const 
     // Half of the gain on each axis: both stay within a float's range.
     filter_x_ = upload(context_, x, std::sqrt(gain));
     filter_y_ = upload(context_, y, std::sqrt(gain));
-    fft_ = context_->fft(grid_.grid_width, grid_.grid_height);
+    fft_ = context_->fft(halves_ ? grid_.grid_width / 2 : grid_.grid_width, grid_.grid_height);
     state_ = DeviceBuffer(context_, std::size_t{box_width_} * box_height_ * sizeof(cl_float2));
-    field_ = DeviceBuffer(context_, grid_.samples() * sizeof(cl_float2));
+    if (halves_)
+        roots_ = half_roots(context_, grid_.grid_width);
+    else
+        field_ = DeviceBuffer(context_, grid_.samples() * sizeof(cl_float2));
     if (fft_->scratch_bytes() > 0)
         scratch_ = DeviceBuffer(context_, fft_->scratch_bytes());
     screen_ = DeviceBuffer(context_, grid_.samples() * sizeof(cl_float));
-    advance_ = context_->kernel("airflow.cl", "airflow_advance");
-    spectrum_ = context_->kernel("airflow.cl", "airflow_spectrum");
-    write_screen_ = context_->kernel("airflow.cl", "airflow_screen");
+    const char *options = halves_ ? "-DHALVES=1" : "-DHALVES=0";
+    advance_ = context_->kernel("airflow.cl", "airflow_advance", options);
+    spectrum_ = context_->kernel("airflow.cl", "airflow_spectrum", options);
+    if (!halves_)
+        write_screen_ = context_->kernel("airflow.cl", "airflow_screen", options);
 }
 
 void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, double frames, std::uint32_t substep) {
@@ -111,19 +117,22 @@ void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, do
         .add(static_cast<cl_float>(keep))
         .add(static_cast<cl_float>(draw));
     chain.run("airflow", advance_, box_width_, quarter);
-    KernelArguments(spectrum_)
-        .add(state_.get())
+    const cl::Buffer &field = halves_ ? screen_.get() : field_.get();
+    KernelArguments arguments(spectrum_);
+    arguments.add(state_.get())
         .add(cl_uint{box_width_})
         .add(cl_uint{box_height_})
         .add(filter_x_.get())
-        .add(filter_y_.get())
-        .add(field_.get())
-        .add(cl_uint{grid_.grid_width})
-        .add(cl_uint{grid_.grid_height});
-    chain.run("airflow", spectrum_, grid_.grid_width, grid_.grid_height);
-    fft_->enqueue(chain, FftDirection::kInverse, "airflow", field_.get(), scratch_.get());
-    KernelArguments(write_screen_).add(field_.get()).add(screen_.get()).add(cl_ulong{grid_.samples()});
-    chain.run("airflow", write_screen_, grid_.samples());
+        .add(filter_y_.get());
+    if (halves_)
+        arguments.add(roots_.get());
+    arguments.add(field).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
+    chain.run("airflow", spectrum_, halves_ ? grid_.grid_width / 2 : grid_.grid_width, grid_.grid_height);
+    fft_->enqueue(chain, FftDirection::kInverse, "airflow", field, scratch_.get());
+    if (!halves_) {
+        KernelArguments(write_screen_).add(field_.get()).add(screen_.get()).add(cl_ulong{grid_.samples()});
+        chain.run("airflow", write_screen_, grid_.samples());
+    }
     drawn_ = true;
 }
 

@@ -26,8 +26,8 @@ struct AirflowParameters {
     std::uint64_t seed = 0;
 
     bool operator==(const AirflowParameters &other) const {
-        return rms_rad == other.rms_rad && scale_px == other.scale_px && correlation_frames == other.correlation_frames &&
-               seed == other.seed;
+        return rms_rad == other.rms_rad && scale_px == other.scale_px &&
+               correlation_frames == other.correlation_frames && seed == other.seed;
     }
 };
 
@@ -57,8 +57,10 @@ class Airflow {
     AirflowParameters parameters_;
     std::uint32_t box_width_ = 1, box_height_ = 1; // odd; frequencies that are kept
     bool drawn_ = false;
+    bool halves_; // the grid's width is even: the transform is of half of it, its field the screen itself
     std::shared_ptr<Fft> fft_;
-    DeviceBuffer state_, filter_x_, filter_y_, field_, scratch_, screen_;
+    DeviceBuffer state_, filter_x_, filter_y_, scratch_, screen_;
+    DeviceBuffer roots_, field_; // with halves, without
     cl::Kernel advance_, spectrum_, write_screen_;
 };
 

@@ -3,6 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "stages/half_width.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +13,6 @@
 
 namespace clsp {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // A width of two numbers that the transform takes.
 FieldGrid filter_grid(std::uint32_t width, std::uint32_t height, std::uint32_t guard_px) {
@@ -88,12 +87,7 @@ void FftFilter::make_transfer(const PointSpread &point_spread) {
     std::vector<cl_float> samples(values.size());
     for (std::size_t i = 0; i < values.size(); ++i)
         samples[i] = static_cast<cl_float>(values[i] / sum);
-    std::vector<cl_float2> roots(columns());
-    for (std::size_t k = 0; k < roots.size(); ++k) {
-        const double angle = -2.0 * kPi * double(k) / grid_.grid_width;
-        roots[k] = {{static_cast<cl_float>(std::cos(angle)), static_cast<cl_float>(std::sin(angle))}};
-    }
-    roots_ = DeviceBuffer(context_, roots.size() * sizeof(cl_float2), roots.data());
+    roots_ = half_roots(context_, grid_.grid_width);
     // In memory of its own: the shared one may be in use by a frame that is still under way.
     const DeviceBuffer spectrum(context_, samples.size() * sizeof(cl_float), samples.data());
     const DeviceBuffer scratch =

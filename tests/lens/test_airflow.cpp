@@ -2,6 +2,7 @@
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
 #include "stages/airflow.hpp"
+#include "stages/philox.hpp"
 
 #include <gtest/gtest.h>
 
@@ -91,6 +92,62 @@ TEST_F(AirflowTest, HasTheStatedVarianceAndSpatialCorrelation) {
             const double d2 = lags[k].first * lags[k].first + lags[k].second * lags[k].second;
             EXPECT_NEAR(std::exp(-d2 / 36.0), products[k] / 0.25, 5 * 0.0086)
                 << "lag " << lags[k].first << ", " << lags[k].second << ", oversampling " << oversampling;
+        }
+    }
+}
+
+// The first screen against a direct sum over all frequencies, in double: of even width (a transform of half of it) and
+// of odd.
+TEST_F(AirflowTest, IsTheSumOfItsFrequencies) {
+    for (const auto &[width, height] :
+         {std::pair{16u, 12u}, std::pair{18u, 11u}, std::pair{15u, 12u}, std::pair{21u, 9u}}) {
+        for (const double scale : {0.3, 2.0, 40.0}) { // all frequencies, some, hardly more than the mean
+            AirflowParameters p = parameters();
+            p.scale_px = scale;
+            Airflow airflow(context(), make_field_grid(width, height, 1, 0), p);
+            ASSERT_EQ(airflow.grid().grid_width, width);
+            ASSERT_EQ(airflow.grid().grid_height, height);
+            const auto screen = advance(airflow, 5);
+            const auto half_of = [&](std::uint32_t samples) {
+                return static_cast<int>(
+                    std::min(std::sqrt(2.0 * 17.7) * samples / (kPi * scale), double((samples - 1) / 2)));
+            };
+            const int half_width = half_of(width), half_height = half_of(height);
+            const std::uint32_t box_height = 2u * static_cast<std::uint32_t>(half_height) + 1u,
+                                quarter = quarter_rows(box_height);
+            const auto gain = [&](int kx, int ky) {
+                const double fx = double(kx) / width, fy = double(ky) / height;
+                return std::exp(-0.5 * kPi * kPi * scale * scale * (fx * fx + fy * fy));
+            };
+            double power = 0.0;
+            std::vector<double> sum(screen.size(), 0.0);
+            for (int ky = -half_height; ky <= half_height; ++ky)
+                for (int kx = -half_width; kx <= half_width; ++kx) {
+                    const auto column = static_cast<std::uint32_t>(kx + half_width),
+                               row = static_cast<std::uint32_t>(ky + half_height);
+                    double parts[2];
+                    for (std::uint32_t part = 0; part < 2; ++part) {
+                        const auto block = host_block(p.seed, {column, row % quarter, 5, 0x31u + part});
+                        const std::uint32_t pair = row / quarter / 2 * 2;
+                        const double r = std::sqrt(-2.0 * std::log((block[pair] + 0.5) * 0x1p-32));
+                        const double angle = 2.0 * kPi * block[pair + 1] * 0x1p-32;
+                        parts[part] = r * (row / quarter % 2 == 0 ? std::cos(angle) : std::sin(angle));
+                    }
+                    const double g = gain(kx, ky);
+                    power += g * g;
+                    for (std::uint32_t y = 0; y < height; ++y)
+                        for (std::uint32_t x = 0; x < width; ++x) {
+                            const double angle = 2.0 * kPi * (double(kx) * x / width + double(ky) * y / height);
+                            sum[y * width + x] += g * (parts[0] * std::cos(angle) - parts[1] * std::sin(angle));
+                        }
+                }
+            double error = 0.0, square = 0.0;
+            for (std::size_t i = 0; i < screen.size(); ++i) {
+                const double expected = p.rms_rad * sum[i] / std::sqrt(power);
+                error += (screen[i] - expected) * (screen[i] - expected);
+                square += expected * expected;
+            }
+            EXPECT_LT(std::sqrt(error / square), 2e-6) << width << " x " << height << ", scale " << scale;
         }
     }
 }

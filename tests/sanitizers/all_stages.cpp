@@ -162,6 +162,35 @@ void run() {
         throw std::runtime_error("the uniforms are not uniform");
 }
 
+// Airflow on a grid of odd width, whose screens take a transform of the whole width.
+void run_odd_airflow() {
+    constexpr std::uint32_t width = 15, height = 12;
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const double position[2] = {7.2, 6.1};
+    auto dots_desc = clspeckle::make<ClspDotsDesc>();
+    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+    dots_desc.width = phase_desc.width = aperture_desc.width = width;
+    dots_desc.height = phase_desc.height = aperture_desc.height = height;
+    dots_desc.positions_px = position;
+    dots_desc.count = 1;
+    const clspeckle::Dots dots(context, dots_desc);
+    const clspeckle::Phase phase(context, phase_desc);
+    const clspeckle::Aperture aperture(context, aperture_desc);
+    auto desc = clspeckle::make<ClspPipelineDesc>();
+    desc.dots = dots;
+    desc.phase = phase;
+    desc.aperture = aperture;
+    const clspeckle::Pipeline pipeline(context, desc);
+    pipeline.set_effect("airflow");
+    const clspeckle::Buffer intensity(context, width * height * 4);
+    auto frame = clspeckle::make<ClspFrame>();
+    frame.output = intensity.image(width, height, CLSP_FORMAT_FLOAT32);
+    pipeline.enqueue_frame(queue, frame);
+    pipeline.check(queue);
+}
+
 // Dots through the whole camera with every effect, on a small grid: the transforms take long under a watching device.
 void run_effects() {
     constexpr std::uint32_t small = 32;
@@ -173,9 +202,9 @@ void run_effects() {
     auto aperture_desc = clspeckle::make<ClspApertureDesc>();
     auto sensor_desc = clspeckle::make<ClspSensorDesc>();
     auto motion_desc = clspeckle::make<ClspMotionDesc>();
-    for (auto *size : {&dots_desc.width, &dots_desc.height, &phase_desc.width, &phase_desc.height, &aperture_desc.width,
-                       &aperture_desc.height, &sensor_desc.width, &sensor_desc.height, &motion_desc.width,
-                       &motion_desc.height})
+    for (auto *size :
+         {&dots_desc.width, &dots_desc.height, &phase_desc.width, &phase_desc.height, &aperture_desc.width,
+          &aperture_desc.height, &sensor_desc.width, &sensor_desc.height, &motion_desc.width, &motion_desc.height})
         *size = small;
     dots_desc.positions_px = positions.data();
     dots_desc.count = 4;
@@ -413,7 +442,8 @@ void run_simulator() {
 // Design of a beam splitter: each projection, each rule and the search.
 void run_doe_design() {
     const clspeckle::Context context;
-    const std::vector<ClspDoeDesignOrder> orders = {{-2, 1, 1.0}, {2, -1, 1.0}, {3, 3, 2.0}, {-3, -3, 2.0}, {0, 0, 1.0}};
+    const std::vector<ClspDoeDesignOrder> orders = {
+        {-2, 1, 1.0}, {2, -1, 1.0}, {3, 3, 2.0}, {-3, -3, 2.0}, {0, 0, 1.0}};
     for (const std::uint32_t levels : {0u, 2u, 5u})
         for (const std::uint32_t rule : {CLSP_DOE_RULE_GS, CLSP_DOE_RULE_NOGRETTE, CLSP_DOE_RULE_KIM}) {
             auto desc = clspeckle::make<ClspDoeDesignDesc>();
@@ -436,7 +466,8 @@ void run_doe_design() {
 void run_depth() {
     const clspeckle::Context context;
     const clspeckle::Queue queue(context);
-    const Image codes(context, CLSP_FORMAT_UINT16), values(context, CLSP_FORMAT_FLOAT32), bytes(context, CLSP_FORMAT_UINT8);
+    const Image codes(context, CLSP_FORMAT_UINT16), values(context, CLSP_FORMAT_FLOAT32),
+        bytes(context, CLSP_FORMAT_UINT8);
     const double centres[][2] = {{12.3, 14.1}, {30.2, 15.7}, {36.4, 15.9}, {1.2, 40.3}, {50.1, 47.6}};
     std::vector<std::uint16_t> code(codes.buffer.size_bytes() / 2);
     std::vector<float> value(values.buffer.size_bytes() / 4);
@@ -497,6 +528,7 @@ int main(int argc, char **argv) {
         run_doe_design();
         setenv("CLSPECKLE_FFT", "fused-lanes", 1);
         run_effects();
+        run_odd_airflow();
         run_doe_design();
         std::vector<ApertureCase> apertures{{18, 15, 1, 0, 0.5, 0.0, 0.2, CLSP_FIELD_UNIT_PHASOR},
                                             {10, 9, 2, 1, 0.6, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN},
@@ -504,8 +536,8 @@ int main(int argc, char **argv) {
                                             {11, 7, 2, 0, 0.6, 0.7, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN}};
         run_apertures(apertures);
         run_doe();
-        // Again in work-groups; columns too long for both parts of them to stand in local memory at once, and butterflies for which
-        // there are too few work-items and too many.
+        // Again in work-groups; columns too long for both parts of them to stand in local memory at once, and
+        // butterflies for which there are too few work-items and too many.
         setenv("CLSPECKLE_FFT", "fused-groups", 1);
         run_effects();
         apertures.push_back({5, 1080, 1, 0, 0.3, 0.0, 0.0, CLSP_FIELD_UNIT_PHASOR});
