@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -39,37 +40,52 @@ Scale scale_of(const HypothesisParameter &parameter) {
 
 } // namespace
 
-double Candidate::value(std::size_t parameter, double strength) const {
-    const HypothesisParameter &p = parameters[parameter];
+double Candidate::value(std::size_t parameter, double strength, double sign) const {
+    const HypothesisParameter p = towards(sign, parameter);
     const Scale scale = scale_of(p);
-    const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
-                                         : scale.weak + strength * (scale.strong - scale.weak);
-    return std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
+    double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
+                                   : scale.weak + strength * (scale.strong - scale.weak);
+    value = std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
+    return is_mirrored(sign, parameter) ? -value : value;
 }
 
-double Candidate::strength(std::size_t parameter, double value) const {
-    const HypothesisParameter &p = parameters[parameter];
+double Candidate::strength(std::size_t parameter, double value, double sign) const {
+    const HypothesisParameter p = towards(sign, parameter);
     const Scale scale = scale_of(p);
     if (scale.weak == scale.strong)
         return 0.0;
+    if (is_mirrored(sign, parameter))
+        value = -value;
     if (scale.geometric && p.whole)
         value = std::max(value, kNoneOfThem);
     return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
                            : (value - scale.weak) / (scale.strong - scale.weak);
 }
 
-double Candidate::snapped(std::size_t parameter, double at) const {
+double Candidate::snapped(std::size_t parameter, double at, double sign) const {
     const HypothesisParameter &p = parameters[parameter];
-    const double held = value(parameter, at);
-    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, held) : at;
+    const double held = value(parameter, at, sign);
+    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, held, sign) : at;
 }
 
-double Candidate::difference(std::size_t parameter, double at) const {
-    if (!parameters[parameter].whole)
+double Candidate::difference(std::size_t parameter, double at, double sign) const {
+    const HypothesisParameter &p = parameters[parameter];
+    if (!p.whole)
         return at > 0.9 ? -kDifference : kDifference;
-    const double one = parameters[parameter].weak < parameters[parameter].strong ? 1.0 : -1.0; // towards more of the effect
-    const double up = strength(parameter, value(parameter, at) + one) - at;
-    return at > 0.9 ? -up : up;
+    const double here = value(parameter, at, sign);
+    const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter) ? -1.0 : 1.0); // more of the effect
+    const double more = strength(parameter, here + one, sign) - at, less = strength(parameter, here - one, sign) - at;
+    return at > 0.9 || more == 0.0 ? less : more;
+}
+
+HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const {
+    HypothesisParameter p = parameters[parameter];
+    if (is_mirrored(sign, parameter)) {
+        std::swap(p.minimum, p.maximum);
+        p.minimum = -p.minimum;
+        p.maximum = -p.maximum;
+    }
+    return p;
 }
 
 std::vector<double> Candidate::values(double strength) const {

@@ -14,17 +14,23 @@ struct Candidate {
 
     // Values at a strength from weak (0) to strong (1) and beyond, all parameters together, within the accepted ranges.
     std::vector<double> values(double strength) const;
-    // A parameter's value at its own strength.
-    double value(std::size_t parameter, double strength) const;
+    // A parameter's value at its own strength. sign -1, of an effect that has a direction, here and below: the other one,
+    // where the first parameter is below zero.
+    double value(std::size_t parameter, double strength, double sign = 1.0) const;
     // The strength at which a parameter has a value.
-    double strength(std::size_t parameter, double value) const;
+    double strength(std::size_t parameter, double value, double sign = 1.0) const;
     // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
     // it is one.
-    double snapped(std::size_t parameter, double strength) const;
+    double snapped(std::size_t parameter, double strength, double sign = 1.0) const;
     // How far to go from a strength for a finite difference.
-    double difference(std::size_t parameter, double strength) const;
+    double difference(std::size_t parameter, double strength, double sign = 1.0) const;
     // Its first parameter may be below zero, where the effect goes the other way.
     bool has_direction() const { return parameters.front().minimum < 0.0 && parameters.front().weak > 0.0; }
+
+  private:
+    static bool is_mirrored(double sign, std::size_t parameter) { return sign < 0.0 && parameter == 0; }
+    // A parameter as it is in a direction: its range, of the value times the sign.
+    HypothesisParameter towards(double sign, std::size_t parameter) const;
 };
 
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.

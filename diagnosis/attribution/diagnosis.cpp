@@ -136,7 +136,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     };
     experiment.checkpoint = tell;
     SearchOptions search_options;
-    search_options.seed = options.seed;
+    const std::uint64_t first_seed = seed_of_draws(options.seed);
+    search_options.seed = first_seed;
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
     search_options.level = options.level;
@@ -198,10 +199,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         }
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
-    result.downstream = measure_downstream(experiment, capture, found.baseline, final, options.seed);
+    result.downstream = measure_downstream(experiment, capture, found.baseline, final, first_seed);
     if (options.evidence)
-        result.evidence = std::make_shared<const Evidence>(
-            collect_evidence(experiment, capture, found.baseline, final, options.seed));
+        result.evidence =
+            std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, first_seed));
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;
 }

@@ -23,7 +23,7 @@ EffectSettings EffectModel::settings() const {
         result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
     for (const Strength &s : strengths)
         result[s.effect].values[s.parameter] =
-            effects[s.effect].sign * effects[s.effect].candidate->value(s.parameter, s.strength);
+            effects[s.effect].candidate->value(s.parameter, s.strength, effects[s.effect].sign);
     return result;
 }
 
@@ -35,9 +35,10 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
     effects.push_back({&candidate, sign});
     for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
         const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
-        strengths.push_back(
-            {effects.size() - 1, p,
-             varied ? candidate.snapped(p, strength) : candidate.strength(p, candidate.parameters[p].weak)});
+        strengths.push_back({effects.size() - 1, p,
+                             varied
+                                 ? candidate.snapped(p, strength, sign)
+                                 : candidate.strength(p, (p == 0 ? sign : 1.0) * candidate.parameters[p].weak, sign)});
     }
 }
 
@@ -70,7 +71,7 @@ Eigen::VectorXd EffectModel::distance_from(const EffectModel &other) const {
 double EffectModel::difference(Eigen::Index strength, double part) const {
     const Strength &s = strengths[static_cast<std::size_t>(strength)];
     const Candidate &candidate = *effects[s.effect].candidate;
-    return candidate.difference(s.parameter, s.strength) *
+    return candidate.difference(s.parameter, s.strength, effects[s.effect].sign) *
            (candidate.parameters[s.parameter].whole ? std::copysign(1.0, part) : part);
 }
 
@@ -79,14 +80,15 @@ double move_one(EffectModel &model, Eigen::Index strength, double part) {
     Strength &s = model.strengths[static_cast<std::size_t>(strength)];
     const Candidate &candidate = *model.effects[s.effect].candidate;
     const double at = s.strength;
-    const auto way = [&](double distance) { return candidate.snapped(s.parameter, at + distance) - at; };
+    const double sign = model.effects[s.effect].sign;
+    const auto way = [&](double distance) { return candidate.snapped(s.parameter, at + distance, sign) - at; };
     double moved = way(step);
     if (std::abs(moved) < kLeastWay * std::abs(step)) {
         const double back = way(-step);
         moved = std::abs(back) > std::abs(moved) ? back : moved;
     }
     s.strength = at + moved;
-    return moved != 0.0 ? moved : step; // what has one value only changes nothing
+    return moved != 0.0 ? moved : step != 0.0 ? step : 1.0; // what has one value only changes nothing
 }
 
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
@@ -94,8 +96,9 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double st
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
         const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
         Strength &s = model.strengths[p];
-        s.strength = model.effects[s.effect].candidate->snapped(s.parameter,
-                                                                std::clamp(s.strength + bounded, kWeakest, strongest));
+        const ModelEffect &effect = model.effects[s.effect];
+        s.strength =
+            effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, strongest), effect.sign);
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;
@@ -108,9 +111,7 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
     for (Eigen::Index p = 0; p < strengths.size(); ++p) {
         const Strength &s = model.strengths[static_cast<std::size_t>(p)];
         const ModelEffect &effect = model.effects[s.effect];
-        const auto value = [&](double strength) {
-            return effect.sign * effect.candidate->value(s.parameter, strength);
-        };
+        const auto value = [&](double strength) { return effect.candidate->value(s.parameter, strength, effect.sign); };
         const double a = value(strengths[p] - factor * deviations[p]), b = value(strengths[p] + factor * deviations[p]);
         result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]),
                           std::min(a, b), std::max(a, b)});

@@ -41,7 +41,7 @@ struct Strength {
 
 struct ModelEffect {
     const Candidate *candidate;
-    double sign; // -1: values below 0, where an effect has a direction
+    double sign; // -1: the other direction, where an effect has one
 };
 
 struct EffectModel {

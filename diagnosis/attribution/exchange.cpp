@@ -163,20 +163,22 @@ GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &p
 // Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
 void halve(EffectModel &model, std::size_t effect) {
     const Candidate &candidate = *model.effects[effect].candidate;
+    const double sign = model.effects[effect].sign;
     for (Strength &s : model.strengths) {
         const HypothesisParameter &parameter = candidate.parameters[s.parameter];
         if (s.effect != effect)
             continue;
         if (parameter.weak == parameter.strong) { // what is given away may have moved it
-            s.strength = candidate.strength(s.parameter, parameter.weak);
+            s.strength = candidate.strength(s.parameter, (s.parameter == 0 ? sign : 1.0) * parameter.weak, sign);
             continue;
         }
         // Where the value falls as the effect grows, it is no measure of the effect.
         s.strength =
             parameter.weak < parameter.strong
-                ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength)))
+                ? std::max(kWeakest,
+                           candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength, sign), sign))
                 : 0.5 * (s.strength + kNothing);
-        s.strength = candidate.snapped(s.parameter, s.strength);
+        s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
 }
 

@@ -34,6 +34,9 @@ struct CalibratedLevels {
 constexpr double kQuantizationVariance = 1.0 / 12.0;
 constexpr double kLeastReadNoise = 0.05;
 
+// Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of them.
+constexpr std::uint64_t seed_of_draws(std::uint64_t seed) { return seed * 0x9E3779B97F4A7C15u; }
+
 class Experiment {
   public:
     // Throws kInvalidData if the capture has no sequence that can be measured.

@@ -18,6 +18,9 @@ std::vector<std::size_t> blocks_of(const Experiment &experiment) {
     return blocks;
 }
 
+// What is rare (a pixel above 95 % of the range) may happen in one part of the replicates and never in another, which is no
+// certainty there: of all replicates' deviation.
+constexpr double kLeastOfPart = 0.3;
 // A fit goes by the covariance of all replicates, so that of most of them says how far it strays.
 constexpr Eigen::Index kStrayFolds = 6;
 
@@ -59,8 +62,9 @@ GapModel::GapModel(const Experiment &experiment, Replicates replicates, double l
     full_ = Covariance(full, blocks, least, tolerance);
     fold_ = Covariance(folds, blocks, least, tolerance);
     const Eigen::Index half = n / 2;
-    part_[0] = Covariance(full.topRows(half), blocks, least, tolerance);
-    part_[1] = Covariance(full.bottomRows(n - half), blocks, least, tolerance);
+    const Eigen::VectorXd least_of_part = this->least_of_part(least);
+    part_[0] = Covariance(full.topRows(half), blocks, least_of_part, tolerance);
+    part_[1] = Covariance(full.bottomRows(n - half), blocks, least_of_part, tolerance);
     reference_.resize(n);
     for (Eigen::Index r = 0; r < n; ++r) {
         const Covariance &other = part_[r < half ? 1 : 0];
@@ -70,6 +74,11 @@ GapModel::GapModel(const Experiment &experiment, Replicates replicates, double l
     }
 }
 
+Eigen::VectorXd GapModel::least_of_part(const Eigen::VectorXd &least) const {
+    const Eigen::VectorXd spread = (full_.deviation().cwiseAbs2() - full_.tolerance().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    return least.cwiseMax(kLeastOfPart * spread);
+}
+
 Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const {
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }
@@ -77,7 +86,7 @@ Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen
 Eigen::MatrixXd GapModel::strays(const Experiment &experiment, Fit fit) const {
     const auto &draws = replicates_.draws;
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size());
-    const Eigen::VectorXd least = least_deviations(experiment.list(), draws);
+    const Eigen::VectorXd least = least_of_part(least_deviations(experiment.list(), draws));
     Eigen::MatrixXd result(n, directions_.cols());
     for (Eigen::Index k = 0; k < kStrayFolds; ++k) {
         const Eigen::Index begin = k * n / kStrayFolds, end = (k + 1) * n / kStrayFolds;

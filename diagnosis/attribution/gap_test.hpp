@@ -52,6 +52,8 @@ class GapModel {
     Eigen::MatrixXd strays(const Experiment &experiment, Fit fit) const;
 
   private:
+    // Standard deviations below which those of a part of the replicates are not trusted; least: those of all of them.
+    Eigen::VectorXd least_of_part(const Eigen::VectorXd &least) const;
     // Without what lies along the directions.
     Eigen::VectorXd projected(const Eigen::VectorXd &difference) const;
 

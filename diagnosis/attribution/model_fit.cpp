@@ -254,7 +254,8 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
                                     .cwiseMin(kLargestStep);
     for (Eigen::Index p = 0; p < strengths.size(); ++p) {
         const Strength &s = model.strengths[static_cast<std::size_t>(p)];
-        strengths[p] = model.effects[s.effect].candidate->snapped(s.parameter, s.strength + strengths[p]);
+        const ModelEffect &effect = model.effects[s.effect];
+        strengths[p] = effect.candidate->snapped(s.parameter, s.strength + strengths[p], effect.sign);
     }
     const Eigen::MatrixXd strays = model_of_changes.strays(experiment_, GapModel::Fit::kBoth);
     fitted.parameters = fitted_parameters(

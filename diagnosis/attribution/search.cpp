@@ -162,7 +162,7 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
     const double before = fits_.held_out(fitted);
     for (int round = 0;; ++round) {
         const double after = fits_.held_out(fitted, &refined.response, &refined.strength);
-        refined.strength = refined.candidate->snapped(0, refined.strength);
+        refined.strength = refined.candidate->snapped(0, refined.strength, refined.sign);
         refined.gain = before - after;
         if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
             break;
@@ -280,7 +280,12 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     }
     if (fits.empty())
         return false;
-    std::size_t best = 0;
+    // By as many replicates each: the score depends on how many there are.
+    std::size_t most = 0, best = 0;
+    for (const FittedModel &fitted : fits)
+        most = std::max(most, fitted.model.replicates().draws.size());
+    for (FittedModel &fitted : fits)
+        fits_.judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(most), from + share, from + share);
     for (std::size_t i = 1; i < fits.size(); ++i)
         if (fits[i].score < fits[best].score)
             best = i;

@@ -186,7 +186,7 @@ void Closing::refine(Answer &answer, const EffectModel &model) {
         if (answer.first.empty() || answer.first.distance(strength) > kNear)
             simulate(strength);
     for (int round = 0;; ++round) {
-        answer.strength = answer.candidate->snapped(0, best_strength(answer));
+        answer.strength = answer.candidate->snapped(0, best_strength(answer), answer.sign);
         if (round == kFitRounds || answer.first.distance(answer.strength) < kNear)
             break;
         simulate(answer.strength);

@@ -122,9 +122,10 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         throw Error(Status::kInvalidArgument,
                     "a comparison takes no hypotheses: they are functions on frames that our simulator draws");
     const std::vector<Candidate> all = candidates({}, options.without);
+    const std::uint64_t first_seed = seed_of_draws(options.seed);
     auto comparison = std::make_shared<Comparison>();
     PairedCaptures captures = pair_captures(real, sim);
-    comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), options.seed);
+    comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), first_seed);
     comparison->pairs = captures.pairs;
     comparison->real_alone = captures.real_alone;
     comparison->sim_alone = captures.sim_alone;
@@ -166,7 +167,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const FoldStatistics difference{experiment.real().first - simulated.first,
                                     experiment.real().second - simulated.second};
     const GapModel null(experiment,
-                        draw_differences(experiment, {}, options.null_replicates, options.seed,
+                        draw_differences(experiment, {}, options.null_replicates, first_seed,
                                          [&](double part) { tell("drawing differences by chance", 0.5 * part); }),
                         kStatisticsShare * options.level, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
     const GapTest test = null.test(difference);
@@ -192,7 +193,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     ClosingResult closed;
     if (test.detected) {
         ClosingOptions closing;
-        closing.seed = options.seed;
+        closing.seed = first_seed;
         closing.max_effects = options.max_effects;
         closing.residual_level = 0.25 * options.level;
         closed = close_gap(experiment, finished, result.candidates, difference, null, closing,
@@ -243,7 +244,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
             experiment, effects.empty() ? 2 : 3, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
                 std::vector<std::uint16_t> codes = version == 0   ? captures.real.codes[s]
                                                    : version == 1 ? captures.sim.codes[s]
-                                                                  : finished.codes(s, effects, options.seed);
+                                                                  : finished.codes(s, effects, first_seed);
                 codes.resize(frame_count * experiment.layout().pixel_count());
                 return codes;
             }));

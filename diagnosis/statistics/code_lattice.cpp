@@ -4,6 +4,11 @@
 #include <cmath>
 
 namespace clsp::statistics {
+namespace {
+
+constexpr double kGrainPixels = 4.0; // above a level near the top, of a grain that reaches it
+
+} // namespace
 
 void measure_code_lattice(const Measurement &m, Sink &sink) {
     const std::vector<std::uint64_t> &histogram = m.frames.histogram;
@@ -32,13 +37,16 @@ void measure_levels(const Measurement &m, Sink &sink) {
     const std::vector<std::uint64_t> &histogram = m.frames.histogram;
     const double total = double(m.geometry.frames) * double(m.geometry.used);
     const double full = m.geometry.maximum_code - m.black_level_dn;
+    // A bright grain has several pixels, and stays where it is in a scene that rests.
+    const bool speckle = m.geometry.scene == CaptureScene::kBoard || m.geometry.scene == CaptureScene::kDots;
+    const double together = speckle ? kGrainPixels * (m.geometry.moving ? 1.0 : double(m.geometry.frames)) : 1.0;
     for (const int percent : {25, 50, 75, 95}) {
         // Share of pixels above a level between two codes: counts are taken as spread over one code's width.
         const double level = m.black_level_dn + full * percent / 100.0;
         double above = 0.0;
         for (std::size_t code = histogram.size(); code-- > 0 && double(code) + 0.5 > level;)
             above += double(histogram[code]) * std::min(1.0, double(code) + 0.5 - level);
-        sink.put("sensor", "share_above_" + std::to_string(percent) + "_percent", "sqrt", std::sqrt(above / total));
+        sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above / total, together, total);
     }
     // One speckle pattern's brightest grain is an accident of the pattern.
     if (m.geometry.scene != CaptureScene::kFlat && !m.geometry.moving)

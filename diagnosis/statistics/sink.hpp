@@ -36,6 +36,13 @@ class Sink {
             list_->back().least_deviation = 0.25;
     }
 
+    // The root of a share of all values, of which each `together` rise or fall at once.
+    void put_share(const char *stage, const std::string &name, double share, double together, double total) {
+        put(stage, name, "sqrt", std::sqrt(share));
+        if (list_)
+            list_->back().least_deviation = 0.25 * std::sqrt(together / total);
+    }
+
     std::size_t count() const { return count_; }
 
   private:

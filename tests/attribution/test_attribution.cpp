@@ -121,21 +121,37 @@ TEST(Candidates, WholeNumbersStayWhole) {
 
 // A strength beyond what its value may be is no strength: differences from there would be of nothing.
 TEST(Candidates, StrengthsEndWhereValuesDo) {
-    for (const Candidate &candidate : candidates({}, {}))
-        for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
-            for (double u = kWeakest; u <= kStrongest; u += 0.1) {
-                const double held = candidate.snapped(p, u), value = candidate.value(p, u);
-                EXPECT_NEAR(candidate.value(p, held), value, 1e-12 * std::abs(value)) << candidate.id;
-                EXPECT_NEAR(candidate.snapped(p, held), held, 1e-9) << candidate.id;
-                EffectModel model;
-                model.add(candidate, 1.0, u);
-                const double from = model.strengths[p].strength, before = model.settings()[0].values[p];
-                const double moved = move_one(model, static_cast<Eigen::Index>(p));
-                EXPECT_NEAR(model.strengths[p].strength, from + moved, 1e-12) << candidate.id;
-                EXPECT_NE(model.settings()[0].values[p], before) << candidate.id << " at " << u;
-                EXPECT_NEAR(candidate.strength(p, model.settings()[0].values[p]) - candidate.strength(p, before), moved, 1e-9)
-                    << candidate.id << " at " << u;
-            }
+    std::vector<Candidate> all = candidates({}, {});
+    // Less room on the other side; a count that falls to none.
+    all.push_back({"lopsided", "sensor", "", {{"slope", "1", -0.3, 1.0, 0.02, 0.2}, {"gain", "1", 0.5, 3.0, 1.0, 2.0}}});
+    all.push_back({"frames_kept", "sensor", "", {{"count", "1", 0.0, 16.0, 8.0, 1.0, true}}});
+    for (const Candidate &candidate : all)
+        for (const double sign : {1.0, -1.0})
+            for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+                for (double u = kWeakest; u <= kStrongest; u += 0.1) {
+                    if (sign < 0.0 && !candidate.has_direction())
+                        continue;
+                    const double held = candidate.snapped(p, u, sign), value = candidate.value(p, u, sign);
+                    EXPECT_NEAR(candidate.value(p, held, sign), value, 1e-12 * std::abs(value)) << candidate.id;
+                    EXPECT_NEAR(candidate.snapped(p, held, sign), held, 1e-9) << candidate.id;
+                    EffectModel model;
+                    model.add(candidate, sign, u);
+                    const double from = model.strengths[p].strength, before = model.settings()[0].values[p];
+                    EXPECT_GE(before, candidate.parameters[p].minimum) << candidate.id;
+                    EXPECT_LE(before, candidate.parameters[p].maximum) << candidate.id;
+                    if (candidate.has_direction() && u > 0.0) {
+                        EXPECT_EQ(before < 0.0, p == 0 && sign < 0.0) << candidate.id << " at " << u;
+                    }
+                    const double moved = move_one(model, static_cast<Eigen::Index>(p));
+                    const double after = model.settings()[0].values[p];
+                    EXPECT_NEAR(model.strengths[p].strength, from + moved, 1e-12) << candidate.id;
+                    EXPECT_NE(after, before) << candidate.id << " at " << u;
+                    EXPECT_NEAR(candidate.strength(p, after, sign) - candidate.strength(p, before, sign), moved, 1e-9)
+                        << candidate.id << " at " << u;
+                    if (candidate.parameters[p].whole) {
+                        EXPECT_EQ(1.0, std::abs(after - before)) << candidate.id << " at " << u;
+                    }
+                }
 }
 
 TEST(Candidates, ACountMayBeNone) {
@@ -185,11 +201,12 @@ DiagnosisOptions quick(std::uint64_t seed) {
 }
 
 TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
-    // Eight captures at a level of 2 %: two or more alarms happen by chance once in 100.
+    // 18 of 400 such captures give an alarm (24 replicates know the tails less well than the usual 48, by which 3 % of 500 did): three
+    // or more of eight do by chance once in 200.
     int alarms = 0;
     for (std::uint64_t i = 0; i < 8; ++i)
         alarms += diagnose(context(), simulated({}, kCaptureSeed + i), quick(i)).detected;
-    EXPECT_LE(alarms, 1);
+    EXPECT_LE(alarms, 2);
 }
 
 TEST(Diagnosis, NamesTheEffectAndItsParameter) {
