@@ -238,6 +238,29 @@ TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
     EXPECT_GT(result.parameters[0].high - result.parameters[0].low, 0.001);
 }
 
+// A statistic that is 0 in half of the replicates and once is not in the other half: by the covariance of the first, whose deviation is 0,
+// that one would be a certainty, and no capture's distance could ever be larger.
+TEST(GapModel, WhatIsRareIsNoCertainty) {
+    const Experiment experiment(context(), simulated({}, kCaptureSeed), {}, 1);
+    const auto count = static_cast<Eigen::Index>(experiment.count());
+    std::mt19937 engine(11);
+    std::normal_distribution<double> normal;
+    const Eigen::MatrixXd random = Eigen::MatrixXd::NullaryExpr(96, count, [&] { return normal(engine); });
+    Replicates replicates;
+    for (Eigen::Index r = 0; r < 48; ++r)
+        replicates.draws.push_back({random.row(2 * r), random.row(2 * r + 1)});
+    for (FoldStatistics &draw : replicates.draws)
+        draw.first[5] = draw.second[5] = 0.0;
+    replicates.draws[40].first[5] = 0.01;
+    const GapModel model(experiment, replicates, 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
+    FoldStatistics capture = replicates.draws[3];
+    EXPECT_LT(model.test(capture).null_95, 1.0);
+    EXPECT_FALSE(model.test(capture).detected);
+    capture.first.array() += 2.0; // a deviation each, once in the mean of both
+    EXPECT_GT(model.test(capture).distance, 0.5);
+    EXPECT_TRUE(model.test(capture).detected);
+}
+
 // Steps of 16 DN at a read noise of 4.3 DN: dark and even frames have two codes, and their mean goes up in stairs with the level.
 TEST(Diagnosis, ACoarseConverterIsCalibrated) {
     for (const double bits : {7.0, 6.0}) {

@@ -43,6 +43,16 @@ def test_fixed_patterns_are_the_same_in_all_sequences(cli: Cli, tmp_path: Path) 
     assert key["effects"] == {"dsnu": {"sigma_dn": 5.0}} and key["in_catalogue"]
 
 
+def test_a_wall_goes_on_beyond_a_lens_that_distorts_it(cli: Cli, tmp_path: Path) -> None:
+    """Outermost pixels of a flat: a mean of 176 pixels in 6 frames is good to 0.12 DN."""
+    cli("capture", "make", "set", *SMALL, "--sequences", "flat,board_static", "--effect", "lens_distortion:k1=-0.1")
+    flat = np.load(tmp_path / "set" / "flat.npy").astype(np.float64)
+    border = np.concatenate([flat[:, 0].ravel(), flat[:, -1].ravel(), flat[:, :, 0].ravel(), flat[:, :, -1].ravel()])
+    assert abs(border.mean() - flat[:, 4:-4, 4:-4].mean()) < 0.6
+    board = np.load(tmp_path / "set" / "board_static.npy").astype(np.float64)
+    assert board[:, 0].mean() > 100, "speckle there, too"
+
+
 def test_the_seed_decides(cli: Cli, tmp_path: Path) -> None:
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         cli("capture", "make", name, *SMALL, "--frames", 2, "--sequences", "board_static,dots_static", "--seed", seed)
