@@ -1,4 +1,5 @@
 // The histogram of codes as such: converters with fewer effective bits, missing codes, compression.
+#include "statistics/histogram_share.hpp"
 #include "statistics/measures.hpp"
 
 #include <cmath>
@@ -41,12 +42,9 @@ void measure_levels(const Measurement &m, Sink &sink) {
     const bool speckle = m.geometry.scene == CaptureScene::kBoard || m.geometry.scene == CaptureScene::kDots;
     const double together = speckle ? kGrainPixels * (m.geometry.moving ? 1.0 : double(m.geometry.frames)) : 1.0;
     for (const int percent : {25, 50, 75, 95}) {
-        // Share of pixels above a level between two codes: counts are taken as spread over one code's width.
-        const double level = m.black_level_dn + full * percent / 100.0;
-        double above = 0.0;
-        for (std::size_t code = histogram.size(); code-- > 0 && double(code) + 0.5 > level;)
-            above += double(histogram[code]) * std::min(1.0, double(code) + 0.5 - level);
-        sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above / total, together, total);
+        const double level = 0.01 * percent * full;
+        const double above = share_above(histogram, total, m.black_level_dn, level, full - level);
+        sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above, together, total);
     }
     // One speckle pattern's brightest grain is an accident of the pattern.
     if (m.geometry.scene != CaptureScene::kFlat && !m.geometry.moving)

@@ -1,4 +1,5 @@
 // Speckle on a board: the law of its intensity, its correlation and spectrum, its contrast over the field.
+#include "statistics/histogram_share.hpp"
 #include "statistics/measures.hpp"
 #include "statistics/speckle_sums.hpp"
 
@@ -21,13 +22,10 @@ void measure_intensity_law(const Measurement &m, Sink &sink) {
     }
     sink.put("surface", "intensity_skewness", "1", third / std::pow(second + 1e-6, 1.5));
     sink.put("surface", "intensity_kurtosis", "log", std::log((fourth + 1e-9) / (second * second + 1e-9)));
-    // Distribution function at multiples of the mean; a code's count is taken as spread evenly over its width.
+    // Distribution function at multiples of the mean.
     for (const int percent : {5, 10, 25, 50, 100, 200, 300, 400}) {
-        const double level = m.black_level_dn + 0.01 * percent * light;
-        double below = 0.0;
-        for (std::size_t code = 0; code < histogram.size() && double(code) - 0.5 < level; ++code)
-            below += double(histogram[code]) * std::min(1.0, level - (double(code) - 0.5));
-        sink.put("surface", "intensity_below_" + std::to_string(percent) + "_percent", "1", below / total);
+        const double above = share_above(histogram, total, m.black_level_dn, 0.01 * percent * light);
+        sink.put("surface", "intensity_below_" + std::to_string(percent) + "_percent", "1", 1.0 - above);
     }
 }
 
