@@ -301,6 +301,27 @@ TEST(GapStatistics, LightEffectsMoveTheirStatistics) {
     EXPECT_LT(named(board, vibration).at("image_shift_y"), named(board, vibration).at("image_shift_x") - 1.0);
 }
 
+// A level that cuts the light moves through half of the range, 4 DN at a time: the root of the share above goes along, and never
+// by more than an eighth of the way at once. A sharp step would have it go at once.
+TEST(GapStatistics, LightThatIsCutIsFollowed) {
+    const CaptureLayout layout = make_layout(CaptureScene::kBoard, 8, true);
+    const Codes speckle = make_codes(layout, 1);
+    std::vector<double> roots;
+    for (int level = 440; level <= 600; level += 4) {
+        Codes clipped = speckle;
+        for (std::uint16_t &code : clipped)
+            code = std::min<std::uint16_t>(code, std::uint16_t(level));
+        roots.push_back(named(layout, clipped).at("share_above_50_percent"));
+    }
+    const double all = roots.back() - roots.front();
+    EXPECT_LT(roots.front(), 1e-6);
+    EXPECT_GT(all, 0.1);
+    for (std::size_t i = 1; i < roots.size(); ++i) {
+        EXPECT_GE(roots[i], roots[i - 1]);
+        EXPECT_LT(roots[i] - roots[i - 1], all / 8.0) << i;
+    }
+}
+
 // Dots without speckle and noise: the shape is known.
 TEST(GapStatistics, DotsAreMeasuredWhereTheyAre) {
     const CaptureLayout layout = make_layout(CaptureScene::kDots, true, 2);

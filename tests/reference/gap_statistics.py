@@ -224,18 +224,24 @@ def fixed_pattern(s: Sequence) -> Values:
     return values
 
 
-def share_below(s: Sequence, level: float) -> float:
-    """Distribution function of the codes, each spread evenly over its width."""
-    codes = s.codes[:, s.mask].astype(np.float64)
-    return float(np.clip(level - (codes - 0.5), 0.0, 1.0).mean())
+def share_above(s: Sequence, level: float, reach: float = np.inf) -> float:
+    """Share of the codes above black + level, by a smooth step from 0.9 to 1.1 of the level, or `reach` to either side.
+
+    Each code is spread evenly over its width: midpoints of 4,000 slices of each code that occurs.
+    """
+    reach = max(min(0.1 * level, reach), 0.5)
+    codes, counts = np.unique(s.codes[:, s.mask], return_counts=True)
+    places = codes.astype(np.float64)[:, None] - 0.5 + (np.arange(4000) + 0.5) / 4000
+    t = np.clip((places - (s.black + level - reach)) / (2 * reach), 0.0, 1.0)
+    return float((t**2 * (3 - 2 * t)).mean(axis=1) @ counts / counts.sum())
 
 
 def levels(s: Sequence) -> Values:
     full = 2**s.bits - 1 - s.black
     values: Values = {}
     for percent in (25, 50, 75, 95):
-        above = 1.0 - share_below(s, s.black + full * percent / 100)
-        values[f"share_above_{percent}_percent", "all"] = float(np.sqrt(max(above, 0.0)))
+        level = full * percent / 100
+        values[f"share_above_{percent}_percent", "all"] = float(np.sqrt(share_above(s, level, full - level)))
     signal = np.maximum(s.signal[:, s.mask], 0.0) / full
     if s.scene == "flat" or s.moving:
         values["bright_end", "all"] = float(np.log((signal**16).mean() / (signal**8).mean()) / 8)
@@ -250,7 +256,7 @@ def intensity_law(s: Sequence) -> Values:
         ("intensity_kurtosis", "all"): float(np.log(((u**4).mean() + 1e-9) / (second**2 + 1e-9))),
     }
     for percent in (5, 10, 25, 50, 100, 200, 300, 400):
-        values[f"intensity_below_{percent}_percent", "all"] = share_below(s, s.black + percent / 100 * s.light)
+        values[f"intensity_below_{percent}_percent", "all"] = 1 - share_above(s, percent / 100 * s.light)
     return values
 
 
