@@ -41,12 +41,15 @@ Scale scale_of(const HypothesisParameter &parameter) {
 } // namespace
 
 double Candidate::value(std::size_t parameter, double strength, double sign) const {
+    return mirrored(held(parameter, strength, sign), sign, parameter);
+}
+
+double Candidate::held(std::size_t parameter, double strength, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
     const Scale scale = scale_of(p);
-    double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
-                                   : scale.weak + strength * (scale.strong - scale.weak);
-    value = std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
-    return is_mirrored(sign, parameter) ? -value : value;
+    const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
+                                         : scale.weak + strength * (scale.strong - scale.weak);
+    return std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
 }
 
 double Candidate::strength(std::size_t parameter, double value, double sign) const {
@@ -54,8 +57,7 @@ double Candidate::strength(std::size_t parameter, double value, double sign) con
     const Scale scale = scale_of(p);
     if (scale.weak == scale.strong)
         return 0.0;
-    if (is_mirrored(sign, parameter))
-        value = -value;
+    value = mirrored(value, sign, parameter);
     if (scale.geometric && p.whole)
         value = std::max(value, kNoneOfThem);
     return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
@@ -63,9 +65,10 @@ double Candidate::strength(std::size_t parameter, double value, double sign) con
 }
 
 double Candidate::snapped(std::size_t parameter, double at, double sign) const {
-    const HypothesisParameter &p = parameters[parameter];
-    const double held = value(parameter, at, sign);
-    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, held, sign) : at;
+    const HypothesisParameter p = towards(sign, parameter);
+    const double held = this->held(parameter, at, sign);
+    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, value(parameter, at, sign), sign)
+                                                             : at;
 }
 
 double Candidate::difference(std::size_t parameter, double at, double sign) const {
@@ -73,19 +76,33 @@ double Candidate::difference(std::size_t parameter, double at, double sign) cons
     if (!p.whole)
         return at > 0.9 ? -kDifference : kDifference;
     const double here = value(parameter, at, sign);
-    const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter) ? -1.0 : 1.0); // more of the effect
+    const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter, Direction::kSign) ? -1.0 : 1.0); // more of the effect
     const double more = strength(parameter, here + one, sign) - at, less = strength(parameter, here - one, sign) - at;
     return at > 0.9 || more == 0.0 ? less : more;
 }
 
+Candidate::Direction Candidate::direction() const {
+    const HypothesisParameter &p = parameters.front();
+    if (p.minimum < 0.0 && p.weak > 0.0)
+        return Direction::kSign;
+    const bool same_side = (p.weak < 1.0) == (p.strong < 1.0), around_one = std::abs(p.minimum * p.maximum - 1.0) < 1e-9;
+    return p.unit == "1" && around_one && same_side && !p.whole ? Direction::kRatio : Direction::kNone;
+}
+
+double Candidate::mirrored(double value, double sign, std::size_t parameter) const {
+    return is_mirrored(sign, parameter, Direction::kSign)    ? -value
+           : is_mirrored(sign, parameter, Direction::kRatio) ? 1.0 / value
+                                                             : value;
+}
+
 HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const {
     HypothesisParameter p = parameters[parameter];
-    if (is_mirrored(sign, parameter)) {
+    if (is_mirrored(sign, parameter, Direction::kSign)) {
         std::swap(p.minimum, p.maximum);
         p.minimum = -p.minimum;
         p.maximum = -p.maximum;
     }
-    return p;
+    return p; // a range of ratios is its own mirror image
 }
 
 std::vector<double> Candidate::values(double strength) const {

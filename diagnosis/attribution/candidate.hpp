@@ -14,8 +14,8 @@ struct Candidate {
 
     // Values at a strength from weak (0) to strong (1) and beyond, all parameters together, within the accepted ranges.
     std::vector<double> values(double strength) const;
-    // A parameter's value at its own strength. sign -1, of an effect that has a direction, here and below: the other one,
-    // where the first parameter is below zero.
+    // A parameter's value at its own strength. sign -1, of an effect that has a direction, here and below: the other
+    // one, where the first parameter is below zero, or one over what it is.
     double value(std::size_t parameter, double strength, double sign = 1.0) const;
     // The strength at which a parameter has a value.
     double strength(std::size_t parameter, double value, double sign = 1.0) const;
@@ -24,12 +24,24 @@ struct Candidate {
     double snapped(std::size_t parameter, double strength, double sign = 1.0) const;
     // How far to go from a strength for a finite difference.
     double difference(std::size_t parameter, double strength, double sign = 1.0) const;
-    // Its first parameter may be below zero, where the effect goes the other way.
-    bool has_direction() const { return parameters.front().minimum < 0.0 && parameters.front().weak > 0.0; }
+    // It goes the other way, too.
+    bool has_direction() const { return direction() != Direction::kNone; }
+    // Whether a value counts from 1.
+    bool is_ratio(std::size_t parameter) const { return parameter == 0 && direction() == Direction::kRatio; }
 
   private:
-    static bool is_mirrored(double sign, std::size_t parameter) { return sign < 0.0 && parameter == 0; }
-    // A parameter as it is in a direction: its range, of the value times the sign.
+    // From 0 where the first parameter may be below; from 1 where its range is the same for a value and for one over
+    // it.
+    enum class Direction { kNone, kSign, kRatio };
+    Direction direction() const;
+    bool is_mirrored(double sign, std::size_t parameter, Direction direction) const {
+        return sign < 0.0 && parameter == 0 && this->direction() == direction;
+    }
+    // A value within the range, of what mirrored() gives.
+    double held(std::size_t parameter, double strength, double sign) const;
+    // The value in the other direction, in either of them.
+    double mirrored(double value, double sign, std::size_t parameter) const;
+    // A parameter as it is in a direction: the range of what mirrored() gives.
     HypothesisParameter towards(double sign, std::size_t parameter) const;
 };
 

@@ -130,13 +130,15 @@ Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Ei
 Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
                                     const Eigen::VectorXd &error) {
     const Covariance &covariance = model.full();
-    Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
-    variance += model.coefficients(covariance, error).cwiseAbs2();
+    Eigen::VectorXd of_simulator = model.coefficients(covariance, error).cwiseAbs2();
     for (Eigen::Index k = 0; k < error.size(); ++k)
         if (covariance.tolerance()[k] > 0.0)
-            variance +=
+            of_simulator +=
                 model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(error.size(), k))
                     .cwiseAbs2();
+    const Eigen::VectorXd variance =
+        strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0) +
+        kPartInIntervals * kPartInIntervals * of_simulator;
     Eigen::VectorXd result = variance.cwiseSqrt();
     for (Eigen::Index p = 0; p < result.size(); ++p)
         if (covariance.whiten(model.directions().col(p)).norm() < kNothingSaid)

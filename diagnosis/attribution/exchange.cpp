@@ -172,12 +172,12 @@ void halve(EffectModel &model, std::size_t effect) {
             s.strength = candidate.strength(s.parameter, (s.parameter == 0 ? sign : 1.0) * parameter.weak, sign);
             continue;
         }
-        // Where the value falls as the effect grows, it is no measure of the effect.
-        s.strength =
-            parameter.weak < parameter.strong
-                ? std::max(kWeakest,
-                           candidate.strength(s.parameter, 0.5 * candidate.value(s.parameter, s.strength, sign), sign))
-                : 0.5 * (s.strength + kNothing);
+        // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no measure of it.
+        const double value = candidate.value(s.parameter, s.strength, sign);
+        s.strength = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
+                     : parameter.weak < parameter.strong
+                         ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * value, sign))
+                         : 0.5 * (s.strength + kNothing);
         s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
 }

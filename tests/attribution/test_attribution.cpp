@@ -140,7 +140,13 @@ TEST(Candidates, StrengthsEndWhereValuesDo) {
                     EXPECT_GE(before, candidate.parameters[p].minimum) << candidate.id;
                     EXPECT_LE(before, candidate.parameters[p].maximum) << candidate.id;
                     if (candidate.has_direction() && u > 0.0) {
-                        EXPECT_EQ(before < 0.0, p == 0 && sign < 0.0) << candidate.id << " at " << u;
+                        const bool turned = p == 0 && sign < 0.0;
+                        if (candidate.is_ratio(p)) {
+                            EXPECT_EQ(before < 1.0, (candidate.parameters[p].weak < 1.0) != turned)
+                                << candidate.id << " at " << u;
+                        } else {
+                            EXPECT_EQ(before < 0.0, turned) << candidate.id << " at " << u;
+                        }
                     }
                     const double moved = move_one(model, static_cast<Eigen::Index>(p));
                     const double after = model.settings()[0].values[p];
@@ -152,6 +158,23 @@ TEST(Candidates, StrengthsEndWhereValuesDo) {
                         EXPECT_EQ(1.0, std::abs(after - before)) << candidate.id << " at " << u;
                     }
                 }
+}
+
+TEST(Candidates, WhatGoesBothWays) {
+    std::vector<std::string> from_nothing, from_one;
+    std::vector<Candidate> all = candidates({}, {});
+    all.push_back({"my_ratio", "sensor", "", {{"ratio", "1", 0.3, 1.0 / 0.3, 1.2, 1.5}}});
+    all.push_back({"not_around_one", "sensor", "", {{"ratio", "1", 0.2, 5.0, 0.8, 1.5}}});
+    all.push_back({"part", "sensor", "", {{"part", "1", 0.1, 1.0, 0.8, 0.5}}});
+    for (const Candidate &candidate : all)
+        if (candidate.has_direction())
+            (candidate.is_ratio(0) ? from_one : from_nothing).push_back(candidate.id);
+    std::sort(from_nothing.begin(), from_nothing.end());
+    EXPECT_EQ(from_nothing, (std::vector<std::string>{"bayer_mismatch", "beam_skew", "defocus", "lens_distortion", "wavelength_shift"}));
+    EXPECT_EQ(from_one, (std::vector<std::string>{"aperture_mismatch", "gamma", "my_ratio"}));
+    const Candidate &ratio = all[all.size() - 3];
+    EXPECT_DOUBLE_EQ(ratio.value(0, 1.0, -1.0), 1.0 / 1.5);
+    EXPECT_NEAR(ratio.strength(0, 1.0 / 1.5, -1.0), 1.0, 1e-12);
 }
 
 TEST(Candidates, ACountMayBeNone) {
@@ -225,6 +248,22 @@ TEST(Diagnosis, NamesTheEffectAndItsParameter) {
         EXPECT_GT(result.parameters[0].high, result.parameters[0].value);
         EXPECT_GT(result.fraction, 0.8) << c.id;
         EXPECT_GT(result.fraction_95[1], result.fraction_95[0]);
+    }
+}
+
+// A response that bends upwards, a lens that opens wider than it says: the catalogue's ranges lie on the other side of 1. Whether
+// a residual is seen in so small a capture is the null's matter.
+TEST(Diagnosis, NamesARatioOnTheOtherSideOfOne) {
+    const struct {
+        const char *id;
+        double value;
+    } cases[] = {{"gamma", 1.2}, {"aperture_mismatch", 0.8}, {"aperture_mismatch", 0.7}};
+    for (const auto &c : cases) {
+        const DiagnosisResult result = diagnose(context(), simulated({{c.id, {c.value}}}, kCaptureSeed + 170), quick(1));
+        ASSERT_EQ(result.effects, std::vector<std::string>{c.id});
+        EXPECT_NEAR(result.parameters[0].value, c.value, 0.03) << c.id;
+        EXPECT_LT(result.parameters[0].low, result.parameters[0].value);
+        EXPECT_GT(result.parameters[0].high, result.parameters[0].value);
     }
 }
 
