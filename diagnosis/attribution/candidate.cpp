@@ -16,6 +16,9 @@ constexpr double kRoom = 2.0;
 // Of the finite differences along a parameter.
 constexpr double kDifference = 0.15;
 
+// Of the product of the ends of a range of ratios, which decimal numbers need not meet.
+constexpr double kAroundOne = 0.01;
+
 // Where a count of none lies on a scale of ratios.
 constexpr double kNoneOfThem = 0.25;
 
@@ -41,7 +44,8 @@ Scale scale_of(const HypothesisParameter &parameter) {
 } // namespace
 
 double Candidate::value(std::size_t parameter, double strength, double sign) const {
-    return mirrored(held(parameter, strength, sign), sign, parameter);
+    const HypothesisParameter &p = parameters[parameter];
+    return std::clamp(mirrored(held(parameter, strength, sign), sign, parameter), p.minimum, p.maximum);
 }
 
 double Candidate::held(std::size_t parameter, double strength, double sign) const {
@@ -85,8 +89,16 @@ Candidate::Direction Candidate::direction() const {
     const HypothesisParameter &p = parameters.front();
     if (p.minimum < 0.0 && p.weak > 0.0)
         return Direction::kSign;
-    const bool same_side = (p.weak < 1.0) == (p.strong < 1.0), around_one = std::abs(p.minimum * p.maximum - 1.0) < 1e-9;
-    return p.unit == "1" && around_one && same_side && !p.whole ? Direction::kRatio : Direction::kNone;
+    const bool around_one = p.minimum > 0.0 && std::abs(p.minimum * p.maximum - 1.0) <= kAroundOne;
+    const bool one_side = (p.weak - 1.0) * (p.strong - 1.0) >= 0.0 && (p.weak != 1.0 || p.strong != 1.0);
+    return p.unit == "1" && around_one && one_side && !p.whole ? Direction::kRatio : Direction::kNone;
+}
+
+double Candidate::sign_of(double value) const {
+    const HypothesisParameter &p = parameters.front();
+    if (is_ratio(0))
+        return (value - 1.0) * (p.weak + p.strong - 2.0) < 0.0 ? -1.0 : 1.0;
+    return has_direction() && value < 0.0 ? -1.0 : 1.0;
 }
 
 double Candidate::mirrored(double value, double sign, std::size_t parameter) const {
@@ -101,8 +113,12 @@ HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const
         std::swap(p.minimum, p.maximum);
         p.minimum = -p.minimum;
         p.maximum = -p.maximum;
+    } else if (is_mirrored(sign, parameter, Direction::kRatio)) {
+        std::swap(p.minimum, p.maximum);
+        p.minimum = 1.0 / p.minimum;
+        p.maximum = 1.0 / p.maximum;
     }
-    return p; // a range of ratios is its own mirror image
+    return p;
 }
 
 std::vector<double> Candidate::values(double strength) const {

@@ -22,6 +22,12 @@ struct Candidate {
     // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
     // it is one.
     double snapped(std::size_t parameter, double strength, double sign = 1.0) const;
+    // The value that the catalogue has, of a parameter that it does not vary, in a direction.
+    double usual(std::size_t parameter, double sign) const {
+        return mirrored(parameters[parameter].weak, sign, parameter);
+    }
+    // The direction in which a value of the first parameter lies.
+    double sign_of(double value) const;
     // How far to go from a strength for a finite difference.
     double difference(std::size_t parameter, double strength, double sign = 1.0) const;
     // It goes the other way, too.

@@ -38,7 +38,7 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
         strengths.push_back({effects.size() - 1, p,
                              varied
                                  ? candidate.snapped(p, strength, sign)
-                                 : candidate.strength(p, (p == 0 ? sign : 1.0) * candidate.parameters[p].weak, sign)});
+                                 : candidate.strength(p, candidate.usual(p, sign), sign)});
     }
 }
 
@@ -130,15 +130,15 @@ Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Ei
 Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
                                     const Eigen::VectorXd &error) {
     const Covariance &covariance = model.full();
-    Eigen::VectorXd of_simulator = model.coefficients(covariance, error).cwiseAbs2();
-    for (Eigen::Index k = 0; k < error.size(); ++k)
-        if (covariance.tolerance()[k] > 0.0)
-            of_simulator +=
-                model.coefficients(covariance, covariance.tolerance()[k] * Eigen::VectorXd::Unit(error.size(), k))
-                    .cwiseAbs2();
-    const Eigen::VectorXd variance =
-        strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0) +
-        kPartInIntervals * kPartInIntervals * of_simulator;
+    Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
+    variance += model.coefficients(covariance, kPartInIntervals * error).cwiseAbs2();
+    for (Eigen::Index k = 0; k < error.size(); ++k) {
+        // Beside the simulator's error, what a definition's two readings differ by.
+        const double readings = std::max(0.0, covariance.tolerance()[k] - std::abs(error[k]));
+        const double tolerance = readings + kPartInIntervals * std::abs(error[k]);
+        if (tolerance > 0.0)
+            variance += model.coefficients(covariance, tolerance * Eigen::VectorXd::Unit(error.size(), k)).cwiseAbs2();
+    }
     Eigen::VectorXd result = variance.cwiseSqrt();
     for (Eigen::Index p = 0; p < result.size(); ++p)
         if (covariance.whiten(model.directions().col(p)).norm() < kNothingSaid)

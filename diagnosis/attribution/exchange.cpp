@@ -169,15 +169,16 @@ void halve(EffectModel &model, std::size_t effect) {
         if (s.effect != effect)
             continue;
         if (parameter.weak == parameter.strong) { // what is given away may have moved it
-            s.strength = candidate.strength(s.parameter, (s.parameter == 0 ? sign : 1.0) * parameter.weak, sign);
+            s.strength = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
             continue;
         }
         // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no measure of it.
         const double value = candidate.value(s.parameter, s.strength, sign);
-        s.strength = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
-                     : parameter.weak < parameter.strong
-                         ? std::max(kWeakest, candidate.strength(s.parameter, 0.5 * value, sign))
-                         : 0.5 * (s.strength + kNothing);
+        const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
+                            : parameter.weak < parameter.strong
+                                ? candidate.strength(s.parameter, 0.5 * value, sign)
+                                : 0.5 * (s.strength + kNothing);
+        s.strength = std::max(kWeakest, half);
         s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
 }

@@ -80,8 +80,8 @@ class ModelFit {
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
     // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
     // with. Where an effect is a few draws itself (power that flickers, air, hot pixels), two captures say of some
-    // statistics how they answer to these draws, not to the effect. And where a statistic bends sharply (light that is
-    // cut near a bin's edge), a slope is that of one side.
+    // statistics how they answer to these draws, not to the effect. And where a statistic bends sharply (codes of
+    // coarse steps), a slope is that of one side.
     void measure_parameters(FittedModel &fitted, const EffectModel &model, double at);
     // Enough to see that much is missing.
     std::uint32_t few_replicates() const {

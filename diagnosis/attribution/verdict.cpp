@@ -51,8 +51,10 @@ std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std
             if (known.weak == known.strong)
                 continue;
             for (const FittedParameter &fitted : parameters)
-                if (fitted.effect == step.added && fitted.name == known.name)
-                    slight = candidate->strength(p, std::abs(fitted.value)) < kSlight;
+                if (fitted.effect == step.added && fitted.name == known.name) {
+                    const double sign = p == 0 ? candidate->sign_of(fitted.value) : 1.0;
+                    slight = candidate->strength(p, fitted.value, sign) < kSlight;
+                }
             break; // the first that the catalogue varies says how strong the effect is
         }
         result.push_back(slight);

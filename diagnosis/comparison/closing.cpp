@@ -145,8 +145,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
             answer.first.add(0.5, {moved.first, {}, {}});
             answer.second.add(0.5, {moved.second, {}, {}});
         } else {
-            const HypothesisParameter &p = candidate.parameters.front();
-            if (p.minimum < 0.0 && p.weak > 0.0) {
+            if (candidate.has_direction()) {
                 answer.sign = -1.0;
             } else {
                 if (surplus && answer.gain > kLeastGain)

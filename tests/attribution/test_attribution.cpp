@@ -175,6 +175,38 @@ TEST(Candidates, WhatGoesBothWays) {
     const Candidate &ratio = all[all.size() - 3];
     EXPECT_DOUBLE_EQ(ratio.value(0, 1.0, -1.0), 1.0 / 1.5);
     EXPECT_NEAR(ratio.strength(0, 1.0 / 1.5, -1.0), 1.0, 1e-12);
+    EXPECT_EQ(ratio.sign_of(1.1), 1.0);
+    EXPECT_EQ(ratio.sign_of(0.9), -1.0);
+}
+
+TEST(Candidates, RangesAroundOne) {
+    const struct {
+        HypothesisParameter parameter;
+        bool both_ways;
+    } cases[] = {{{"ratio", "1", 0.3333, 3.0, 1.2, 1.5}, true}, // as decimals have it
+                 {{"ratio", "1", 0.2, 5.0, 1.5, 1.5}, true},    // of one strength
+                 {{"ratio", "1", 0.2, 5.0, 1.0, 0.7}, true},    // from what does nothing
+                 {{"ratio", "1", 1.0 / 15.5, 15.5, 1.0, 1.4}, true},
+                 {{"ratio", "1", 0.2, 5.0, 1.0, 1.0}, false},
+                 {{"ratio", "1", -2.0, -0.5, -0.9, -0.6}, false},
+                 {{"ratio", "px", 0.2, 5.0, 1.2, 1.5}, false},
+                 {{"ratio", "1", 0.25, 5.0, 1.2, 1.5}, false}};
+    for (const auto &c : cases) {
+        const HypothesisParameter &p = c.parameter;
+        const Candidate candidate{"mine", "sensor", "", {p}};
+        EXPECT_EQ(candidate.has_direction(), c.both_ways) << p.minimum << ' ' << p.weak << ' ' << p.strong;
+        if (!c.both_ways)
+            continue;
+        for (double u = -0.8; u < 20.0; u += 0.1) {
+            const double value = candidate.value(0, u, -1.0);
+            EXPECT_GE(value, p.minimum);
+            EXPECT_LE(value, p.maximum);
+        }
+        EffectModel model;
+        model.add(candidate, -1.0, 0.5);
+        const double value = model.settings()[0].values[0], middle = 0.5 * (p.weak + p.strong);
+        EXPECT_NEAR(value, 1.0 / middle, 1e-12) << p.minimum << ' ' << p.weak << ' ' << p.strong;
+    }
 }
 
 TEST(Candidates, ACountMayBeNone) {

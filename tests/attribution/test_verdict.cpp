@@ -295,6 +295,28 @@ TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
     EXPECT_EQ(slight_effects({step("glare"), step("gamma")}, parameters, all), (std::vector<bool>{false, false}));
 }
 
+TEST(Slight, InItsOwnDirection) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const struct {
+        const char *effect, *name;
+        double value;
+        bool slight;
+    } cases[] = {{"gamma", "gamma", 1.2, false},  {"gamma", "gamma", 1.02, true},  {"gamma", "gamma", 0.8, false},
+                 {"gamma", "gamma", 0.985, true}, {"defocus", "waves", -0.8, false}, {"defocus", "waves", -0.1, true},
+                 {"aperture_mismatch", "f_number_ratio", 0.7, false},
+                 {"aperture_mismatch", "f_number_ratio", 0.98, true},
+                 {"aperture_mismatch", "f_number_ratio", 1.3, false}};
+    for (const auto &c : cases) {
+        std::vector<SearchStep> steps(2);
+        steps[0].added = "row_noise";
+        steps[1].added = c.effect;
+        const std::vector<FittedParameter> parameters = {{"row_noise", "sigma_dn", 3.0, 2.9, 3.1},
+                                                         {c.effect, c.name, c.value, c.value, c.value}};
+        EXPECT_EQ(slight_effects(steps, parameters, all), (std::vector<bool>{false, c.slight}))
+            << c.effect << ' ' << c.value;
+    }
+}
+
 TEST(Reading, LagThatRemembersOrDoesNot) {
     CaptureLayout layout;
     layout.sequences.resize(2);
