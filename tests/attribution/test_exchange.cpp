@@ -5,6 +5,7 @@
 #include "attribution/verdict.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <gtest/gtest.h>
 #include <string>
 #include <vector>
@@ -168,7 +169,7 @@ TEST_F(Exchange, NeedlessEffectsArePruned) {
     expect_consistent(fits, path, baseline);
 }
 
-// Where light is cut near a bin's edge, the shares of bright pixels change within a few DN: the usual differences, 40 DN, look past it.
+// Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and land beside it.
 TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
     Experiment experiment(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 4), {}, 2);
     ModelFit fits(experiment, options(), {});
@@ -180,7 +181,7 @@ TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
     FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
     fits.measure_parameters(fitted, model, 0.0);
     const FittedParameter first = fitted.parameters.front();
-    EXPECT_LT(first.value, 378.0);
+    EXPECT_GT(std::abs(first.value - 380.0), 6.0);
     const double score = fitted.score;
     fits.polish(model, pool, fitted, 0.0);
     EXPECT_LT(fitted.score, score - 20.0);
