@@ -2,6 +2,7 @@
 
 #include "convert.hpp"
 #include "handles.hpp"
+#include "runtime/buffer_memory.hpp"
 #include "runtime/device.hpp"
 #include "texts.hpp"
 
@@ -216,10 +217,9 @@ CLSP_API ClspStatus clspBufferCreate(ClspContext context, uint64_t size_bytes, c
             throw Error(Status::kOutOfMemory,
                         fmt::format("size_bytes is {}, but {} allocates at most {} bytes at once", size_bytes,
                                     c->device_name(), c->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>()));
-        cl_int code = CL_SUCCESS;
-        const cl_mem made = clCreateBuffer(c->cl_context()(), CL_MEM_READ_WRITE, size_bytes, nullptr, &code);
-        check_opencl(code, "clCreateBuffer");
-        *mem = made;
+        cl::Buffer made = allocate_buffer(*c, size_bytes);
+        *mem = made();
+        made() = nullptr; // the caller's from here on
     });
 }
 

@@ -157,21 +157,26 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
 #endif
 #if SENSOR
     const camera_t camera = SENSOR_CAMERA;
-    for (uint row = 0; row < sensor.quarter; ++row)
-        for (uint strip = 0; strip < STRIPS && images[strip].count > 0; ++strip) {
-            const image_t *image = &images[strip];
-            __local const lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
-            frame_noise_t noise;
-            draw_noise(&camera.s, image->x, row, &noise);
-#pragma unroll
-            for (uint j = 0; j < 4; ++j) {
-                const uint y = row + j * sensor.quarter;
-                if (y >= height)
-                    break;
+    const int plain = is_plain(&camera);
+    for (uint first = 0; first < sensor.quarter; first += NOISE_BLOCKS / STRIPS) {
+        const noise_blocks_t blocks = {images[0].x, STRIPS, first, min((uint)NOISE_BLOCKS, (sensor.quarter - first) * STRIPS)};
+        frame_noise_t noise;
+        draw_noise(&camera.s, &blocks, &noise);
+        for (uint j = 0; j < 4; ++j)
+            for (uint k = 0; k < blocks.count; ++k) {
+                const uint y = block_row(&blocks, k) + j * sensor.quarter, strip = k % STRIPS;
+                const image_t *image = &images[strip];
+                if (y >= height || image->count == 0)
+                    continue;
+                __local const lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
                 const lanes_f power = weighted(image, y, tile[2u * y], tile[2u * y + (POLARIZATIONS - 1u) * STRIPS * FFT_TILE_VECTORS]);
-                expose_lanes(&camera, image->x, image->count, y, j, &noise, signals_of(&camera.s, power));
+                const lanes_f signals = signals_of(&camera.s, power);
+                if (plain)
+                    expose_plain_lanes(&camera, image->x, image->count, y, j, k, &noise, signals);
+                else
+                    expose_lanes(&camera, image->x, image->count, y, j, k, &noise, signals);
             }
-        }
+    }
 #elif OVERSAMPLING > 1
     for (uint y = 0; y < height; ++y)
         for (uint strip = 0; strip < STRIPS; ++strip) {

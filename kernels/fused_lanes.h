@@ -205,35 +205,36 @@ static inline void gaussians_from_words(lanes_u phase, lanes_u magnitude, lanes_
     z->im *= r;
 }
 
-// Even and odd words apart: each has its 64 bits where it lies, and no word moves to another place.
-static inline void multiply_words(lanes_u words, ulong factor, lanes_u *low, lanes_u *high) {
-    const half_ul pairs = as_half_ul(words);
-    const half_ul even = (pairs & 0xfffffffful) * factor, odd = (pairs >> 32) * factor;
-    *low = words * (uint)factor;
-    *high = as_lanes_u((even >> 32) | (odd & 0xffffffff00000000ul));
+// One of Philox's rounds on HALF_LANES blocks. Each word lies in the lower half of 64 bits, where a product finds and leaves it: no word moves, and
+// what stands above is nobody's.
+static inline ALWAYS_INLINE void philox_round(half_ul *c0, half_ul *c1, half_ul *c2, half_ul *c3, uint k0, uint k1) {
+    const half_ul p0 = (*c0 & 0xfffffffful) * 0xD2511F53ul, p1 = (*c2 & 0xfffffffful) * 0xCD9E8D57ul;
+    *c0 = (p1 >> 32) ^ *c1 ^ (ulong)k0;
+    *c2 = (p0 >> 32) ^ *c3 ^ (ulong)k1;
+    *c1 = p1;
+    *c3 = p0;
 }
 
+static inline lanes_u words_of_halves(half_ul even, half_ul odd) { return as_lanes_u((even & 0xfffffffful) | (odd << 32)); }
+
 // image_block() of the columns x, x + 1 ..
-static inline void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key, lanes_words4 *blocks) {
-    lanes_u c0 = x + lane_numbers(), c1 = (lanes_u)(row), c2 = (lanes_u)(frame_low), c3 = (lanes_u)(stream | frame_high << 16);
+static inline ALWAYS_INLINE void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key,
+                                              lanes_words4 *blocks) {
+    const half_ul columns = as_half_ul(x + lane_numbers());
+    half_ul even0 = columns, even1 = (half_ul)(row), even2 = (half_ul)(frame_low), even3 = (half_ul)(stream | frame_high << 16);
+    half_ul odd0 = columns >> 32, odd1 = even1, odd2 = even2, odd3 = even3;
     uint k0 = key.x, k1 = key.y;
 #pragma unroll
     for (int round = 0; round < 10; ++round) {
-        lanes_u low0, high0, low1, high1;
-        multiply_words(c0, 0xD2511F53ul, &low0, &high0);
-        multiply_words(c2, 0xCD9E8D57ul, &low1, &high1);
-        const lanes_u next0 = high1 ^ c1 ^ k0, next2 = high0 ^ c3 ^ k1;
-        c1 = low1;
-        c3 = low0;
-        c0 = next0;
-        c2 = next2;
+        philox_round(&even0, &even1, &even2, &even3, k0, k1);
+        philox_round(&odd0, &odd1, &odd2, &odd3, k0, k1);
         k0 += 0x9E3779B9u;
         k1 += 0xBB67AE85u;
     }
-    blocks->w0 = c0;
-    blocks->w1 = c1;
-    blocks->w2 = c2;
-    blocks->w3 = c3;
+    blocks->w0 = words_of_halves(even0, odd0);
+    blocks->w1 = words_of_halves(even1, odd1);
+    blocks->w2 = words_of_halves(even2, odd2);
+    blocks->w3 = words_of_halves(even3, odd3);
 }
 
 static inline lanes_u words_of(const lanes_words4 *blocks, uint j) {

@@ -19,24 +19,31 @@ __kernel void sensor_expose_lanes(__global const float *intensity, ulong intensi
     if (quarter_row >= s->quarter)
         return;
     intensity += intensity_offset;
-    for (uint x = 0; x < s->width; x += LANES) {
-        const uint count = min((uint)LANES, s->width - x);
+    const int plain = is_plain(&camera);
+    for (uint first = 0; first < s->width; first += NOISE_BLOCKS * LANES) {
+        const noise_blocks_t blocks = {first, NOISE_BLOCKS, quarter_row, min((uint)NOISE_BLOCKS, (s->width - first + LANES - 1) / LANES)};
         frame_noise_t noise;
-        draw_noise(s, x, quarter_row, &noise);
-#pragma unroll
+        draw_noise(s, &blocks, &noise);
         for (uint j = 0; j < 4; ++j) {
             const uint y = quarter_row + j * s->quarter;
             if (y >= s->height)
                 break;
             __global const float *row = intensity + (ulong)y * intensity_pitch;
-            lanes_f value = signals_of(s, load_some(row + x, count));
-            if (s->switches & SENSOR_CROSSTALK) {
-                const lanes_f neighbours = (neighbour_signals(s, row, x, -1) + neighbour_signals(s, row, x, 1)) +
-                                           (neighbour_signals(s, y > 0 ? row - intensity_pitch : row, x, 0) +
-                                            neighbour_signals(s, y + 1 < s->height ? row + intensity_pitch : row, x, 0));
-                value = fma(SPREAD(0.25f * s->crosstalk), neighbours, (1.0f - s->crosstalk) * value);
+            for (uint k = 0; k < blocks.count; ++k) {
+                const uint x = block_x(&blocks, k), count = min((uint)LANES, s->width - x);
+                lanes_f value = signals_of(s, load_some(row + x, count));
+                if (plain) {
+                    expose_plain_lanes(&camera, x, count, y, j, k, &noise, value);
+                    continue;
+                }
+                if (s->switches & SENSOR_CROSSTALK) {
+                    const lanes_f neighbours = (neighbour_signals(s, row, x, -1) + neighbour_signals(s, row, x, 1)) +
+                                               (neighbour_signals(s, y > 0 ? row - intensity_pitch : row, x, 0) +
+                                                neighbour_signals(s, y + 1 < s->height ? row + intensity_pitch : row, x, 0));
+                    value = fma(SPREAD(0.25f * s->crosstalk), neighbours, (1.0f - s->crosstalk) * value);
+                }
+                expose_lanes(&camera, x, count, y, j, k, &noise, value);
             }
-            expose_lanes(&camera, x, count, y, j, &noise, value);
         }
     }
 }

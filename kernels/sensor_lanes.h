@@ -28,11 +28,15 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 #define store_lanes_output(codes, to) vstore_lanes(codes, 0, to)
 #endif
 
-// What is random in LANES columns of four rows, one in each quarter of the image.
+// Blocks of random numbers that are drawn one after the other, before any is used: a block's words are one long chain of multiplications, and so
+// are the logarithms made of them; side by side they fill the time in which each waits for itself.
+#define NOISE_BLOCKS 8
+
+// What is random in LANES columns of four rows, one in each quarter of the image, for each block.
 typedef struct {
-    lanes_f read[4], shot[4], column;
-    lanes_u shot_words[4];
-    float rows[4];
+    lanes_f read[NOISE_BLOCKS][4], shot[NOISE_BLOCKS][4], column[NOISE_BLOCKS];
+    lanes_u shot_words[NOISE_BLOCKS][4];
+    float rows[NOISE_BLOCKS][4];
 } frame_noise_t;
 
 static inline lanes_f smaller(lanes_f a, lanes_f b) { return select(b, a, a < b); }
@@ -80,44 +84,102 @@ static inline lanes_f poissons(lanes_f mean, lanes_f w, lanes_u word) {
     return select(positive(floor(mean + fma(root, w, tail))), count, is_small);
 }
 
-static inline void draw_normals(const sensor_t *s, uint x, uint row, uint stream, lanes_f *normals) {
-    lanes_words4 blocks;
-    image_blocks(x, row, s->frame_low, s->frame_high, stream, (uint2)(s->key_low, s->key_high), &blocks);
-    normals_from_blocks(&blocks, normals);
+// Where some blocks lie: `across` of them side by side from column x on, then those of the next row.
+typedef struct {
+    uint x, across, row, count;
+} noise_blocks_t;
+#define block_x(blocks, k) ((blocks)->x + (k) % (blocks)->across * LANES)
+#define block_row(blocks, k) ((blocks)->row + (k) / (blocks)->across)
+
+static inline void draw_words(const sensor_t *s, const noise_blocks_t *blocks, uint stream, lanes_u (*words)[4]) {
+    const uint2 key = (uint2)(s->key_low, s->key_high);
+    for (uint k = 0, row = blocks->row; k < blocks->count; ++row)
+        for (uint across = 0; across < blocks->across && k < blocks->count; ++across, ++k) {
+            lanes_words4 block;
+            image_blocks(blocks->x + across * LANES, row, s->frame_low, s->frame_high, stream, key, &block);
+            words[k][0] = block.w0;
+            words[k][1] = block.w1;
+            words[k][2] = block.w2;
+            words[k][3] = block.w3;
+        }
 }
 
-static inline void draw_noise(const sensor_t *s, uint x, uint row, frame_noise_t *noise) {
+static inline void draw_normals(const sensor_t *s, const noise_blocks_t *blocks, uint stream, lanes_f (*normals)[4]) {
+    lanes_u words[NOISE_BLOCKS][4];
+    draw_words(s, blocks, stream, words);
+    for (uint k = 0; k < blocks->count; ++k) {
+        normals_from_pair(words[k][0], words[k][1], &normals[k][0], &normals[k][1]);
+        normals_from_pair(words[k][2], words[k][3], &normals[k][2], &normals[k][3]);
+    }
+}
+
+static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, frame_noise_t *noise) {
     if (s->switches & SENSOR_READ_NOISE)
-        draw_normals(s, x, row, STREAM_READ_NOISE, noise->read);
+        draw_normals(s, blocks, STREAM_READ_NOISE, noise->read);
     if (s->switches & SENSOR_SHOT_NOISE) {
-        draw_normals(s, x, row, STREAM_SHOT_NOISE, noise->shot);
-        lanes_words4 blocks;
-        image_blocks(x, row, s->frame_low, s->frame_high, STREAM_SHOT_NOISE + 1, (uint2)(s->key_low, s->key_high), &blocks);
-        noise->shot_words[0] = blocks.w0;
-        noise->shot_words[1] = blocks.w1;
-        noise->shot_words[2] = blocks.w2;
-        noise->shot_words[3] = blocks.w3;
+        draw_normals(s, blocks, STREAM_SHOT_NOISE, noise->shot);
+        draw_words(s, blocks, STREAM_SHOT_NOISE + 1, noise->shot_words);
     }
-    if (s->switches & SENSOR_ROW_NOISE) {
-        const words4 block = image_block(0, row, s->frame_low, s->frame_high, STREAM_ROW_NOISE, (uint2)(s->key_low, s->key_high));
-        const normals4 rows = normals_from_block(block);
-        noise->rows[0] = rows.n0;
-        noise->rows[1] = rows.n1;
-        noise->rows[2] = rows.n2;
-        noise->rows[3] = rows.n3;
-    }
-    if (s->switches & SENSOR_COLUMN_NOISE) {
-        lanes_f columns[4];
-        draw_normals(s, x, 0, STREAM_COLUMN_NOISE, columns);
-        noise->column = s->column_noise * columns[0];
-    }
+    if (s->switches & SENSOR_ROW_NOISE)
+        for (uint k = 0; k < blocks->count; ++k) {
+            const words4 block =
+                image_block(0, block_row(blocks, k), s->frame_low, s->frame_high, STREAM_ROW_NOISE, (uint2)(s->key_low, s->key_high));
+            const normals4 rows = normals_from_block(block);
+            noise->rows[k][0] = rows.n0;
+            noise->rows[k][1] = rows.n1;
+            noise->rows[k][2] = rows.n2;
+            noise->rows[k][3] = rows.n3;
+        }
+    if (s->switches & SENSOR_COLUMN_NOISE)
+        for (uint k = 0; k < blocks->count; ++k) {
+            const noise_blocks_t top = {block_x(blocks, k), 1, 0, 1};
+            lanes_f columns[1][4];
+            draw_normals(s, &top, STREAM_COLUMN_NOISE, columns);
+            noise->column[k] = s->column_noise * columns[0][0];
+        }
 }
 
 // The signals that the intensities give.
 static inline lanes_f signals_of(const sensor_t *s, lanes_f intensity) { return positive(s->gain * intensity); }
 
-// count pixels of row y = row + j quarter from x on, a multiple of LANES; noise: of that row and x; value: their signals.
-static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, const frame_noise_t *noise, lanes_f value) {
+static inline void store_codes(const camera_t *c, uint x, uint count, uint y, lanes_f value) {
+#if OUTPUT_FORMAT == FORMAT_FLOAT32
+    const lanes_output codes = value * c->s.output_scale;
+#else
+    const lanes_output codes = convert_lanes_output(convert_lanes_i(value));
+#endif
+    __global output_t *to = c->output + (ulong)y * c->output_pitch + x;
+    if (count == LANES) {
+        store_lanes_output(codes, to);
+        return;
+    }
+    output_t each[LANES];
+    vstore_lanes(codes, 0, each);
+    for (uint lane = 0; lane < count; ++lane)
+        to[lane] = each[lane];
+}
+
+// True if read noise and the converter are all that there is.
+static inline int is_plain(const camera_t *c) {
+    return (c->s.switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) == SENSOR_QUANTIZE && !c->pixel_gain && !c->response && !c->lag_state &&
+           !c->offset && !c->read_noise_map;
+}
+
+// expose_lanes() where is_plain().
+static inline void expose_plain_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise,
+                                      lanes_f value) {
+    const sensor_t *s = &c->s;
+    value = smaller(value + s->dark_signal, SPREAD(s->saturation)) + s->black_level;
+    if (s->switches & SENSOR_READ_NOISE) {
+        const lanes_f total = s->read_noise * noise->read[k][j];
+        value += total;
+    }
+    value = nearest(value * s->steps_per_dn) * s->code_step;
+    store_codes(c, x, count, y, smaller(positive(value), SPREAD(s->top_code)));
+}
+
+// count pixels of row y in quarter j from x on, a multiple of LANES; their noise is that of block k; value: their signals.
+static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
     const sensor_t *s = &c->s;
     const uint switches = s->switches;
     const ulong i = (ulong)y * s->width + x;
@@ -138,7 +200,7 @@ static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, u
     }
     value += s->dark_signal;
     if (switches & SENSOR_SHOT_NOISE)
-        value = s->dn_per_electron * poissons(smaller(value * s->electrons_per_dn, SPREAD(1e30f)), noise->shot[j], noise->shot_words[j]);
+        value = s->dn_per_electron * poissons(smaller(value * s->electrons_per_dn, SPREAD(1e30f)), noise->shot[k][j], noise->shot_words[k][j]);
     value = smaller(value, SPREAD(s->saturation));
     if (c->lag_state) {
         if (!(switches & SENSOR_LAG_FIRST))
@@ -157,30 +219,16 @@ static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, u
     if (switches & (SENSOR_READ_NOISE | SENSOR_ROW_NOISE | SENSOR_COLUMN_NOISE)) {
         lanes_f total = SPREAD(0.0f);
         if (switches & SENSOR_READ_NOISE)
-            total = (c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise)) * noise->read[j];
+            total = (c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise)) * noise->read[k][j];
         if (switches & SENSOR_ROW_NOISE)
-            total = fma(SPREAD(s->row_noise), SPREAD(noise->rows[j]), total);
+            total = fma(SPREAD(s->row_noise), SPREAD(noise->rows[k][j]), total);
         if (switches & SENSOR_COLUMN_NOISE)
-            total += noise->column;
+            total += noise->column[k];
         value += total;
     }
     if (switches & SENSOR_QUANTIZE)
         value = nearest(value * s->steps_per_dn) * s->code_step; // what is out of its range is clipped
-    value = smaller(positive(value), SPREAD(s->top_code));
-#if OUTPUT_FORMAT == FORMAT_FLOAT32
-    const lanes_output codes = value * s->output_scale;
-#else
-    const lanes_output codes = convert_lanes_output(convert_lanes_i(value));
-#endif
-    __global output_t *to = c->output + (ulong)y * c->output_pitch + x;
-    if (count == LANES) {
-        store_lanes_output(codes, to);
-        return;
-    }
-    output_t each[LANES];
-    vstore_lanes(codes, 0, each);
-    for (uint lane = 0; lane < count; ++lane)
-        to[lane] = each[lane];
+    store_codes(c, x, count, y, smaller(positive(value), SPREAD(s->top_code)));
 }
 
 #endif

@@ -122,12 +122,13 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     const cl::Platform platform(context->device_.getInfo<CL_DEVICE_PLATFORM>());
     context->device_name_ = context->device_.getInfo<CL_DEVICE_NAME>();
     context->platform_name_ = platform.getInfo<CL_PLATFORM_NAME>();
+    const bool is_pocl = context->platform_name_.find("Portable Computing Language") != std::string::npos;
+    context->is_pocl_cpu_ = is_pocl && (context->device_.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
 
     ProgramCache::Parameters cache;
     cache.kernel_dir = parameters.kernel_dir.empty() ? environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
     // PoCL keeps compiled kernels on disk by itself, but goes through the source again at every start: 25 to 60 ms a program. To hand out a
     // program for our own cache it compiles all its kernels once more, which makes a first start twice as long: the user's choice.
-    const bool is_pocl = context->platform_name_.find("Portable Computing Language") != std::string::npos;
     const DiskCache disk_cache = parameters.disk_cache == DiskCache::kAuto ? environment_disk_cache() : parameters.disk_cache;
     if (disk_cache == DiskCache::kOn || (disk_cache == DiskCache::kAuto && !is_pocl))
         cache.cache_dir = parameters.cache_dir.empty() ? default_cache_dir() : parameters.cache_dir;

@@ -48,8 +48,12 @@ class Context : public std::enable_shared_from_this<Context> {
     const cl::Device &device() const { return device_; }
     const std::string &device_name() const { return device_name_; }
     const std::string &platform_name() const { return platform_name_; }
+    // A CPU that PoCL drives: buffers are memory of the process, and kernels are compiled by clang.
+    bool is_pocl_cpu() const { return is_pocl_cpu_; }
     ProgramCache &programs() { return *programs_; }
     MemoryUse &memory_use() { return memory_use_; }
+    // 0, 1, 2 .. with every call.
+    std::uint32_t next_large_buffer() const { return large_buffers_++; }
     // Host memory, not the device's.
     ResultCache &results() { return results_; }
 
@@ -86,6 +90,8 @@ class Context : public std::enable_shared_from_this<Context> {
     cl::Context context_;
     cl::Device device_;
     std::string device_name_, platform_name_;
+    bool is_pocl_cpu_ = false;
+    mutable std::atomic<std::uint32_t> large_buffers_{0};
     std::unique_ptr<ProgramCache> programs_;
     MemoryUse memory_use_;
     FftChoice fft_choice_ = FftChoice::kAuto;

@@ -1,6 +1,7 @@
 // Device memory of the library's own, counted in its context.
 #pragma once
 
+#include "runtime/buffer_memory.hpp"
 #include "runtime/context.hpp"
 
 #include <memory>
@@ -14,8 +15,7 @@ class DeviceBuffer {
     // host_data: initial content, copied; nullptr leaves the memory uninitialised.
     DeviceBuffer(std::shared_ptr<Context> context, std::size_t bytes, const void *host_data = nullptr)
         : context_(std::move(context)), bytes_(bytes),
-          buffer_(context_->cl_context(), CL_MEM_READ_WRITE | (host_data ? CL_MEM_COPY_HOST_PTR : 0), bytes,
-                  const_cast<void *>(host_data)) {
+          buffer_(allocate_buffer(*context_, bytes, host_data)) {
         ++context_->memory_use().allocation_count;
         context_->memory_use().allocated_bytes += bytes_;
     }

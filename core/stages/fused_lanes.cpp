@@ -38,15 +38,9 @@ Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes
     return {1, fit(2) ? 2u : 1u};
 }
 
-// Whether the compiler's own builtins for prefetches and for stores past the caches are known to be there.
-bool has_memory_builtins(const Context &context) {
-    return context.platform_name().find("Portable Computing Language") != std::string::npos &&
-           (context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
-}
-
 // How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
 std::uint32_t prefetch_rows(const Context &context) {
-    return has_memory_builtins(context) ? 3 : 0;
+    return context.is_pocl_cpu() ? 3 : 0;
 }
 
 // Images of this size and more go past the caches: what drives out the field costs more than what the next reader
@@ -143,8 +137,9 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+    // By the compiler's own builtin.
     const bool streams =
-        has_memory_builtins(*context_) && std::uint64_t{grid_.width} * grid_.height * sizeof(float) >= kStreamedBytes;
+        context_->is_pocl_cpu() && std::uint64_t{grid_.width} * grid_.height * sizeof(float) >= kStreamedBytes;
     inverse_ = LazyKernel(
         "fused_columns_inverse.cl", "fused_columns_inverse",
         fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", column_options(), pixel_samples_, streams ? 1 : 0),
