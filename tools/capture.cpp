@@ -184,6 +184,11 @@ bool changes_dots(const std::string &id) {
     return std::strstr(info->kernel, "dots.cl") != nullptr;
 }
 
+/** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its seed. */
+constexpr std::uint64_t camera_seed(std::uint64_t seed) {
+    return (seed ^ 0x63616d657261u) * 0x9e3779b97f4a7c15u;
+}
+
 /** Draws all frames of one sequence. A fresh pipeline for each: nothing of one sequence remains in the next. */
 std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan, std::size_t number,
                                 const Pattern &dots, const std::vector<EffectSetting> &effects,
@@ -195,7 +200,7 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     phase.height = a.height;
     phase.field = a.field == "unit_phasor" ? CLSP_FIELD_UNIT_PHASOR : CLSP_FIELD_CIRCULAR_GAUSSIAN;
     phase.polarization_count = a.degree_of_polarization < 1.0 ? 2 : 1;
-    phase.seed = a.seed;
+    phase.seed = camera_seed(a.seed);
     auto aperture = clspeckle::make<ClspApertureDesc>();
     aperture.width = a.width;
     aperture.height = a.height;
@@ -209,7 +214,7 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     sensor.width = a.width;
     sensor.height = a.height;
     sensor.bits = a.bits;
-    sensor.seed = a.seed;
+    sensor.seed = camera_seed(a.seed);
     sensor.exposure_gain_dn = plan.scene == CLSP_SCENE_DARK ? 1.0 : plan.level_dn;
     sensor.black_level_dn = a.black_level_dn;
     sensor.read_noise_dn = a.read_noise_dn;
@@ -222,7 +227,7 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     desc.phase = phase_stage;
     desc.aperture = aperture_stage;
     desc.sensor = sensor_stage;
-    desc.seed = a.seed;
+    desc.seed = camera_seed(a.seed);
     if (with_dots) {
         auto pattern = clspeckle::make<ClspDotsDesc>();
         pattern.width = a.width;

@@ -87,7 +87,7 @@ double Candidate::difference(std::size_t parameter, double at, double sign) cons
 
 Candidate::Direction Candidate::direction() const {
     const HypothesisParameter &p = parameters.front();
-    if (p.minimum < 0.0 && p.weak > 0.0)
+    if (p.minimum < 0.0 && p.maximum > 0.0 && p.weak * p.strong >= 0.0 && p.weak + p.strong != 0.0)
         return Direction::kSign;
     const bool around_one = p.minimum > 0.0 && std::abs(p.minimum * p.maximum - 1.0) <= kAroundOne;
     const bool one_side = (p.weak - 1.0) * (p.strong - 1.0) >= 0.0 && (p.weak != 1.0 || p.strong != 1.0);
@@ -98,7 +98,7 @@ double Candidate::sign_of(double value) const {
     const HypothesisParameter &p = parameters.front();
     if (is_ratio(0))
         return (value - 1.0) * (p.weak + p.strong - 2.0) < 0.0 ? -1.0 : 1.0;
-    return has_direction() && value < 0.0 ? -1.0 : 1.0;
+    return has_direction() && value * (p.weak + p.strong) < 0.0 ? -1.0 : 1.0;
 }
 
 double Candidate::mirrored(double value, double sign, std::size_t parameter) const {

@@ -26,6 +26,9 @@ struct Candidate {
     double usual(std::size_t parameter, double sign) const {
         return mirrored(parameters[parameter].weak, sign, parameter);
     }
+    // Strengths to look at first, one after the other until one changes something: an effect may do nothing half way
+    // from weak to strong.
+    static constexpr double kLooks[] = {0.5, 1.0, 0.0};
     // The direction in which a value of the first parameter lies.
     double sign_of(double value) const;
     // How far to go from a strength for a finite difference.
@@ -36,8 +39,8 @@ struct Candidate {
     bool is_ratio(std::size_t parameter) const { return parameter == 0 && direction() == Direction::kRatio; }
 
   private:
-    // From 0 where the first parameter may be below; from 1 where its range is the same for a value and for one over
-    // it.
+    // From 0 where the first parameter's range lies on both sides of it, weak and strong on one; from 1 where its range
+    // is the same for a value and for one over it.
     enum class Direction { kNone, kSign, kRatio };
     Direction direction() const;
     bool is_mirrored(double sign, std::size_t parameter, Direction direction) const {

@@ -44,9 +44,6 @@ Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
 
 // A lit sequence without light has no level to be simulated at.
 constexpr double kLeastLightDn = 0.5;
-// Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to
-// it.
-constexpr double kMostClipped = 0.2;
 // Of a sequence, without those that its mask takes out: as the statistics ask for.
 constexpr int kLeastPixels = 64;
 // The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
@@ -55,6 +52,11 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
     Capture judged;
     judged.layout = capture.layout;
     judged.layout.sequences.clear();
+    const auto has_light = [](const SequenceSummary &seen) {
+        return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kLeastLightDn &&
+               seen.saturated_fraction <= kMostClipped;
+    };
+    const bool any_light = std::any_of(summary.sequences.begin(), summary.sequences.end(), has_light);
     for (std::size_t s = 0; s < capture.codes.size(); ++s) {
         const SequenceLayout &sequence = capture.layout.sequences[s];
         const SequenceSummary &seen = summary.sequences[s];
@@ -69,6 +71,10 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
         else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
             reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
                                  seen.level_above_dark_dn);
+        // Coarse steps may hide the noise of a dark sequence, which light then shows.
+        else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum &&
+                 (seen.minimum == 0 || !any_light))
+            reason = fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
         if (!reason.empty()) {
             result.left_out.push_back(sequence.name);
             result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));

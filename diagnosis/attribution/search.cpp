@@ -110,15 +110,26 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         result.resize(std::min(result.size(), kMostLooks));
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
+    std::vector<double> looked(result.size());
     experiment_.side_by_side(result.size(), [&](std::size_t i) {
         const Candidate &candidate = *result[i].candidate;
         fits_.report(0.0, "screening " + candidate.id);
-        EffectModel with = model;
-        with.add(candidate, 1.0, 0.5);
-        possible([&] {
-            changes[i] = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
-                                         fits_.options().seed, kSearchSeeds);
-        });
+        for (const double strength : Candidate::kLooks) {
+            EffectModel with = model;
+            with.add(candidate, 1.0, strength);
+            looked[i] = strength;
+            if (!possible([&] {
+                    changes[i] = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
+                                                 fits_.options().seed, kSearchSeeds);
+                }))
+                break;
+            double sign = 1.0;
+            const bool nothing = changes[i].mean.isZero(0.0);
+            // Where it does nothing half way, it may do the opposite on either side.
+            if (!nothing && (strength == Candidate::kLooks[0] || gain_of(changes[i].mean, sign) <= 0.0 || sign > 0.0 ||
+                             candidate.has_direction()))
+                break;
+        }
     });
     for (std::size_t i = 0; i < result.size(); ++i) {
         Refined &refined = result[i];
@@ -131,7 +142,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         const double gain = gain_of(change.mean, refined.sign);
         if (refined.sign > 0.0) {
             refined.gain = gain;
-            refined.response.add(0.5, std::move(change));
+            refined.response.add(looked[i], std::move(change));
         } else {
             // The other direction of an effect that has one; others cannot be negative.
             if (candidate.has_direction())

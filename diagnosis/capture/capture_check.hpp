@@ -17,6 +17,10 @@ struct DarkLevel {
 };
 DarkLevel dark_level(const Capture &capture);
 
+// Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to
+// it.
+constexpr double kMostClipped = 0.2;
+
 // Of the unmasked pixels of all frames.
 struct SequenceSummary {
     std::string name;

@@ -130,20 +130,27 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         tell("screening " + candidate.id, 0.0);
         Answer answer;
         answer.candidate = &candidate;
-        EffectModel with = model;
-        with.add(candidate, 1.0, 0.5);
         FoldStatistics moved;
-        if (!possible([&] { moved = minus(change(with.settings()), change_); }))
-            continue;
-        const Eigen::VectorXd direction = whitened(moved.first);
-        const double square = direction.squaredNorm();
+        double square = 0.0, looked = 0.0;
+        Eigen::VectorXd direction;
+        for (const double strength : Candidate::kLooks) {
+            EffectModel with = model;
+            with.add(candidate, 1.0, strength);
+            if (!possible([&] { moved = minus(change(with.settings()), change_); }))
+                break;
+            looked = strength;
+            direction = whitened(moved.first);
+            square = direction.squaredNorm();
+            if (square > 0.0)
+                break;
+        }
         if (!(square > 0.0))
             continue;
         const double coefficient = direction.dot(target) / square;
         answer.gain = coefficient * coefficient * square;
         if (coefficient > 0.0) {
-            answer.first.add(0.5, {moved.first, {}, {}});
-            answer.second.add(0.5, {moved.second, {}, {}});
+            answer.first.add(looked, {moved.first, {}, {}});
+            answer.second.add(looked, {moved.second, {}, {}});
         } else {
             if (candidate.has_direction()) {
                 answer.sign = -1.0;

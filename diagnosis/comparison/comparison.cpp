@@ -2,6 +2,7 @@
 
 #include "attribution/shrinkage.hpp"
 #include "attribution/verdict.hpp"
+#include "capture/capture_check.hpp"
 #include "comparison/closing.hpp"
 #include "comparison/finished_frames.hpp"
 #include "report/evidence.hpp"
@@ -112,6 +113,17 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
                 surplus.effect));
 }
 
+// Levels of both sets are measured from their dark sequences.
+void check_dark(const Capture &capture, const char *set) {
+    const CaptureSummary summary = summarize_capture(capture);
+    for (const SequenceSummary &sequence : summary.sequences)
+        if (sequence.scene == CaptureScene::kDark && sequence.saturated_fraction > kMostClipped)
+            throw Error(Status::kInvalidData,
+                        fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
+                                    "record it with the lens covered, correct camera.bits, or leave it out",
+                                    sequence.name, set, 100.0 * sequence.saturated_fraction));
+}
+
 } // namespace
 
 DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, const Capture &sim,
@@ -124,6 +136,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const std::vector<Candidate> all = candidates({}, options.without);
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     auto comparison = std::make_shared<Comparison>();
+    check_dark(real, "real");
+    check_dark(sim, "simulated");
     PairedCaptures captures = pair_captures(real, sim);
     comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), first_seed);
     comparison->pairs = captures.pairs;

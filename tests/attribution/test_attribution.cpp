@@ -392,6 +392,26 @@ TEST(Diagnosis, AHypothesisJoinsTheRanking) {
     EXPECT_NEAR(result.parameters[0].value, 0.05, 0.01);
 }
 
+// From -0.2 to 0.2: half way it does nothing.
+TEST(Diagnosis, AHypothesisThatDoesNothingHalfWayIsFoundOnEitherSide) {
+    Hypothesis tilt;
+    tilt.id = "tilt";
+    tilt.stage = "optics";
+    tilt.parameters = {{"slope", "1", -1.0, 1.0, -0.2, 0.2}};
+    tilt.apply = [](const HypothesisFrame &frame) {
+        for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
+            for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at)
+                frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
+    };
+    for (const double slope : {0.15, -0.15}) {
+        auto options = quick(6);
+        options.hypotheses = {tilt};
+        const DiagnosisResult result = diagnose(context(), simulated({{"tilt", {slope}}}, kCaptureSeed + 420, {tilt}), options);
+        ASSERT_EQ(result.effects, std::vector<std::string>{"tilt"}) << slope;
+        EXPECT_NEAR(result.parameters[0].value, slope, 0.01);
+    }
+}
+
 TEST(Diagnosis, CanBeCancelled) {
     auto options = quick(4);
     int calls = 0;

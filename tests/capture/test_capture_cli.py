@@ -43,6 +43,17 @@ def test_fixed_patterns_are_the_same_in_all_sequences(cli: Cli, tmp_path: Path) 
     assert key["effects"] == {"dsnu": {"sigma_dn": 5.0}} and key["in_catalogue"]
 
 
+def test_a_made_set_shares_no_noise_with_what_a_diagnosis_simulates(cli: Cli, tmp_path: Path) -> None:
+    """The camera's noise is that of another seed than the one given: captures of a diagnosis have numbers as small.
+
+    Noise of the same numbers would correlate to 0.99; two others to 0 +- 0.009, of 11,520 pixels."""
+    cli("capture", "make", "set", *SMALL, "--sequences", "dark", "--seed", 3)
+    dark = np.load(tmp_path / "set" / "dark.npy").astype(np.float64).ravel()
+    camera = clspeckle.Pipeline.from_parameters((40, 48), seed=3, black_level_dn=64, read_noise_dn=4)
+    other = np.concatenate([camera.render(illumination="dark", frame_index=i).ravel() for i in range(6)])
+    assert abs(np.corrcoef(dark, other.astype(np.float64))[0, 1]) < 0.05
+
+
 def test_a_wall_goes_on_beyond_a_lens_that_distorts_it(cli: Cli, tmp_path: Path) -> None:
     """Outermost pixels of a flat: a mean of 176 pixels in 6 frames is good to 0.12 DN."""
     cli("capture", "make", "set", *SMALL, "--sequences", "flat,board_static", "--effect", "lens_distortion:k1=-0.1")

@@ -519,6 +519,16 @@ TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "flat was left out: 25 % of its pixels are at the top code",
                       clspDiagnose(context, nothing, &quick, &made));
     EXPECT_EQ(made, nullptr);
+
+    // A camera that was off, or whose frames were lost: no bits of a converter are to be read from that.
+    for (const int code : {0, 64}) {
+        clspeckle::Capture black(desc);
+        const std::vector<std::uint16_t> same(flat.size(), static_cast<std::uint16_t>(code));
+        black.add_sequence("dark", CLSP_SCENE_DARK, false, same);
+        black.add_sequence("flat", CLSP_SCENE_FLAT, false, same);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "dark was left out: all its codes are " + std::to_string(code),
+                          clspDiagnose(context, black, &quick, &made));
+    }
 }
 
 TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {

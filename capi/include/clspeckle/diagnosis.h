@@ -83,7 +83,8 @@ typedef struct ClspHypothesis {
     const char *stage;        /**< "laser", "doe", "surface", "motion", "optics" or "sensor". */
     const char *summary;      /**< What happens; NULL (default): no text. */
     const ClspEffectParameter *parameters; /**< Weak and strong lie within minimum and maximum; all parameters move together. Both directions are
-                                             looked for where the first may be below 0, and of ratios (docs/diagnosis.md). */
+                                             looked for where the first's range lies on both sides of 0 with weak and strong on one, and of
+                                             ratios (docs/diagnosis.md). */
     uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
     uint32_t reserved;        /**< 0. */
     ClspHypothesisFunction apply; /**< What it does to a frame. The same arguments must give the same pixels. NULL with OpenCL source. */
