@@ -318,11 +318,20 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
         throw InputError(
             fmt::format("{}: exists; choose another folder, or replace a capture set with --overwrite", a.folder));
     std::vector<EffectSetting> effects;
-    for (const std::string &text : a.effects)
-        effects.push_back(parse_effect(text));
+    for (const std::string &text : a.effects) {
+        const EffectSetting effect = parse_effect(text);
+        if (std::any_of(effects.begin(), effects.end(), [&](const EffectSetting &e) { return e.id == effect.id; }))
+            throw InputError(fmt::format("--effect {}: {} is given twice; a set has one strength of each", text, effect.id));
+        effects.push_back(effect);
+    }
     const std::vector<Plan> plans = plan_sequences(a);
     const bool with_dots =
         std::any_of(plans.begin(), plans.end(), [](const Plan &p) { return p.scene == CLSP_SCENE_DOTS; });
+    for (const EffectSetting &effect : effects)
+        if (changes_dots(effect.id) && !with_dots)
+            throw InputError(fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
+                                         "or dots_moving",
+                                         effect.id));
     const Pattern dots = !with_dots ? Pattern{} : a.dots_file.empty() ? jittered_lattice(a) : read_dots(a);
     // Refuses a camera that cannot be before anything is drawn.
     const clspeckle::Capture capture = empty_capture(a, dots, with_dots);

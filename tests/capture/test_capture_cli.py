@@ -56,7 +56,8 @@ def test_a_made_set_shares_no_noise_with_what_a_diagnosis_simulates(cli: Cli, tm
 
 def test_a_wall_goes_on_beyond_a_lens_that_distorts_it(cli: Cli, tmp_path: Path) -> None:
     """Outermost pixels of a flat: a mean of 176 pixels in 6 frames is good to 0.12 DN."""
-    cli("capture", "make", "set", *SMALL, "--sequences", "flat,board_static", "--effect", "lens_distortion:k1=-0.1")
+    cli("capture", "make", "set", *SMALL, "--sequences", "flat,board_static,dots_static", "--effect",
+        "lens_distortion:k1=-0.1")  # fmt: skip
     flat = np.load(tmp_path / "set" / "flat.npy").astype(np.float64)
     border = np.concatenate([flat[:, 0].ravel(), flat[:, -1].ravel(), flat[:, :, 0].ravel(), flat[:, :, -1].ravel()])
     assert abs(border.mean() - flat[:, 4:-4, 4:-4].mean()) < 0.6
@@ -109,6 +110,10 @@ def test_bad_input(cli: Cli, tmp_path: Path) -> None:
     assert "exists" in cli("capture", "make", "there", code=1).stderr
     assert "no effect" in cli("capture", "make", "new", "--effect", "nonsense", code=1).stderr
     assert "must be" in cli("capture", "make", "new", "--effect", "dsnu:sigma_dn=-1", code=1).stderr
+    twice = ("--effect", "gamma:gamma=0.8", "--effect", "gamma:gamma=0.9")
+    assert "gamma is given twice" in cli("capture", "make", "new", *twice, code=1).stderr
+    hidden = ("--sequences", "flat", "--effect", "lens_distortion")
+    assert "shows with dots alone" in cli("capture", "make", "new", *hidden, code=1).stderr
     assert "there is no \"moon\"" in cli("capture", "make", "new", "--sequences", "moon", code=1).stderr
     assert "--flat-level: the level of flat is -3 DN" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
     for option, value, expected in (
