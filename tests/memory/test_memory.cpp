@@ -67,6 +67,24 @@ TEST(Memory, TenThousandFrames) {
     EXPECT_LT(growth, 1024.0);
 }
 
+// 100 buffers of 64 MiB, each of them filled and let go while its write may still be under way. One that stayed would show as
+// 65,536 KiB; the bound is two of them.
+TEST(Memory, LargeBuffersAreGivenBack) {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const std::vector<float> content(std::size_t{16} << 20, 1.0f);
+    const double before = resident_kib();
+    for (int i = 0; i < 100; ++i) {
+        const clspeckle::Buffer buffer(context, content.size() * sizeof(float));
+        ASSERT_CLSP_OK(clspBufferEnqueueWrite(queue, content.data(), content.size() * sizeof(float), buffer, 0, 0,
+                                              nullptr, nullptr));
+    }
+    queue.finish();
+    const double growth = resident_kib() - before;
+    std::printf("100 buffers: %.0f KiB more resident memory\n", growth);
+    EXPECT_LT(growth, 2.0 * 65536.0);
+}
+
 void contexts(int count, int warm_up, double bound_kib) {
     for (int i = 0; i < warm_up; ++i)
         Camera(clspeckle::Context()).render(0);

@@ -547,6 +547,23 @@ TEST_F(Buffers, CopiesThereAndBack) {
     EXPECT_CLSP_OK(clspBufferRelease(nullptr));
 }
 
+// Equal places of buffers that begin alike share a cache's few sets: an image's pixel and its phase would drive each other out.
+TEST_F(Buffers, LargeOnesBeginAtDifferentPlacesOfTheirPages) {
+    constexpr std::size_t bytes = std::size_t{4} << 20, page = std::size_t{2} << 20;
+    std::set<std::size_t> places;
+    std::vector<clspeckle::Buffer> buffers;
+    for (int i = 0; i < 8; ++i) {
+        buffers.emplace_back(context, bytes);
+        void *memory = nullptr;
+        ASSERT_EQ(CL_SUCCESS, clGetMemObjectInfo(buffers.back(), CL_MEM_HOST_PTR, sizeof memory, &memory, nullptr));
+        if (memory) // PoCL's CPU; others have memory of their own
+            places.insert(reinterpret_cast<std::size_t>(memory) % page);
+    }
+    EXPECT_TRUE(places.empty() || places.size() == 8u) << places.size();
+    for (const std::size_t place : places)
+        EXPECT_EQ(0u, place % 64) << "vectors are aligned";
+}
+
 TEST_F(Buffers, RefuseBadArguments) {
     cl_mem mem = nullptr;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspBufferCreate(nullptr, 64, &mem));
