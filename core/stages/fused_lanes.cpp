@@ -25,13 +25,16 @@ struct Tiles {
     std::uint32_t polarizations, strips; // strips of columns, of each
 };
 
-// Tiles must leave room for what passes by. Both polarizations share what is read and written; strips of columns use up
-// the cache lines of a row between them, and are enough by themselves where both do not fit.
+// Tiles must leave room for what passes by: so much in a second-level cache of 1 MiB.
+constexpr std::uint64_t kLargestTiles = std::uint64_t{640} << 10;
+
+// Both polarizations share what is read and written; strips of columns use up the cache lines of a row between them, or
+// pairs of lines, which processors fetch together.
 Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes, bool two_polarizations) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const auto fit = [&](std::uint32_t tiles) { return tiles * fused_tile_bytes(length, lanes) <= local / 4 * 3; };
     const bool one_is_enough = lanes * sizeof(float) >= kCacheLineBytes;
-    if (two_polarizations && fit(4) && !one_is_enough)
+    if (two_polarizations && fit(4) && (!one_is_enough || 4 * fused_tile_bytes(length, lanes) <= kLargestTiles))
         return {2, 2};
     if (two_polarizations && fit(2) && one_is_enough)
         return {2, 1};
