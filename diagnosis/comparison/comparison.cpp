@@ -115,13 +115,19 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
 
 // Levels of both sets are measured from their dark sequences.
 void check_dark(const Capture &capture, const char *set) {
-    const CaptureSummary summary = summarize_capture(capture);
-    for (const SequenceSummary &sequence : summary.sequences)
-        if (sequence.scene == CaptureScene::kDark && sequence.saturated_fraction > kMostClipped)
+    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
+        const SequenceLayout &sequence = capture.layout.sequences[s];
+        if (sequence.scene != CaptureScene::kDark || capture.codes[s].empty())
+            continue;
+        const auto &codes = capture.codes[s];
+        const auto white = std::count(codes.begin(), codes.end(), capture.layout.maximum_code());
+        const double share = static_cast<double>(white) / static_cast<double>(codes.size());
+        if (share > kMostClipped)
             throw Error(Status::kInvalidData,
                         fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
                                     "record it with the lens covered, correct camera.bits, or leave it out",
-                                    sequence.name, set, 100.0 * sequence.saturated_fraction));
+                                    sequence.name, set, 100.0 * share));
+    }
 }
 
 } // namespace

@@ -89,7 +89,8 @@ class Hypothesis:
     """1 to 4 by name: (weak, strong) or (weak, strong, minimum, maximum). All move together from weak to strong, and
     may go beyond. Without a minimum and a maximum the range ends twice the difference beyond weak and strong, or at 0
     if both lie on one side of it. The effect is looked for in both directions if its first parameter's range lies on
-    both sides of 0 with weak and strong on one of them, and if it is a ratio: unit "1", minimum 1/r, maximum r, weak and strong on one side of 1."""
+    both sides of 0 with weak and strong on one of them, and if it is a ratio: unit "1", minimum 1/r, maximum r, weak
+    and strong on one side of 1."""
     point: str = "intensity"
     """"irradiance": the ideal image, before the speckle forms; "intensity": behind the lens, before the sensor, 1 is
     the mean of flat and board; "codes": the sensor's codes, rounded after the call. Only "codes" acts in the dark."""
