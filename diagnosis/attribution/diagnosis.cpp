@@ -84,8 +84,7 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
             reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
                                  seen.level_above_dark_dn);
         // Coarse steps may hide the noise of a dark sequence, which light then shows.
-        else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum &&
-                 (seen.minimum == 0 || !any_light))
+        else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
             reason = fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
         if (!reason.empty()) {
             result.left_out.push_back(sequence.name);

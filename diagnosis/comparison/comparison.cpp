@@ -120,8 +120,15 @@ void check_dark(const Capture &capture, const char *set) {
         if (sequence.scene != CaptureScene::kDark || capture.codes[s].empty())
             continue;
         const auto &codes = capture.codes[s];
-        const auto white = std::count(codes.begin(), codes.end(), capture.layout.maximum_code());
-        const double share = static_cast<double>(white) / static_cast<double>(codes.size());
+        const std::size_t pixels = capture.layout.pixel_count();
+        std::size_t white = 0, counted = 0;
+        for (std::size_t i = 0; i < codes.size(); ++i) {
+            if (!sequence.mask.empty() && sequence.mask[i % pixels] == 0)
+                continue;
+            ++counted;
+            white += codes[i] == capture.layout.maximum_code();
+        }
+        const double share = counted ? static_cast<double>(white) / static_cast<double>(counted) : 0.0;
         if (share > kMostClipped)
             throw Error(Status::kInvalidData,
                         fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
