@@ -94,7 +94,7 @@ void balance_orders(const DoeElement &element, const DoeLight &light, DoePattern
         zero_wanted = zero_wanted || (m == 0 && n == 0);
     }
     books.zero_order = zero_wanted ? 0 : bin(0, 0);
-    for (const LaserLine &line : element.lines)
+    for (const SpectralLine &line : element.lines)
         books.scatter -= line.share * std::expm1(-std::pow(element.phase_noise(line.wavelength_m), 2));
     // Over all orders that share a bin the envelope sums to 1, so that the bins hold all light.
     books.ghosts = total - books.dots - books.zero_order;
@@ -140,7 +140,7 @@ void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
     const DoePatternParameters &p = element.parameters;
     // The noise differs from pixel to pixel, not within one: its envelope is that of a whole pixel. Without an envelope
     // the light is even up to the sampling limit.
-    for (const LaserLine &line : element.lines) {
+    for (const SpectralLine &line : element.lines) {
         const double scattered = -std::expm1(-std::pow(element.phase_noise(line.wavelength_m), 2)) * line.share;
         if (!(scattered > 0))
             continue;

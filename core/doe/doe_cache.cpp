@@ -109,7 +109,7 @@ std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, 
                                double(element.samples)})
         hash.add(value);
     hash.add(&d.seed, sizeof d.seed);
-    for (const LaserLine &line : element.lines) {
+    for (const SpectralLine &line : element.lines) {
         hash.add(line.wavelength_m);
         hash.add(line.share);
     }

@@ -78,7 +78,7 @@ void check_defects(const DoePatternParameters &p) {
                     fmt::format("defects->feature_samples is {}, it must be 1 to 16", d.feature_samples));
 }
 
-std::vector<LaserLine> laser_lines(const DoePatternParameters &p) {
+std::vector<SpectralLine> laser_lines(const DoePatternParameters &p) {
     if (p.line_count == 0)
         return {{p.wavelength_m, 1.0}};
     if (p.line_count > kMaxDoeLines)
@@ -87,7 +87,7 @@ std::vector<LaserLine> laser_lines(const DoePatternParameters &p) {
     if (!p.line_wavelengths_m)
         throw Error(Status::kInvalidArgument,
                     fmt::format("line_wavelengths_m is NULL, but line_count is {}", p.line_count));
-    std::vector<LaserLine> lines;
+    std::vector<SpectralLine> lines;
     double total = 0;
     for (std::uint32_t i = 0; i < p.line_count; ++i) {
         const double wavelength = p.line_wavelengths_m[i], power = p.line_powers ? p.line_powers[i] : 1.0;
@@ -100,7 +100,7 @@ std::vector<LaserLine> laser_lines(const DoePatternParameters &p) {
         lines.push_back({wavelength, power});
         total += power;
     }
-    for (LaserLine &line : lines)
+    for (SpectralLine &line : lines)
         line.share /= total;
     return lines;
 }
@@ -143,7 +143,7 @@ void take_dots(const DoePatternParameters &p, DoeElement &element) {
         element.dots.push_back(dot);
         element.weights.push_back(
             p.dot_weights ? check_positive(p.dot_weights[i], fmt::format("dot_weights[{}]", i).c_str()) : 1.0);
-        for (const LaserLine &line : element.lines) {
+        for (const SpectralLine &line : element.lines) {
             const auto [u, v] = element.direction(i, line.wavelength_m);
             if (!(u * u + v * v < 1))
                 throw Error(Status::kInvalidArgument,
@@ -192,7 +192,7 @@ DoeElement make_doe_element(const DoePatternParameters &p) {
                                                           p.width, p.height, element.samples, element.sampled_width(),
                                                           element.sampled_height(), kMaxDoeSide));
     element.lines = laser_lines(p);
-    for (const LaserLine &line : element.lines) {
+    for (const SpectralLine &line : element.lines) {
         element.mean_wavelength_m += line.share * line.wavelength_m;
         if (!(element.phase_scale(line.wavelength_m) >= 0) ||
             p.defects.refractive_index + p.defects.dispersion_per_m * (line.wavelength_m - p.wavelength_m) <= 1)

@@ -9,14 +9,14 @@
 
 namespace clsp {
 
-struct LaserLine {
+struct SpectralLine {
     double wavelength_m, share; // shares sum to 1
 };
 
 struct DoeElement {
     DoePatternParameters parameters; // its pointers are not to be used any more
     std::vector<float> phase;
-    std::vector<LaserLine> lines;
+    std::vector<SpectralLine> lines;
     std::vector<std::array<double, 2>> dots; // wanted: orders m, n (periodic), or u, v
     std::vector<double> weights;             // of the dots
     bool orders = true;                      // the evaluation

@@ -215,7 +215,7 @@ void DoeField::tell(std::size_t number, double part) const {
 
 void DoeField::add_line_orders(std::size_t number, const SpotShape &spot, DoeLight &light) {
     const DoePatternParameters &p = element_.parameters;
-    const LaserLine &line = element_.lines[number];
+    const SpectralLine &line = element_.lines[number];
     tell(number, 0.0);
     CommandChain chain(queue_(), 0, nullptr);
     enqueue_field(chain, line.wavelength_m, 0, 0);
@@ -274,7 +274,7 @@ void DoeField::add_line_orders(std::size_t number, const SpotShape &spot, DoeLig
 
 void DoeField::add_line_aperture(std::size_t number) {
     const DoePatternParameters &p = element_.parameters;
-    const LaserLine &line = element_.lines[number];
+    const SpectralLine &line = element_.lines[number];
     const std::uint32_t q = p.oversampling;
     const double texel_u = 2 * p.half_extent_x / p.image_width, texel_v = 2 * p.half_extent_y / p.image_height;
     const double bin_u = line.wavelength_m / (columns_ * element_.sample_pitch_m()),

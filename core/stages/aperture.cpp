@@ -199,11 +199,11 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
 
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
     Field &field = exposure.field ? *exposure.field : plain_field_;
+    const std::vector<LaserLine> &lines = exposure.lines ? *exposure.lines : field.lines();
     if (decision_.engine) {
         const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || field.weighs_polarizations() ? 2 : 1;
-        const bool one_pass =
-            !exposure.adds && field.lines().size() == 1 && polarizations <= decision_.engine->polarizations();
-        decision_.engine->prepare(phase, field, exposure.screen != nullptr, exposure.moves_image,
+        const bool one_pass = !exposure.adds && lines.size() == 1 && polarizations <= decision_.engine->polarizations();
+        decision_.engine->prepare(phase, field, lines, exposure.screen != nullptr, exposure.moves_image,
                                   exposure.exposed ? &*exposure.exposed : nullptr, !exposure.exposed || !one_pass);
         return;
     }
@@ -307,7 +307,7 @@ void Aperture::check_workspace() const {
 }
 
 void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
-                             const Exposure &exposure, std::uint32_t polarization, std::size_t line) {
+                             const Exposure &exposure, std::uint32_t polarization, const LaserLine &line) {
     const FieldInput input{irradiance, exposure.material, exposure.screen, exposure.coherent_gain};
     const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
     if (decision_.engine) {
@@ -354,7 +354,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
 
     const bool weighs = field.weighs_polarizations();
     const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || weighs ? 2 : 1;
-    const std::vector<LaserLine> &lines = field.lines();
+    const std::vector<LaserLine> &lines = exposure.lines ? *exposure.lines : field.lines();
     const std::uint32_t at_once = decision_.engine ? decision_.engine->polarizations() : 1;
     const std::size_t passes = lines.size() * (polarizations / at_once);
     if (in_place && (exposure.adds || (!sample_powers_ && passes > (partial_() ? 2 : 1))))
@@ -362,7 +362,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     prepare(phase, exposure); // a kernel that does not build leaves no frame half done
     field.enqueue_heights(chain, phase);
     std::size_t pass = 0;
-    for (std::size_t line = 0; line < lines.size(); ++line)
+    for (const LaserLine &line : lines)
         for (std::uint32_t k = 0; k < polarizations; k += at_once, ++pass) {
             enqueue_field(chain, phase, field, irradiance, exposure, k, line);
 
@@ -372,7 +372,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
             const auto weight_of = [&](std::uint32_t polarization) {
                 const double sign = polarization == 0 ? 1.0 : -1.0;
                 const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);
-                return static_cast<cl_float>(share * lines[line].weight * exposure.gain);
+                return static_cast<cl_float>(share * line.weight * exposure.gain);
             };
             const cl_float weight = weight_of(k);
             const Weights weights{{weight, at_once == 2 ? weight_of(1) : 0.0f}};

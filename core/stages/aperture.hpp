@@ -34,11 +34,12 @@ struct ApertureParameters {
 
 // What one exposure, or a part of it, is made of. The defaults are the plain case.
 struct Exposure {
-    Field *field = nullptr;             // what the surface and the laser do; nullptr: nothing but sqrt(I0) z
-    ImageView material;                 // with a material table
-    const cl::Buffer *screen = nullptr; // phase screen in turns, on the field grid
-    double gain = 1.0;                  // on the intensity
-    double coherent_gain = 1.0;         // on the amplitude of what keeps its phase, without a material table
+    Field *field = nullptr;                        // what the surface and the laser do; nullptr: nothing but sqrt(I0) z
+    ImageView material;                            // with a material table
+    const cl::Buffer *screen = nullptr;            // phase screen in turns, on the field grid
+    const std::vector<LaserLine> *lines = nullptr; // of the laser; nullptr: the field's
+    double gain = 1.0;                             // on the intensity
+    double coherent_gain = 1.0;                    // on the amplitude of what keeps its phase, without a material table
     double shift_x_px = 0.0, shift_y_px = 0.0;
     bool moves_image = false; // the shift counts
     bool adds = false;        // to what the intensity image holds
@@ -98,7 +99,7 @@ class Aperture {
     cl::Kernel &pupil_kernel(bool shifted);
     // The field behind the lens, to the work memory: with the fused engine its kept lines.
     void enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
-                       const Exposure &exposure, std::uint32_t polarization, std::size_t line);
+                       const Exposure &exposure, std::uint32_t polarization, const LaserLine &line);
     // Pixels of samples: a field's, or with the fused engine the powers of all. before: what they are added to; may be
     // empty, or the same pixels.
     void enqueue_pixels(CommandChain &chain, const cl::Buffer &samples, cl_float weight, const ImageView &before,
@@ -115,8 +116,8 @@ class Aperture {
     std::uint32_t pupil_samples_ = 0;
     std::shared_ptr<Fft> fft_; // where the decision has no engine of its own
     FusedDecision decision_;
-    bool sample_powers_ = false; // the fused engine leaves the samples' powers in the scratch memory
-    std::uint64_t row_bytes_ = 0;  // and vectors make pixels of them, with that much local memory; 0: they do not
+    bool sample_powers_ = false;  // the fused engine leaves the samples' powers in the scratch memory
+    std::uint64_t row_bytes_ = 0; // and vectors make pixels of them, with that much local memory; 0: they do not
     DeviceBuffer pupil_, taps_;
     bool complex_pupil_ = false;
     std::uint32_t tap_count_ = 0;

@@ -23,21 +23,6 @@ double coherent_fraction(double roughness_rms_m, double wavelength_m) {
 
 } // namespace
 
-std::vector<LaserLine> laser_lines(const FieldParameters &p) {
-    if (p.line_count == 1)
-        return {{0.0, 1.0}};
-    std::vector<LaserLine> lines;
-    double sum = 0.0;
-    for (std::uint32_t i = 0; i < p.line_count; ++i) {
-        const double k = -2.0 + 4.0 * i / (p.line_count - 1.0);
-        lines.push_back({k, std::exp(-0.5 * k * k)});
-        sum += lines.back().weight;
-    }
-    for (LaserLine &line : lines)
-        line.weight /= sum;
-    return lines;
-}
-
 Field::Field(std::shared_ptr<Context> context, const FieldGrid &grid)
     : context_(std::move(context)), grid_(grid), bad_materials_(context_) {
     configure({});
@@ -67,7 +52,7 @@ void Field::configure(const FieldParameters &p) {
         }
         table = DeviceBuffer(context_, rows.size() * sizeof(float), rows.data());
     }
-    std::vector<LaserLine> lines = laser_lines(p);
+    std::vector<LaserLine> lines = equal_lines(p.line_count);
     const bool dephases = p.line_count > 1 && p.dephasing_rad > 0.0;
     if (dephases && !heights_) {
         draws_in_lanes_ = works_in_lanes(*context_);
@@ -89,8 +74,8 @@ double Field::coherent_amplitude(double fraction) const {
     return std::sqrt(fraction) / grid_.oversampling;
 }
 
-double Field::turns_per_height(std::size_t line) const {
-    return lines_[line].offset * parameters_.dephasing_rad / (2.0 * kPi);
+double Field::turns_per_height(const LaserLine &line) const {
+    return line.offset * parameters_.dephasing_rad / (2.0 * kPi);
 }
 
 std::string Field::state_options(const Phase &phase) const {
@@ -98,7 +83,7 @@ std::string Field::state_options(const Phase &phase) const {
                        !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
 }
 
-std::string Field::options(const Phase &phase, std::size_t line, bool with_screen) const {
+std::string Field::options(const Phase &phase, const LaserLine &line, bool with_screen) const {
     return fmt::format("{} -DLINES={} -DSCREEN={}", state_options(phase), turns_per_height(line) != 0.0 ? 1 : 0,
                        with_screen ? 1 : 0);
 }
@@ -126,7 +111,7 @@ void Field::prepare(const Phase &phase, bool with_screen) {
 }
 
 void Field::add_arguments(KernelArguments &arguments, const Phase &phase, const FieldInput &input,
-                          std::uint32_t polarization, std::size_t line) const {
+                          std::uint32_t polarization, const LaserLine &line) const {
     const FieldParameters &p = parameters_;
     const double turns = turns_per_height(line);
     phase.add_state(arguments, polarization);
@@ -171,7 +156,7 @@ void Field::enqueue_heights(CommandChain &chain, const Phase &phase) {
 }
 
 void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,
-                               std::uint32_t polarization, std::size_t line, const cl::Buffer &field,
+                               std::uint32_t polarization, const LaserLine &line, const cl::Buffer &field,
                                const cl::Buffer &bad_pixels) {
     cl::Kernel &kernel = kernel_for(phase, {turns_per_height(line) != 0.0, input.screen != nullptr});
     KernelArguments arguments(kernel);

@@ -5,6 +5,7 @@
 #include "runtime/device_buffer.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/bad_pixels.hpp"
+#include "stages/laser_lines.hpp"
 #include "stages/material.hpp"
 #include "stages/phase.hpp"
 
@@ -27,18 +28,12 @@ struct FieldParameters {
     std::shared_ptr<MaterialTable> materials; // may be empty
 };
 
-// A line of the laser: its offset k in [-2, 2] and the share of the light that it carries.
-struct LaserLine {
-    double offset, weight;
-};
-std::vector<LaserLine> laser_lines(const FieldParameters &parameters);
-
 // What a frame brings.
 struct FieldInput {
     ImageView irradiance;
-    ImageView material;                  // with a material table
-    const cl::Buffer *screen = nullptr;  // turns on the field grid; may be nullptr
-    double coherent_gain = 1.0;          // on the amplitude of coherent_fraction's part, without a material table
+    ImageView material;                 // with a material table
+    const cl::Buffer *screen = nullptr; // turns on the field grid; may be nullptr
+    double coherent_gain = 1.0;         // on the amplitude of coherent_fraction's part, without a material table
 };
 
 class Field {
@@ -52,25 +47,27 @@ class Field {
     bool weighs_polarizations() const { return parameters_.materials != nullptr; }
     BadPixelCounter &bad_materials() { return bad_materials_; }
 
-    // For kernels that make the field themselves: how to build them, and their first arguments, those of field_illuminate up to
-    // the screen.
-    std::string options(const Phase &phase, std::size_t line, bool with_screen) const;
+    // For kernels that make the field themselves: how to build them, and their first arguments, those of
+    // field_illuminate up to the screen.
+    std::string options(const Phase &phase, const LaserLine &line, bool with_screen) const;
     void add_arguments(KernelArguments &arguments, const Phase &phase, const FieldInput &input,
-                       std::uint32_t polarization, std::size_t line) const;
+                       std::uint32_t polarization, const LaserLine &line) const;
 
     // Draws the heights of the phase's surface that add_arguments() hands on, if they are needed and not those that
     // are there: before the first line of a frame.
     void enqueue_heights(CommandChain &chain, const Phase &phase);
     // Builds what such frames need; nothing is built later.
     void prepare(const Phase &phase, bool with_screen);
-    void enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input, std::uint32_t polarization,
-                            std::size_t line, const cl::Buffer &field, const cl::Buffer &bad_pixels);
+    void enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,
+                            std::uint32_t polarization, const LaserLine &line, const cl::Buffer &field,
+                            const cl::Buffer &bad_pixels);
 
   private:
-    // The pupil's amplitudes grow with the oversampling, because white noise loses power per cycle by it. A constant field does not.
+    // The pupil's amplitudes grow with the oversampling, because white noise loses power per cycle by it. A constant
+    // field does not.
     double coherent_amplitude(double fraction) const;
     using Variant = std::array<bool, 2>; // dephased line, screen
-    double turns_per_height(std::size_t line) const;
+    double turns_per_height(const LaserLine &line) const;
     std::string state_options(const Phase &phase) const;
     cl::Kernel &kernel_for(const Phase &phase, Variant variant);
 

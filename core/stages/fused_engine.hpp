@@ -47,17 +47,17 @@ class FusedEngine {
     // Pass C can make the sensor's frames.
     virtual bool exposes(const Sensor &) const { return false; }
 
-    // Builds what such frames need; nothing is built later. exposed: nullptr where no pass exposes. with_intensity: whether some pass writes
-    // the intensity.
-    virtual void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
-                         bool with_intensity) = 0;
+    // Builds what such frames need; nothing is built later. exposed: nullptr where no pass exposes. with_intensity:
+    // whether some pass writes the intensity.
+    virtual void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                         bool shifted, const ExposedFrame *exposed, bool with_intensity) = 0;
 
     // How many polarizations the passes take at once: 1, or both.
     virtual std::uint32_t polarizations() const { return 1; }
 
     // A: from the irradiance to the kept lines. polarization: the first of polarizations().
     virtual void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                               std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                               std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                                const cl::Buffer &bad_pixels) = 0;
     // B. shift: along x and y, in samples of the grid.
     virtual void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,

@@ -90,10 +90,10 @@ class FusedGroups final : public FusedEngine {
     }
     bool leaves_sample_powers() const override { return sample_powers_; }
     bool exposes(const Sensor &sensor) const override { return !sample_powers_ && sensor.exposes_pixels(); }
-    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted,
-                 const ExposedFrame *exposed, bool with_intensity) override;
+    void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                 bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                       std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                       std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
     void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                        const std::optional<std::array<double, 2>> &shift) override;
@@ -216,17 +216,17 @@ GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
         .first->second;
 }
 
-void FusedGroups::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
-                          bool) {
+void FusedGroups::prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                          bool shifted, const ExposedFrame *exposed, bool) {
     if (exposed)
         exposed_kernel(*exposed);
-    for (std::size_t line = 0; line < field.lines().size(); ++line)
+    for (const LaserLine &line : laser_lines)
         columns_kernel(field.options(phase, line, with_screen));
     rows_kernel(shifted);
 }
 
 void FusedGroups::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                                std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                                std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                                 const cl::Buffer &bad_pixels) {
     GroupKernel &columns = columns_kernel(field.options(phase, line, input.screen != nullptr));
     KernelArguments arguments(columns.kernel);

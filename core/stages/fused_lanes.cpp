@@ -61,10 +61,10 @@ class FusedLanes final : public FusedEngine {
         return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
     }
     std::uint32_t polarizations() const override { return tiles_.polarizations; }
-    void prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
-                 bool with_intensity) override;
+    void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                 bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                       std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                       std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                        const cl::Buffer &bad_pixels) override;
     void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                        const std::optional<std::array<double, 2>> &shift) override;
@@ -251,19 +251,19 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
         .first->second;
 }
 
-void FusedLanes::prepare(const Phase &phase, Field &field, bool with_screen, bool shifted, const ExposedFrame *exposed,
-                         bool with_intensity) {
+void FusedLanes::prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                         bool shifted, const ExposedFrame *exposed, bool with_intensity) {
     if (with_intensity)
         inverse_.get(*context_);
     if (exposed)
         exposed_kernel(exposed->output.format);
-    for (std::size_t line = 0; line < field.lines().size(); ++line)
+    for (const LaserLine &line : laser_lines)
         columns_kernel(field.options(phase, line, with_screen));
     rows_kernel(shifted);
 }
 
 void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                               std::uint32_t polarization, std::size_t line, const cl::Buffer &lines,
+                               std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                                const cl::Buffer &bad_pixels) {
     cl::Kernel &kernel = columns_kernel(field.options(phase, line, input.screen != nullptr));
     KernelArguments arguments(kernel);

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numeric>
 #include <string>
 
 namespace clsp {
@@ -57,16 +59,20 @@ class Search {
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
+    std::size_t best_of(std::vector<FittedModel> &fits, double margin, double at) const;
     // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
     bool grow(Path &path, const FittedModel &current, double from, double share);
 
     // Effects that explain the gap, within the range that is common for each if any do.
     Path explain(const FittedModel &baseline);
-    // Adds effects to the baseline until nothing is left or nothing helps.
-    Path begin(const FittedModel &baseline);
-    void grow_all(Path &path, const FittedModel &baseline);
+    // Adds effects until nothing is left or nothing helps; or until one of them goes far.
+    enum class Until { kFar, kDone };
+    void grow_all(Path &path, const FittedModel &baseline, Until until);
+    Path empty_path() const;
     // Exchanges effects, adds others, takes out what is needless.
     void finish(Path &path, const FittedModel &baseline);
+    // An effect is far beyond its range.
+    static bool goes_far(const Path &path);
     static bool is_explained(const Path &path) { return !path.models.empty() && !path.models.back().residual.detected; }
 
     // Little of the baseline's excess is left, but what is left is seldom by chance.
@@ -117,17 +123,22 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         for (const double strength : Candidate::kLooks) {
             EffectModel with = model;
             with.add(candidate, 1.0, strength);
-            looked[i] = strength;
+            Change change;
             if (!possible([&] {
-                    changes[i] = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
-                                                 fits_.options().seed, kSearchSeeds);
+                    change = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
+                                             fits_.options().seed, kSearchSeeds);
                 }))
-                break;
+                continue;
             double sign = 1.0;
-            const bool nothing = changes[i].mean.isZero(0.0);
+            const bool nothing = change.mean.isZero(0.0);
             // Where it does nothing half way, it may do the opposite on either side.
-            if (!nothing && (strength == Candidate::kLooks[0] || gain_of(changes[i].mean, sign) <= 0.0 || sign > 0.0 ||
-                             candidate.has_direction()))
+            const bool enough = !nothing && (strength == Candidate::kLooks[0] || gain_of(change.mean, sign) <= 0.0 ||
+                                             sign > 0.0 || candidate.has_direction());
+            if (!nothing || changes[i].mean.size() == 0) {
+                changes[i] = std::move(change);
+                looked[i] = strength;
+            }
+            if (enough)
                 break;
         }
     });
@@ -142,7 +153,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         const double gain = gain_of(change.mean, refined.sign);
         if (refined.sign > 0.0) {
             refined.gain = gain;
-            refined.response.add(looked[i], std::move(change));
+            refined.response.add(candidate.snapped(0, looked[i]), std::move(change));
         } else {
             // The other direction of an effect that has one; others cannot be negative.
             if (candidate.has_direction())
@@ -163,9 +174,12 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
                                kSearchSeeds);
     };
     std::vector<double> strengths;
-    for (const double strength : {0.0, 0.5, 1.0})
-        if (refined.response.empty() || refined.response.distance(strength) > kNear)
+    for (const double asked : {0.0, 0.5, 1.0}) {
+        const double strength = refined.candidate->snapped(0, asked, refined.sign);
+        if ((refined.response.empty() || refined.response.distance(strength) > kNear) &&
+            std::find(strengths.begin(), strengths.end(), strength) == strengths.end())
             strengths.push_back(strength);
+    }
     std::vector<Change> changes(strengths.size());
     experiment_.side_by_side(strengths.size(), [&](std::size_t i) { changes[i] = change_at(strengths[i]); });
     for (std::size_t i = 0; i < strengths.size(); ++i)
@@ -242,6 +256,35 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
     return borne_out > 0.0;
 }
 
+// The best of some models by as many replicates each, as the score depends on how many there are: all that there may be
+// where few leave a doubt.
+std::size_t Search::best_of(std::vector<FittedModel> &fits, double margin, double at) const {
+    std::size_t most = 0;
+    for (const FittedModel &fitted : fits)
+        most = std::max(most, fitted.model.replicates().draws.size());
+    std::vector<std::size_t> running(fits.size());
+    std::iota(running.begin(), running.end(), std::size_t{0});
+    const auto judge = [&](std::size_t count) {
+        for (const std::size_t i : running)
+            fits_.judge(fits[i], fits[i].model.replicates(), static_cast<std::uint32_t>(count), at, at);
+        std::stable_sort(running.begin(), running.end(),
+                         [&](std::size_t a, std::size_t b) { return fits[a].score < fits[b].score; });
+    };
+    judge(most);
+    const double first = fits[running.front()].score;
+    const auto is_out = [&](std::size_t i) { return fits[i].score > first + margin; };
+    const std::vector<std::size_t> ranked = running;
+    running.erase(std::remove_if(running.begin(), running.end(), is_out), running.end());
+    if (running.size() > 1) {
+        const std::size_t still = running.size();
+        judge(fits_.options().model_replicates);
+        // The others stay as far behind as they were.
+        for (std::size_t i = still; i < ranked.size(); ++i)
+            fits[ranked[i]].score += fits[running.front()].score - first;
+    }
+    return running.front();
+}
+
 bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
     const double excess = fits_.excess_square(current);
     const bool little = excess <= kLittleLeft * baseline_excess_, stale = !path.looks.empty();
@@ -265,8 +308,6 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     const auto contends = [&](const Refined &candidate) {
         return candidate.gain >= kLeastGain && (doubtful || is_near(candidate));
     };
-    const bool contested = refined.size() > 1 && contends(refined[1]) && is_near(refined[1]);
-    const std::uint32_t replicates = contested && !doubtful ? fits_.options().model_replicates : fits_.few_replicates();
     for (const Refined &candidate : refined) {
         if (models.size() == fits_.options().finalists || !contends(candidate))
             break;
@@ -278,7 +319,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
         FittedModel fitted;
         const Origin origin{current.model.full(), path.pool};
         FitOptions options;
-        options.replicates = replicates;
+        options.replicates = fits_.few_replicates();
         options.from = begin;
         options.to = begin + 0.6 * share / fits_.options().finalists;
         options.known = current.jacobian;
@@ -291,15 +332,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     }
     if (fits.empty())
         return false;
-    // By as many replicates each: the score depends on how many there are.
-    std::size_t most = 0, best = 0;
-    for (const FittedModel &fitted : fits)
-        most = std::max(most, fitted.model.replicates().draws.size());
-    for (FittedModel &fitted : fits)
-        fits_.judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(most), from + share, from + share);
-    for (std::size_t i = 1; i < fits.size(); ++i)
-        if (fits[i].score < fits[best].score)
-            best = i;
+    const std::size_t best = best_of(fits, margin, from + share);
     if (nearly_explained(fits[best]))
         fits_.polish(models[best], pools[best], fits[best], from + share);
     const double gain = current.score - fits[best].score;
@@ -316,8 +349,16 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     return true;
 }
 
-void Search::grow_all(Path &path, const FittedModel &baseline) {
-    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects) {
+bool Search::goes_far(const Path &path) {
+    return std::any_of(path.model.strengths.begin(), path.model.strengths.end(), [&](const Strength &s) {
+        const HypothesisParameter &p = path.model.effects[s.effect].candidate->parameters[s.parameter];
+        return p.weak != p.strong && s.strength > kCommon;
+    });
+}
+
+void Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
+    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects &&
+           !(until == Until::kFar && goes_far(path))) {
         const double share = 0.5 * (1.0 - path.progress);
         const FittedModel current = path.models.empty() ? baseline : path.models.back();
         if (!grow(path, current, path.progress, share))
@@ -326,12 +367,11 @@ void Search::grow_all(Path &path, const FittedModel &baseline) {
     }
 }
 
-Path Search::begin(const FittedModel &baseline) {
+Path Search::empty_path() const {
     Path path;
     path.strongest = fits_.strongest();
     path.pool = fits_.baseline_pool();
     path.progress = kBegin;
-    grow_all(path, baseline);
     return path;
 }
 
@@ -339,7 +379,7 @@ void Search::finish(Path &path, const FittedModel &baseline) {
     for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
         if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !exchange(fits_, path, path.progress))
             break;
-        grow_all(path, baseline);
+        grow_all(path, baseline, Until::kDone);
     }
     if (is_explained(path) && path.models.size() > 2)
         prune(fits_, path, path.progress);
@@ -347,24 +387,21 @@ void Search::finish(Path &path, const FittedModel &baseline) {
 
 Path Search::explain(const FittedModel &baseline) {
     // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier.
-    const auto goes_far = [](const Path &path) {
-        return std::any_of(path.model.strengths.begin(), path.model.strengths.end(), [&](const Strength &s) {
-            const HypothesisParameter &p = path.model.effects[s.effect].candidate->parameters[s.parameter];
-            return p.weak != p.strong && s.strength > kCommon;
-        });
-    };
     Path common;
     const auto common_explains = [&] {
         fits_.set_strongest(kCommon);
-        common = begin(baseline);
+        common = empty_path();
+        grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
         fits_.set_strongest(kStrongest);
         return is_explained(common);
     };
-    Path path = begin(baseline);
+    Path path = empty_path();
+    grow_all(path, baseline, Until::kFar);
     const bool far = goes_far(path);
     if (far && common_explains())
         return common;
+    grow_all(path, baseline, Until::kDone);
     finish(path, baseline);
     if (!far && goes_far(path) && common_explains())
         return common;

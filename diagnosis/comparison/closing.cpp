@@ -130,18 +130,24 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         tell("screening " + candidate.id, 0.0);
         Answer answer;
         answer.candidate = &candidate;
-        FoldStatistics moved;
+        FoldStatistics moved; // by the first look that changed something in the wanted direction, or the last one
         double square = 0.0, looked = 0.0;
         Eigen::VectorXd direction;
         for (const double strength : Candidate::kLooks) {
             EffectModel with = model;
             with.add(candidate, 1.0, strength);
-            if (!possible([&] { moved = minus(change(with.settings()), change_); }))
-                break;
+            FoldStatistics changed;
+            if (!possible([&] { changed = minus(change(with.settings()), change_); }))
+                continue;
+            const Eigen::VectorXd towards = whitened(changed.first);
+            if (!(towards.squaredNorm() > 0.0))
+                continue;
+            moved = std::move(changed);
             looked = strength;
-            direction = whitened(moved.first);
+            direction = towards;
             square = direction.squaredNorm();
-            if (square > 0.0)
+            // Where it does nothing half way, it may do the opposite on either side.
+            if (strength == Candidate::kLooks[0] || direction.dot(target) > 0.0 || candidate.has_direction())
                 break;
         }
         if (!(square > 0.0))

@@ -10,7 +10,9 @@ namespace clsp {
 namespace {
 
 constexpr Eigen::Index kPoints = 128;
-constexpr double kVarianceError = 0.003, kCubeError = 0.01;
+constexpr double kCubeError = 0.01;
+// What is left of the light's variance by rounding.
+constexpr double kRounding = 1e-12;
 
 struct Modes {
     Eigen::ArrayXd values, integrals; // of eigenfunctions of norm 1
@@ -23,39 +25,55 @@ Modes solve(double path) {
         for (Eigen::Index j = 0; j < kPoints; ++j)
             kernel(i, j) = std::exp(-path * std::abs(static_cast<double>(i - j)) / kPoints) / kPoints;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(kernel);
-    return {solver.eigenvalues().reverse(), solver.eigenvectors().colwise().sum().transpose().reverse().array().abs() / std::sqrt(double(kPoints))};
+    return {solver.eigenvalues().reverse(),
+            solver.eigenvectors().colwise().sum().transpose().reverse().array().abs() / std::sqrt(double(kPoints))};
 }
 
 } // namespace
 
 std::vector<ExposureMode> exposure_modes(double path) {
     const auto [values, integrals] = solve(path);
-    const double variance = values.square().sum(), cube = values.cube().sum();
-    Eigen::Index best_kept = kPoints;
-    double best_rest = 0.0, best_equal = 0.0;
-    double rest = 1.0, rest_variance = variance, rest_cube = cube;
-    for (Eigen::Index kept = 0; kept < kPoints && rest_variance > 0.0; ++kept) {
-        for (const double equal : {std::floor(rest * rest / rest_variance), std::ceil(rest * rest / rest_variance)}) {
-            const bool close = equal >= 1.0 && std::abs(rest * rest / equal - rest_variance) < kVarianceError * variance &&
-                               std::abs(rest * rest * rest / (equal * equal) - rest_cube) < kCubeError * cube;
-            if (close && static_cast<double>(kept) + equal < static_cast<double>(best_kept) + best_equal) {
-                best_kept = kept;
-                best_rest = rest;
-                best_equal = equal;
-            }
+    const double cube = values.cube().sum();
+    Eigen::Index best_kept = 0, best_equal = kPoints;
+    double best_next = 1.0;
+    double rest = 1.0, rest_variance = values.square().sum(), rest_cube = cube;
+    for (Eigen::Index kept = 0; kept < best_kept + best_equal && rest_variance > 0.0; ++kept) {
+        for (Eigen::Index equal = 0; kept + equal < best_kept + best_equal; ++equal) {
+            // Weights a and b of the next pattern and the equal ones: a + n b = rest, a^2 + n b^2 = rest_variance.
+            const double n = static_cast<double>(equal), root = n * ((n + 1.0) * rest_variance - rest * rest);
+            if (root < 0.0 || (equal == 0 && rest * rest - rest_variance > kRounding))
+                continue;
+            const double next = std::min((rest + std::sqrt(root)) / (n + 1.0), rest);
+            const double one = equal > 0 ? (rest - next) / n : 0.0;
+            if (std::abs(next * next * next + n * one * one * one - rest_cube) > kCubeError * cube)
+                continue;
+            best_kept = kept;
+            best_equal = equal;
+            best_next = next;
         }
         rest -= values[kept];
         rest_variance -= values[kept] * values[kept];
         rest_cube -= values[kept] * values[kept] * values[kept];
     }
     std::vector<ExposureMode> modes;
-    double coherent_rest = 1.0;
+    // What keeps its phase: power, and how it beats with what changes.
+    double left = 1.0, steady = integrals.square().sum(), beat = (values * integrals.square()).sum();
     for (Eigen::Index k = 0; k < best_kept; ++k) {
         modes.push_back({values[k], integrals[k] / std::sqrt(values[k])});
-        coherent_rest -= integrals[k] * integrals[k];
+        left -= values[k];
+        steady -= integrals[k] * integrals[k];
+        beat -= values[k] * integrals[k] * integrals[k];
     }
+    if (best_equal == 0) {
+        modes.push_back({best_next, std::sqrt(steady / best_next)});
+        return modes;
+    }
+    const double one = (left - best_next) / static_cast<double>(best_equal);
+    const double steady_next =
+        best_next > one ? std::clamp((beat - one * steady) / (best_next - one), 0.0, steady) : 0.0;
+    modes.push_back({best_next, std::sqrt(steady_next / best_next)});
     modes.insert(modes.end(), static_cast<std::size_t>(best_equal),
-                 {best_rest / best_equal, std::sqrt(std::max(0.0, coherent_rest) / best_rest)});
+                 {one, std::sqrt((steady - steady_next) / (left - best_next))});
     return modes;
 }
 

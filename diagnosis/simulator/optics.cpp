@@ -12,6 +12,9 @@
 namespace clsp {
 namespace {
 
+// By fewer lines of the laser: of the squared contrast of the whole exposure, to which a weak pattern adds little.
+constexpr double kLineError = 1e-3;
+
 bool same_pupil(const ApertureParameters &a, const ApertureParameters &b) {
     const auto key = [](const ApertureParameters &p) {
         return std::tuple(p.f_number, p.pixel_pitch_m, p.wavelength_m, p.degree_of_polarization, p.fill_factor,
@@ -78,11 +81,27 @@ Optics::Stages &Optics::stages_for(const PipelineModel &model, std::uint64_t see
     };
     if (key(field) != key(stages.field->parameters()))
         stages.field->configure(field);
-    if (p.exposure_path != exposure_path_) {
-        exposure_modes_ = exposure_modes(p.exposure_path);
-        exposure_path_ = p.exposure_path;
-    }
+    prepare_exposure(p);
     return stages;
+}
+
+void Optics::prepare_exposure(const PipelineParameters &p) {
+    if (p.exposure_path == exposure_path_ && p.line_count == line_count_ && p.dephasing_rad == dephasing_rad_)
+        return;
+    exposure_modes_ = exposure_modes(p.exposure_path);
+    exposure_path_ = p.exposure_path;
+    line_count_ = p.line_count;
+    dephasing_rad_ = p.dephasing_rad;
+    double variance = 0.0;
+    for (const ExposureMode &mode : exposure_modes_)
+        variance += mode.weight * mode.weight;
+    const std::vector<LaserLine> lines = equal_lines(line_count_);
+    resting_lines_ = fewest_lines(lines, dephasing_rad_, kLineError);
+    lines_of_modes_.clear();
+    for (const ExposureMode &mode : exposure_modes_) {
+        const double share = mode.weight * mode.weight / variance, count = static_cast<double>(exposure_modes_.size());
+        lines_of_modes_.push_back(fewest_lines(lines, dephasing_rad_, kLineError / (count * share)));
+    }
 }
 
 void Optics::enqueue_irradiance(CommandChain &chain, const PipelineModel &model, CaptureScene scene) {
@@ -151,6 +170,7 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
             phase.enqueue_refresh(chain, mode_counter(counter, i), {});
             exposure.adds = true;
         }
+        exposure.lines = moving ? &lines_of_modes_[i] : &resting_lines_;
         if (moving) {
             exposure.gain = exposure_modes_[i].weight;
             exposure.coherent_gain = exposure_modes_[i].coherent_gain;

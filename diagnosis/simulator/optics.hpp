@@ -42,6 +42,7 @@ class Optics {
     };
     ImageView image(const cl::Buffer &buffer, std::size_t index = 0) const;
     Stages &stages_for(const PipelineModel &model, std::uint64_t seed);
+    void prepare_exposure(const PipelineParameters &parameters);
     // The ideal image without hypotheses, in irradiance_.
     void enqueue_irradiance(CommandChain &chain, const PipelineModel &model, CaptureScene scene);
     void enqueue_speckle(CommandChain &chain, const PipelineModel &model, Stages &stages, Airflow *airflow,
@@ -58,8 +59,12 @@ class Optics {
     double subsurface_length_px_ = 0.0;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     DeviceBuffer irradiance_, distorted_, uniform_, shaped_;
+    // What an exposure of a resting and of a moving scene is made of, and each pattern's lines of the laser.
+    std::vector<LaserLine> resting_lines_ = equal_lines(1);
     std::vector<ExposureMode> exposure_modes_{{1.0, 1.0}};
-    double exposure_path_ = 0.0;
+    std::vector<std::vector<LaserLine>> lines_of_modes_{equal_lines(1)};
+    double exposure_path_ = 0.0, dephasing_rad_ = 0.0;
+    std::uint32_t line_count_ = 1;
     cl::Kernel dark_;
 };
 
