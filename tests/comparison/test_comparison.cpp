@@ -131,6 +131,18 @@ TEST_F(Refusals, SayWhatIsWrong) {
                          "dark of the real set: 100 % of its pixels are at the top code"));
     EXPECT_TRUE(contains(message_of([&] { compare(context, real, white, options); }, Status::kInvalidData),
                          "dark of the simulated set: 100 %"));
+    // Pixels that a mask takes out of it do not count.
+    Capture hidden = real;
+    auto &mask = hidden.layout.sequences[0].mask;
+    mask.assign(hidden.layout.pixel_count(), 255);
+    std::fill(mask.begin(), mask.begin() + 64 * 24, std::uint8_t{0});
+    for (std::size_t i = 0; i < hidden.codes[0].size(); ++i)
+        hidden.codes[0][i] = mask[i % mask.size()] == 0 ? 1023 : static_cast<std::uint16_t>(60 + i % 9);
+    Capture shown = hidden;
+    shown.layout.sequences[0].mask.clear();
+    EXPECT_NO_THROW(compare(context, hidden, hidden, options));
+    EXPECT_TRUE(contains(message_of([&] { compare(context, shown, shown, options); }, Status::kInvalidData),
+                         "dark of the real set: 50 % of its pixels are at the top code"));
     options.without = {"defokus"};
     EXPECT_TRUE(
         contains(message_of([&] { compare(context, real, real, options); }, Status::kInvalidArgument), "defokus"));

@@ -529,6 +529,13 @@ TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_DATA, "dark was left out: all its codes are " + std::to_string(code),
                           clspDiagnose(context, black, &quick, &made));
     }
+
+    // Beside light a dark of one code counts: a black level of 0 cuts its noise off, and levels go by it.
+    clspeckle::Capture cut(desc);
+    cut.add_sequence("dark", CLSP_SCENE_DARK, false, std::vector<std::uint16_t>(flat.size(), 0));
+    cut.add_sequence("flat", CLSP_SCENE_FLAT, false, flat);
+    const std::string report = clspeckle::diagnose(context, cut, quick_options()).report_json();
+    EXPECT_NE(report.find("\"left_out\": []"), std::string::npos) << report;
 }
 
 TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {
