@@ -199,8 +199,8 @@ CLSP_API ClspStatus clspHypothesisInit(ClspHypothesis *hypothesis, uint32_t stru
 CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct_size);
 
 /**
- * Diagnoses a capture; *diagnosis gets one reference. Blocks: with six sequences of 40 frames on two processor cores from ten seconds to
- * more than a minute, by how many effects there are.
+ * Diagnoses a capture; *diagnosis gets one reference. Blocks: with six sequences of 40 frames on two processor cores from some seconds to
+ * a minute, by how many effects there are.
  * @param context whose device simulates.
  * @param capture complete and in order (clspCaptureValidate() is called first).
  * @param desc NULL: the defaults.

@@ -597,7 +597,7 @@ def diagnose(
 ) -> Diagnosis:
     """Compares a real capture with the simulator: is there a gap, where, what causes it, how far does it shrink.
 
-    Blocks: with six sequences of 40 frames on two processor cores from ten seconds to more than a minute, by how many
+    Blocks: with six sequences of 40 frames on two processor cores from some seconds to a minute, by how many
     effects there are; Ctrl-C cancels. The same seed
     gives the same report.
 
