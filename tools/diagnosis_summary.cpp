@@ -14,6 +14,8 @@ namespace {
 constexpr std::size_t places_shown = 10;
 constexpr std::size_t ranked_shown = 8;
 constexpr double bar_cells = 40;
+// Of the level: at what a residual is tested, as there are several models to a capture (docs/diagnosis.md).
+constexpr double residual_part = 0.25;
 
 std::string joined(const std::vector<std::string> &words, const std::string &last) {
     std::string text;
@@ -235,9 +237,9 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     if (summary.step_count > 0)
         text += "\n" + waterfall_text(diagnosis, summary);
     if (summary.detected)
-        text += fmt::format("Residual: {} (p = {})\n",
+        text += fmt::format("Residual: {} (p = {}; significant below {:.3g})\n",
                             summary.residual_detected ? "a significant gap remains" : "nothing significant remains",
-                            probability_text(summary.residual_p_value));
+                            probability_text(summary.residual_p_value), residual_part * summary.level);
     text += downstream_text(report);
     if (report.contains("compare"))
         text += "\n" + comparison_text(report["compare"]);

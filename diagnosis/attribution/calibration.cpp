@@ -17,7 +17,7 @@ constexpr int kRounds = 3;
 // is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
 // all between them.
 constexpr double kCoarse = 2.5;
-// The data sheet's read noise is good to 15 %: twice that is looked through.
+// The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
 constexpr int kRootRounds = 12;
 
@@ -63,7 +63,10 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
         result = {real_calibration_.black_level_dn, real_calibration_.read_noise_dn,
                   std::vector<double>(layout_.sequences.size(), 1.0)};
     const double step = converter_step_dn(layout_, effects);
-    const bool coarse = step > kCoarse * layout_.read_noise_dn;
+    // Noise of more than a step is not made by codes that flip between two: what was measured holds, whatever the data
+    // sheet says. Steps that are an effect's hide it in the real frames, too.
+    const bool resolved = step == 1.0 && real_calibration_.read_noise_dn >= step;
+    const bool coarse = !resolved && step > kCoarse * layout_.read_noise_dn;
     // The first dark sequence: black level and noise do not depend on the light.
     std::optional<std::size_t> dark, still;
     std::vector<Task> lit;
@@ -102,13 +105,13 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
         result.read_noise_dn = levels[1];
     };
     if (coarse && dark) {
-        result.read_noise_dn = layout_.read_noise_dn;
+        result.read_noise_dn = layout_.read_noise_dn > 0.0 ? layout_.read_noise_dn : 0.5 * step / kCoarse;
         if (still) {
             on_dark();
             const std::vector<double> levels = part('n', *still, result, [&](CalibratedLevels &own) {
                 Simulator &simulator = simulator_of(*still, kCalibrationSeed);
                 calibrate_signal(simulator, effects, *still, own);
-                calibrate_coarse_noise(simulator, effects, *still, own);
+                calibrate_coarse_noise(simulator, effects, *still, step, own);
             });
             result.read_noise_dn = levels[1];
             result.signal_share[*still] = levels[2];
@@ -186,10 +189,13 @@ void Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSetti
     });
 }
 
-void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
-    const double wanted = real_levels_[sequence].temporal_noise_dn, centre = layout_.read_noise_dn;
+void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                        double step_dn, CalibratedLevels &levels) {
+    const double wanted = real_levels_[sequence].temporal_noise_dn, stated = layout_.read_noise_dn;
+    const double low = stated > 0.0 ? (1.0 - kNoiseRange) * stated : kLeastReadNoise;
+    const double high = stated > 0.0 ? (1.0 + kNoiseRange) * stated : step_dn / kCoarse;
     const std::uint32_t frame_count = std::min(2 * kTrialFrames, layout_.sequences[sequence].frame_count);
-    levels.read_noise_dn = root((1.0 - kNoiseRange) * centre, (1.0 + kNoiseRange) * centre, 1e-3 * wanted, [&](double read_noise_dn) {
+    levels.read_noise_dn = root(low, high, 1e-3 * wanted, [&](double read_noise_dn) {
         levels.read_noise_dn = read_noise_dn;
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         return sequence_level(layout_, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;

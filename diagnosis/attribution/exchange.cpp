@@ -250,6 +250,7 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     Path other;
     other.looks = path.looks;
     other.progress = path.progress;
+    other.progress_end = path.progress_end;
     other.strongest = path.strongest;
     other.model = std::move(model);
     FittedModel fitted;

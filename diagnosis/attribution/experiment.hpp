@@ -141,7 +141,8 @@ class Experiment {
     void calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
     void calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
                                  CalibratedLevels &levels);
-    void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                CalibratedLevels &levels);
     // levels: of all sequences, those that are no dark ones of any content. present: those that count.
     Calibration measured_calibration(const std::vector<SequenceLevel> &levels,
                                      const std::vector<std::uint32_t> &frame_counts,

@@ -29,7 +29,7 @@ struct Path {
         looks; // each other effect's change of the statistics when it was last looked at
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
-    double progress = 0.0;
+    double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
     double strongest = kStrongest; // how far its strengths may go
 };
 

@@ -13,7 +13,8 @@
 namespace clsp {
 namespace {
 
-constexpr double kBegin = 0.3; // of the progress: the baseline is simulated
+// Of the progress: the baseline is simulated; the second search begins, if there is one; the searches end.
+constexpr double kBegin = 0.3, kSecond = 0.7, kEnd = 0.98;
 constexpr int kFitRounds = 3;
 // Effects whose gain at a first look is less than that part of the best one's are not fitted.
 constexpr double kLeastLook = 0.2;
@@ -65,10 +66,10 @@ class Search {
 
     // Effects that explain the gap, within the range that is common for each if any do.
     Path explain(const FittedModel &baseline);
-    // Adds effects until nothing is left or nothing helps; or until one of them goes far.
+    // Adds effects until nothing is left or nothing helps; or until one of them goes far: false, and it may go on.
     enum class Until { kFar, kDone };
-    void grow_all(Path &path, const FittedModel &baseline, Until until);
-    Path empty_path() const;
+    bool grow_all(Path &path, const FittedModel &baseline, Until until);
+    Path empty_path(double from, double to) const; // of the progress
     // Exchanges effects, adds others, takes out what is needless.
     void finish(Path &path, const FittedModel &baseline);
     // An effect is far beyond its range.
@@ -356,22 +357,25 @@ bool Search::goes_far(const Path &path) {
     });
 }
 
-void Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
-    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects &&
-           !(until == Until::kFar && goes_far(path))) {
-        const double share = 0.5 * (1.0 - path.progress);
+bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
+    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects) {
+        if (until == Until::kFar && goes_far(path))
+            return false;
+        const double share = 0.5 * (path.progress_end - path.progress);
         const FittedModel current = path.models.empty() ? baseline : path.models.back();
         if (!grow(path, current, path.progress, share))
             break;
         path.progress += share;
     }
+    return true;
 }
 
-Path Search::empty_path() const {
+Path Search::empty_path(double from, double to) const {
     Path path;
     path.strongest = fits_.strongest();
     path.pool = fits_.baseline_pool();
-    path.progress = kBegin;
+    path.progress = from;
+    path.progress_end = to;
     return path;
 }
 
@@ -390,18 +394,18 @@ Path Search::explain(const FittedModel &baseline) {
     Path common;
     const auto common_explains = [&] {
         fits_.set_strongest(kCommon);
-        common = empty_path();
+        common = empty_path(kSecond, kEnd);
         grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
         fits_.set_strongest(kStrongest);
         return is_explained(common);
     };
-    Path path = empty_path();
-    grow_all(path, baseline, Until::kFar);
-    const bool far = goes_far(path);
+    Path path = empty_path(kBegin, kSecond);
+    const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
     if (far && common_explains())
         return common;
-    grow_all(path, baseline, Until::kDone);
+    if (!grown)
+        grow_all(path, baseline, Until::kDone);
     finish(path, baseline);
     if (!far && goes_far(path) && common_explains())
         return common;

@@ -74,7 +74,7 @@ void validate_camera(const CaptureLayout &layout, const CaptureOrigin &origin) {
                "0 DN or more, the standard deviation that the data sheet says");
     for (const double value : layout.principal_point_px)
         check_real(origin, "/camera/principal_point_px", value, std::abs(value) <= 1e6,
-                   "two finite numbers, x and y in pixels");
+                   "x and y in pixels, -1e6 to 1e6");
     const double nm = layout.wavelength_m * 1e9;
     check_real(origin, "/laser/wavelength_nm", nm, nm >= 100.0 && nm <= 20000.0, "100 to 20000 nm");
     check_real(origin, "/laser/degree_of_polarization", layout.degree_of_polarization,
@@ -95,7 +95,7 @@ void validate_dots(const CaptureLayout &layout, const CaptureDots &dots, const C
     for (std::size_t i = 0; i < dots.positions_px.size(); ++i) {
         for (const double value : dots.positions_px[i])
             check_real(origin, fmt::format("/dots/positions_px/{}", i).c_str(), value, std::abs(value) <= 1e6,
-                       "two finite numbers, x and y in pixels");
+                       "x and y in pixels, -1e6 to 1e6");
         any_inside |= is_inside(layout, dots.positions_px[i]);
     }
     if (!any_inside)
@@ -127,7 +127,7 @@ void validate_sequence(const CaptureLayout &layout, std::size_t sequence, const 
                s.f_number >= 0.1 && s.f_number <= 1000.0, "0.1 to 1000");
     if (s.exposure_ms)
         check_real(origin, sequence_field(sequence, "exposure_ms").c_str(), *s.exposure_ms,
-                   *s.exposure_ms > 0.0 && *s.exposure_ms <= 1e9, "a time above 0 ms");
+                   *s.exposure_ms > 0.0 && *s.exposure_ms <= 1e9, "a time above 0 ms, at most 1e9");
     if (!s.mask.empty() && s.mask.size() != layout.pixel_count())
         refuse(origin, sequence_field(sequence, "mask"),
                fmt::format("of \"{}\" has {} pixels; the image has {} x {} = {}", s.name, s.mask.size(), layout.width,

@@ -155,8 +155,8 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         const double coefficient = direction.dot(target) / square;
         answer.gain = coefficient * coefficient * square;
         if (coefficient > 0.0) {
-            answer.first.add(looked, {moved.first, {}, {}});
-            answer.second.add(looked, {moved.second, {}, {}});
+            answer.first.add(candidate.snapped(0, looked), {moved.first, {}, {}});
+            answer.second.add(candidate.snapped(0, looked), {moved.second, {}, {}});
         } else {
             if (candidate.has_direction()) {
                 answer.sign = -1.0;
@@ -194,9 +194,11 @@ void Closing::refine(Answer &answer, const EffectModel &model) {
         answer.first.add(strength, {moved.first, {}, {}});
         answer.second.add(strength, {moved.second, {}, {}});
     };
-    for (const double strength : {0.0, 0.5, 1.0})
+    for (const double asked : {0.0, 0.5, 1.0}) {
+        const double strength = answer.candidate->snapped(0, asked, answer.sign);
         if (answer.first.empty() || answer.first.distance(strength) > kNear)
             simulate(strength);
+    }
     for (int round = 0;; ++round) {
         answer.strength = answer.candidate->snapped(0, best_strength(answer), answer.sign);
         if (round == kFitRounds || answer.first.distance(answer.strength) < kNear)

@@ -21,7 +21,7 @@ struct ExposureMode {
     double coherent_gain; // |a_k| / sqrt(w_k)
 };
 
-// The patterns, those of the largest weights first; at most 64 of them. path: 0 to 32.
+// The patterns, at most 64 of them: those of the largest weights first, the one after them to 2 %. path: 0 to 32.
 std::vector<ExposureMode> exposure_modes(double path);
 
 } // namespace clsp

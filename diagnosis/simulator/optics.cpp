@@ -88,7 +88,8 @@ Optics::Stages &Optics::stages_for(const PipelineModel &model, std::uint64_t see
 void Optics::prepare_exposure(const PipelineParameters &p) {
     if (p.exposure_path == exposure_path_ && p.line_count == line_count_ && p.dephasing_rad == dephasing_rad_)
         return;
-    exposure_modes_ = exposure_modes(p.exposure_path);
+    if (p.exposure_path != exposure_path_)
+        exposure_modes_ = exposure_modes(p.exposure_path);
     exposure_path_ = p.exposure_path;
     line_count_ = p.line_count;
     dephasing_rad_ = p.dephasing_rad;
@@ -164,7 +165,6 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
         exposure.shift_y_px = p.vibration_rms_px * shift[1];
         exposure.moves_image = true;
     }
-    stages.aperture->prepare(phase, exposure);
     for (std::size_t i = 0; i < count; ++i) {
         if (i > 0) {
             phase.enqueue_refresh(chain, mode_counter(counter, i), {});

@@ -477,6 +477,21 @@ TEST_F(Diagnosis, NoGapIsSeenWhereThereIsNone) {
     EXPECT_NE(clspeckle::diagnose(context, make_capture(0.0), options).report_json(), diagnosis.report_json());
 }
 
+TEST_F(Diagnosis, MeasuredNoiseHoldsWhateverTheDataSheetSays) {
+    const clspeckle::Capture good = make_capture(0.0);
+    for (const double stated : {0.0, 0.3, 40.0}) {
+        auto desc = clspeckle::make<ClspCaptureDesc>();
+        desc.width = kWidth;
+        desc.height = kHeight;
+        desc.read_noise_dn = stated;
+        clspeckle::Capture stated_set(desc);
+        stated_set.add_sequence("dark", CLSP_SCENE_DARK, false, good.codes(0));
+        stated_set.add_sequence("flat", CLSP_SCENE_FLAT, false, good.codes(1));
+        const auto summary = clspeckle::diagnose(context, stated_set, quick_options()).summary();
+        EXPECT_EQ(summary.verdict, CLSP_VERDICT_NONE) << stated << " DN: a gap of " << summary.distance;
+    }
+}
+
 TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
     auto desc = clspeckle::make<ClspCaptureDesc>();
     desc.width = kWidth;
