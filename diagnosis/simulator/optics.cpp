@@ -97,7 +97,6 @@ void Optics::prepare_exposure(const PipelineParameters &p) {
     for (const ExposureMode &mode : exposure_modes_)
         variance += mode.weight * mode.weight;
     const std::vector<LaserLine> lines = equal_lines(line_count_);
-    resting_lines_ = fewest_lines(lines, dephasing_rad_, kLineError);
     lines_of_modes_.clear();
     for (const ExposureMode &mode : exposure_modes_) {
         const double share = mode.weight * mode.weight / variance, count = static_cast<double>(exposure_modes_.size());
@@ -170,7 +169,7 @@ void Optics::enqueue_speckle(CommandChain &chain, const PipelineModel &model, St
             phase.enqueue_refresh(chain, mode_counter(counter, i), {});
             exposure.adds = true;
         }
-        exposure.lines = moving ? &lines_of_modes_[i] : &resting_lines_;
+        exposure.lines = &lines_of_modes_[i];
         if (moving) {
             exposure.gain = exposure_modes_[i].weight;
             exposure.coherent_gain = exposure_modes_[i].coherent_gain;

@@ -59,8 +59,7 @@ class Optics {
     double subsurface_length_px_ = 0.0;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     DeviceBuffer irradiance_, distorted_, uniform_, shaped_;
-    // What an exposure of a resting and of a moving scene is made of, and each pattern's lines of the laser.
-    std::vector<LaserLine> resting_lines_ = equal_lines(1);
+    // What an exposure is made of, and each pattern's lines of the laser. A resting scene has a path of 0: one pattern.
     std::vector<ExposureMode> exposure_modes_{{1.0, 1.0}};
     std::vector<std::vector<LaserLine>> lines_of_modes_{equal_lines(1)};
     double exposure_path_ = 0.0, dephasing_rad_ = 0.0;
