@@ -27,7 +27,7 @@ def test_small_plan(tmp_path: Path) -> None:
     assert score["sets"] == {"null": 2, "single": 5, "pair": 1, "many": 1, "outside": 2, "without": 1}
     assert not score["missing"]
     figures = {figure["id"]: figure for figure in score["figures"]}
-    assert figures["failed"]["successes"] == 0, "a diagnosis wrote no report"
+    assert figures["failed"]["successes"] == 0, f"a diagnosis wrote no report\n{done.stderr}"
     assert figures["false_alarms"]["successes"] == 0, score["wrong"]
     assert figures["detected"]["successes"] == 5, score["wrong"]
     assert figures["top1"]["successes"] >= LEAST_NAMED, score["wrong"]

@@ -126,6 +126,11 @@ def read_report(path: Path) -> dict[str, Any] | None:
     return report if isinstance(report, dict) and "cause" in report else None
 
 
+def last_lines(log: Path, count: int = 20) -> list[str]:
+    """The end of a log, for eyes: what a terminal would still show of a line that was written over."""
+    return [line.rsplit("\r", 1)[-1] for line in log.read_text(errors="replace").rstrip().split("\n")[-count:]]
+
+
 def diagnose(entry: CheckSet, reports: Path, command: str, timeout_s: float) -> Run:
     """Runs the diagnosis on one set. Its key is never within its reach: it sees links to the other files alone."""
     report, partial = reports / f"{entry.name}.json", reports / f"{entry.name}.partial.json"
@@ -179,7 +184,9 @@ def run_sets(
                 run = future.result()
                 if run.exit_status != 0:
                     name = runs[future].name
-                    print(f"{name}: exit status {run.exit_status}; see {reports / (name + '.log')}", file=sys.stderr)
+                    log = reports / f"{name}.log"
+                    print(f"{name}: exit status {run.exit_status}; see {log}, which ends with:", file=sys.stderr)
+                    print("\n".join(last_lines(log)), file=sys.stderr)
                 if finished:
                     finished(runs[future], run)
         except BaseException:
