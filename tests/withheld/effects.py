@@ -147,7 +147,7 @@ _OUTSIDE = (
     _outside("shutter_blur", "motion", {"path_px": (2.0, 6.0)}, DOT_SEQUENCES[1:], ("surface", "optics")),
     _outside("line_jitter", "motion", {"rms_px": (0.15, 0.6)}, LASER_SEQUENCES, ("sensor",)),
     _outside("coma", "optics", {"waves": (0.4, 1.2)}, DOT_SEQUENCES),
-    _outside("astigmatism", "optics", {"waves": (0.5, 1.2)}, DOT_SEQUENCES),
+    _outside("astigmatism", "optics", {"waves": (0.6, 1.5)}, DOT_SEQUENCES),
     _outside("incoherent_double_image", "optics", {"fraction": (0.06, 0.25)}, LASER_SEQUENCES, ("doe",)),
     _outside("dust", "optics", {"absorption": (0.1, 0.5)}, LIT_SEQUENCES, ("sensor",)),
     _outside("sharpening", "sensor", {"amount": (0.2, 0.8)}, ALL_SEQUENCES),

@@ -46,7 +46,8 @@ def pupil(camera: Camera, effects: Effects) -> Field:
         theta = np.arctan2(fy, fx)
         rho = np.sqrt(rho2)
         coma = effects.get("coma", {"waves": 0.0})["waves"] * (3 * rho**3 - 2 * rho) * np.cos(theta)
-        astigmatism = effects.get("astigmatism", {"waves": 0.0})["waves"] * rho2 * np.cos(2 * theta)
+        # One of the two line foci lies on the sensor. Halfway between them the spots are those of a defocus, nearly.
+        astigmatism = effects.get("astigmatism", {"waves": 0.0})["waves"] * rho2 * np.cos(theta) ** 2
         amplitude *= np.exp(2j * np.pi * (coma + astigmatism))
     if "window_double_image" in effects:  # a window's second reflection: a coherent, displaced copy of the field
         dx, dy = 4.0, 1.5
