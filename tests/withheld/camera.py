@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .readings import Readings
+from .readings import AS_CATALOGUED, Readings
 
 F_NUMBERS = (5.6, 6.3, 8.0)  # D = pitch / (wavelength f/#) = 0.55, 0.49, 0.39 cycles per pixel
 SPACING_PX = 15.0
@@ -71,7 +71,7 @@ class Camera:
     spacing_px: float = SPACING_PX
     sheet_black_dn: float = 64.0
     sheet_read_noise_dn: float = 4.0
-    readings: Readings = Readings()
+    readings: Readings = AS_CATALOGUED
 
     @property
     def shape(self) -> tuple[int, int]:

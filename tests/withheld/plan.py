@@ -12,7 +12,7 @@ import numpy as np
 from .camera import draw_camera, stream
 from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects
 from .generator import write_capture
-from .readings import CHOICES, Readings, draw_readings
+from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
 
 # The kinds of sets: (a) null, (b) single, replica (single, the same set drawn again), level (single, at given
 # strengths), (c) pair and many, (d) outside, (e) without.
@@ -186,14 +186,16 @@ def set_name(index: int) -> str:
     return f"s{index:04d}"
 
 
-def readings(plan: Plan, entry: SetPlan) -> Readings:
-    return draw_readings(stream(entry.camera_seed, "readings")) if plan.other_readings else Readings()
+def readings_of(plan: Plan, entry: SetPlan) -> Readings:
+    """How the set reads the catalogue's lines: as its camera's seed draws it, or as they are meant."""
+    return draw_readings(stream(entry.camera_seed, "readings")) if plan.other_readings else AS_CATALOGUED
 
 
 def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
     """What the diagnosis never sees."""
     camera = draw_camera(entry.camera_seed, plan.width, plan.height)
     infos = [EFFECTS[name] for name in entry.strengths]
+    readings = readings_of(plan, entry)
     return {
         "kind": entry.kind,
         "effects": entry.effects,
@@ -205,7 +207,7 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
         "stage": {info.id: info.stage for info in infos},
         "stages": sorted({stage for info in infos for stage in info.stages}),
         "sequences": sorted({name for info in infos for name in info.sequences}),
-        "readings": {n: getattr(readings(plan, entry), n) for n in entry.strengths if n in CHOICES},
+        "readings": {name: getattr(readings, name) for name in entry.strengths if name in CHOICES},
         "frames": plan.frames,
         "seed": entry.seed,
         "camera_seed": entry.camera_seed,
@@ -216,7 +218,7 @@ def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
     """The capture set alone."""
     phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
     field_kind = "unit_phasor" if phasor else "circular_gaussian"
-    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind, readings=readings(plan, entry))
+    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind, readings=readings_of(plan, entry))
     write_capture(folder, camera, entry.effects, plan.frames, entry.seed)
 
 

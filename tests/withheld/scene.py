@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from .camera import Camera, Sequence, stream
 from .effects import Effects
 
 Image = NDArray[np.float64]
+Tails = Literal["exponential", "truncated", "lorentzian"]
 
 
 def pixel_grid(camera: Camera) -> tuple[Image, Image]:
@@ -25,8 +28,11 @@ def periodic_radius(shape: tuple[int, int]) -> Image:
     return np.hypot(y[:, None], x[None, :])
 
 
-def spread(image: Image, length_px: float, tails: str = "exponential") -> Image:
-    """An image, or a stack of them, convolved with exp(-r / length) of unit sum, or with other tails. Periodic: no light is lost."""
+def spread(image: Image, length_px: float, tails: Tails = "exponential") -> Image:
+    """An image, or a stack of them, convolved with a kernel of unit sum. Periodic: no light is lost.
+
+    exp(-r / length); the same, cut off at 4 lengths; or (1 + (r / length)^2)^(-3/2), whose line spread is a Lorentzian.
+    """
     shape = (image.shape[-2], image.shape[-1])
     radius = periodic_radius(shape) / length_px
     kernel = (1 + radius**2) ** -1.5 if tails == "lorentzian" else np.exp(-radius)
@@ -96,40 +102,48 @@ def dot_list(camera: Camera, effects: Effects, seed: int) -> tuple[Image, Image]
     if "zero_order" in effects:
         positions = np.concatenate([positions, axis[None]])
         powers = np.append(powers, effects["zero_order"]["relative_intensity"])
-    if "second_wavelength" in effects:  # part of the light has a wavelength 3 % longer: every order has a fainter neighbour
+    if "second_wavelength" in effects:  # part of the light has a wavelength 3 % longer: each order has a neighbour
         fraction = effects["second_wavelength"]["fraction"]
         positions = np.concatenate([positions, axis + 1.03 * (positions - axis)])
         powers = np.concatenate([(1 - fraction) * powers, fraction * powers])
-    if "lens_distortion" in effects and camera.readings.lens_distortion.startswith("positions"):
-        r2 = np.sum((positions - axis) ** 2, axis=1, keepdims=True) / camera.corner_px**2
-        positions = axis + (positions - axis) * (1 + distortion(camera, effects) * r2)
+    k1 = distortion(camera, effects, of="positions")
+    if k1:
+        positions = axis + (positions - axis) * (1 + k1 * axis_distance2(camera, positions)[:, None])
     return positions, powers
 
 
-def distortion(camera: Camera, effects: Effects) -> float:
-    """k1 with its sign."""
-    k1 = effects["lens_distortion"]["k1"]
-    return -k1 if camera.readings.lens_distortion.endswith("inward") else k1
+def axis_distance2(camera: Camera, positions: Image) -> Image:
+    """(n): squared distances of points (n, 2) from the axis, 1 in the image's corner."""
+    return np.asarray(np.sum((positions - camera.axis_px) ** 2, axis=1) / camera.corner_px**2)
+
+
+def distortion(camera: Camera, effects: Effects, of: Literal["image", "positions"]) -> float:
+    """k1 with its sign where it warps the whole image, or where it moves the dots' centres alone; else 0."""
+    reading = camera.readings.lens_distortion
+    if "lens_distortion" not in effects or not reading.startswith(of):
+        return 0.0
+    return effects["lens_distortion"]["k1"] * (-1 if reading.endswith("inward") else 1)
 
 
 def dot_image(camera: Camera, effects: Effects, seed: int) -> Image:
     """The pattern on the surface as the lens images it."""
-    if "lens_distortion" in effects and camera.readings.lens_distortion.startswith("image"):
-        x, y = undistort(camera, distortion(camera, effects))
-    else:
-        x, y = pixel_grid(camera)
+    k1 = distortion(camera, effects, of="image")
+    x, y = undistort(camera, k1) if k1 else pixel_grid(camera)
     positions, powers = dot_list(camera, effects, seed)
+    sigmas = np.full(len(positions), camera.dot_sigma_px)
+    reach = 8 * camera.dot_sigma_px
+    if "wide_outer_dots" in effects:  # the projector's lens is sharp on its axis alone; the dots' powers stay
+        growth = effects["wide_outer_dots"]["growth"]
+        sigmas *= 1 + growth * axis_distance2(camera, positions)
+        reach *= 1 + growth
+    if "lens_distortion" in effects:
+        reach += 0.1 * camera.corner_px
+    peaks = powers * (camera.dot_sigma_px / sigmas) ** 2
     image = np.zeros(camera.shape)
-    reach = 8 * camera.dot_sigma_px * (1 + ("wide_outer_dots" in effects)) + 0.1 * camera.corner_px * ("lens_distortion" in effects)
-    for (px, py), power in zip(positions, powers, strict=True):
+    for (px, py), sigma, peak in zip(positions, sigmas, peaks, strict=True):
         rows = slice(max(0, int(py - reach)), max(0, int(py + reach) + 2))
         columns = slice(max(0, int(px - reach)), max(0, int(px + reach) + 2))
-        if power > 0 and image[rows, columns].size:
-            sigma = camera.dot_sigma_px
-            if "wide_outer_dots" in effects:  # the projector's lens is sharp on its axis alone; the dot's power stays
-                r2 = ((px - camera.axis_px[0]) ** 2 + (py - camera.axis_px[1]) ** 2) / camera.corner_px**2
-                sigma *= 1 + effects["wide_outer_dots"]["growth"] * r2
-            peak = power * (camera.dot_sigma_px / sigma) ** 2
+        if peak > 0 and image[rows, columns].size:
             image[rows, columns] += peak * dot_profile(
                 x[rows, columns] - px, y[rows, columns] - py, sigma, effects, camera.readings.beam_skew
             )
@@ -152,10 +166,9 @@ def ideal_image(camera: Camera, sequence: Sequence, effects: Effects, seed: int)
             image = kept * image + fraction * image.mean()
         if "subsurface_scattering" in effects:
             setting = effects["subsurface_scattering"]
-            image = (1 - setting["fraction"]) * image + setting["fraction"] * spread(
-                image, setting["length_px"], camera.readings.subsurface_scattering
-            )
-        if "shutter_blur" in effects and sequence.moving:  # the surface carries no pattern; the projector shakes
+            wide = spread(image, setting["length_px"], camera.readings.subsurface_scattering)
+            image = (1 - setting["fraction"]) * image + setting["fraction"] * wide
+        if "shutter_blur" in effects and sequence.moving:  # the projector moves while the shutter is open
             path = effects["shutter_blur"]["path_px"]
             smear = np.sinc(path * np.fft.rfftfreq(camera.width))
             image = scipy.fft.irfft(scipy.fft.rfft(image, axis=-1) * smear, n=camera.width, axis=-1)
