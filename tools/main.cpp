@@ -615,7 +615,7 @@ void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
         app.add_option(name, value, what)->type_name(type)->take_last();
     };
     text("--plan", a.plan,
-         "small (12 sets), medium, full (559 sets), or a JSON file with the members of a plan (default small)", "PLAN");
+         "small (12 sets), medium, full (610 sets), or a JSON file with the members of a plan (default small)", "PLAN");
     text("--generator", a.generator,
          "Folder of the generator; default: tests/withheld of the checkout, or what was installed", "FOLDER");
     text("--python", a.python, "Python that runs the generator (default python3)", "PROGRAM");

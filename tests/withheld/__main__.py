@@ -160,8 +160,8 @@ def main(argv: list[str] | None = None) -> int:
             sets = write_plan(arguments.out, _plan(arguments))
             print(f"{len(sets)} sets", file=sys.stderr)
         if arguments.action == "power":
-            print(power(arguments.out, arguments.command, arguments.jobs, arguments.timeout, arguments.frames, arguments.effects,
-                        arguments.repeats, arguments.seed, not arguments.no_figures))  # fmt: skip
+            print(power(arguments.out, arguments.command, arguments.jobs, arguments.timeout, arguments.frames,
+                        arguments.effects, arguments.repeats, arguments.seed, not arguments.no_figures))  # fmt: skip
         if arguments.action in ("run", "all"):
             reports = arguments.reports or arguments.out / "reports"
             run_sets(find_sets(arguments.out), reports, arguments.command, arguments.jobs, arguments.timeout)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .readings import AS_CATALOGUED, Readings
+
 F_NUMBERS = (5.6, 6.3, 8.0)  # D = pitch / (wavelength f/#) = 0.55, 0.49, 0.39 cycles per pixel
 SPACING_PX = 15.0
 MARGIN_PX = 10.0
@@ -69,6 +71,7 @@ class Camera:
     spacing_px: float = SPACING_PX
     sheet_black_dn: float = 64.0
     sheet_read_noise_dn: float = 4.0
+    readings: Readings = AS_CATALOGUED
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -62,7 +62,6 @@ class EffectInfo:
         return (self.stage, *self.also)
 
 
-_BOARDS = ("board_static", "board_moving")
 _CATALOGUE = (
     EffectInfo("linewidth", "laser", {"dephasing_rad": (0.5, 1.2)}, LASER_SEQUENCES, ("surface",)),
     EffectInfo("power_flicker", "laser", {"sigma": (0.02, 0.1)}, LASER_SEQUENCES),
@@ -141,6 +140,23 @@ _OUTSIDE = (
     _outside("column_smear", "sensor", {"fraction": (0.03, 0.15)}, LASER_SEQUENCES, ("optics",)),
     _outside("telegraph_noise", "sensor", {"fraction": (0.01, 0.06), "step_dn": (20.0, 40.0)}, ALL_SEQUENCES),
     _outside("median_denoising", "sensor", {"weight": (0.35, 1.0)}, ALL_SEQUENCES),
+    _outside("second_wavelength", "laser", {"fraction": (0.15, 0.4)}, DOT_SEQUENCES, ("doe", "optics")),
+    _outside("uneven_illumination", "laser", {"slope": (0.08, 0.35)}, LASER_SEQUENCES, ("optics", "surface")),
+    _outside("wide_outer_dots", "doe", {"growth": (0.3, 1.0)}, DOT_SEQUENCES, ("laser", "optics")),
+    _outside("shutter_blur", "motion", {"path_px": (2.0, 6.0)}, ("dots_moving",), ("surface", "optics")),
+    _outside("line_jitter", "motion", {"rms_px": (0.15, 0.6)}, LASER_SEQUENCES, ("sensor",)),
+    _outside("coma", "optics", {"waves": (0.4, 1.2)}, DOT_SEQUENCES),
+    _outside("astigmatism", "optics", {"waves": (0.6, 1.5)}, DOT_SEQUENCES),
+    _outside("incoherent_double_image", "optics", {"fraction": (0.06, 0.25)}, LASER_SEQUENCES, ("doe",)),
+    _outside("dust", "optics", {"absorption": (0.1, 0.5)}, LIT_SEQUENCES, ("sensor",)),
+    _outside("sharpening", "sensor", {"amount": (0.2, 0.8)}, ALL_SEQUENCES),
+    _outside("temporal_denoising", "sensor", {"weight": (0.15, 0.5)}, ALL_SEQUENCES, ("motion",)),
+    _outside("dark_shading", "sensor", {"corner_dn": (4.0, 20.0)}, ALL_SEQUENCES),
+    _outside("converter_ripple", "sensor", {"amplitude_dn": (2.0, 6.0)}, ALL_SEQUENCES),
+    _outside("interference", "sensor", {"amplitude_dn": (1.5, 6.0)}, ALL_SEQUENCES),
+    _outside("column_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
+    _outside("dead_pixels", "sensor", {"fraction": (0.002, 0.02)}, LIT_SEQUENCES),
+    _outside("black_level_drift", "sensor", {"total_dn": (2.0, 10.0)}, ALL_SEQUENCES),
 )
 
 CATALOGUE: dict[str, EffectInfo] = {e.id: e for e in _CATALOGUE}

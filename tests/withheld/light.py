@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
+import scipy.ndimage
 from numpy.typing import NDArray
 
 from .camera import Camera, Sequence, stream
@@ -39,11 +41,25 @@ def pupil(camera: Camera, effects: Effects) -> Field:
         inside &= rho2 >= effects["pupil_obstruction"]["radius_ratio"] ** 2
     amplitude = inside.astype(np.complex128)
     if "defocus" in effects:
-        amplitude *= np.exp(2j * np.pi * effects["defocus"]["waves"] * rho2)
+        sign = 1 if camera.readings.defocus == "far" else -1
+        amplitude *= np.exp(sign * 2j * np.pi * effects["defocus"]["waves"] * rho2)
+    u = fx / along_x / (diameter / 2)  # rho cos(theta)
+    if "coma" in effects:  # Zernike's: (3 rho^3 - 2 rho) cos(theta)
+        amplitude *= np.exp(2j * np.pi * effects["coma"]["waves"] * (3 * rho2 - 2) * u)
+    if "astigmatism" in effects:  # one of the two line foci is on the sensor; halfway, spots are nearly a defocus's
+        amplitude *= np.exp(2j * np.pi * effects["astigmatism"]["waves"] * u * u)
     if "window_double_image" in effects:  # a window's second reflection: a coherent, displaced copy of the field
         dx, dy = 4.0, 1.5
         amplitude *= 1 + effects["window_double_image"]["amplitude"] * np.exp(-2j * np.pi * (fx * dx + fy * dy))
     return amplitude / np.sqrt(np.mean(np.abs(amplitude) ** 2))
+
+
+def pixel_transfer(f: NDArray[Any], side_px: float, points: int | None) -> NDArray[Any]:
+    """What a pixel's side does along one axis: its integral, or the mean of so many points of it."""
+    if points is None:
+        return np.asarray(np.sinc(side_px * f))
+    offsets = side_px * ((np.arange(points) + 0.5) / points - 0.5)
+    return np.asarray(np.cos(2 * np.pi * f[..., None] * offsets).mean(axis=-1))
 
 
 @dataclass
@@ -81,7 +97,8 @@ class Imaging:
         intensity = scipy.fft.rfft2(squared_modulus(scipy.fft.ifft2(fine, axes=(-2, -1))), axes=(-2, -1))
         side = np.sqrt(self.effects["pixel_integration"]["fill_factor"])
         fy, fx = np.fft.fftfreq(2 * height, 0.5)[:, None], np.fft.rfftfreq(2 * width, 0.5)[None, :]
-        intensity *= np.sinc(side * fx) * np.sinc(side * fy)
+        points = {"area": None, "points2": 2, "points3": 3}[self.camera.readings.pixel_integration]
+        intensity *= pixel_transfer(fx, side, points) * pixel_transfer(fy, side, points)
         return scipy.fft.irfft2(intensity, s=(2 * height, 2 * width), axes=(-2, -1))[..., ::2, ::2]
 
     def tilted(self, v: Field) -> Stack:
@@ -126,13 +143,14 @@ def draw_field(camera: Camera, count: int, rng: np.random.Generator) -> Field:
 def boil(camera: Camera, count: int, tau: float, rng: np.random.Generator) -> Field:
     """Fields of count frames with correlation exp(-1 / tau) from each to the next.
 
-    Gaussian fields: an autoregression. Unit phasors keep their modulus: their phases diffuse, E exp(i d) =
-    exp(-var / 2).
+    Gaussian fields: an autoregression. Unit phasors, and by another reading all fields, keep their moduli: their phases
+    diffuse, E exp(i d) = exp(-var / 2).
     """
-    if camera.field == "unit_phasor":
+    if camera.field == "unit_phasor" or camera.readings.surface_boiling == "phases":
         phase = np.sqrt(2 / tau) * rng.standard_normal((count, *camera.shape))
         phase[0] = 2 * np.pi * rng.random(camera.shape)
-        return np.exp(1j * np.cumsum(phase, axis=0))
+        phasors = np.exp(1j * np.cumsum(phase, axis=0))
+        return phasors if camera.field == "unit_phasor" else phasors * np.abs(draw_field(camera, 1, rng))
     keep = np.exp(-1 / tau)
     z = draw_field(camera, count, rng)
     for t in range(1, count):
@@ -140,28 +158,66 @@ def boil(camera: Camera, count: int, tau: float, rng: np.random.Generator) -> Fi
     return z
 
 
-def exposure_modes(lags: float, count: int = 6) -> tuple[Stack, Stack]:
+def exposure_modes(
+    lags: float, count: int = 6, correlation: Literal["exponential", "gaussian"] = "exponential"
+) -> tuple[Stack, Stack]:
     """The integral over the exposure of |V(t)|^2, where the field's correlation is exp(-|t - s| lags), t in (0, 1).
 
     Karhunen and Loeve: z(t) = sum_m sqrt(lambda_m) z_m phi_m(t), so the exposure is sum_m lambda_m |V_m|^2 with
     independent V_m. Returns lambda_m, largest first, and the integrals of phi_m (a constant's expansion); from 200
     intervals. K^2 = sum lambda_m^2 -> (exp(-2 a) - 1 + 2 a) / (2 a^2), Goodman's speckle contrast of an exponential.
+    Another reading's correlation is exp(-(t - s)^2 lags^2).
     """
     steps = 200
     t = (np.arange(steps) + 0.5) / steps
-    kernel = np.exp(-lags * np.abs(t[:, None] - t[None, :]))
-    a = lags / steps
-    np.fill_diagonal(kernel, 2 * (a - 1 + np.exp(-a)) / (a * a))  # the mean over the interval itself
+    path = lags * np.abs(t[:, None] - t[None, :])
+    if correlation == "exponential":
+        kernel = np.exp(-path)
+        a = lags / steps
+        np.fill_diagonal(kernel, 2 * (a - 1 + np.exp(-a)) / (a * a))  # the mean over the interval itself
+    else:
+        kernel = np.exp(-(path**2))
     values, vectors = np.linalg.eigh(kernel / steps)
     order = np.argsort(values)[::-1][:count]
     return values[order], vectors[:, order].sum(axis=0) / np.sqrt(steps)
 
 
-def image_shifts(sequence: Sequence, effects: Effects, frames: int, seed: int) -> Stack | None:
-    """By how much each frame's image is displaced, x and y in pixels."""
+def phasor_step(
+    camera: Camera, name: str, polarization: str, step: int, lags: float, shape: tuple[int, ...], seed: int
+) -> Field:
+    """What a step of the path does to unit phasors: their phases diffuse, E exp(i d) = exp(-lags).
+
+    Another reading: each phase runs on at a speed of its own, and after n steps E exp(i d) = exp(-(n lags)^2).
+    """
+    if camera.readings.motion_decorrelation == "exponential":
+        normal = stream(seed, name, "path", polarization, str(step)).standard_normal(shape)
+        return np.asarray(np.exp(1j * np.sqrt(2 * lags) * normal))
+    normal = stream(seed, name, "path", polarization).standard_normal(shape)
+    return np.asarray(np.exp(1j * np.sqrt(2) * lags * normal))
+
+
+def vibration_shifts(sequence: Sequence, effects: Effects, frames: int, seed: int) -> Stack | None:
+    """By how much a shaking mount displaces each frame of a scene that rests, x and y in pixels."""
+    if "vibration" not in effects or sequence.moving:
+        return None
+    normal: Stack = stream(seed, sequence.name, "vibration").standard_normal((frames, 2))
+    return effects["vibration"]["rms_px"] * normal
+
+
+def interpolated(light: Stack, shifts: Stack, order: int) -> Stack:
+    """Each frame displaced, its light between the pixels found by splines of an order. Periodic."""
+    stack = np.broadcast_to(light, (len(shifts), *light.shape[1:]))
+    moved = [scipy.ndimage.shift(frame, (y, x), order=order, mode="grid-wrap")
+             for frame, (x, y) in zip(stack, shifts, strict=True)]  # fmt: skip
+    return np.maximum(np.stack(moved), 0.0)  # splines swing below 0
+
+
+def field_shifts(camera: Camera, sequence: Sequence, effects: Effects, frames: int, seed: int) -> Stack | None:
+    """By how much each frame's field is displaced before its modulus is taken, x and y in pixels."""
     shifts = np.zeros((frames, 2))
-    if "vibration" in effects and not sequence.moving:
-        shifts += effects["vibration"]["rms_px"] * stream(seed, sequence.name, "vibration").standard_normal((frames, 2))
+    shaken = vibration_shifts(sequence, effects, frames, seed)
+    if shaken is not None and camera.readings.vibration == "field":
+        shifts += shaken
     if "image_drift" in effects:  # the mount warms up
         speed, angle = effects["image_drift"]["px_per_frame"], 0.6
         shifts += speed * np.arange(frames)[:, None] * np.array([np.cos(angle), np.sin(angle)])
@@ -178,7 +234,7 @@ def _stuck(z: Field, setting: dict[str, float], rng: np.random.Generator) -> Fie
 
 def speckle(camera: Camera, sequence: Sequence, image: Image, effects: Effects, frames: int, seed: int) -> Stack:
     """Laser light behind the lens: (frames or 1, height, width)."""
-    shifts = image_shifts(sequence, effects, frames, seed)
+    shifts = field_shifts(camera, sequence, effects, frames, seed)
     imaging = Imaging(camera, effects, pupil(camera, effects), shifts)
     air = "airflow" in effects and not sequence.moving
     boiling = "surface_boiling" in effects and not sequence.moving
@@ -193,7 +249,7 @@ def speckle(camera: Camera, sequence: Sequence, image: Image, effects: Effects, 
             phasor_steps = 16
             modes, integrals = np.full(phasor_steps, 1 / phasor_steps), np.full(phasor_steps, phasor_steps**-0.5)
         else:
-            modes, integrals = exposure_modes(lags)
+            modes, integrals = exposure_modes(lags, correlation=camera.readings.motion_decorrelation)
     p = camera.degree_of_polarization
     if "depolarization" in effects:
         p = effects["depolarization"]["degree_of_polarization"]
@@ -212,8 +268,7 @@ def speckle(camera: Camera, sequence: Sequence, image: Image, effects: Effects, 
         for mode, (weight, integral) in enumerate(zip(modes, integrals, strict=True)):
             rng = stream(seed, sequence.name, "field", str(polarization), str(0 if phasor_steps else mode))
             if phasor_steps and mode:
-                step = stream(seed, sequence.name, "path", str(polarization), str(mode))
-                z = z * np.exp(1j * np.sqrt(2 * lags / phasor_steps) * step.standard_normal(z.shape))
+                z = z * phasor_step(camera, sequence.name, str(polarization), mode, lags / phasor_steps, z.shape, seed)
             elif boiling:
                 z = boil(camera, frames, effects["surface_boiling"]["correlation_frames"], rng)
             else:
@@ -242,11 +297,36 @@ def speckle(camera: Camera, sequence: Sequence, image: Image, effects: Effects, 
 
 def air_screens(camera: Camera, setting: dict[str, float], frames: int, seed: int, name: str) -> Stack:
     """Phases of air close to the surface: smooth in space, correlation exp(-1 / 5) from frame to frame."""
-    screens = smooth_noise(camera.shape, setting["scale_px"], stream(seed, name, "airflow"), frames)
-    keep = np.exp(-1 / AIRFLOW_CORRELATION_FRAMES)
+    reading = camera.readings.airflow
+    scale = setting["scale_px"] * (np.sqrt(2) if reading == "wide" else 1)
+    screens = smooth_noise(camera.shape, scale, stream(seed, name, "airflow"), frames)
+    if reading == "wind":  # half a scale a frame, in whole pixels
+        step = round(scale / 2)
+        return setting["rms_rad"] * np.stack([np.roll(screens[0], step * t, axis=-1) for t in range(frames)])
+    keep = 0.5 if reading == "fast" else np.exp(-1 / AIRFLOW_CORRELATION_FRAMES)
     for t in range(1, frames):
         screens[t] = keep * screens[t - 1] + np.sqrt(1 - keep * keep) * screens[t]
     return setting["rms_rad"] * screens
+
+
+def jitter_lines(camera: Camera, light: Stack, rms_px: float, name: str, frames: int, seed: int) -> Stack:
+    """Every row of every frame displaced along x by an amount of its own, smooth over some ten rows."""
+    rng = stream(seed, name, "line_jitter")
+    shifts = scipy.ndimage.gaussian_filter1d(rng.standard_normal((frames, camera.height)), 4.0, axis=1, mode="wrap")
+    shifts *= rms_px / shifts.std()
+    turn = np.exp(-2j * np.pi * np.fft.rfftfreq(camera.width) * shifts[..., None])
+    return scipy.fft.irfft(scipy.fft.rfft(light, axis=-1) * turn, n=camera.width, axis=-1)
+
+
+def dust(camera: Camera, absorption: float, seed: int) -> Image:
+    """Transmission with twelve grains of 2 to 5 px."""
+    rng = stream(seed, "dust")
+    x, y = pixel_grid(camera)
+    transmission = np.ones(camera.shape)
+    for _ in range(12):
+        cx, cy, radius = rng.uniform(0, camera.width), rng.uniform(0, camera.height), rng.uniform(2, 5)
+        transmission *= 1 - absorption * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * radius**2))
+    return transmission
 
 
 def laser_power(camera: Camera, name: str, effects: Effects, frames: int, seed: int) -> Stack | None:
@@ -274,6 +354,9 @@ def intensity(camera: Camera, sequence: Sequence, image: Image, effects: Effects
         light: Stack = image[None]
     else:
         light = speckle(camera, sequence, image, effects, frames, seed)
+        shaken = vibration_shifts(sequence, effects, frames, seed)
+        if shaken is not None and camera.readings.vibration != "field":
+            light = interpolated(light, shaken, order=3 if camera.readings.vibration == "cubic" else 1)
         power = laser_power(camera, sequence.name, effects, frames, seed)
         if power is not None:
             light = light * power
@@ -281,6 +364,13 @@ def intensity(camera: Camera, sequence: Sequence, image: Image, effects: Effects
             x, y = pixel_grid(camera)
             fringes = np.cos(2 * np.pi * (x * 0.043 + y * 0.021) + 0.7)
             light = light * (1 + effects["etalon_fringes"]["modulation"] * fringes)
+        if "incoherent_double_image" in effects:  # a reflection on a path beyond the laser's coherence length
+            fraction = effects["incoherent_double_image"]["fraction"]
+            light = (1 - fraction) * light + fraction * np.roll(light, (2, 5), axis=(-2, -1))
+        if "line_jitter" in effects:  # a shaking mount under a rolling shutter
+            light = jitter_lines(camera, light, effects["line_jitter"]["rms_px"], sequence.name, frames, seed)
+    if "dust" in effects:  # grains on the cover glass: soft round shadows that stay
+        light = light * dust(camera, effects["dust"]["absorption"], seed)
     if "vignetting" in effects:
         x, y = pixel_grid(camera)
         r2 = ((x - camera.axis_px[0]) ** 2 + (y - camera.axis_px[1]) ** 2) / camera.corner_px**2
@@ -289,5 +379,6 @@ def intensity(camera: Camera, sequence: Sequence, image: Image, effects: Effects
         light = light + effects["mirror_ghost"]["fraction"] * light[..., ::-1, ::-1]
     if "glare" in effects:
         setting = effects["glare"]
-        light = (1 - setting["fraction"]) * light + setting["fraction"] * spread(light, setting["scale_px"])
+        tails = spread(light, setting["scale_px"], camera.readings.glare)
+        light = (1 - setting["fraction"]) * light + setting["fraction"] * tails
     return np.maximum(light, 0.0)

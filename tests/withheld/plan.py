@@ -12,6 +12,7 @@ import numpy as np
 from .camera import draw_camera, stream
 from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects
 from .generator import write_capture
+from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
 
 # The kinds of sets: (a) null, (b) single, replica (single, the same set drawn again), level (single, at given
 # strengths), (c) pair and many, (d) outside, (e) without.
@@ -41,6 +42,7 @@ class Plan:
     levels: dict[str, tuple[float, ...]] = field(default_factory=dict)  # effect: strengths
     minimum_strength: float = 0.0
     unit_phasor_share: float = 0.0  # sets whose baseline field is `unit_phasor`
+    other_readings: bool = False  # each set draws a reading of every line of the catalogue that leaves a choice
 
     def __post_init__(self) -> None:
         for names, known in (
@@ -184,10 +186,16 @@ def set_name(index: int) -> str:
     return f"s{index:04d}"
 
 
+def readings_of(plan: Plan, entry: SetPlan) -> Readings:
+    """How the set reads the catalogue's lines: as its camera's seed draws it, or as they are meant."""
+    return draw_readings(stream(entry.camera_seed, "readings")) if plan.other_readings else AS_CATALOGUED
+
+
 def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
     """What the diagnosis never sees."""
     camera = draw_camera(entry.camera_seed, plan.width, plan.height)
     infos = [EFFECTS[name] for name in entry.strengths]
+    readings = readings_of(plan, entry)
     return {
         "kind": entry.kind,
         "effects": entry.effects,
@@ -199,6 +207,7 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
         "stage": {info.id: info.stage for info in infos},
         "stages": sorted({stage for info in infos for stage in info.stages}),
         "sequences": sorted({name for info in infos for name in info.sequences}),
+        "readings": {name: getattr(readings, name) for name in entry.strengths if name in CHOICES},
         "frames": plan.frames,
         "seed": entry.seed,
         "camera_seed": entry.camera_seed,
@@ -209,7 +218,7 @@ def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
     """The capture set alone."""
     phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
     field_kind = "unit_phasor" if phasor else "circular_gaussian"
-    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind)
+    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind, readings=readings_of(plan, entry))
     write_capture(folder, camera, entry.effects, plan.frames, entry.seed)
 
 

@@ -35,7 +35,8 @@ def plot_confusion(confusion: dict[str, Any], path: Path) -> None:
 def plot_power(rows: list[dict[str, Any]], path: Path) -> None:
     """Detection and naming against strength, a line for each number of frames."""
     figure, both = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
-    for axes, what, title in zip(both, ("detected", "included"), ("noticed", "named, or among the equivalents"), strict=True):
+    titles = {"detected": "noticed", "included": "named, or among the equivalents"}
+    for axes, (what, title) in zip(both, titles.items(), strict=True):
         for frames in sorted({row["frames"] for row in rows}):
             chosen = [row for row in rows if row["frames"] == frames]
             place = np.array([1 + row["strength"] for row in chosen])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import scipy.fft
 import scipy.ndimage
@@ -29,10 +31,16 @@ JPEG_LUMINANCE = np.array(
     float,
 )
 
+# Row and column of the brighter one of two sites on a diagonal, in each 2 x 2 pixels.
+BRIGHTER_SITE = {"odd_even": (1, 0), "even_odd": (0, 1), "main_diagonal": (1, 1)}
 
-def crosstalk(signal: Stack, fraction: float) -> Stack:
-    """A fraction goes to the four neighbours in equal parts; what would leave at the border comes back from there."""
-    padded = np.pad(signal, ((0, 0), (1, 1), (1, 1)), mode="edge")
+
+def crosstalk(signal: Stack, fraction: float, leaving: Literal["border", "periodic"] = "border") -> Stack:
+    """A fraction goes to the four neighbours in equal parts; what would leave at the border comes back from there.
+
+    Another reading: it comes in from the other side.
+    """
+    padded = np.pad(signal, ((0, 0), (1, 1), (1, 1)), mode="edge" if leaving == "border" else "wrap")
     neighbours = padded[:, :-2, 1:-1] + padded[:, 2:, 1:-1] + padded[:, 1:-1, :-2] + padded[:, 1:-1, 2:]
     return (1 - fraction) * signal + fraction / 4 * neighbours
 
@@ -43,11 +51,14 @@ def pixel_gain(camera: Camera, effects: Effects, seed: int) -> Image | None:
     if "prnu" in effects:
         gain = gain * (1 + effects["prnu"]["sigma"] * stream(seed, "prnu").standard_normal(camera.shape))
     if "bayer_mismatch" in effects:
-        gain[0::2, 1::2] *= 1 - effects["bayer_mismatch"]["delta"]
-        gain[1::2, 0::2] *= 1 + effects["bayer_mismatch"]["delta"]
+        row, column = BRIGHTER_SITE[camera.readings.bayer_mismatch]
+        gain[row::2, column::2] *= 1 + effects["bayer_mismatch"]["delta"]
+        gain[1 - row :: 2, 1 - column :: 2] *= 1 - effects["bayer_mismatch"]["delta"]
     if "odd_even_row_gain" in effects:  # two read-out chains, one for the even, one for the odd rows
         gain[0::2] *= 1 - effects["odd_even_row_gain"]["delta"]
         gain[1::2] *= 1 + effects["odd_even_row_gain"]["delta"]
+    if "dead_pixels" in effects:  # they see nothing
+        gain[stream(seed, "dead_pixels").random(camera.shape) < effects["dead_pixels"]["fraction"]] = 0.0
     return None if np.all(gain == 1) else gain
 
 
@@ -61,7 +72,15 @@ def fixed_offsets(camera: Camera, effects: Effects, seed: int) -> Image:
     if "hot_pixels" in effects:
         rng = stream(seed, "hot_pixels")
         hot = rng.random(camera.shape) < effects["hot_pixels"]["fraction"]
-        offsets += hot * rng.exponential(effects["hot_pixels"]["mean_dn"], camera.shape)
+        height = np.ones(camera.shape)
+        if camera.readings.hot_pixels == "exponential":
+            height = rng.exponential(1.0, camera.shape)
+        elif camera.readings.hot_pixels == "uniform":
+            height = rng.uniform(0.0, 2.0, camera.shape)
+        offsets += hot * effects["hot_pixels"]["mean_dn"] * height
+    if "dark_shading" in effects:  # the amplifier in a corner glows
+        y, x = np.mgrid[0 : camera.height, 0 : camera.width]
+        offsets += effects["dark_shading"]["corner_dn"] * np.exp(-np.hypot(x, y) / (0.4 * camera.corner_px))
     return offsets
 
 
@@ -71,6 +90,17 @@ def temporal_offsets(camera: Camera, name: str, effects: Effects, frames: int, s
     if "row_noise" in effects:
         rows = stream(seed, name, "row_noise").standard_normal((frames, camera.height, 1))
         offsets = offsets + effects["row_noise"]["sigma_dn"] * rows
+    if "column_noise" in effects:  # the column amplifiers' noise is sampled once a frame
+        columns = stream(seed, name, "column_noise").standard_normal((frames, 1, camera.width))
+        offsets = offsets + effects["column_noise"]["sigma_dn"] * columns
+    if "interference" in effects:  # a switching regulator couples in: a wave whose phase is new in each frame
+        phase = stream(seed, name, "interference").uniform(0, 2 * np.pi, (frames, 1, 1))
+        y, x = np.mgrid[0 : camera.height, 0 : camera.width]
+        wave = np.sin(2 * np.pi * (0.061 * x + 0.013 * y) + phase)
+        offsets = offsets + effects["interference"]["amplitude_dn"] * wave
+    if "black_level_drift" in effects:  # the sensor warms up
+        t = np.arange(frames)[:, None, None] / max(frames - 1, 1) - 0.5
+        offsets = offsets + effects["black_level_drift"]["total_dn"] * t
     if "telegraph_noise" in effects:  # one trap: the pixel's offset jumps between two values, staying for some frames
         setting = effects["telegraph_noise"]
         where = np.flatnonzero(stream(seed, "telegraph_noise").random(camera.shape) < setting["fraction"])
@@ -103,42 +133,84 @@ def compress_blocks(codes: Stack, step_dn: float) -> Stack:
     return np.round(blocks.reshape(padded.shape)[:, :height, :width])
 
 
+def respond(camera: Camera, signal: Stack, effects: Effects, when: Literal["before_photons", "after_photons"]) -> Stack:
+    """The well, min(signal, level), and the curve, full (signal / full)^gamma, where their readings have them."""
+    if "full_well" in effects and camera.readings.full_well == when:
+        signal = np.minimum(signal, effects["full_well"]["level_dn"])
+    if "gamma" in effects and camera.readings.gamma == when:
+        signal = camera.full_dn * (np.maximum(signal, 0) / camera.full_dn) ** effects["gamma"]["gamma"]
+    return signal
+
+
+def photon_noise(camera: Camera, mean: Stack, dn_per_electron: float, rng: np.random.Generator) -> Stack:
+    """Signals in DN whose electrons have Poisson's law, or by another reading the Gaussian one of the same variance."""
+    electrons = mean / dn_per_electron
+    drawn: Stack
+    if camera.readings.shot_noise == "poisson":
+        drawn = rng.poisson(electrons).astype(np.float64)
+    else:
+        drawn = electrons + np.sqrt(electrons) * rng.standard_normal(electrons.shape)
+        drawn[drawn < 0] = 0
+    return dn_per_electron * drawn
+
+
+def lagged(camera: Camera, signal: Stack, fraction: float) -> Stack:
+    """y(t) = (1 - f) x(t) + f x(t - 1), and other readings; signal[0] is what was seen before the first frame.
+
+    A scene that rests has one frame, which is its own past.
+    """
+    reading = camera.readings.image_lag
+    if len(signal) == 1:
+        return (1 + fraction) * signal if reading == "added" else signal
+    if reading == "recursive":
+        kept = signal.copy()
+        for t in range(1, len(kept)):
+            kept[t] = (1 - fraction) * kept[t] + fraction * kept[t - 1]
+        return kept[1:]
+    return (1.0 if reading == "added" else 1 - fraction) * signal[1:] + fraction * signal[:-1]
+
+
 def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, frames: int, seed: int) -> Codes:
     """Codes (frames, height, width) of the light, which is (1 or frames or, with lag, frames + 1, height, width)."""
     name = sequence.name
     signal = camera.gain_dn(sequence.scene) * light
-    if "ambient_light" in effects and sequence.scene != "dark":
-        signal = signal + effects["ambient_light"]["level_dn"]
+    ambient = effects["ambient_light"]["level_dn"] if "ambient_light" in effects and sequence.scene != "dark" else 0.0
+    if ambient:
+        signal = signal + ambient
     if "crosstalk" in effects:
-        signal = crosstalk(signal, effects["crosstalk"]["fraction"])
+        signal = crosstalk(signal, effects["crosstalk"]["fraction"], camera.readings.crosstalk)
+    noisy: Stack | float = 1.0  # the part of the signal that has photon noise
+    if ambient and camera.readings.ambient_light == "smooth":
+        noisy = np.maximum(1 - ambient / signal, 0)
     gain = pixel_gain(camera, effects, seed)
     if gain is not None:
         signal = np.maximum(signal * gain, 0)
+    signal = respond(camera, signal, effects, "before_photons")
     if "shot_noise" in effects and sequence.scene != "dark":
-        k = effects["shot_noise"]["dn_per_electron"]
         exposures = frames + ("image_lag" in effects)
-        mean = np.broadcast_to(signal / k, (exposures, *camera.shape))
-        signal = k * stream(seed, name, "shot_noise").poisson(mean)
-    if "image_lag" in effects and len(signal) > 1:  # light[0] is what the sensor saw before the first frame
-        f = effects["image_lag"]["fraction"]
-        signal = (1 - f) * signal[1:] + f * signal[:-1]
+        mean = np.broadcast_to(signal * noisy, (exposures, *camera.shape))
+        k = effects["shot_noise"]["dn_per_electron"]
+        signal = photon_noise(camera, mean, k, stream(seed, name, "shot_noise")) + signal * (1 - noisy)
+    if "image_lag" in effects:
+        signal = lagged(camera, signal, effects["image_lag"]["fraction"])
     if "charge_transfer_smear" in effects:
         signal = transfer_smear(signal, effects["charge_transfer_smear"]["fraction"])
     if "column_smear" in effects:  # a frame-transfer sensor sees the scene while it shifts its columns
         signal = signal + effects["column_smear"]["fraction"] * signal.mean(axis=-2, keepdims=True)
-    if "full_well" in effects:
-        signal = np.minimum(signal, effects["full_well"]["level_dn"])
-    if "gamma" in effects:
-        signal = camera.full_dn * (np.maximum(signal, 0) / camera.full_dn) ** effects["gamma"]["gamma"]
+    signal = respond(camera, signal, effects, "after_photons")
     noise = camera.read_noise_dn * stream(seed, name, "read_noise").standard_normal((frames, *camera.shape))
     analog = signal + camera.black_dn + noise
-    if effects.keys() & {"dsnu", "column_fpn", "hot_pixels"}:
+    if effects.keys() & {"dsnu", "column_fpn", "hot_pixels", "dark_shading"}:
         analog += fixed_offsets(camera, effects, seed)
-    if effects.keys() & {"row_noise", "telegraph_noise"}:
+    if effects.keys() & {"row_noise", "telegraph_noise", "column_noise", "interference", "black_level_drift"}:
         analog += temporal_offsets(camera, name, effects, frames, seed)
+    if "converter_ripple" in effects:  # integral nonlinearity of a folding converter
+        analog += effects["converter_ripple"]["amplitude_dn"] * np.sin(2 * np.pi * analog / 96)
     if "adc_bits" in effects:
         step = 2.0 ** (camera.bits - effects["adc_bits"]["bits"])
-        codes = np.clip(np.round(analog / step), 0, (camera.full_dn + 1) / step - 1) * step
+        down = camera.readings.adc_bits == "down"
+        multiple = np.floor(np.round(analog) / step) if down else np.round(analog / step)
+        codes = np.clip(multiple, 0, (camera.full_dn + 1) / step - 1) * step
     else:
         codes = np.clip(np.round(analog), 0, camera.full_dn)
     return process(camera, name, codes, effects, seed)
@@ -149,6 +221,14 @@ def process(camera: Camera, name: str, codes: Stack, effects: Effects, seed: int
     if "median_denoising" in effects:
         weight = effects["median_denoising"]["weight"]
         codes = np.round((1 - weight) * codes + weight * scipy.ndimage.median_filter(codes, size=(1, 3, 3)))
+    if "sharpening" in effects:  # an unsharp mask
+        blurred = scipy.ndimage.uniform_filter(codes, size=(1, 3, 3))
+        codes = np.round(codes + effects["sharpening"]["amount"] * (codes - blurred))
+    if "temporal_denoising" in effects:  # what is shown is blended with what was shown before
+        weight = effects["temporal_denoising"]["weight"]
+        codes = codes.copy()
+        for now in range(1, len(codes)):
+            codes[now] = np.round((1 - weight) * codes[now] + weight * codes[now - 1])
     if "block_compression" in effects:
         codes = compress_blocks(codes, effects["block_compression"]["step_dn"])
     result = np.clip(codes, 0, camera.full_dn).astype(np.uint16)
