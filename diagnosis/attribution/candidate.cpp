@@ -13,6 +13,8 @@ namespace {
 
 // A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
 constexpr double kRoom = 2.0;
+// One that it leaves at 0 is given that part of its range.
+constexpr double kPartOfRange = 0.25;
 // Of the finite differences along a parameter.
 constexpr double kDifference = 0.15;
 
@@ -22,6 +24,16 @@ constexpr double kAroundOne = 0.01;
 // Where a count of none lies on a scale of ratios.
 constexpr double kNoneOfThem = 0.25;
 
+// What a dot that is lopsided along x changes says nothing of one that is lopsided along y: a search begins at either.
+struct Alternative {
+    const char *effect, *parameter;
+    double usual;
+};
+constexpr double kQuarter = 0.78539816339744830962; // of half a turn: the other half is that of the other sign
+constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kQuarter},
+                                         {"beam_skew", "angle_rad", 2.0 * kQuarter},
+                                         {"beam_skew", "angle_rad", 3.0 * kQuarter}};
+
 struct Scale {
     double weak, strong;
     bool geometric;
@@ -29,6 +41,10 @@ struct Scale {
 
 Scale scale_of(const HypothesisParameter &parameter) {
     Scale scale{parameter.weak, parameter.strong, false};
+    if (scale.weak == 0.0 && scale.strong == 0.0) {
+        scale.strong = kPartOfRange * (parameter.maximum - parameter.minimum);
+        return scale;
+    }
     if (scale.weak == scale.strong) {
         scale.weak = std::max(parameter.minimum, parameter.weak / kRoom);
         scale.strong = std::min(parameter.maximum, parameter.strong * kRoom);
@@ -146,6 +162,22 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         result.erase(found);
     }
     return result;
+}
+
+std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
+    for (const Alternative &alternative : kAlternatives) {
+        // The catalogue's own comes first.
+        const auto found = std::find_if(candidates.begin(), candidates.end(),
+                                        [&](const Candidate &c) { return c.id == alternative.effect; });
+        if (found == candidates.end())
+            continue;
+        Candidate other = *found;
+        for (HypothesisParameter &p : other.parameters)
+            if (p.name == alternative.parameter)
+                p.weak = p.strong = alternative.usual;
+        candidates.push_back(std::move(other));
+    }
+    return candidates;
 }
 
 } // namespace clsp

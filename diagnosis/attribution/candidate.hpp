@@ -56,5 +56,7 @@ struct Candidate {
 
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without);
+// And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
+std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
 
 } // namespace clsp

@@ -160,7 +160,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     search_options.max_effects = options.max_effects;
     search_options.level = options.level;
     search_options.residual_level = 0.25 * options.level;
-    const SearchResult found = search(experiment, pool, search_options, [&](const std::string &what, double part) {
+    const std::vector<Candidate> tried = with_alternatives(pool);
+    const SearchResult found = search(experiment, tried, search_options, [&](const std::string &what, double part) {
         doing = what;
         fraction = std::max(fraction, part);
         tell();
@@ -207,6 +208,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     found.steps[i].added));
         if (last.residual.detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
+            if (found.ended_early)
+                result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
+                                                   "candidates (--without) leave more for the others",
+                                                   search_options.most_work));
             const bool all = are_found(found.models.size(), result.fraction);
             for (std::size_t i = 0; i < found.models.size(); ++i)
                 if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))

@@ -1,6 +1,7 @@
 #include "attribution/effect_model.hpp"
 
 #include "attribution/distributions.hpp"
+#include "effects/effects.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,40 @@ constexpr double kLeastWay = 0.5;
 // A whole unit of a strength that moves the statistics by fewer standard deviations says nothing of it; its deviation.
 constexpr double kNothingSaid = 1e-6, kAnyStrength = 1e3;
 
+// A part of the frame before may hold what had remained in it (f^2 is there two frames later) or not, and a first frame
+// had one before it or none.
+void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayout &layout, double fraction,
+                      const Eigen::VectorXd &change, Eigen::VectorXd &tolerance) {
+    for (std::size_t k = 0; k < list.size(); ++k) {
+        double &of_one = tolerance[static_cast<Eigen::Index>(k)];
+        if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
+            of_one += fraction * fraction;
+        for (const SequenceLayout &sequence : layout.sequences)
+            if (sequence.name == list[k].sequence && sequence.moving)
+                of_one += std::abs(change[static_cast<Eigen::Index>(k)]) / sequence.frame_count;
+    }
+}
+
+// Where dots lie.
+bool is_of_positions(const std::string &name) {
+    for (const char *of_positions : {"dot_shift_x", "dot_shift_y", "dot_radial_displacement", "dot_cubic_displacement",
+                                     "dot_turn", "dot_anisotropy", "dot_shear", "dot_position_scatter"})
+        if (name == of_positions)
+            return true;
+    return false;
+}
+
+// The camera's lens stretches the dots with the picture, the projector's only moves them. change: of the statistics, by a
+// whole unit of strength.
+void add_distortion_readings(const std::vector<StatisticInfo> &list, double k1, const Eigen::VectorXd &change,
+                             Eigen::VectorXd &tolerance) {
+    const EffectParameter &parameter = find_effect("lens_distortion").parameters.front();
+    const double strengths = k1 / (parameter.strong - parameter.weak);
+    for (std::size_t k = 0; k < list.size(); ++k)
+        if (!is_of_positions(list[k].name))
+            tolerance[static_cast<Eigen::Index>(k)] += std::abs(strengths * change[static_cast<Eigen::Index>(k)]);
+}
+
 } // namespace
 
 EffectSettings EffectModel::settings() const {
@@ -28,7 +63,7 @@ EffectSettings EffectModel::settings() const {
 }
 
 bool EffectModel::has(const Candidate &candidate) const {
-    return std::any_of(effects.begin(), effects.end(), [&](const ModelEffect &e) { return e.candidate == &candidate; });
+    return std::any_of(effects.begin(), effects.end(), [&](const ModelEffect &e) { return e.candidate->id == candidate.id; });
 }
 
 void EffectModel::add(const Candidate &candidate, double sign, double strength) {
@@ -147,20 +182,16 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
 }
 
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
-                                  const EffectSettings &effects, const Eigen::VectorXd &change) {
+                                  const EffectSettings &effects, const Eigen::VectorXd &change,
+                                  const Eigen::MatrixXd &jacobian) {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(list.size()));
+    Eigen::Index column = 0; // of an effect's first parameter
     for (const EffectSetting &effect : effects) {
-        if (effect.id != "image_lag")
-            continue;
-        const double fraction = effect.values.front();
-        for (std::size_t k = 0; k < list.size(); ++k) {
-            double &tolerance = result[static_cast<Eigen::Index>(k)];
-            if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
-                tolerance = fraction * fraction;
-            for (const SequenceLayout &sequence : layout.sequences)
-                if (sequence.name == list[k].sequence && sequence.moving)
-                    tolerance += std::abs(change[static_cast<Eigen::Index>(k)]) / sequence.frame_count;
-        }
+        if (effect.id == "image_lag")
+            add_lag_readings(list, layout, effect.values.front(), change, result);
+        if (effect.id == "lens_distortion")
+            add_distortion_readings(list, effect.values.front(), jacobian.col(column), result);
+        column += static_cast<Eigen::Index>(effect.values.size());
     }
     return result;
 }

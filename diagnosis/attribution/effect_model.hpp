@@ -93,10 +93,12 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
 // By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before
 // remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Neighbouring
 // frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not
-// at all or by f^2; and the first frame had one before it, which nobody recorded, or none. change: of the mean
-// statistics by the effects.
+// at all or by f^2; and the first frame had one before it, which nobody recorded, or none. And distortion may be that of
+// the camera's lens, which stretches dots as it moves them, or that of the projector's, which leaves them as they are.
+// change: of the mean statistics by the effects; jacobian: by a unit of strength of each of their parameters.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
-                                  const EffectSettings &effects, const Eigen::VectorXd &change);
+                                  const EffectSettings &effects, const Eigen::VectorXd &change,
+                                  const Eigen::MatrixXd &jacobian);
 
 // An effect that was weighed in a step of a search. Those that a first look put aside are not among them.
 struct RankedEffect {

@@ -357,6 +357,8 @@ void prune(ModelFit &fits, Path &path, double at) {
             options.known = columns_without(path, out);
             options.worth = now + kLeastNeeded;
             fitted = fits.fit(others, pool, options, &origin);
+            if (!fitted.effects.empty())
+                fits.confirm(fitted, at);
             return !fitted.effects.empty() && !fitted.residual.detected &&
                    fits.square_by(covariance, fitted) <= now + kLeastWorth;
         };

@@ -190,6 +190,8 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         frame_counts[s] = frame_count(s, folds);
         dark[s] = layout_.sequences[s].scene == CaptureScene::kDark;
         keys.push_back(key_of(effects, calibrated, s).add(std::uint64_t(folds)));
+        if (concerned[s])
+            work_ += seeds.size() * work_of(effects, s, frame_counts[s]);
     }
     std::vector<Calibration> calibrations(seeds.size());
     const auto statistics_key = [&](std::size_t i, std::size_t s) {
@@ -309,14 +311,39 @@ Simulator &Experiment::simulator_of(std::size_t sequence, std::uint64_t seed) co
     return *simulators_[place ? place->lane : lane_of(sequence, seed)];
 }
 
+std::uint64_t Experiment::work_of(const EffectSettings &effects, std::size_t sequence,
+                                  std::uint32_t frame_count) const {
+    const SequenceLayout &layout = layout_.sequences[sequence];
+    if (layout.scene == CaptureScene::kDark || layout.scene == CaptureScene::kFlat)
+        return frame_count;
+    // A moving surface has an interference pattern of its own in every frame, which takes about as long as all else; some
+    // effects take several for one.
+    bool every_frame = layout.moving;
+    std::uint64_t patterns = 1;
+    for (const EffectSetting &effect : effects) {
+        every_frame = every_frame || effect.id == "surface_boiling" || effect.id == "airflow";
+        if (effect.id == "linewidth" || effect.id == "pixel_integration" ||
+            (effect.id == "motion_decorrelation" && layout.moving))
+            patterns *= 4;
+        if (effect.id == "depolarization")
+            patterns *= 2;
+    }
+    return frame_count + patterns * (every_frame ? frame_count : 1);
+}
+
+double Experiment::work() const {
+    std::uint64_t capture = 0;
+    for (std::size_t s = 0; s < layout_.sequences.size(); ++s)
+        capture += work_of({}, s, layout_.sequences[s].frame_count);
+    return static_cast<double>(work_.load()) / static_cast<double>(capture);
+}
+
 void Experiment::sort_by_work() {
     by_work_.resize(layout_.sequences.size());
     std::iota(by_work_.begin(), by_work_.end(), std::size_t{0});
     const auto work = [&](std::size_t s) {
         const SequenceLayout &sequence = layout_.sequences[s];
-        // A moving surface has an interference pattern of its own in every frame, which takes about as long as all
-        // else.
-        return sequence.scene == CaptureScene::kDark ? 0u : sequence.frame_count * (sequence.moving ? 2u : 1u);
+        return sequence.scene == CaptureScene::kDark ? 0 : work_of({}, s, sequence.frame_count);
     };
     std::stable_sort(by_work_.begin(), by_work_.end(),
                      [&](std::size_t a, std::size_t b) { return work(a) > work(b); });

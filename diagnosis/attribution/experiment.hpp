@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -88,6 +89,10 @@ class Experiment {
     // Whether this is the thread that progress may be told on: other lanes' are not.
     bool on_callers_thread() const;
 
+    // How much has been asked for so far, in whole captures without effects: by the number of frames and of interference
+    // patterns in them. The same for the same questions, whatever was known already and however many threads there are.
+    double work() const;
+
     // Called before each sequence, on the caller's thread; throws to cancel.
     std::function<void()> checkpoint;
 
@@ -128,6 +133,8 @@ class Experiment {
     // That lane's; in the work of side_by_side() the work's own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
     void sort_by_work();
+    // Frames of even light and interference patterns of a sequence, some of its frames.
+    std::uint64_t work_of(const EffectSettings &effects, std::size_t sequence, std::uint32_t frame_count) const;
     SimulationLevels levels(Simulator &simulator, const CalibratedLevels &calibrated, const EffectSettings &effects,
                             std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) const;
     SpareBuffers<std::uint16_t>::Buffer frames(Simulator &simulator, const EffectSettings &effects,
@@ -159,6 +166,7 @@ class Experiment {
     std::vector<StatisticInfo> list_;
     std::vector<std::size_t> offsets_;
     bool parted_ = false, has_dark_ = false;
+    std::atomic<std::uint64_t> work_{0}; // see work_of()
     FoldStatistics real_;
     std::vector<SequenceLevel> real_levels_;
     Calibration real_calibration_;

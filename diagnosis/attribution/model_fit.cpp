@@ -13,6 +13,9 @@ namespace {
 
 // Models on the way are judged by some of the replicates, if those leave no doubt that a residual remains.
 constexpr double kNoDoubt = 1e-9;
+// Residuals in doubt are judged by that many times as many replicates as others.
+constexpr std::uint32_t kConfirming = 2;
+constexpr double kBeyondDoubt = 1e-6;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
 constexpr double kNothingMoved = 0.004, kFine = 0.15;
@@ -182,6 +185,14 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     fitted = std::move(again);
 }
 
+void ModelFit::confirm(FittedModel &fitted, double at) {
+    if (fitted.residual.p_value > kSeldom || fitted.residual.p_value < kBeyondDoubt)
+        return;
+    const double score = fitted.score; // of others, with fewer replicates, that it is compared with
+    judge(fitted, fitted.model.replicates(), kConfirming * options_.model_replicates, at, at);
+    fitted.score = score;
+}
+
 void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to) {
     if (replicates.draws.size() >= count)
         return;
@@ -189,7 +200,7 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
     const Eigen::VectorXd tolerance =
         simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
-        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.change);
+        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.change, fitted.jacobian);
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());

@@ -76,6 +76,9 @@ class ModelFit {
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
+    // Twice as many replicates for a fit whose residual is in doubt by those that it has: what is left of a path of light
+    // that the model lacks is to be seen, and what few replicates make of chance is not.
+    void confirm(FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
     // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted

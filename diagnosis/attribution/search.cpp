@@ -45,6 +45,19 @@ struct Refined {
     Response response;
 };
 
+// The best first; of an effect that may begin in several places (with_alternatives) the best alone.
+void sort_by_gain(std::vector<Refined> &refined) {
+    std::stable_sort(refined.begin(), refined.end(),
+                     [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    std::vector<Refined> best;
+    for (Refined &one : refined) {
+        const auto is_same = [&](const Refined &other) { return other.candidate->id == one.candidate->id; };
+        if (std::none_of(best.begin(), best.end(), is_same))
+            best.push_back(std::move(one));
+    }
+    refined = std::move(best);
+}
+
 class Search {
   public:
     Search(ModelFit &fits, const std::vector<Candidate> &candidates)
@@ -74,7 +87,18 @@ class Search {
     void finish(Path &path, const FittedModel &baseline);
     // An effect is far beyond its range.
     static bool goes_far(const Path &path);
-    static bool is_explained(const Path &path) { return !path.models.empty() && !path.models.back().residual.detected; }
+    bool is_explained(Path &path) {
+        if (path.models.empty())
+            return false;
+        fits_.confirm(path.models.back(), path.progress);
+        return !path.models.back().residual.detected;
+    }
+
+    // No search goes on for ever: what is not explained by then is unknown.
+    bool may_go_on() {
+        ended_early_ = ended_early_ || experiment_.work() >= fits_.options().most_work;
+        return !ended_early_;
+    }
 
     // Little of the baseline's excess is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
@@ -83,6 +107,7 @@ class Search {
 
     ModelFit &fits_;
     double baseline_excess_ = 0.0;
+    bool ended_early_ = false;
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
 };
@@ -111,9 +136,8 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         if (refined.gain > kLeastPromise)
             result.push_back(std::move(refined));
     }
-    const auto by_gain = [](const Refined &a, const Refined &b) { return a.gain > b.gain; };
     if (!path.looks.empty() && !fresh) {
-        std::stable_sort(result.begin(), result.end(), by_gain);
+        sort_by_gain(result);
         result.resize(std::min(result.size(), kMostLooks));
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
@@ -163,7 +187,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
                 refined.sign = 1.0;
         }
     }
-    std::stable_sort(result.begin(), result.end(), by_gain);
+    sort_by_gain(result);
     return result;
 }
 
@@ -358,7 +382,7 @@ bool Search::goes_far(const Path &path) {
 }
 
 bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
-    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects) {
+    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects && may_go_on()) {
         if (until == Until::kFar && goes_far(path))
             return false;
         const double share = 0.5 * (path.progress_end - path.progress);
@@ -381,7 +405,8 @@ Path Search::empty_path(double from, double to) const {
 
 void Search::finish(Path &path, const FittedModel &baseline) {
     for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !exchange(fits_, path, path.progress))
+        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !may_go_on() ||
+            !exchange(fits_, path, path.progress))
             break;
         grow_all(path, baseline, Until::kDone);
     }
@@ -402,12 +427,12 @@ Path Search::explain(const FittedModel &baseline) {
     };
     Path path = empty_path(kBegin, kSecond);
     const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
-    if (far && common_explains())
+    if (far && may_go_on() && common_explains())
         return common;
     if (!grown)
         grow_all(path, baseline, Until::kDone);
     finish(path, baseline);
-    if (!far && goes_far(path) && common_explains())
+    if (!far && goes_far(path) && may_go_on() && common_explains())
         return common;
     return path;
 }
@@ -428,6 +453,7 @@ SearchResult Search::run() {
         }
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
+        result.ended_early = ended_early_;
     }
     fits_.report(1.0, "done");
     return result;

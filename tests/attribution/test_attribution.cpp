@@ -179,6 +179,27 @@ TEST(Candidates, WhatGoesBothWays) {
     EXPECT_EQ(ratio.sign_of(0.9), -1.0);
 }
 
+TEST(Candidates, AFitMayBeginElsewhere) {
+    std::vector<Candidate> all = candidates({}, {});
+    const std::vector<Candidate> more = with_alternatives(all);
+    ASSERT_EQ(more.size(), all.size() + 3);
+    const Candidate &other = more[all.size() + 1];
+    EXPECT_EQ(other.id, "beam_skew");
+    const Candidate &usual = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "beam_skew"; });
+    EXPECT_EQ(usual.usual(1, 1.0), 0.0);
+    EXPECT_NEAR(other.usual(1, 1.0), 1.5708, 1e-4);
+    // What the catalogue leaves at 0 has room on both sides of it.
+    EXPECT_EQ(usual.value(1, 0.0), 0.0);
+    EXPECT_NEAR(usual.value(1, 1.0), 1.5708, 1e-4);
+    EXPECT_NEAR(usual.value(1, -0.8), -0.8 * 1.5708, 1e-4);
+    EXPECT_NEAR(usual.strength(1, -0.3), -0.3 / 1.5708, 1e-4);
+    // One effect, wherever it begins: it is in a model once.
+    EffectModel model;
+    model.add(usual, 1.0, 0.5);
+    EXPECT_TRUE(model.has(other));
+    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() - 1);
+}
+
 TEST(Candidates, RangesAroundOne) {
     const struct {
         HypothesisParameter parameter;
@@ -296,6 +317,37 @@ TEST(Diagnosis, NamesARatioOnTheOtherSideOfOne) {
         EXPECT_NEAR(result.parameters[0].value, c.value, 0.03) << c.id;
         EXPECT_LT(result.parameters[0].low, result.parameters[0].value);
         EXPECT_GT(result.parameters[0].high, result.parameters[0].value);
+    }
+}
+
+// Dots that are lopsided along another axis than x, and against it.
+TEST(Diagnosis, NamesASkewAlongAnyAxis) {
+    CaptureLayout layout = small_layout();
+    layout.width = 96;
+    layout.height = 80;
+    layout.principal_point_px = {47.5, 39.5};
+    layout.dots = CaptureDots{2.2, {}};
+    for (int y = 12; y < 80; y += 14)
+        for (int x = 12; x < 96; x += 14)
+            layout.dots->positions_px.push_back({x + 0.3, y - 0.2});
+    SequenceLayout dots = layout.sequences.back();
+    dots.name = "dots_moving";
+    dots.scene = CaptureScene::kDots;
+    dots.frame_count = 24;
+    layout.sequences.push_back(dots);
+    for (const double angle : {1.3, -2.4}) {
+        const EffectSettings skew = {{"beam_skew", {1.2, angle}}};
+        const DiagnosisResult result = diagnose(context(), simulated(skew, kCaptureSeed + 190, {}, layout), quick(1));
+        ASSERT_EQ(result.effects, std::vector<std::string>{"beam_skew"}) << angle;
+        ASSERT_EQ(result.parameters.size(), 2u);
+        // -s along an axis is s against it.
+        const double found = result.parameters[1].value + (result.parameters[0].value < 0.0 ? 3.14159265 : 0.0);
+        EXPECT_NEAR(std::abs(result.parameters[0].value), 1.2, 0.25) << angle;
+        EXPECT_NEAR(std::remainder(found - angle, 2.0 * 3.14159265), 0.0, 0.2) << angle;
+        for (const RankedEffect &ranked : result.ranking)
+            EXPECT_EQ(std::count_if(result.ranking.begin(), result.ranking.end(),
+                                    [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
+                      1);
     }
 }
 

@@ -157,6 +157,55 @@ TEST_F(Exchange, WhatDoesAsWellIsARival) {
     EXPECT_EQ(2u, result.equivalent.size());
 }
 
+// A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.
+TEST_F(Exchange, ADoubtfulResidualIsConfirmed) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"vignetting"}, {});
+    const FittedModel fitted = path.models.back();
+    const std::size_t count = fitted.model.replicates().draws.size();
+    ASSERT_EQ(count, fits.options().model_replicates);
+    for (const double p : {0.5, 1e-9}) {
+        FittedModel sure = fitted;
+        sure.residual.p_value = p;
+        fits.confirm(sure, 0.0);
+        EXPECT_EQ(sure.model.replicates().draws.size(), count) << p;
+        EXPECT_EQ(sure.residual.p_value, p);
+    }
+    for (const double p : {0.02, 0.001}) {
+        FittedModel doubtful = fitted;
+        doubtful.residual.p_value = p;
+        doubtful.residual.detected = p < fits.options().residual_level;
+        fits.confirm(doubtful, 0.0);
+        EXPECT_EQ(doubtful.model.replicates().draws.size(), 2 * count) << p;
+        EXPECT_EQ(doubtful.score, fitted.score);
+        // The model is right: what p was made to say does not stay.
+        EXPECT_GT(doubtful.residual.p_value, fits.options().residual_level);
+        EXPECT_FALSE(doubtful.residual.detected);
+        // The same replicates, and others.
+        for (std::size_t i = 0; i < count; ++i)
+            EXPECT_EQ(doubtful.model.replicates().draws[i].first, fitted.model.replicates().draws[i].first);
+    }
+}
+
+TEST_F(Exchange, ASearchEndsAtItsMostWork) {
+    const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
+    SearchResult found[2];
+    for (const bool little : {false, true}) {
+        Experiment experiment(context(), capture, {}, 2);
+        SearchOptions limited = options();
+        if (little)
+            limited.most_work = 1.0; // the baseline alone takes more
+        found[little] = search(experiment, all, limited, {});
+    }
+    EXPECT_FALSE(found[0].ended_early);
+    EXPECT_EQ(found[0].models.size(), 3u);
+    EXPECT_TRUE(found[1].ended_early);
+    EXPECT_TRUE(found[1].models.empty());
+    EXPECT_TRUE(found[1].baseline.residual.detected);
+}
+
 TEST_F(Exchange, NeedlessEffectsArePruned) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
     ModelFit fits(experiment, options(), {});

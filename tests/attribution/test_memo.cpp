@@ -81,6 +81,29 @@ TEST(Memo, ManyThreads) {
     EXPECT_EQ(wrong, std::vector<int>(4, 0));
 }
 
+// What is asked for counts, by its patterns, and not what is known already or how many threads there are.
+TEST(Work, CountsWholeCaptures) {
+    const Capture real = simulated({}, kCaptureSeed);
+    const std::vector<bool> all(real.layout.sequences.size(), true);
+    double after[2];
+    for (const unsigned threads : {1u, 2u}) {
+        Experiment experiment(context(), real, {}, threads);
+        const CalibratedLevels levels = experiment.calibrate({}, all, nullptr);
+        EXPECT_EQ(experiment.work(), 0.0); // calibrations are few
+        experiment.replicates({}, levels, {1, 2, 3}, {});
+        EXPECT_DOUBLE_EQ(experiment.work(), 3.0);
+        experiment.replicates({}, levels, {1, 2, 3}, {});
+        EXPECT_DOUBLE_EQ(experiment.work(), 6.0);
+        // Two polarizations of the moving board: 12 + 12 + (12 + 24) frames and patterns for 12 + 12 + (12 + 12).
+        experiment.replicates({{"depolarization", {0.5}}}, levels, {4}, {});
+        EXPECT_DOUBLE_EQ(experiment.work(), 6.0 + 60.0 / 48.0);
+        experiment.halves({}, levels, {5, 6}, {false, true, false}, {});
+        after[threads - 1] = experiment.work();
+        EXPECT_DOUBLE_EQ(after[threads - 1], 6.0 + 60.0 / 48.0 + 2 * 6.0 / 48.0);
+    }
+    EXPECT_EQ(after[0], after[1]);
+}
+
 // One experiment that is asked for all of these, and for each of them one that was asked for nothing before.
 TEST(Memo, AnExperimentGivesTheSameAsOneThatKnowsNothing) {
     const Capture real = simulated({}, kCaptureSeed);

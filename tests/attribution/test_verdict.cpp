@@ -331,7 +331,9 @@ TEST(Reading, LagThatRemembersOrDoesNot) {
     list[0].sequence = list[1].sequence = list[2].sequence = "board_moving";
     list[3].sequence = "board_static";
     const Eigen::VectorXd change = (Eigen::VectorXd(4) << 0.0, 0.0, -0.2, -0.2).finished();
-    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, change);
+    const Eigen::MatrixXd jacobian = Eigen::MatrixXd::Ones(4, 2);
+    const Eigen::VectorXd tolerance =
+        reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, change, jacobian);
     // The light of the frame before alone: f (1 - f) / (1 - 2 f + 2 f^2), not f.
     EXPECT_GT(tolerance[0], 0.1 * 0.9 / 0.82 - 0.1);
     EXPECT_NEAR(tolerance[0], 0.01, 1e-15);
@@ -339,7 +341,27 @@ TEST(Reading, LagThatRemembersOrDoesNot) {
     // One of 40 frames had a frame before it, or had not.
     EXPECT_NEAR(tolerance[2], 0.2 / 40, 1e-15);
     EXPECT_EQ(tolerance[3], 0.0);
-    EXPECT_EQ(reading_tolerance(list, layout, {{"defocus", {1.0}}}, change).norm(), 0.0);
+    EXPECT_EQ(reading_tolerance(list, layout, {{"defocus", {1.0}}}, change, jacobian).norm(), 0.0);
+}
+
+TEST(Reading, DistortionOfTheLensOrOfTheProjector) {
+    CaptureLayout layout;
+    layout.sequences.resize(1);
+    layout.sequences[0].name = "dots_moving";
+    std::vector<StatisticInfo> list(3);
+    list[0].name = "dot_cubic_displacement";
+    list[1].name = "dot_width";
+    list[2].name = "contrast";
+    for (StatisticInfo &one : list)
+        one.sequence = "dots_moving";
+    // Of a scale in pixels and its room, then of k1 from 0.01 to 0.05.
+    const Eigen::MatrixXd jacobian =
+        (Eigen::MatrixXd(3, 3) << 9.0, 9.0, 0.3, 9.0, 9.0, -0.2, 9.0, 9.0, 0.0).finished();
+    const EffectSettings effects = {{"glare", {0.1, 6.0}}, {"lens_distortion", {-0.03}}};
+    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, effects, Eigen::VectorXd::Ones(3), jacobian);
+    EXPECT_EQ(tolerance[0], 0.0); // both move the dots
+    EXPECT_NEAR(tolerance[1], 0.2 * 0.03 / 0.04, 1e-12);
+    EXPECT_EQ(tolerance[2], 0.0);
 }
 
 } // namespace

@@ -15,7 +15,7 @@ const std::map<std::string, std::pair<std::string, std::vector<std::string>>> ex
     {"linewidth", {"laser", {"dephasing_rad"}}},
     {"power_flicker", {"laser", {"sigma"}}},
     {"wavelength_shift", {"laser", {"delta_nm"}}},
-    {"beam_skew", {"laser", {"skew"}}},
+    {"beam_skew", {"laser", {"skew", "angle_rad"}}},
     {"beam_flat_top", {"laser", {"flatness"}}},
     {"zero_order", {"doe", {"relative_intensity"}}},
     {"ghost_dots", {"doe", {"relative_intensity"}}},
