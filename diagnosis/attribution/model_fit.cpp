@@ -22,6 +22,8 @@ constexpr double kNothingMoved = 0.004, kFine = 0.15;
 // And one that takes less than that from the squared distance is not judged; nor one that takes less than that part of
 // what is beyond chance: where much is left, an effect is missing, and strengths are to be fitted once more.
 constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
+// Of the squared distance: what a whole number one further must leave at the most to be tried.
+constexpr double kStepped = 0.8;
 // Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
 constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
@@ -164,8 +166,6 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     EffectModel moved = model;
     if (move_strengths(moved, fitted.step, strongest_) < kNothingMoved)
         return;
-    Pool own;
-    FittedModel again;
     FitOptions fine;
     fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
     fine.from = fine.to = at;
@@ -173,16 +173,64 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     fine.part = kFine;
     const double now = square_by(fitted.model.full(), fitted);
     fine.worth = now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
+    replace(model, pool, fitted, std::move(moved), fine);
+}
+
+bool ModelFit::replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start,
+                       const FitOptions &options) {
+    Pool own;
+    FittedModel again;
     const Origin origin{fitted.model.full(), pool};
-    if (!possible([&] { again = fit(moved, own, fine, &origin); }) || again.effects.empty())
-        return;
+    if (!possible([&] { again = fit(start, own, options, &origin); }) || again.effects.empty())
+        return false;
     // By as many replicates as the other one: the score depends on how many there are.
-    judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(again.model.replicates().draws.size()), at, at);
+    judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(again.model.replicates().draws.size()),
+          options.from, options.to);
     if (again.score >= fitted.score)
-        return;
-    model = std::move(moved);
+        return false;
+    model = std::move(start);
     pool = std::move(own);
     fitted = std::move(again);
+    return true;
+}
+
+void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    for (std::size_t p = 0; p < model.strengths.size(); ++p) {
+        const Strength here = model.strengths[p];
+        const ModelEffect &effect = model.effects[here.effect];
+        const HypothesisParameter &parameter = effect.candidate->parameters[here.parameter];
+        if (!parameter.whole)
+            continue;
+        const Covariance &covariance = fitted.model.full();
+        const Eigen::Index column = static_cast<Eigen::Index>(p), columns = fitted.jacobian.cols();
+        Eigen::MatrixXd others(fitted.jacobian.rows(), columns - 1);
+        others << fitted.jacobian.leftCols(column), fitted.jacobian.rightCols(columns - column - 1);
+        const Eigen::VectorXd left = experiment_.real().mean() - covariance.mean();
+        double least = kStepped * square_by(covariance, fitted);
+        EffectModel best;
+        for (const double step : {-1.0, 1.0}) {
+            const double value = effect.candidate->value(here.parameter, here.strength, effect.sign) + step;
+            if (value < parameter.minimum || value > parameter.maximum)
+                continue;
+            EffectModel moved = model;
+            moved.strengths[p].strength = effect.candidate->strength(here.parameter, value, effect.sign);
+            possible([&] {
+                const Change change = simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(column)),
+                                                      options_.seed, kSearchSeeds);
+                const double square =
+                    residual_square(whiten_columns(covariance, others), covariance.whiten(left - change.mean));
+                if (square < least) {
+                    least = square;
+                    best = std::move(moved);
+                }
+            });
+        }
+        FitOptions options;
+        options.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+        options.from = options.to = at;
+        if (!best.effects.empty())
+            replace(model, pool, fitted, std::move(best), options);
+    }
 }
 
 void ModelFit::confirm(FittedModel &fitted, double at) {

@@ -73,6 +73,9 @@ class ModelFit {
     // The model's strengths and its pool: by Gauss-Newton rounds, then replicates and a last, linear step. origin: null
     // for the baseline. A fit that is not worth being judged has no effects.
     FittedModel fit(EffectModel &model, Pool &pool, const FitOptions &options, const Origin *origin = nullptr);
+    // Takes whole numbers one further where that leaves less: what differs between two of them says little of the next,
+    // and a number that was chosen while other effects were missing does not come back by slopes.
+    void step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
@@ -112,6 +115,8 @@ class ModelFit {
     // uncertain of and by what the sides differ. part: of the usual finite differences.
     Eigen::VectorXd measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
                                    double part) const;
+    // A fit that starts from another's pool takes its place, with model and pool, if it is better.
+    bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, const FitOptions &options);
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 

@@ -358,8 +358,10 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     if (fits.empty())
         return false;
     const std::size_t best = best_of(fits, margin, from + share);
-    if (nearly_explained(fits[best]))
+    if (nearly_explained(fits[best])) {
+        fits_.step_whole_numbers(models[best], pools[best], fits[best], from + share);
         fits_.polish(models[best], pools[best], fits[best], from + share);
+    }
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.

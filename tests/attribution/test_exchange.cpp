@@ -189,6 +189,33 @@ TEST_F(Exchange, ADoubtfulResidualIsConfirmed) {
     }
 }
 
+// Bits that an early step of a search took for one too few: no slope leads back from there.
+TEST_F(Exchange, WholeNumbersGoOneFurther) {
+    Experiment experiment(context(), simulated({{"adc_bits", {8.0}}, {"vignetting", {0.3}}}, kCaptureSeed + 14), {}, 2);
+    for (const double bits : {7.0, 8.0}) {
+        ModelFit fits(experiment, options(), {});
+        fits.fit_baseline(0.0);
+        EffectModel model;
+        model.add(candidate("adc_bits"), 1.0, candidate("adc_bits").strength(0, bits));
+        model.add(candidate("vignetting"), 1.0, candidate("vignetting").strength(0, 0.3));
+        const std::uint32_t seeds = fits.options().pool_seeds, count = fits.options().model_replicates;
+        Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, seeds, nullptr);
+        FittedModel fitted;
+        fitted.effects = model.settings();
+        fitted.jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(experiment.count()), 2);
+        fitted.change = pool.mean(seeds) - fits.baseline_pool().mean(seeds);
+        fits.judge(fitted, {fitted.effects, pool.levels, {}}, count, 0.0, 0.0);
+        ASSERT_EQ(fitted.residual.detected, bits != 8.0);
+        const double before = fitted.score;
+        fits.step_whole_numbers(model, pool, fitted, 0.0);
+        EXPECT_EQ(model.settings()[0].values[0], 8.0) << bits;
+        EXPECT_EQ(fitted.effects, model.settings());
+        EXPECT_EQ(pool.effects, model.settings());
+        EXPECT_FALSE(fitted.residual.detected) << bits;
+        EXPECT_EQ(fitted.score < before, bits != 8.0);
+    }
+}
+
 TEST_F(Exchange, ASearchEndsAtItsMostWork) {
     const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
     SearchResult found[2];
