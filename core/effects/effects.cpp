@@ -26,7 +26,8 @@ SensorParameters &sensor(Model &model, const char *effect) { return needed(model
 
 // Lines enough that no gap between them shows: neighbours turn by at most 4 s / (n - 1) standard deviations of height.
 constexpr std::uint32_t kLineCount = 9;
-constexpr double kPi = 3.14159265358979323846;
+// An angle of any sign, from any start; radians.
+constexpr double kTurn = 6.28318530717958647692;
 
 std::vector<Effect> make_catalogue() {
     return {
@@ -49,7 +50,7 @@ std::vector<Effect> make_catalogue() {
          dots(m, "wavelength_shift").relative_wavelength_shift = v[0] * 1e-9 / m.aperture.wavelength_m;
      }},
     {"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "dots.cl: dots_render", kSetsDots,
-     {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kPi, kPi, 0.0, 0.0}},
+     {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kTurn, kTurn, 0.0, 0.0}},
      [](Model &m, Values v) {
          dots(m, "beam_skew").beam_skew = v[0];
          m.dots->beam_skew_angle_rad = v[1];

@@ -13,8 +13,8 @@ namespace {
 
 // A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
 constexpr double kRoom = 2.0;
-// One that it leaves at 0 is given that part of its range.
-constexpr double kPartOfRange = 0.25;
+// One whose range lies on both sides of 0 is given that part of it, in equal steps.
+constexpr double kPartOfRange = 0.125;
 // Of the finite differences along a parameter.
 constexpr double kDifference = 0.15;
 
@@ -29,10 +29,10 @@ struct Alternative {
     const char *effect, *parameter;
     double usual;
 };
-constexpr double kQuarter = 0.78539816339744830962; // of half a turn: the other half is that of the other sign
-constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kQuarter},
-                                         {"beam_skew", "angle_rad", 2.0 * kQuarter},
-                                         {"beam_skew", "angle_rad", 3.0 * kQuarter}};
+constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
+constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
+                                         {"beam_skew", "angle_rad", 2.0 * kEighthTurn},
+                                         {"beam_skew", "angle_rad", 3.0 * kEighthTurn}};
 
 struct Scale {
     double weak, strong;
@@ -41,8 +41,8 @@ struct Scale {
 
 Scale scale_of(const HypothesisParameter &parameter) {
     Scale scale{parameter.weak, parameter.strong, false};
-    if (scale.weak == 0.0 && scale.strong == 0.0) {
-        scale.strong = kPartOfRange * (parameter.maximum - parameter.minimum);
+    if (scale.weak == scale.strong && parameter.minimum < 0.0 && parameter.maximum > 0.0) {
+        scale.strong += kPartOfRange * (parameter.maximum - parameter.minimum);
         return scale;
     }
     if (scale.weak == scale.strong) {
@@ -162,6 +162,11 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         result.erase(found);
     }
     return result;
+}
+
+bool before(const Candidate &a, const Candidate &b) {
+    const auto usual = [](const Candidate &c) { return c.parameters.size() > 1 ? c.parameters[1].weak : 0.0; };
+    return a.id != b.id ? a.id < b.id : usual(a) < usual(b);
 }
 
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {

@@ -3,7 +3,9 @@
 
 #include "simulator/simulator.hpp"
 
+#include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace clsp {
@@ -58,5 +60,15 @@ struct Candidate {
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without);
 // And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
+// An order of candidates that are all different.
+bool before(const Candidate &a, const Candidate &b);
+// The first of each id, in their order. id_of: of an entry.
+template <typename Entry, typename IdOf> void keep_one_of_each(std::vector<Entry> &entries, const IdOf &id_of) {
+    std::vector<Entry> kept;
+    for (Entry &entry : entries)
+        if (std::none_of(kept.begin(), kept.end(), [&](const Entry &other) { return id_of(other) == id_of(entry); }))
+            kept.push_back(std::move(entry));
+    entries = std::move(kept);
+}
 
 } // namespace clsp

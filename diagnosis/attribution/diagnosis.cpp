@@ -156,6 +156,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     search_options.seed = first_seed;
     search_options.pool_seeds = pool_seeds_of(capture);
+    search_options.most_work *= search_options.pool_seeds / kLeastSeeds;
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
     search_options.level = options.level;
@@ -183,6 +184,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
+    if (found.ended_early)
+        result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
+                                           "candidates (--without) leave more for the others",
+                                           search_options.most_work));
     if (result.detected) {
         result.residual_detected = last.residual.detected;
         result.residual_p_value = reported_p_value(last.residual.p_value);
@@ -208,10 +213,6 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     found.steps[i].added));
         if (last.residual.detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
-            if (found.ended_early)
-                result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
-                                                   "candidates (--without) leave more for the others",
-                                                   search_options.most_work));
             const bool all = are_found(found.models.size(), result.fraction);
             for (std::size_t i = 0; i < found.models.size(); ++i)
                 if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))

@@ -63,7 +63,8 @@ void add_rivals(const Path &path, std::size_t place, std::vector<Move> &moves) {
                                        [&](const auto &entry) { return entry.first->id == ranked.effect; });
         if (added == kMostRivals || ranked.gain < kLeastRival * best || look == path.looks.end() ||
             path.model.has(*look->first) ||
-            std::any_of(moves.begin(), moves.end(), [&](const Move &move) { return move.candidate == look->first; }))
+            std::any_of(moves.begin(), moves.end(),
+                        [&](const Move &move) { return move.candidate->id == ranked.effect; }))
             continue;
         moves.push_back({place, look->first, 1.0, 0.0, false});
         ++added;
@@ -98,8 +99,9 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
                 alike.push_back(best);
         }
         std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
-            return a.alike != b.alike ? a.alike > b.alike : a.candidate->id < b.candidate->id;
+            return a.alike != b.alike ? a.alike > b.alike : before(*a.candidate, *b.candidate);
         });
+        keep_one_of_each(alike, [](const Move &move) { return move.candidate->id; });
         std::vector<Move> tried(alike.begin(),
                                 alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kMostAlike)));
         if (!share)
@@ -126,8 +128,9 @@ std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
             promising.push_back({promise.gain, {path.model.effects.size(), candidate, sign, 0.0, false}});
     }
     std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
-        return a.first != b.first ? a.first > b.first : a.second.candidate->id < b.second.candidate->id;
+        return a.first != b.first ? a.first > b.first : before(*a.second.candidate, *b.second.candidate);
     });
+    keep_one_of_each(promising, [](const auto &entry) { return entry.second.candidate->id; });
     std::vector<Move> result;
     for (std::size_t i = 0; i < std::min(promising.size(), kMostAdded); ++i)
         result.push_back(promising[i].second);

@@ -15,7 +15,7 @@ namespace {
 constexpr double kNoDoubt = 1e-9;
 // Residuals in doubt are judged by that many times as many replicates as others.
 constexpr std::uint32_t kConfirming = 2;
-constexpr double kBeyondDoubt = 1e-6;
+constexpr double kBeyondDoubt = 1e-6, kPartOfLevel = 0.1;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
 constexpr double kNothingMoved = 0.004, kFine = 0.15;
@@ -234,7 +234,9 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
 }
 
 void ModelFit::confirm(FittedModel &fitted, double at) {
-    if (fitted.residual.p_value > kSeldom || fitted.residual.p_value < kBeyondDoubt)
+    const double level = options_.residual_level;
+    if (fitted.residual.p_value > std::max(kSeldom, level) ||
+        fitted.residual.p_value < std::min(kBeyondDoubt, kPartOfLevel * level))
         return;
     const double score = fitted.score; // of others, with fewer replicates, that it is compared with
     judge(fitted, fitted.model.replicates(), kConfirming * options_.model_replicates, at, at);

@@ -49,13 +49,7 @@ struct Refined {
 void sort_by_gain(std::vector<Refined> &refined) {
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
-    std::vector<Refined> best;
-    for (Refined &one : refined) {
-        const auto is_same = [&](const Refined &other) { return other.candidate->id == one.candidate->id; };
-        if (std::none_of(best.begin(), best.end(), is_same))
-            best.push_back(std::move(one));
-    }
-    refined = std::move(best);
+    keep_one_of_each(refined, [](const Refined &one) { return one.candidate->id; });
 }
 
 class Search {
@@ -96,7 +90,7 @@ class Search {
 
     // No search goes on for ever: what is not explained by then is unknown.
     bool may_go_on() {
-        ended_early_ = ended_early_ || experiment_.work() >= fits_.options().most_work;
+        ended_early_ = ended_early_ || experiment_.work() - work_before_ >= fits_.options().most_work;
         return !ended_early_;
     }
 
@@ -108,6 +102,7 @@ class Search {
     ModelFit &fits_;
     double baseline_excess_ = 0.0;
     bool ended_early_ = false;
+    double work_before_ = 0.0; // the baseline's
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
 };
@@ -436,7 +431,10 @@ Path Search::explain(const FittedModel &baseline) {
     finish(path, baseline);
     if (!far && goes_far(path) && may_go_on() && common_explains())
         return common;
-    return path;
+    // Where the work ended in the common range, the wide search may not have come as far.
+    const bool common_is_better =
+        !common.models.empty() && (path.models.empty() || common.models.back().score < path.models.back().score);
+    return ended_early_ && common_is_better ? common : path;
 }
 
 SearchResult Search::run() {
@@ -444,6 +442,7 @@ SearchResult Search::run() {
     result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
     baseline_excess_ = fits_.excess_square(baseline);
+    work_before_ = experiment_.work();
     if (baseline.residual.detected) {
         Path path = explain(baseline);
         if (!path.models.empty()) {
@@ -451,6 +450,7 @@ SearchResult Search::run() {
             fits_.complete(path, baseline, path.progress);
             fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
                         0.98, 0.99);
+            fits_.confirm(path.models.back(), 0.99);
             fits_.measure_parameters(path.models.back(), path.model, 0.99);
         }
         result.steps = std::move(path.steps);

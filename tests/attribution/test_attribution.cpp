@@ -188,11 +188,14 @@ TEST(Candidates, AFitMayBeginElsewhere) {
     const Candidate &usual = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "beam_skew"; });
     EXPECT_EQ(usual.usual(1, 1.0), 0.0);
     EXPECT_NEAR(other.usual(1, 1.0), 1.5708, 1e-4);
-    // What the catalogue leaves at 0 has room on both sides of it.
-    EXPECT_EQ(usual.value(1, 0.0), 0.0);
-    EXPECT_NEAR(usual.value(1, 1.0), 1.5708, 1e-4);
-    EXPECT_NEAR(usual.value(1, -0.8), -0.8 * 1.5708, 1e-4);
-    EXPECT_NEAR(usual.strength(1, -0.3), -0.3 / 1.5708, 1e-4);
+    // What has a range on both sides of 0 has room on both sides of where the catalogue leaves it.
+    for (const Candidate *candidate : {&usual, &other}) {
+        const double at = candidate->usual(1, 1.0);
+        EXPECT_EQ(candidate->value(1, 0.0), at);
+        EXPECT_NEAR(candidate->value(1, 1.0), at + 1.5708, 1e-4);
+        EXPECT_NEAR(candidate->value(1, -0.8), at - 0.8 * 1.5708, 1e-4);
+        EXPECT_NEAR(candidate->strength(1, at - 0.3), -0.3 / 1.5708, 1e-4);
+    }
     // One effect, wherever it begins: it is in a model once.
     EffectModel model;
     model.add(usual, 1.0, 0.5);
@@ -335,7 +338,7 @@ TEST(Diagnosis, NamesASkewAlongAnyAxis) {
     dots.scene = CaptureScene::kDots;
     dots.frame_count = 24;
     layout.sequences.push_back(dots);
-    for (const double angle : {1.3, -2.4}) {
+    for (const double angle : {1.3, -2.4, -3.1}) {
         const EffectSettings skew = {{"beam_skew", {1.2, angle}}};
         const DiagnosisResult result = diagnose(context(), simulated(skew, kCaptureSeed + 190, {}, layout), quick(1));
         ASSERT_EQ(result.effects, std::vector<std::string>{"beam_skew"}) << angle;

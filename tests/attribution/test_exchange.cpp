@@ -218,19 +218,24 @@ TEST_F(Exchange, WholeNumbersGoOneFurther) {
 
 TEST_F(Exchange, ASearchEndsAtItsMostWork) {
     const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
-    SearchResult found[2];
-    for (const bool little : {false, true}) {
+    const auto found = [&](double most_work, std::uint32_t null_replicates) {
         Experiment experiment(context(), capture, {}, 2);
         SearchOptions limited = options();
-        if (little)
-            limited.most_work = 1.0; // the baseline alone takes more
-        found[little] = search(experiment, all, limited, {});
-    }
-    EXPECT_FALSE(found[0].ended_early);
-    EXPECT_EQ(found[0].models.size(), 3u);
-    EXPECT_TRUE(found[1].ended_early);
-    EXPECT_TRUE(found[1].models.empty());
-    EXPECT_TRUE(found[1].baseline.residual.detected);
+        limited.most_work = most_work;
+        limited.null_replicates = null_replicates;
+        return search(experiment, all, limited, {});
+    };
+    const SearchResult whole = found(3000.0, 24), little = found(10.0, 24);
+    EXPECT_FALSE(whole.ended_early);
+    EXPECT_EQ(whole.models.size(), 3u);
+    // The first step takes more: it is the last one.
+    EXPECT_TRUE(little.ended_early);
+    EXPECT_EQ(little.models.size(), 1u);
+    EXPECT_TRUE(little.models.back().residual.detected);
+    // However many replicates the baseline has, they are not the search's work.
+    const SearchResult many = found(500.0, 600);
+    EXPECT_FALSE(many.ended_early);
+    EXPECT_EQ(many.models.size(), 3u);
 }
 
 TEST_F(Exchange, NeedlessEffectsArePruned) {
