@@ -227,8 +227,8 @@ def process(camera: Camera, name: str, codes: Stack, effects: Effects, seed: int
     if "temporal_denoising" in effects:  # what is shown is blended with what was shown before
         weight = effects["temporal_denoising"]["weight"]
         codes = codes.copy()
-        for now in range(1, len(codes)):
-            codes[now] = np.round((1 - weight) * codes[now] + weight * codes[now - 1])
+        for frame in range(1, len(codes)):
+            codes[frame] = np.round((1 - weight) * codes[frame] + weight * codes[frame - 1])
     if "block_compression" in effects:
         codes = compress_blocks(codes, effects["block_compression"]["step_dn"])
     result = np.clip(codes, 0, camera.full_dn).astype(np.uint16)
