@@ -2,7 +2,7 @@
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   STRIPS n        strips of LANES columns side by side, as in pass A
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
-//   STREAM 1        rows of the intensity go past the caches, where they begin as vectors do
+//   STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
 //   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
 #include "sensor_lanes.h"
@@ -38,9 +38,7 @@ typedef struct {
     int adds;
     uint x, count, height;
     float weight, second_weight;
-#if STREAM
     int streams;
-#endif
 } image_t;
 
 // The image before this one at row y, or nothing.
@@ -80,6 +78,33 @@ static inline void store_powers(const image_t *image, uint y, lanes_f first, lan
 
 #include "fused_codelets.h"
 
+#if SENSOR
+// The codes of NOISE_BLOCKS / STRIPS rows of each quarter from row `first` of it on. kind: best a constant.
+static inline ALWAYS_INLINE void expose_rows(const camera_t *camera, camera_kind_t kind, const image_t *images, __local const lanes_f *tiles,
+                                             uint first, const frame_noise_t *noise) {
+    const uint quarter = camera->s.quarter, rows = min((uint)NOISE_BLOCKS / STRIPS, quarter - first);
+    for (uint j = 0; j < 4; ++j)
+        for (uint row = 0; row < rows; ++row) {
+            const uint y = first + row + j * quarter;
+            if (y >= images[0].height)
+                return;
+#pragma unroll
+            for (uint strip = 0; strip < STRIPS; ++strip) {
+                const image_t *image = &images[strip];
+                if (image->count == 0)
+                    continue;
+                const uint k = row * STRIPS + strip;
+                __local const lanes_f *at = tiles + strip * FFT_TILE_VECTORS + 2u * y;
+                const lanes_f power = weighted(image, y, at[0], at[(POLARIZATIONS - 1u) * STRIPS * FFT_TILE_VECTORS]);
+                const lanes_f signals = signals_of(&camera->s, power);
+                store_codes(camera, image->x, image->count, y, image->streams,
+                            kind == CAMERA_ANY ? expose_lanes(camera, image->x, image->count, y, j, k, noise, signals)
+                                               : expose_plain_lanes(camera, kind, j, k, noise, signals));
+            }
+        }
+}
+#endif
+
 // positions: of the kept lines (as in pass A), then of all others that are read. blocks: for each block of the transform three numbers; the
 // second counts the groups that reach into it or lie before it, the third the other lines up to its end. ends: as in pass A. width, height:
 // of the image in pixels. adds 1: the intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform
@@ -100,12 +125,12 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
     for (uint strip = 0; strip < FFT_STRIPS; ++strip) {
         image_t image;
         const uint x = (get_global_id(0) * STRIPS + strip % STRIPS) * LANES;
-#if !SENSOR
+#if SENSOR
+        image.streams = STREAM && x + LANES <= width && output_pitch % LANES == 0 && ((size_t)(output + output_offset) & (sizeof(lanes_output) - 1)) == 0;
+#else
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
-#if STREAM
-        image.streams = OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 && ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
-#endif
+        image.streams = STREAM && OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 && ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
 #endif
         image.before = before + before_offset;
         image.before_pitch = before_pitch;
@@ -152,30 +177,19 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
         }
     }
     fft_inverse_last
-#if STREAM
-    __sync_synchronize(); // such stores wait for nobody: here they end before the kernel does
-#endif
 #if SENSOR
     const camera_t camera = SENSOR_CAMERA;
-    const int plain = is_plain(&camera);
+    const camera_kind_t kind = kind_of(&camera);
     for (uint first = 0; first < sensor.quarter; first += NOISE_BLOCKS / STRIPS) {
         const noise_blocks_t blocks = {images[0].x, STRIPS, first, min((uint)NOISE_BLOCKS, (sensor.quarter - first) * STRIPS)};
         frame_noise_t noise;
         draw_noise(&camera.s, &blocks, &noise);
-        for (uint j = 0; j < 4; ++j)
-            for (uint k = 0; k < blocks.count; ++k) {
-                const uint y = block_row(&blocks, k) + j * sensor.quarter, strip = k % STRIPS;
-                const image_t *image = &images[strip];
-                if (y >= height || image->count == 0)
-                    continue;
-                __local const lanes_f *tile = tiles + strip * FFT_TILE_VECTORS;
-                const lanes_f power = weighted(image, y, tile[2u * y], tile[2u * y + (POLARIZATIONS - 1u) * STRIPS * FFT_TILE_VECTORS]);
-                const lanes_f signals = signals_of(&camera.s, power);
-                if (plain)
-                    expose_plain_lanes(&camera, image->x, image->count, y, j, k, &noise, signals);
-                else
-                    expose_lanes(&camera, image->x, image->count, y, j, k, &noise, signals);
-            }
+        if (kind == CAMERA_WHOLE_CODES)
+            expose_rows(&camera, CAMERA_WHOLE_CODES, images, tiles, first, &noise);
+        else if (kind == CAMERA_PLAIN)
+            expose_rows(&camera, CAMERA_PLAIN, images, tiles, first, &noise);
+        else
+            expose_rows(&camera, CAMERA_ANY, images, tiles, first, &noise);
     }
 #elif OVERSAMPLING > 1
     for (uint y = 0; y < height; ++y)
@@ -204,5 +218,8 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
                 image->intensity[(ulong)y * intensity_pitch + image->x + pixel] = value;
             }
         }
+#endif
+#if STREAM
+    __sync_synchronize(); // such stores wait for nobody: here they end before the kernel does
 #endif
 }

@@ -249,6 +249,27 @@ static inline void normals_from_pair(lanes_u radius, lanes_u turn, lanes_f *firs
     *second = r * p.im;
 }
 
+// normal_pair_from_word().
+static inline void normal_pairs_from_words(lanes_u word, lanes_f *first, lanes_f *second) {
+    const lanes_i bits = as_lanes_i(uniforms_from_words(word));
+    const lanes_i exponent = (bits - 0x3f3504f3) >> 23;
+    const lanes_f t = as_lanes_f(bits - (exponent << 23)) - 1.0f;
+    lanes_f p = fma(t, SPREAD(-0.11896108835935593f), SPREAD(0.18667860329151154f));
+    p = fma(t, p, SPREAD(-0.2049633115530014f));
+    p = fma(t, p, SPREAD(0.24909743666648865f));
+    p = fma(t, p, SPREAD(-0.3331450819969177f));
+    p = fma(t, p, SPREAD(0.500011146068573f));
+    p = fma(t, p, SPREAD(-1.0000009536743164f));
+    const lanes_f r = sqrt(fma(convert_lanes_f(exponent), SPREAD(-0.693147182464599609375f), t * p));
+    const lanes_f f = convert_lanes_f(as_lanes_i(word * 0xE78DDE6Du)) * 0x1p-34f;
+    const lanes_f g = f * f;
+    const lanes_f s = fma(g, fma(g, SPREAD(79.810546875f), SPREAD(-41.331077575683594f)), SPREAD(6.283175945281982f)) * f;
+    const lanes_f c = fma(g, fma(g, fma(g, SPREAD(-83.6659164428711f), SPREAD(64.92322540283203f)), SPREAD(-19.739168167114258f)), SPREAD(1.0f));
+    const lanes_f rc = r * c;
+    *first = as_lanes_f(as_lanes_u(fma(-r, s, rc)) ^ word << 31);
+    *second = as_lanes_f(as_lanes_u(fma(r, s, rc)) ^ (word << 30 & 0x80000000u));
+}
+
 // The four normals that normals_from_block() makes of each block.
 static inline void normals_from_blocks(const lanes_words4 *blocks, lanes_f *normals) {
     normals_from_pair(blocks->w0, blocks->w1, &normals[0], &normals[1]);

@@ -1,6 +1,7 @@
 // The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as expose_pixel() in sensor_pixel.h.
 // What is on is decided at run time: pass C of the fused engine includes this, and a transform takes long to compile.
 //   OUTPUT_FORMAT
+//   STREAM 1  codes may go past the caches
 #ifndef CLSP_SENSOR_LANES_H
 #define CLSP_SENSOR_LANES_H
 
@@ -28,9 +29,9 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 #define store_lanes_output(codes, to) vstore_lanes(codes, 0, to)
 #endif
 
-// Blocks of random numbers that are drawn one after the other, before any is used: a block's words are one long chain of multiplications, and so
-// are the logarithms made of them; side by side they fill the time in which each waits for itself.
-#define NOISE_BLOCKS 8
+// Vectors in four rows each whose random numbers are drawn one after the other, before any is used: the words of a block of them are one long chain
+// of multiplications, and so are the logarithms made of them; side by side they fill the time in which each waits for itself.
+#define NOISE_BLOCKS 16
 
 // What is random in LANES columns of four rows, one in each quarter of the image, for each block.
 typedef struct {
@@ -113,9 +114,22 @@ static inline void draw_normals(const sensor_t *s, const noise_blocks_t *blocks,
     }
 }
 
+// Rows 2 n and 2 n + 1 share a block of words, each of which makes a normal for either: blocks begin at an even row.
+static inline void draw_read_noise(const sensor_t *s, const noise_blocks_t *blocks, lanes_f (*normals)[4]) {
+    const uint across = blocks->across, rows = (blocks->count + across - 1) / across;
+    const noise_blocks_t pairs = {blocks->x, across, blocks->row / 2, (rows + 1) / 2 * across};
+    lanes_u words[NOISE_BLOCKS / 2][4];
+    draw_words(s, &pairs, STREAM_READ_NOISE, words);
+    for (uint pair = 0; pair < pairs.count; ++pair) {
+        const uint k = pair + pair / across * across;
+        for (uint j = 0; j < 4; ++j)
+            normal_pairs_from_words(words[pair][j], &normals[k][j], &normals[k + across][j]);
+    }
+}
+
 static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, frame_noise_t *noise) {
     if (s->switches & SENSOR_READ_NOISE)
-        draw_normals(s, blocks, STREAM_READ_NOISE, noise->read);
+        draw_read_noise(s, blocks, noise->read);
     if (s->switches & SENSOR_SHOT_NOISE) {
         draw_normals(s, blocks, STREAM_SHOT_NOISE, noise->shot);
         draw_words(s, blocks, STREAM_SHOT_NOISE + 1, noise->shot_words);
@@ -142,13 +156,23 @@ static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, f
 // The signals that the intensities give.
 static inline lanes_f signals_of(const sensor_t *s, lanes_f intensity) { return positive(s->gain * intensity); }
 
-static inline void store_codes(const camera_t *c, uint x, uint count, uint y, lanes_f value) {
+static inline lanes_output codes_of(const sensor_t *s, lanes_f value) {
 #if OUTPUT_FORMAT == FORMAT_FLOAT32
-    const lanes_output codes = value * c->s.output_scale;
+    return value * s->output_scale;
 #else
-    const lanes_output codes = convert_lanes_output(convert_lanes_i(value));
+    return convert_lanes_output(convert_lanes_i(value));
 #endif
+}
+
+// streams: past the caches.
+static inline void store_codes(const camera_t *c, uint x, uint count, uint y, int streams, lanes_output codes) {
     __global output_t *to = c->output + (ulong)y * c->output_pitch + x;
+#if STREAM
+    if (streams) {
+        __builtin_nontemporal_store(codes, (__global lanes_output *)to);
+        return;
+    }
+#endif
     if (count == LANES) {
         store_lanes_output(codes, to);
         return;
@@ -159,27 +183,39 @@ static inline void store_codes(const camera_t *c, uint x, uint count, uint y, la
         to[lane] = each[lane];
 }
 
-// True if read noise and the converter are all that there is.
-static inline int is_plain(const camera_t *c) {
-    return (c->s.switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) == SENSOR_QUANTIZE && !c->pixel_gain && !c->response && !c->lag_state &&
-           !c->offset && !c->read_noise_map;
+// How much there is besides read noise and the converter.
+typedef enum { CAMERA_WHOLE_CODES, CAMERA_PLAIN, CAMERA_ANY } camera_kind_t;
+
+// Nothing; nothing but a dark signal and a coarse converter; anything.
+static inline camera_kind_t kind_of(const camera_t *c) {
+    const sensor_t *s = &c->s;
+    if ((s->switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) != SENSOR_QUANTIZE || c->pixel_gain || c->response || c->lag_state ||
+        c->offset || c->read_noise_map)
+        return CAMERA_ANY;
+    return s->dark_signal == 0.0f && s->code_step == 1.0f ? CAMERA_WHOLE_CODES : CAMERA_PLAIN;
 }
 
-// expose_lanes() where is_plain().
-static inline void expose_plain_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise,
-                                      lanes_f value) {
+// expose_lanes() of the others: the same bits.
+static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
     const sensor_t *s = &c->s;
-    value = smaller(value + s->dark_signal, SPREAD(s->saturation)) + s->black_level;
-    if (s->switches & SENSOR_READ_NOISE) {
-        const lanes_f total = s->read_noise * noise->read[k][j];
-        value += total;
-    }
-    value = nearest(value * s->steps_per_dn) * s->code_step;
-    store_codes(c, x, count, y, smaller(positive(value), SPREAD(s->top_code)));
+    if (kind == CAMERA_PLAIN)
+        value += s->dark_signal;
+    value = smaller(value, SPREAD(s->saturation)) + s->black_level;
+    if (s->switches & SENSOR_READ_NOISE)
+        value = fma(SPREAD(s->read_noise), noise->read[k][j], value);
+    if (kind == CAMERA_PLAIN)
+        value = nearest(value * s->steps_per_dn) * s->code_step;
+    value = smaller(positive(value), SPREAD(s->top_code));
+#if OUTPUT_FORMAT != FORMAT_FLOAT32 && defined(__clang__)
+    // The sum's lowest bits are the nearest whole number, for which both ends of the range may come before rounding.
+    if (kind == CAMERA_WHOLE_CODES)
+        return convert_lanes_output(as_lanes_u(value + 0x1.8p23f));
+#endif
+    return codes_of(s, kind == CAMERA_PLAIN ? value : nearest(value));
 }
 
 // count pixels of row y in quarter j from x on, a multiple of LANES; their noise is that of block k; value: their signals.
-static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
+static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
     const sensor_t *s = &c->s;
     const uint switches = s->switches;
     const ulong i = (ulong)y * s->width + x;
@@ -216,19 +252,15 @@ static inline void expose_lanes(const camera_t *c, uint x, uint count, uint y, u
     value += s->black_level;
     if (c->offset)
         value += load_some(c->offset + i, count);
-    if (switches & (SENSOR_READ_NOISE | SENSOR_ROW_NOISE | SENSOR_COLUMN_NOISE)) {
-        lanes_f total = SPREAD(0.0f);
-        if (switches & SENSOR_READ_NOISE)
-            total = (c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise)) * noise->read[k][j];
-        if (switches & SENSOR_ROW_NOISE)
-            total = fma(SPREAD(s->row_noise), SPREAD(noise->rows[k][j]), total);
-        if (switches & SENSOR_COLUMN_NOISE)
-            total += noise->column[k];
-        value += total;
-    }
+    if (switches & SENSOR_ROW_NOISE)
+        value = fma(SPREAD(s->row_noise), SPREAD(noise->rows[k][j]), value);
+    if (switches & SENSOR_COLUMN_NOISE)
+        value += noise->column[k];
+    if (switches & SENSOR_READ_NOISE)
+        value = fma(c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise), noise->read[k][j], value);
     if (switches & SENSOR_QUANTIZE)
         value = nearest(value * s->steps_per_dn) * s->code_step; // what is out of its range is clipped
-    store_codes(c, x, count, y, smaller(positive(value), SPREAD(s->top_code)));
+    return codes_of(s, smaller(positive(value), SPREAD(s->top_code)));
 }
 
 #endif

@@ -43,11 +43,23 @@ typedef struct {
     float column;
 } pixel_noise_t;
 
+#if READ_NOISE
+// A word of the block of rows 2 n and 2 n + 1 makes a pair of normals: the first is the even row's.
+static inline ALWAYS_INLINE float read_normal(uint word, uint row) {
+    const normals2 pair = normal_pair_from_word(word);
+    return (row & 1u) ? pair.n1 : pair.n0;
+}
+#endif
+
 static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, uint x, uint row) {
     const uint2 key = (uint2)(s->key_low, s->key_high);
     pixel_noise_t noise;
 #if READ_NOISE
-    noise.read = normals_from_block(image_block(x, row, s->frame_low, s->frame_high, STREAM_READ_NOISE, key));
+    const words4 words = image_block(x, row >> 1, s->frame_low, s->frame_high, STREAM_READ_NOISE, key);
+    noise.read.n0 = read_normal(words.w0, row);
+    noise.read.n1 = read_normal(words.w1, row);
+    noise.read.n2 = read_normal(words.w2, row);
+    noise.read.n3 = read_normal(words.w3, row);
 #endif
 #if SHOT_NOISE
     noise.shot = normals_from_block(image_block(x, row, s->frame_low, s->frame_high, STREAM_SHOT_NOISE, key));
@@ -101,22 +113,16 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
 #if OFFSET
     value += c->offset[i];
 #endif
-#if READ_NOISE || ROW_NOISE || COLUMN_NOISE
-    float total = 0.0f;
-#if READ_NOISE
-#if READ_NOISE_SPREAD
-    total = c->read_noise_map[i] * normal_of(noise->read, j);
-#else
-    total = s->read_noise * normal_of(noise->read, j);
-#endif
-#endif
 #if ROW_NOISE
-    total = fma(s->row_noise, normal_of(noise->rows, j), total);
+    value = fma(s->row_noise, normal_of(noise->rows, j), value);
 #endif
 #if COLUMN_NOISE
-    total += noise->column;
+    value += noise->column;
 #endif
-    value += total;
+#if READ_NOISE_SPREAD
+    value = fma(c->read_noise_map[i], normal_of(noise->read, j), value);
+#elif READ_NOISE
+    value = fma(s->read_noise, normal_of(noise->read, j), value);
 #endif
 #if QUANTIZE
 #if CODE_STEP

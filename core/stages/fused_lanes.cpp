@@ -84,6 +84,12 @@ class FusedLanes final : public FusedEngine {
     std::string column_options() const {
         return fmt::format("-DLANES={} -DSTRIPS={} -DPOLARIZATIONS={}", lanes_, tiles_.strips, tiles_.polarizations);
     }
+    // By the compiler's own builtin. What an item writes of a row should be whole cache lines.
+    bool streams(Format output) const {
+        const std::uint64_t bytes = component_bytes(output);
+        return context_->is_pocl_cpu() && bytes * grid_.width * grid_.height >= kStreamedBytes &&
+               tiles_.strips * lanes_ * bytes % kCacheLineBytes == 0;
+    }
     cl::Kernel &columns_kernel(const std::string &field_options);
     cl::Kernel &rows_kernel(bool shifted);
     cl::Kernel &exposed_kernel(Format output);
@@ -140,13 +146,10 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    // By the compiler's own builtin.
-    const bool streams =
-        context_->is_pocl_cpu() && std::uint64_t{grid_.width} * grid_.height * sizeof(float) >= kStreamedBytes;
-    inverse_ = LazyKernel(
-        "fused_columns_inverse.cl", "fused_columns_inverse",
-        fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", column_options(), pixel_samples_, streams ? 1 : 0),
-        &column_codelets_);
+    inverse_ = LazyKernel("fused_columns_inverse.cl", "fused_columns_inverse",
+                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", column_options(), pixel_samples_,
+                                      streams(Format::kFloat32) ? 1 : 0),
+                          &column_codelets_);
     rows_kernel(false);
 }
 
@@ -245,8 +248,8 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
         return found->second;
     return exposed_
         .emplace(output, context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                                          fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DOUTPUT_FORMAT={}",
-                                                      column_options(), static_cast<std::uint32_t>(output)),
+                                          fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DSTREAM={} -DOUTPUT_FORMAT={}",
+                                                      column_options(), streams(output) ? 1 : 0, static_cast<std::uint32_t>(output)),
                                           &column_codelets_))
         .first->second;
 }

@@ -307,7 +307,7 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
     KernelArguments arguments(kernel);
     add_arguments(arguments.add(intensity), frame_index, output);
     if (in_lanes_)
-        chain.run("sensor", kernel, quarter, 1, 1, 1);
+        chain.run("sensor", kernel, (quarter + 1) / 2, 1, 1, 1);
     else
         chain.run("sensor", kernel, p.width, quarter);
     exposed();

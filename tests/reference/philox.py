@@ -126,6 +126,29 @@ def normal(blocks: NDArray[np.uint32], exact: bool = False) -> NDArray[np.float6
     return out
 
 
+def normal_pair(words: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Two normals of each word, shape (..., 2): Box and Muller's with an angle of the first quadrant, whose place the
+    word times 0xE78DDE6D tells, and the word's two lowest bits as signs."""
+    product = (words.astype(np.uint64) * np.uint64(0xE78DDE6D)).astype(np.uint32).view(np.int32)
+    angle = np.pi / 4 + 2 * np.pi * product.astype(np.float64) * 2.0**-34
+    radius = np.sqrt(-2.0 * np.log(uniform(words)))
+    first = np.where(words & 1, -1.0, 1.0) * np.cos(angle)
+    second = np.where(words & 2, -1.0, 1.0) * np.sin(angle)
+    return radius[..., None] * np.stack([first, second], axis=-1)
+
+
+def image_pair_normal(height: int, width: int, seed: int, frame_index: int, stream: int) -> NDArray[np.float64]:
+    """Normals of every pixel where rows 2 n and 2 n + 1 of each quarter share a block: its words' first normals are
+    the even row's."""
+    quarter = -(-height // 4)
+    # The blocks of an image of half as many rows in each quarter.
+    blocks = image_blocks(4 * ((quarter + 1) // 2), width, seed, frame_index, stream)
+    pairs = normal_pair(blocks)  # rows / 2, width, word, parity
+    rows = np.arange(height)
+    row = rows % quarter
+    return pairs[row // 2, :, rows // quarter, row % 2]
+
+
 def image_uniform(height: int, width: int, seed: int, frame_index: int, stream: int) -> NDArray[np.float64]:
     """Uniforms of every pixel."""
     return uniform(image_words(height, width, seed, frame_index, stream))

@@ -141,7 +141,8 @@ class Sensor:
         """What step 9 adds anew in each frame."""
         rows = philox.image_normal(self.height, 1, self.seed, frame_index, STREAM_ROW_NOISE)
         return (
-            self.read_noise_map_dn() * self._normal(STREAM_READ_NOISE, frame_index)
+            self.read_noise_map_dn()
+            * philox.image_pair_normal(self.height, self.width, self.seed, frame_index, STREAM_READ_NOISE)
             + self.row_noise_dn * rows
             + self.column_noise_dn * self._row(STREAM_COLUMN_NOISE, frame_index)
         )

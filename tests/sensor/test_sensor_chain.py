@@ -432,7 +432,7 @@ def test_read_noise_spread_keeps_the_mean_square(context):
     logarithm = np.log(np.sqrt(np.mean(frames**2, axis=0)))
     assert abs(logarithm.std() - np.sqrt(spread**2 + 1 / 128)) < 0.02
     expected = sensor.Sensor(128, 128, seed=56, read_noise_dn=40.0, read_noise_spread=spread).read_noise_map_dn()
-    normal = philox.image_normal(128, 128, 56, 7, 0x10)
+    normal = philox.image_pair_normal(128, 128, 56, 7, 0x10)
     big = np.abs(normal) > 0.1
     assert np.abs(frames[7] / normal / expected - 1)[big].max() < 2e-3
 
@@ -449,7 +449,7 @@ def test_effective_bits_leave_only_multiples(context, bits):
             bits=bits,
             effective_bits=effective,
             exposure_gain_dn=2.0**bits / 4,
-            black_level_dn=2.0**bits / 16,
+            black_level_dn=2.0**bits / 32,
             read_noise_dn=2.0**bits / 50,
         )
         codes = stage.expose(intensity_image())
