@@ -184,6 +184,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
+    result.work_captures = found.work;
+    result.ended_early = found.ended_early;
     if (found.ended_early)
         result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
                                            "candidates (--without) leave more for the others",

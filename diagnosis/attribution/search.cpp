@@ -456,6 +456,7 @@ SearchResult Search::run() {
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
         result.ended_early = ended_early_;
+        result.work = experiment_.work() - work_before_;
     }
     fits_.report(1.0, "done");
     return result;

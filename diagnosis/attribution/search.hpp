@@ -48,6 +48,7 @@ struct SearchResult {
     FittedModel baseline;
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
+    double work = 0.0;               // what was asked for beside the baseline's (Experiment::work)
     bool ended_early = false;        // at the most work, with more to try
 };
 

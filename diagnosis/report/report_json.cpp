@@ -139,6 +139,8 @@ std::string report_json(const DiagnosisResult &result) {
                           {"left_out", result.left_out},
                           {"effects_not_visible", result.untested_effects},
                           {"questions_open", result.untested_topics}};
+    if (!result.comparison)
+        report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();
     if (result.comparison)
         report["compare"] = comparison_json(*result.comparison);
