@@ -2,8 +2,13 @@
 // frames of their own.
 #include "attribution/experiment.hpp"
 
+#include <Eigen/Core>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <numeric>
 #include <optional>
 
 namespace clsp {
@@ -20,6 +25,63 @@ constexpr double kCoarse = 2.5;
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
 constexpr int kRootRounds = 12;
+// Dark and even frames are simulated at so many read noises, their means brought to the real ones'. Between them the
+// variance goes as a polynomial, within the sampling error of 500,000 codes. Further draws tell what that error is.
+constexpr std::size_t kNoisePoints = 5, kNoiseSteps = 600;
+constexpr Eigen::Index kScatterDraws = 8;
+// Away from 0, whose neighbours are the replicates of a diagnosis of seed 0.
+constexpr std::uint64_t kScatterSeed = std::uint64_t{1} << 41;
+// Three errors: a flat that no read noise explains so far has an effect that is still missing, and no say.
+constexpr double kMostSquare = 9.0;
+
+struct NoiseRange {
+    double stated, low, high;
+    double deviation() const { return 0.25 * (high - low); }
+};
+
+NoiseRange noise_range(double stated, double step_dn) {
+    if (stated > 0.0)
+        return {stated, (1.0 - kNoiseRange) * stated, (1.0 + kNoiseRange) * stated};
+    return {0.5 * step_dn / kCoarse, kLeastReadNoise, step_dn / kCoarse};
+}
+
+// What a sequence shows of the read noise.
+struct ShownNoise {
+    double wanted = 0.0, error = 0.0; // variance over time, DN^2
+    std::array<double, kNoisePoints> variance{};
+    double most_square = std::numeric_limits<double>::infinity(); // of its deviation that counts
+};
+
+// Lagrange's weights of equidistant points from 0 to 1.
+std::array<double, kNoisePoints> lagrange_weights(double at) {
+    std::array<double, kNoisePoints> weights;
+    for (std::size_t i = 0; i < kNoisePoints; ++i) {
+        weights[i] = 1.0;
+        for (std::size_t j = 0; j < kNoisePoints; ++j)
+            if (j != i)
+                weights[i] *= (at * (kNoisePoints - 1) - double(j)) / (double(i) - double(j));
+    }
+    return weights;
+}
+
+double likely_noise(const NoiseRange &range, const std::vector<ShownNoise> &sequences) {
+    double best = range.stated, least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k <= kNoiseSteps; ++k) {
+        const double at = double(k) / kNoiseSteps, noise = range.low + at * (range.high - range.low);
+        const std::array<double, kNoisePoints> weights = lagrange_weights(at);
+        double loss = std::pow((noise - range.stated) / range.deviation(), 2);
+        for (const ShownNoise &shown : sequences) {
+            const double excess =
+                std::inner_product(weights.begin(), weights.end(), shown.variance.begin(), -shown.wanted);
+            loss += std::min(std::pow(excess / shown.error, 2), shown.most_square);
+        }
+        if (loss < least) {
+            least = loss;
+            best = noise;
+        }
+    }
+    return best;
+}
 
 double converter_step_dn(const CaptureLayout &layout, const EffectSettings &effects) {
     for (const EffectSetting &effect : effects)
@@ -105,8 +167,10 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
         result.read_noise_dn = levels[1];
     };
     if (coarse && dark) {
-        result.read_noise_dn = layout_.read_noise_dn > 0.0 ? layout_.read_noise_dn : 0.5 * step / kCoarse;
-        if (still) {
+        result.read_noise_dn = noise_range(layout_.read_noise_dn, step).stated;
+        if (!still) {
+            result.read_noise_dn = noise_between_steps(effects, *dark, lit, step, result);
+        } else {
             on_dark();
             const std::vector<double> levels = part('n', *still, result, [&](CalibratedLevels &own) {
                 Simulator &simulator = simulator_of(*still, kCalibrationSeed);
@@ -133,6 +197,90 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
     return result;
 }
 
+double Experiment::noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
+                                       double step_dn, const CalibratedLevels &begin) {
+    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
+    std::vector<std::size_t> sequences = {dark};
+    for (const Task &task : lit)
+        if (layout_.sequences[task.sequence].scene == CaptureScene::kFlat)
+            sequences.push_back(task.sequence);
+    std::vector<std::array<SteppedLevel, kNoisePoints>> found(sequences.size());
+    const auto find = [&](std::size_t first, std::size_t last) {
+        std::vector<Task> tasks;
+        for (std::size_t k = first; k < last; ++k)
+            for (std::size_t i = 0; i < kNoisePoints; ++i)
+                tasks.push_back({k * kNoisePoints + i, sequences[k], kCalibrationSeed});
+        run_tasks(tasks, {}, [&](const Task &task, Simulator &simulator, unsigned) {
+            const std::size_t k = task.seed_index / kNoisePoints, i = task.seed_index % kNoisePoints;
+            CalibratedLevels levels = begin;
+            levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kNoisePoints - 1);
+            if (k > 0)
+                levels.black_level_dn = found[0][i].black_level_dn;
+            const bool scattered = 2 * i + 1 == kNoisePoints;
+            found[k][i] = stepped_level(simulator, effects, task.sequence, step_dn, scattered, levels);
+        });
+    };
+    find(0, 1); // the flats' light stands on the black level
+    find(1, sequences.size());
+    std::vector<ShownNoise> shown(sequences.size());
+    for (std::size_t k = 0; k < sequences.size(); ++k) {
+        const SequenceLevel &real = real_levels_[sequences[k]];
+        shown[k].wanted = real.temporal_noise_dn * real.temporal_noise_dn;
+        // One code more or less in all frames is no more than chance.
+        const double codes = double(layout_.pixel_count()) * layout_.sequences[sequences[k]].frame_count;
+        const SteppedLevel &middle = found[k][kNoisePoints / 2];
+        shown[k].error = std::hypot(middle.error, step_dn * step_dn / codes);
+        for (std::size_t i = 0; i < kNoisePoints; ++i) {
+            const SteppedLevel &level = found[k][i];
+            shown[k].variance[i] =
+                std::max(0.0, level.variance + middle.lack + middle.slope * (real.mean_dn - level.mean_dn));
+        }
+        if (k > 0)
+            shown[k].most_square = kMostSquare;
+    }
+    return likely_noise(range, shown);
+}
+
+Experiment::SteppedLevel Experiment::stepped_level(Simulator &simulator, const EffectSettings &effects,
+                                                   std::size_t sequence, double step_dn, bool scattered,
+                                                   CalibratedLevels levels) {
+    const std::vector<double> values = memo_.value(key_of(effects, levels, sequence).add_kind('N'), [&] {
+        const bool is_dark = layout_.sequences[sequence].scene == CaptureScene::kDark;
+        const SequenceLevel at = is_dark ? calibrate_coarse_dark(simulator, effects, sequence, step_dn, levels)
+                                         : calibrate_coarse_signal(simulator, effects, sequence, step_dn, levels);
+        const double variance = at.temporal_noise_dn * at.temporal_noise_dn;
+        std::vector<double> result = {levels.black_level_dn, at.mean_dn, variance, 0.0, 0.0, 0.0};
+        if (!scattered)
+            return result;
+        Eigen::ArrayXd means(kScatterDraws), variances(kScatterDraws);
+        for (Eigen::Index r = 0; r < kScatterDraws; ++r) {
+            const SequenceLevel drawn =
+                simulated_level(simulator, effects, levels, sequence, kScatterSeed + static_cast<std::uint64_t>(r));
+            means[r] = drawn.mean_dn;
+            variances[r] = drawn.temporal_noise_dn * drawn.temporal_noise_dn;
+        }
+        // The line through them: two codes' variance follows from the mean, and does not scatter about it.
+        const double mean = means.mean(), mean_variance = variances.mean();
+        const double square = (means - mean).square().sum();
+        const double slope = square > 0.0 ? ((means - mean) * variances).sum() / square : 0.0;
+        const double rest = (variances - mean_variance - slope * (means - mean)).square().sum();
+        result[3] = slope;
+        result[4] = mean_variance - variance + slope * (at.mean_dn - mean);
+        // Of the real frames and of the line.
+        result[5] = std::sqrt(rest / (kScatterDraws - 2) * (1.0 + 1.0 / kScatterDraws));
+        return result;
+    });
+    return {values[0], values[1], values[2], values[3], values[4], values[5]};
+}
+
+SequenceLevel Experiment::simulated_level(Simulator &simulator, const EffectSettings &effects,
+                                          const CalibratedLevels &levels, std::size_t sequence,
+                                          std::uint64_t seed) const {
+    const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
+    const auto codes = frames(simulator, effects, levels, sequence, seed, frame_count);
+    return sequence_level(layout_, sequence, codes.data(), frame_count);
+}
+
 void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
     const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[sequence].frame_count);
     const double wanted = real_calibration_.read_noise_dn * real_calibration_.read_noise_dn + kQuantizationVariance;
@@ -148,14 +296,16 @@ void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effe
     }
 }
 
-void Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
+                                                std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double centre = real_calibration_.black_level_dn;
-    const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
+    SequenceLevel level;
     levels.black_level_dn = root(centre - step_dn, centre + step_dn, 1e-3 * step_dn, [&](double black_level_dn) {
         levels.black_level_dn = black_level_dn;
-        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
-        return sequence_level(layout_, sequence, codes.data(), frame_count).mean_dn - centre;
+        level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
+        return level.mean_dn - centre;
     });
+    return level;
 }
 
 void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
@@ -176,26 +326,27 @@ void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &ef
     }
 }
 
-void Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+SequenceLevel Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects,
+                                                  std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double wanted = real_levels_[sequence].mean_dn;
     const double signal = wanted - real_calibration_.black_level_dn;
-    const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
     double &share = levels.signal_share[sequence];
     const double centre = share, reach = std::min(0.5 * centre, 2.0 * step_dn / signal);
+    SequenceLevel level;
     share = root(centre - reach, centre + reach, 1e-3 * step_dn, [&](double at) {
         share = at;
-        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
-        return sequence_level(layout_, sequence, codes.data(), frame_count).mean_dn - wanted;
+        level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
+        return level.mean_dn - wanted;
     });
+    return level;
 }
 
 void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                         double step_dn, CalibratedLevels &levels) {
-    const double wanted = real_levels_[sequence].temporal_noise_dn, stated = layout_.read_noise_dn;
-    const double low = stated > 0.0 ? (1.0 - kNoiseRange) * stated : kLeastReadNoise;
-    const double high = stated > 0.0 ? (1.0 + kNoiseRange) * stated : step_dn / kCoarse;
+    const double wanted = real_levels_[sequence].temporal_noise_dn;
+    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
     const std::uint32_t frame_count = std::min(2 * kTrialFrames, layout_.sequences[sequence].frame_count);
-    levels.read_noise_dn = root(low, high, 1e-3 * wanted, [&](double read_noise_dn) {
+    levels.read_noise_dn = root(range.low, range.high, 1e-3 * wanted, [&](double read_noise_dn) {
         levels.read_noise_dn = read_noise_dn;
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         return sequence_level(layout_, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;

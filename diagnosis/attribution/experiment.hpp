@@ -143,13 +143,28 @@ class Experiment {
     void put(std::size_t sequence, const std::vector<double> &values, FoldStatistics &into) const;
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
     void calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
-                               CalibratedLevels &levels);
+    // Coarse ones give the level that they end at.
+    SequenceLevel calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                        double step_dn, CalibratedLevels &levels);
     void calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
-    void calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
-                                 CalibratedLevels &levels);
+    SequenceLevel calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                          double step_dn, CalibratedLevels &levels);
     void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
                                 CalibratedLevels &levels);
+    // The read noise that dark and even frames show where steps are coarse.
+    double noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
+                               double step_dn, const CalibratedLevels &begin);
+    // A sequence with its mean brought to the real one's, at a given read noise. variance: over time; scattered: how it
+    // goes with the mean, how much of what is expected this draw lacks, and the error about that.
+    struct SteppedLevel {
+        double black_level_dn, mean_dn, variance;
+        double slope, lack, error; // 0 if not scattered
+    };
+    SteppedLevel stepped_level(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                               double step_dn, bool scattered, CalibratedLevels levels);
+    // All frames of a sequence, drawn once.
+    SequenceLevel simulated_level(Simulator &simulator, const EffectSettings &effects, const CalibratedLevels &levels,
+                                  std::size_t sequence, std::uint64_t seed) const;
     // levels: of all sequences, those that are no dark ones of any content. present: those that count.
     Calibration measured_calibration(const std::vector<SequenceLevel> &levels,
                                      const std::vector<std::uint32_t> &frame_counts,
