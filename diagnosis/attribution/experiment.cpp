@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fmt/core.h>
 #include <numeric>
+#include <string_view>
 
 namespace clsp {
 namespace {
@@ -313,22 +314,27 @@ Simulator &Experiment::simulator_of(std::size_t sequence, std::uint64_t seed) co
 
 std::uint64_t Experiment::work_of(const EffectSettings &effects, std::size_t sequence,
                                   std::uint32_t frame_count) const {
+    // In halves of what the sensor and the statistics of a frame take; an interference pattern takes about one of them, a
+    // screen of air or a filter of the whole image three (bench_gap_simulator).
+    constexpr std::uint64_t kMeasuring = 2, kFilter = 3;
     const SequenceLayout &layout = layout_.sequences[sequence];
+    const auto has = [&](std::string_view id) {
+        return std::any_of(effects.begin(), effects.end(), [&](const EffectSetting &e) { return e.id == id; });
+    };
     if (layout.scene == CaptureScene::kDark || layout.scene == CaptureScene::kFlat)
-        return frame_count;
-    // A moving surface has an interference pattern of its own in every frame, which takes about as long as all else; some
-    // effects take several for one.
-    bool every_frame = layout.moving;
+        return kMeasuring * frame_count;
+    // A moving surface has a pattern of its own in every frame; some effects take several for one.
+    const bool has_air = has("airflow") && !layout.moving;
+    const bool every_frame = layout.moving || has_air || has("surface_boiling");
     std::uint64_t patterns = 1;
-    for (const EffectSetting &effect : effects) {
-        every_frame = every_frame || effect.id == "surface_boiling" || effect.id == "airflow";
-        if (effect.id == "linewidth" || effect.id == "pixel_integration" ||
-            (effect.id == "motion_decorrelation" && layout.moving))
-            patterns *= 4;
-        if (effect.id == "depolarization")
-            patterns *= 2;
-    }
-    return frame_count + patterns * (every_frame ? frame_count : 1);
+    if (has("linewidth"))
+        patterns *= 4;
+    if (has("motion_decorrelation") && layout.moving)
+        patterns *= 5;
+    if (has("depolarization"))
+        patterns *= 2;
+    const std::uint64_t filters = (has("glare") ? kFilter : 0) + (has_air ? kFilter : 0);
+    return kMeasuring * frame_count + (patterns + filters) * (every_frame ? frame_count : 1);
 }
 
 double Experiment::work() const {

@@ -89,8 +89,8 @@ class Experiment {
     // Whether this is the thread that progress may be told on: other lanes' are not.
     bool on_callers_thread() const;
 
-    // How much has been asked for so far, in whole captures without effects: by the number of frames and of interference
-    // patterns in them. The same for the same questions, whatever was known already and however many threads there are.
+    // How much has been asked for so far, in whole captures without effects: by the number of frames, and of interference
+    // patterns and filters in them. The same for the same questions, whatever was known already and however many threads there are.
     double work() const;
 
     // Called before each sequence, on the caller's thread; throws to cancel.
@@ -133,7 +133,7 @@ class Experiment {
     // That lane's; in the work of side_by_side() the work's own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
     void sort_by_work();
-    // Frames of even light and interference patterns of a sequence, some of its frames.
+    // What some of a sequence's frames take to simulate and measure.
     std::uint64_t work_of(const EffectSettings &effects, std::size_t sequence, std::uint32_t frame_count) const;
     SimulationLevels levels(Simulator &simulator, const CalibratedLevels &calibrated, const EffectSettings &effects,
                             std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count) const;

@@ -431,10 +431,10 @@ Path Search::explain(const FittedModel &baseline) {
     finish(path, baseline);
     if (!far && goes_far(path) && may_go_on() && common_explains())
         return common;
-    // Where the work ended in the common range, the wide search may not have come as far.
+    // Neither need explain the gap, and either may have come farther.
     const bool common_is_better =
         !common.models.empty() && (path.models.empty() || common.models.back().score < path.models.back().score);
-    return ended_early_ && common_is_better ? common : path;
+    return common_is_better && !is_explained(path) ? common : path;
 }
 
 SearchResult Search::run() {

@@ -94,12 +94,12 @@ TEST(Work, CountsWholeCaptures) {
         EXPECT_DOUBLE_EQ(experiment.work(), 3.0);
         experiment.replicates({}, levels, {1, 2, 3}, {});
         EXPECT_DOUBLE_EQ(experiment.work(), 6.0);
-        // Two polarizations of the moving board: 12 + 12 + (12 + 24) frames and patterns for 12 + 12 + (12 + 12).
+        // Two polarizations of the moving board: 2 12 + 2 12 + (2 12 + 24) for frames and patterns instead of 2 12 + 2 12 + (2 12 + 12).
         experiment.replicates({{"depolarization", {0.5}}}, levels, {4}, {});
-        EXPECT_DOUBLE_EQ(experiment.work(), 6.0 + 60.0 / 48.0);
+        EXPECT_DOUBLE_EQ(experiment.work(), 6.0 + 96.0 / 84.0);
         experiment.halves({}, levels, {5, 6}, {false, true, false}, {});
         after[threads - 1] = experiment.work();
-        EXPECT_DOUBLE_EQ(after[threads - 1], 6.0 + 60.0 / 48.0 + 2 * 6.0 / 48.0);
+        EXPECT_DOUBLE_EQ(after[threads - 1], 6.0 + 96.0 / 84.0 + 2 * 12.0 / 84.0);
     }
     EXPECT_EQ(after[0], after[1]);
 }
