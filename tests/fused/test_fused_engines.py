@@ -197,6 +197,7 @@ CAMERAS = {
     "default": {},
     "8 bits": {"bits": 8},
     "no noise": {"read_noise_dn": 0.0},
+    "coarse converter": {"effective_bits": 6, "conversion_gain_dn_per_e": 0.8, "dark_current_e_per_s": 900.0},
     "noise without read noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
     "all": {
         "shot_noise": True,
@@ -255,6 +256,38 @@ def test_sensor_in_the_last_pass(fused, name, optics):
         stages[1]["phase"].refresh(frame_index)
         intensity = stages[1]["aperture"].intensity(stages[1]["phase"], noise_image(*shape))
         assert np.array_equal(sensors[1].expose(intensity, frame_index=frame_index), codes)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "height", "polarization"),
+    [(np.uint16, 750, 1.0), (np.uint16, 750, 0.4), (np.float32, 375, 1.0), (np.uint8, 1500, 1.0)],
+)
+def test_large_codes_go_past_the_caches(fused, dtype, height, polarization):
+    """Images of more than 1 MiB: whole rows of 45 vectors of 16, then rows that begin anywhere in a vector, and rows
+    of another distance. Bit for bit the sensor's behind the intensity, and nothing beside the image is written."""
+    shape, step = (height, 720), np.dtype(dtype).itemsize
+    bits = 8 if dtype == np.uint8 else 10
+    camera = clspeckle.Pipeline.from_parameters(
+        shape, seed=5, relative_diameter=0.6, bits=bits, degree_of_polarization=polarization, context=fused
+    )
+    ideal = np.ones(shape, np.float32)
+    camera.render(ideal, frame_index=0)
+    intensity = camera.aperture.intensity(camera.phase, ideal)
+    expected = clspeckle.Sensor(shape, seed=5, bits=bits, context=fused).expose(intensity, frame_index=7, dtype=dtype)
+    scene = clspeckle.DeviceImage.from_array(ideal, context=fused)
+    for offset, pitch in ((0, 720), (3, 720), (32, 752), (0, 727)):
+        whole = np.full(offset + height * pitch + 64, 201, dtype)
+        memory = clspeckle.DeviceImage.from_array(whole[None, :], context=fused)
+        view = clspeckle.DeviceImage.wrap(
+            memory.memory, shape, dtype, offset_bytes=offset * step, pitch_bytes=pitch * step, context=fused
+        )
+        camera.enqueue_frame(scene, view, frame_index=7).wait()
+        codes = memory.read()[0]
+        rows = codes[offset : offset + height * pitch].reshape(height, pitch)
+        assert np.array_equal(rows[:, :720], expected)
+        assert np.all(rows[:, 720:] == 201)
+        assert np.all(codes[:offset] == 201)
+        assert np.all(codes[offset + height * pitch :] == 201)
 
 
 def test_in_place(fused):
