@@ -204,6 +204,8 @@ double Experiment::noise_between_steps(const EffectSettings &effects, std::size_
     for (const Task &task : lit)
         if (layout_.sequences[task.sequence].scene == CaptureScene::kFlat)
             sequences.push_back(task.sequence);
+    // Dark frames that are all alike are a damaged recording (as for measured_calibration()).
+    const bool dark_tells = real_levels_[dark].temporal_noise_dn > 0.0;
     std::vector<std::array<SteppedLevel, kNoisePoints>> found(sequences.size());
     const auto find = [&](std::size_t first, std::size_t last) {
         std::vector<Task> tasks;
@@ -238,14 +240,18 @@ double Experiment::noise_between_steps(const EffectSettings &effects, std::size_
         if (k > 0)
             shown[k].most_square = kMostSquare;
     }
+    if (!dark_tells)
+        shown.erase(shown.begin());
     return likely_noise(range, shown);
 }
 
 Experiment::SteppedLevel Experiment::stepped_level(Simulator &simulator, const EffectSettings &effects,
                                                    std::size_t sequence, double step_dn, bool scattered,
                                                    CalibratedLevels levels) {
+    const bool is_dark = layout_.sequences[sequence].scene == CaptureScene::kDark;
+    if (is_dark)
+        levels.black_level_dn = real_calibration_.black_level_dn; // found whatever it is: one key for all
     const std::vector<double> values = memo_.value(key_of(effects, levels, sequence).add_kind('N'), [&] {
-        const bool is_dark = layout_.sequences[sequence].scene == CaptureScene::kDark;
         const SequenceLevel at = is_dark ? calibrate_coarse_dark(simulator, effects, sequence, step_dn, levels)
                                          : calibrate_coarse_signal(simulator, effects, sequence, step_dn, levels);
         const double variance = at.temporal_noise_dn * at.temporal_noise_dn;

@@ -182,7 +182,7 @@ TEST(SampleFilters, ShiftMovesWaves) {
 
 TEST_F(ComparisonTest, BrighterFramesAreDimmedAndKeepTheirReadNoise) {
     const Capture real = make({}, 3, 8, {kDark, kFlat});
-    const Capture sim = make({}, 9, 8, {kDark, kFlat}, {160.0, 64.0, 4.0})
+    const Capture sim = make({}, 9, 8, {kDark, kFlat}, {160.0, 64.0, 4.0});
     PairedCaptures paired = pair_captures(real, sim);
     const ReadNoiseComparison noise = level_captures(paired, camera_levels(real), camera_levels(sim), 0);
     EXPECT_EQ(noise.added_dn, 0.0);
