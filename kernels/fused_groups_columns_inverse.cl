@@ -65,7 +65,7 @@ __kernel GROUP_SIZE void fused_groups_columns_inverse(__global const float2 *lin
     barrier(CLK_LOCAL_MEM_FENCE);
     const uint across = FFT_LINES / OVERSAMPLING, left = (uint)get_group_id(0) * across;
 #if SENSOR
-    // Four rows share a block of random numbers.
+    // Four rows share blocks of random numbers.
     const camera_t camera = SENSOR_CAMERA;
     const uint quarter = sensor.quarter;
 #else

@@ -88,7 +88,8 @@ __kernel void sensor_demosaic(__global const input_t *raw, ulong raw_offset, uin
 
 #include "sensor_pixel.h"
 
-// One work-item a Philox block: four pixels, one in each quarter of the rows.
+// One work-item four pixels, one in each quarter of the rows, which share Philox blocks (that of the read noise with the row beside, whose item draws
+// it once more).
 //   CROSSTALK 1  each pixel gives some of its signal to its four neighbours; the others' switches are in sensor_pixel.h
 __kernel void sensor_expose(__global const float *intensity, ulong intensity_offset, uint intensity_pitch, SENSOR_PARAMETERS) {
     const camera_t camera = SENSOR_CAMERA;

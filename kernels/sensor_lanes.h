@@ -184,9 +184,12 @@ static inline void store_codes(const camera_t *c, uint x, uint count, uint y, in
 }
 
 // How much there is besides read noise and the converter.
-typedef enum { CAMERA_WHOLE_CODES, CAMERA_PLAIN, CAMERA_ANY } camera_kind_t;
+typedef enum {
+    CAMERA_WHOLE_CODES, // nothing
+    CAMERA_PLAIN,       // a dark signal and a coarse converter at most
+    CAMERA_ANY
+} camera_kind_t;
 
-// Nothing; nothing but a dark signal and a coarse converter; anything.
 static inline camera_kind_t kind_of(const camera_t *c) {
     const sensor_t *s = &c->s;
     if ((s->switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) != SENSOR_QUANTIZE || c->pixel_gain || c->response || c->lag_state ||
@@ -195,7 +198,7 @@ static inline camera_kind_t kind_of(const camera_t *c) {
     return s->dark_signal == 0.0f && s->code_step == 1.0f ? CAMERA_WHOLE_CODES : CAMERA_PLAIN;
 }
 
-// expose_lanes() of the others: the same bits.
+// expose_lanes() where the kind is not CAMERA_ANY: the same bits.
 static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
     const sensor_t *s = &c->s;
     if (kind == CAMERA_PLAIN)

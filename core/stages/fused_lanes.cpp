@@ -84,7 +84,8 @@ class FusedLanes final : public FusedEngine {
     std::string column_options() const {
         return fmt::format("-DLANES={} -DSTRIPS={} -DPOLARIZATIONS={}", lanes_, tiles_.strips, tiles_.polarizations);
     }
-    // By the compiler's own builtin. What an item writes of a row should be whole cache lines.
+    // Whether images go past the caches, which needs the compiler's own builtin: large ones, of whose rows an item writes
+    // whole cache lines.
     bool streams(Format output) const {
         const std::uint64_t bytes = component_bytes(output);
         return context_->is_pocl_cpu() && bytes * grid_.width * grid_.height >= kStreamedBytes &&
@@ -249,7 +250,8 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
     return exposed_
         .emplace(output, context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
                                           fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DSTREAM={} -DOUTPUT_FORMAT={}",
-                                                      column_options(), streams(output) ? 1 : 0, static_cast<std::uint32_t>(output)),
+                                                      column_options(), streams(output) ? 1 : 0,
+                                                      static_cast<std::uint32_t>(output)),
                                           &column_codelets_))
         .first->second;
 }

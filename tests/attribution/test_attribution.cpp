@@ -355,8 +355,8 @@ TEST(Diagnosis, NamesASkewAlongAnyAxis) {
 }
 
 // Few small frames, two of which stand still, and a gap that is large: what two captures of common random numbers say of a change is no
-// measure of it: a fit that went by two stopped at 0.65, and a significant gap remained. Of 20 such captures one keeps a residual beyond doubt
-// (the second), and another one at p = 3e-5.
+// measure of it: a fit that went by two stopped at 0.65, and a significant gap remained. Of 20 such captures two keep a residual; of the ten here
+// more than two would by chance once in fourteen draws (seeds are fixed: one does).
 TEST(Diagnosis, SmallCapturesAreFittedByMoreRandomNumbers) {
     CaptureLayout layout = small_layout();
     layout.width = 96;
@@ -371,13 +371,15 @@ TEST(Diagnosis, SmallCapturesAreFittedByMoreRandomNumbers) {
         sequence.frame_count = 8;
         sequence.f_number = 5.6;
     }
-    for (std::uint64_t i = 2; i < 10; ++i) {
+    int residuals = 0;
+    for (std::uint64_t i = 0; i < 10; ++i) {
         const DiagnosisResult result =
             diagnose(context(), simulated({{"aperture_mismatch", {0.62}}}, kCaptureSeed + 180 + i, {}, layout), quick(i));
         ASSERT_EQ(result.effects, std::vector<std::string>{"aperture_mismatch"}) << i;
         EXPECT_NEAR(result.parameters[0].value, 0.62, 0.022) << i;
-        EXPECT_FALSE(result.residual_detected) << i;
+        residuals += result.residual_detected ? 1 : 0;
     }
+    EXPECT_LE(residuals, 2);
 }
 
 // Twice as far beyond the strong end as the weak end is before it; 1 is all that there can be.
@@ -436,7 +438,7 @@ TEST(Diagnosis, ACoarseConverterIsCalibrated) {
 
 // Without speckle at rest. A black level of 63.2 DN is 8 DN, 1.9 deviations of the noise of 4.3 DN, from the next
 // codes: of 36,864 dark codes 2,300 are those, 2 %, and their number goes as the noise's 4.5th power, which makes an
-// error of 0.02 DN. The data sheet says 4.0.
+// error of 0.02 DN; the level is found on one draw of the same size, which puts all of them 0.04 DN too high. The data sheet says 4.0.
 TEST(Diagnosis, ReadNoiseShowsBetweenCoarseSteps) {
     const std::vector<bool> all(small_layout().sequences.size(), true);
     for (std::uint64_t seed = 0; seed < 3; ++seed) {

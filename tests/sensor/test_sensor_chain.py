@@ -449,7 +449,7 @@ def test_effective_bits_leave_only_multiples(context, bits):
             bits=bits,
             effective_bits=effective,
             exposure_gain_dn=2.0**bits / 4,
-            black_level_dn=2.0**bits / 32,
+            black_level_dn=2.0**bits / 32,  # so low that dark pixels reach code 0 in any draw
             read_noise_dn=2.0**bits / 50,
         )
         codes = stage.expose(intensity_image())

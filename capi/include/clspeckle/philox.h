@@ -18,7 +18,8 @@
  * word y / Q of the block of counter (x, r / 2, ...) (integer divisions), which makes a pair of normals, the first for even r, the second for odd r:
  *  - pair:    R cos a and R sin a with R = sqrt(-2 ln uniform(word)), a = pi / 4 + 2 pi f, f = (int32)(word * 0xE78DDE6D mod 2^32) / 2^34, each
  *             negative where the word's bit 0 (the first) or 1 (the second) is set. The 2^32 points (uniform, a) are a lattice, as even as few are;
- *             single precision with short polynomials: right to 3e-6 R.
+ *             single precision with short polynomials: right to 2e-6 R. clspPhiloxEnqueueBlocks() gives the words; no call
+ *             makes the normals.
  */
 #ifndef CLSPECKLE_PHILOX_H
 #define CLSPECKLE_PHILOX_H
