@@ -126,11 +126,13 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
         image_t image;
         const uint x = (get_global_id(0) * STRIPS + strip % STRIPS) * LANES;
 #if SENSOR
-        image.streams = STREAM && x + LANES <= width && output_pitch % LANES == 0 && ((size_t)(output + output_offset) & (sizeof(lanes_output) - 1)) == 0;
+        image.streams = STREAM && x + LANES <= width && output_pitch % LANES == 0 &&
+                        ((size_t)(output + output_offset) & (sizeof(lanes_output) - 1)) == 0;
 #else
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
-        image.streams = STREAM && OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 && ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
+        image.streams = STREAM && OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 &&
+                        ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
 #endif
         image.before = before + before_offset;
         image.before_pitch = before_pitch;
