@@ -1,5 +1,7 @@
 #include "runtime/command_chain.hpp"
 
+#include "runtime/launch_guard.hpp"
+
 #include <fmt/core.h>
 
 namespace clsp {
@@ -22,9 +24,12 @@ void CommandChain::run(const char *stage, const cl::Kernel &kernel, std::size_t 
     const std::size_t local[3] = {local_width, 1, 1};
     const cl_uint dimensions = depth > 1 ? 3 : height > 1 ? 2 : 1;
     cl_event event = nullptr;
-    check_opencl(clEnqueueNDRangeKernel(queue_, kernel(), dimensions, nullptr, global, local_width ? local : nullptr,
-                                        num_waits_, waits_, wants_events_ ? &event : nullptr),
-                 "clEnqueueNDRangeKernel");
+    LaunchGuard::launch(queue_, kernel(), {global[0], global[1], global[2], local_width}, [&] {
+        check_opencl(clEnqueueNDRangeKernel(queue_, kernel(), dimensions, nullptr, global,
+                                            local_width ? local : nullptr, num_waits_, waits_,
+                                            wants_events_ ? &event : nullptr),
+                     "clEnqueueNDRangeKernel");
+    });
     took(stage, event);
 }
 

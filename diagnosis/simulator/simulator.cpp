@@ -2,6 +2,7 @@
 
 #include "effects/effects.hpp"
 #include "runtime/error.hpp"
+#include "runtime/launch_guard.hpp"
 #include "simulator/effect_reach.hpp"
 #include "simulator/opencl_hypothesis.hpp"
 #include "simulator/optics.hpp"
@@ -117,7 +118,7 @@ struct Simulator::Implementation {
 
     Implementation(std::shared_ptr<Context> context_, const CaptureLayout &layout_, std::vector<Hypothesis> hypotheses_)
         : context(std::move(context_)), layout(layout_), hypotheses(std::move(hypotheses_)),
-          pixels(layout.pixel_count()), queue(context->cl_context(), context->device()), optics(context, layout),
+          pixels(layout.pixel_count()), queue(context->cl_context(), context->device()), guard(*context, queue), optics(context, layout),
           sensor_side(context, layout) {}
 
     void check_sequence(std::size_t sequence) const {
@@ -222,6 +223,7 @@ struct Simulator::Implementation {
     std::vector<Hypothesis> hypotheses;
     std::size_t pixels;
     cl::CommandQueue queue;
+    LaunchGuard guard; // others simulate side by side with this one
     Optics optics;
     SensorSide sensor_side;
     std::list<Drawn> drawn; // the last one used in front
