@@ -25,7 +25,7 @@
 #define STREAM_BOIL_PHASE 0x26u         // + polarization; + 2 for the next knot
 #define STREAM_BOIL_MAGNITUDE 0x2au     // + polarization; + 2 for the next knot
 #define STREAM_SURFACE_HEIGHT 0x30u
-#define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33, 0x34, 0x40 to 0x46, 0x51 and 0x52
+#define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33 to 0x35, 0x40 to 0x46, 0x51 and 0x52
 #define STREAM_ETCH_NOISE 0x50u
 #define STREAM_HYPOTHESIS 0x60u         // + draw, 0 to 15
 #define STREAM_HYPOTHESIS_FIXED 0x70u   // + draw, 0 to 15

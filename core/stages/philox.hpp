@@ -40,6 +40,8 @@ std::array<std::uint32_t, 4> host_block(std::uint64_t seed, std::array<std::uint
 
 // Numbers for a whole frame are drawn on the host.
 constexpr std::uint32_t kStreamFlicker = 0x33, kStreamVibration = 0x34;
+// Black level and read noise of a camera that only its data sheet tells of.
+constexpr std::uint32_t kStreamCameraLevels = 0x35;
 // Of the design of diffractive elements: phases of the orders, places of dots.
 constexpr std::uint32_t kStreamDoePhase = 0x51, kStreamDotLayout = 0x52;
 // Two standard normal numbers, from words 0 and 1 of the block of counter (0, 0, frame, stream) by Box and Muller.

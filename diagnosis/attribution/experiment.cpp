@@ -2,6 +2,7 @@
 
 #include "attribution/lanes.hpp"
 #include "runtime/error.hpp"
+#include "stages/philox.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -37,7 +38,7 @@ struct Experiment::Inside {
     const Experiment *const experiment;
     const std::size_t lane;
     const std::function<void()> &checkpoint;
-    OpenTasks &tasks; // of all lanes
+    OpenTasks &tasks;           // of all lanes
     const Inside *const before; // of another experiment
     static thread_local const Inside *here;
 };
@@ -61,7 +62,6 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     offsets_.push_back(0);
     for (std::size_t s = 0; s < sequences; ++s) {
         parted_ = parted_ || layout_.sequences[s].frame_count >= 4;
-        has_dark_ = has_dark_ || layout_.sequences[s].scene == CaptureScene::kDark;
         statistics_.emplace_back(layout_, s, half_count(s), spare_residuals);
         const auto &list = statistics_.back().list();
         list_.insert(list_.end(), list.begin(), list.end());
@@ -75,6 +75,13 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
         frame_counts.push_back(layout_.sequences[s].frame_count);
         real_levels_.push_back(sequence_level(layout_, s, real.codes[s].data(), frame_counts[s]));
     }
+    for (std::size_t s = 0; s < sequences; ++s)
+        if (layout_.sequences[s].scene == CaptureScene::kDark) {
+            knows_black_level_ = true;
+            // Frames that are all alike tell no noise (measured_calibration()); an effect may have made them so, which
+            // is for a fit to find.
+            knows_read_noise_ = knows_read_noise_ || frame_counts[s] >= 2;
+        }
     real_calibration_ = measured_calibration(real_levels_, frame_counts, std::vector<bool>(sequences, true));
     real_.first.resize(count());
     real_.second.resize(count());
@@ -126,11 +133,13 @@ SimulationLevels Experiment::levels(Simulator &simulator, const CalibratedLevels
                                     const EffectSettings &effects, std::size_t sequence, std::uint64_t seed,
                                     std::uint32_t frame_count) const {
     SimulationLevels result;
-    result.black_level_dn = calibrated.black_level_dn;
-    result.read_noise_dn = calibrated.read_noise_dn;
+    result.black_level_dn = calibrated.black_level_dn + calibrated.black_level_error_dn;
+    result.read_noise_dn = calibrated.read_noise_dn * calibrated.read_noise_ratio;
     if (layout_.sequences[sequence].scene == CaptureScene::kDark)
         return result;
-    const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn);
+    // The mean is the real one's, whatever part of it is light.
+    const double signal = std::max(0.0, real_levels_[sequence].mean_dn - real_calibration_.black_level_dn -
+                                            calibrated.black_level_error_dn);
     const double intensity = simulator.mean_intensity(sequence, effects, seed, frame_count);
     if (!(intensity > 0.0))
         // With effects that together block all light the simulator is asked for too much, which is no fault of the
@@ -169,15 +178,24 @@ std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects
     return result;
 }
 
-MemoKey Experiment::key_of(const EffectSettings &effects, const CalibratedLevels &levels,
-                           std::size_t sequence) const {
+MemoKey Experiment::key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const {
     MemoKey key;
     key.add(std::uint64_t{sequence});
     key.add(simulators_.front()->concerning(effects, sequence));
-    key.add(levels.black_level_dn).add(levels.read_noise_dn);
+    key.add(levels.black_level_dn + levels.black_level_error_dn).add(levels.read_noise_dn * levels.read_noise_ratio);
     if (layout_.sequences[sequence].scene != CaptureScene::kDark)
         key.add(levels.signal_share[sequence]);
     return key;
+}
+
+CalibratedLevels Experiment::drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const {
+    CalibratedLevels result = calibrated;
+    const std::array<double, 2> normals = host_normals(seed, 0, kStreamCameraLevels);
+    if (!knows_black_level_)
+        result.black_level_error_dn = kSheetBlackLevel * normals[0];
+    if (!knows_read_noise_)
+        result.read_noise_ratio = std::exp(kSheetReadNoise * normals[1]);
+    return result;
 }
 
 void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
@@ -186,17 +204,26 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
     const std::size_t sequences = layout_.sequences.size();
     std::vector<std::uint32_t> frame_counts(sequences);
     std::vector<bool> dark(sequences);
-    std::vector<MemoKey> keys;
+    // Of each seed, or of all where the capture tells the levels.
+    std::vector<CalibratedLevels> drawn = {calibrated};
+    if (!knows_black_level_ || !knows_read_noise_) {
+        drawn.clear();
+        for (const std::uint64_t seed : seeds)
+            drawn.push_back(drawn_levels(calibrated, seed));
+    }
+    const auto levels_of = [&](std::size_t i) -> const CalibratedLevels & { return drawn[i % drawn.size()]; };
+    std::vector<std::vector<MemoKey>> keys(drawn.size());
     for (std::size_t s = 0; s < sequences; ++s) {
         frame_counts[s] = frame_count(s, folds);
         dark[s] = layout_.sequences[s].scene == CaptureScene::kDark;
-        keys.push_back(key_of(effects, calibrated, s).add(std::uint64_t(folds)));
+        for (std::size_t d = 0; d < drawn.size(); ++d)
+            keys[d].push_back(key_of(effects, drawn[d], s).add(std::uint64_t(folds)));
         if (concerned[s])
             work_ += seeds.size() * work_of(effects, s, frame_counts[s]);
     }
     std::vector<Calibration> calibrations(seeds.size());
     const auto statistics_key = [&](std::size_t i, std::size_t s) {
-        MemoKey key = keys[s];
+        MemoKey key = keys[i % keys.size()][s];
         return key.add_kind('m').add(seeds[i]).add(calibrations[i].black_level_dn).add(calibrations[i].read_noise_dn);
     };
     // Dark frames are the measure of all others: their levels must be known, also where no effect shows in them.
@@ -208,17 +235,18 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         std::vector<SpareBuffers<std::uint16_t>::Buffer> codes(sequences);
         const auto codes_of = [&](std::size_t s) {
             if (codes[s].empty())
-                codes[s] = frames(simulator, effects, calibrated, s, task.seed, frame_counts[s]);
+                codes[s] = frames(simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
             return codes[s].data();
         };
         std::vector<SequenceLevel> levels(sequences);
         for (std::size_t s = 0; s < sequences; ++s) {
             if (!dark[s])
                 continue;
-            const std::vector<double> level = memo_.value(MemoKey(keys[s]).add_kind('l').add(task.seed), [&] {
-                const SequenceLevel measured_level = sequence_level(layout_, s, codes_of(s), frame_counts[s]);
-                return std::vector<double>{measured_level.mean_dn, measured_level.temporal_noise_dn};
-            });
+            const std::vector<double> level =
+                memo_.value(MemoKey(keys[i % keys.size()][s]).add_kind('l').add(task.seed), [&] {
+                    const SequenceLevel measured_level = sequence_level(layout_, s, codes_of(s), frame_counts[s]);
+                    return std::vector<double>{measured_level.mean_dn, measured_level.temporal_noise_dn};
+                });
             levels[s] = {level[0], level[1]};
         }
         calibrations[i] = measured_calibration(levels, frame_counts, dark);
@@ -236,7 +264,7 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
     run_tasks(tasks, before_each, [&](const Task &task, Simulator &simulator, unsigned threads) {
         const std::size_t i = task.seed_index, s = task.sequence;
         take(i, s, memo_.value(statistics_key(i, s), [&] {
-            const auto codes = frames(simulator, effects, calibrated, s, task.seed, frame_counts[s]);
+            const auto codes = frames(simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
             return measured(s, folds, codes.data(), calibrations[i], threads);
         }));
     });
@@ -314,8 +342,8 @@ Simulator &Experiment::simulator_of(std::size_t sequence, std::uint64_t seed) co
 
 std::uint64_t Experiment::work_of(const EffectSettings &effects, std::size_t sequence,
                                   std::uint32_t frame_count) const {
-    // In halves of what the sensor and the statistics of a frame take; an interference pattern takes about one of them, a
-    // screen of air or a filter of the whole image three (bench_gap_simulator).
+    // In halves of what the sensor and the statistics of a frame take; an interference pattern takes about one of them,
+    // a screen of air or a filter of the whole image three (bench_gap_simulator).
     constexpr std::uint64_t kMeasuring = 2, kFilter = 3;
     const SequenceLayout &layout = layout_.sequences[sequence];
     const auto has = [&](std::string_view id) {
@@ -351,8 +379,7 @@ void Experiment::sort_by_work() {
         const SequenceLayout &sequence = layout_.sequences[s];
         return sequence.scene == CaptureScene::kDark ? 0 : work_of({}, s, sequence.frame_count);
     };
-    std::stable_sort(by_work_.begin(), by_work_.end(),
-                     [&](std::size_t a, std::size_t b) { return work(a) > work(b); });
+    std::stable_sort(by_work_.begin(), by_work_.end(), [&](std::size_t a, std::size_t b) { return work(a) > work(b); });
     places_.resize(by_work_.size());
     for (std::size_t place = 0; place < by_work_.size(); ++place)
         places_[by_work_[place]] = place;
@@ -378,7 +405,8 @@ std::vector<double> Experiment::measured(std::size_t sequence, Folds folds, cons
     statistics_[sequence].compute(codes, calibration, result.data(), threads);
     if (folds == Folds::kBoth) {
         const std::size_t step = frame_count(sequence, folds) - half_count(sequence);
-        statistics_[sequence].compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, threads);
+        statistics_[sequence].compute(codes + step * layout_.pixel_count(), calibration, result.data() + values,
+                                      threads);
     }
     return result;
 }

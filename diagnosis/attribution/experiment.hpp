@@ -29,11 +29,15 @@ struct CalibratedLevels {
     double black_level_dn = 0.0, read_noise_dn = 0.0;
     // By sequence: gain times mean intensity over the real mean signal. 1 for a linear camera without further light.
     std::vector<double> signal_share;
+    // How far one simulated camera is from these, where the capture does not tell them.
+    double black_level_error_dn = 0.0, read_noise_ratio = 1.0;
 };
 
 // Quantization adds the variance of a uniform law of width 1.
 constexpr double kQuantizationVariance = 1.0 / 12.0;
 constexpr double kLeastReadNoise = 0.05;
+// Standard deviations of what a data sheet says, which is good to a few DN and about 15 %.
+constexpr double kSheetBlackLevel = 2.0, kSheetReadNoise = 0.1;
 
 // Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of them.
 constexpr std::uint64_t seed_of_draws(std::uint64_t seed) { return seed * 0x9E3779B97F4A7C15u; }
@@ -111,6 +115,9 @@ class Experiment {
     void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
                   const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
                   const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
+    // The levels of a simulated capture's camera: where no dark sequence tells black level or read noise, every capture has one of its own, as
+    // the data sheet's say of the real one.
+    CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
     // What the frames of a sequence depend on beside the seed.
     MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;
     struct Inside; // which lane a thread works in
@@ -180,7 +187,8 @@ class Experiment {
     std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
     std::vector<StatisticInfo> list_;
     std::vector<std::size_t> offsets_;
-    bool parted_ = false, has_dark_ = false;
+    bool parted_ = false;
+    bool knows_black_level_ = false, knows_read_noise_ = false; // from dark sequences
     std::atomic<std::uint64_t> work_{0}; // see work_of()
     FoldStatistics real_;
     std::vector<SequenceLevel> real_levels_;

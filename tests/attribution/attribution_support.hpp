@@ -46,14 +46,16 @@ inline CaptureLayout small_layout() {
 }
 
 inline Capture simulated(const EffectSettings &effects, std::uint64_t seed,
-                         const std::vector<Hypothesis> &hypotheses = {}, const CaptureLayout &layout = small_layout()) {
+                         const std::vector<Hypothesis> &hypotheses = {}, const CaptureLayout &layout = small_layout(),
+                         double black_level_dn = 63.2, double read_noise_dn = 4.3) {
     Capture capture;
     capture.layout = layout;
     Simulator simulator(context(), capture.layout, hypotheses);
     for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {
         const SequenceLayout &sequence = capture.layout.sequences[s];
         std::vector<std::uint16_t> codes(sequence.frame_count * capture.layout.pixel_count());
-        const SimulationLevels levels{sequence.scene == CaptureScene::kFlat ? 300.0 : 120.0, 63.2, 4.3};
+        const SimulationLevels levels{sequence.scene == CaptureScene::kFlat ? 300.0 : 120.0, black_level_dn,
+                                      read_noise_dn};
         simulator.codes(s, effects, levels, seed, sequence.frame_count, codes.data());
         capture.codes.push_back(std::move(codes));
     }
