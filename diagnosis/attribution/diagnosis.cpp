@@ -12,7 +12,9 @@
 #include <chrono>
 #include <cmath>
 #include <fmt/core.h>
+#include <set>
 #include <thread>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -121,6 +123,14 @@ void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummar
         result.notes.push_back("these effects cannot show in this capture: " + unseen);
 }
 
+// Whether there is a sequence of each scene, of laser light a resting and a moving one.
+bool has_every_kind(const CaptureLayout &layout) {
+    std::set<std::pair<CaptureScene, bool>> kinds;
+    for (const SequenceLayout &sequence : layout.sequences)
+        kinds.emplace(sequence.scene, sequence.moving);
+    return kinds.size() >= 6;
+}
+
 } // namespace
 
 DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
@@ -159,6 +169,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     search_options.most_work *= search_options.pool_seeds / kLeastSeeds;
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
+    // With fewer kinds of sequences more effects look alike, and simulations take less time.
+    if (!has_every_kind(capture.layout))
+        search_options.refined *= 2;
     search_options.level = options.level;
     search_options.residual_level = 0.25 * options.level;
     const std::vector<Candidate> tried = with_alternatives(pool);
