@@ -32,6 +32,9 @@ constexpr double kDoubtful = 0.25;
 // Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
 constexpr double kLittleLeft = 0.02;
 constexpr int kMostExchanges = 3;
+// Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
+// covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
+constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -361,7 +364,9 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
     const double least_share = little ? kLeastShareOfLittle : kLeastShare;
-    if (gain < kLeastGain ||
+    const bool is_large_part = excess > kLarge * static_cast<double>(experiment_.count()) &&
+                         finalists[best]->gain > kMostOfLarge * excess;
+    if ((gain < kLeastGain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
     path.steps.push_back(described(refined, finalists, fits, best, current));

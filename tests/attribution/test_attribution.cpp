@@ -16,6 +16,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 
 namespace {
 
@@ -436,6 +437,20 @@ TEST(Diagnosis, LookAlikesOfOneSequenceAreFittedToo) {
         held += has(result.effects) || has(result.equivalent) ? 1 : 0;
     }
     EXPECT_GE(held, 5);
+}
+
+// Hot pixels scatter in each channel of a mosaic alike: by the covariance of a camera with the mosaic they weigh more than
+// before, so that either effect alone seemed to make the gap wider, and neither was named.
+TEST(Diagnosis, LargeGapsAreExplainedPartByPart) {
+    const EffectSettings both = {{"bayer_mismatch", {0.036}}, {"hot_pixels", {0.009, 150.0}}};
+    CaptureLayout layout = small_layout();
+    layout.width = 96;
+    layout.height = 80;
+    layout.principal_point_px = {47.5, 39.5};
+    const DiagnosisResult result = diagnose(context(), simulated(both, kCaptureSeed + 360, {}, layout), quick(1));
+    EXPECT_EQ(result.verdict, Verdict::kNamed);
+    EXPECT_EQ(std::set<std::string>(result.effects.begin(), result.effects.end()),
+              (std::set<std::string>{"bayer_mismatch", "hot_pixels"}));
 }
 
 // Twice as far beyond the strong end as the weak end is before it; 1 is all that there can be.
