@@ -17,6 +17,7 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <string_view>
 
 using namespace clsp;
@@ -428,6 +429,14 @@ CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t inde
         result.z = from.z;
         result.p_adjusted = from.p_adjusted;
         result.z_after = from.z_after;
+        const StatisticShrinkage &shrink = from.shrink;
+        constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+        const bool has_part = shrink.held_out && shrink.beyond_chance;
+        result.distance_before = shrink.held_out ? shrink.before : kNone;
+        result.distance_after = shrink.held_out ? shrink.after : kNone;
+        result.fraction = has_part ? shrink.fraction : kNone;
+        for (std::size_t i = 0; i < 2; ++i)
+            result.fraction_95[i] = has_part ? shrink.fraction_95[i] : kNone;
         write_struct(required(place, "place"), result, "place");
     });
 }

@@ -178,9 +178,12 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
     const Eigen::VectorXd real = experiment.real().mean();
+    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    if (result.detected && !found.models.empty())
+        shrunk = statistic_shrinkages(experiment, found.baseline, last);
     for (std::size_t k = 0; k < experiment.count(); ++k)
         result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
-                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k]});
+                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k], shrunk[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "attribution/search.hpp"
+#include "attribution/shrinkage.hpp"
 #include "runtime/progress.hpp"
 
 #include <array>
@@ -33,7 +34,8 @@ enum class Verdict { kNone, kNamed, kAmbiguous, kUnknown };
 struct GapPlace {
     StatisticInfo statistic;
     double real = 0.0, sim = 0.0, z = 0.0, p_adjusted = 1.0;
-    double z_after = 0.0; // with the effects found
+    double z_after = 0.0;      // with the effects found
+    StatisticShrinkage shrink; // by the effects found; of nothing held out if there are none
 };
 
 struct ShrinkStep {

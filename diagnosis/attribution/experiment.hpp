@@ -52,6 +52,7 @@ class Experiment {
     std::size_t begin(std::size_t sequence) const { return offsets_[sequence]; }
     std::size_t end(std::size_t sequence) const { return offsets_[sequence + 1]; }
     bool parted() const { return parted_; } // whether any sequence has two halves
+    bool parted(std::size_t sequence) const { return half_count(sequence) < layout_.sequences[sequence].frame_count; }
     const FoldStatistics &real() const { return real_; }
     const SequenceLevel &real_level(std::size_t sequence) const { return real_levels_[sequence]; }
     const Calibration &real_calibration() const { return real_calibration_; }

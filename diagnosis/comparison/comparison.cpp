@@ -27,6 +27,12 @@ Eigen::VectorXd moved_by(const ClosingResult &closed, const GapModel &null, std:
     return moved.cwiseQuotient(null.full().deviation());
 }
 
+// A difference by chance about the last model, after the fit of its first half.
+Eigen::VectorXd strayed(const ClosedGap &last, const FoldStatistics &draw) {
+    const Eigen::VectorXd fitted = last.model->coefficients(last.model->fold(), draw.first - last.model->first_mean());
+    return draw.second - last.model->second_mean() - last.jacobian * fitted;
+}
+
 // On the second halves, which no fit has seen; in the metric of the last model.
 void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &difference, const GapModel &null,
                        DiagnosisResult &result) {
@@ -38,15 +44,10 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
     for (const FoldStatistics &draw : null.replicates().draws)
         chance_before += mean_square(draw.second - null.second_mean()) / double(null.replicates().draws.size());
     const auto &draws = last.model->replicates().draws;
-    // A difference by chance about the last model, after the fit of its first half.
-    const auto strayed = [&](const FoldStatistics &draw) -> Eigen::VectorXd {
-        const Eigen::VectorXd fitted = last.model->coefficients(metric, draw.first - last.model->first_mean());
-        return draw.second - last.model->second_mean() - last.jacobian * fitted;
-    };
     Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r) {
         before[r] = mean_square(draws[std::size_t(r)].second);
-        after[r] = mean_square(strayed(draws[std::size_t(r)]));
+        after[r] = mean_square(strayed(last, draws[std::size_t(r)]));
     }
     const double chance_after = after.mean();
     result.distance_before = beyond_chance(mean_square(difference.second), chance_before);
@@ -57,6 +58,22 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
     result.distance_after = result.steps.back().distance_after;
     result.fraction = result.steps.back().fraction;
     result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
+}
+
+// Of each statistic, on the second halves likewise.
+std::vector<StatisticShrinkage> shrinkages(const Experiment &experiment, const ClosedGap &last,
+                                           const FoldStatistics &difference) {
+    const auto &draws = last.model->replicates().draws;
+    std::vector<HeldOutDifferences> replicates;
+    for (const FoldStatistics &draw : draws)
+        replicates.push_back({draw.second, strayed(last, draw)});
+    std::vector<StatisticShrinkage> result =
+        statistic_shrinkages({difference.second, difference.second - last.change.second}, replicates,
+                             last.model->fold().deviation(), least_deviations(experiment.list(), draws));
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
+        for (std::size_t k = experiment.begin(s); !experiment.parted(s) && k < experiment.end(s); ++k)
+            result[k] = {};
+    return result;
 }
 
 void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTest &test, DiagnosisResult &result) {
@@ -247,9 +264,12 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     }
     const Eigen::VectorXd real_values = experiment.real().mean(), sim_values = simulated.mean();
     const GapTest &last = closed.models.empty() ? test : closed.models.back().residual;
+    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    if (!closed.models.empty())
+        shrunk = shrinkages(experiment, closed.models.back(), difference);
     for (Eigen::Index k = 0; k < count; ++k)
         result.places.push_back({experiment.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
-                                 reported_p_value(test.p_adjusted[k]), last.z[k]});
+                                 reported_p_value(test.p_adjusted[k]), last.z[k], shrunk[std::size_t(k)]});
     if (noise.excess) {
         std::string dark;
         for (const SequenceLayout &s : captures.real.layout.sequences)
@@ -260,7 +280,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                                  noise.sim.read_noise_dn,
                                  noise.z,
                                  reported_p_value(std::min(1.0, noise_p)),
-                                 noise.z});
+                                 noise.z,
+                                 {}});
     }
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });

@@ -211,6 +211,16 @@ std::string effect_with_values(const DiagnosisResult &result, const RankedEffect
     return text;
 }
 
+std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result) {
+    if (result.steps.empty())
+        return "no effect was added";
+    if (!place.shrink.held_out)
+        return result.comparison && place.statistic.name == "read_noise"
+                   ? "it is of the calibration: no effect is fitted to it"
+                   : "no frames are left that the fit has not seen: a sequence needs four";
+    return place.shrink.beyond_chance ? "" : "its distance before is not beyond chance";
+}
+
 std::string explain_reach(const DiagnosisResult &result) {
     std::string text;
     if (!result.left_out.empty())

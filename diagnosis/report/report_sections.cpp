@@ -42,6 +42,32 @@ std::string unit_of(const DiagnosisResult &result, const std::string &effect, co
     return {};
 }
 
+// The statistics that differed most, on held-out frames.
+void write_statistic_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
+    page.heading(3, "Statistic by statistic");
+    std::vector<std::vector<std::string>> rows;
+    for (const GapPlace &place : result.places) {
+        const StatisticShrinkage &shrink = place.shrink;
+        if (!shrink.held_out || !shrink.beyond_chance)
+            continue;
+        rows.push_back({place.statistic.sequence, place.statistic.name, explain_region(place.statistic.region),
+                        figure(shrink.before), figure(shrink.after), percent(shrink.fraction),
+                        percent(shrink.fraction_95[0]), percent(shrink.fraction_95[1])});
+        if (rows.size() == kWorstStatistics)
+            break;
+    }
+    if (rows.empty()) {
+        page.paragraph("No single statistic differed beyond chance on frames that the fit has not seen, or there were "
+                       "no such frames: a sequence needs four.");
+        return;
+    }
+    page.paragraph("Each statistic's own distance on frames that the fit has not seen, on the scale of the distances "
+                   "above, and the part of it that is gone. An interval that holds 100 % says that all of it may be "
+                   "gone; one below 0 % that the effects made it worse.");
+    page.table({"sequence", "statistic", "where in the image", "distance before", "after", "gone", "95 % from", "to"},
+               rows, {3, 4, 5, 6, 7});
+}
+
 } // namespace
 
 void write_summary(const DiagnosisResult &result, HtmlPage &page) {
@@ -195,6 +221,7 @@ void write_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
                         percent(step.fraction)});
     }
     page.table({"effect added", "probability in its step", "distance left", "shrunk so far"}, rows, {1, 2, 3});
+    write_statistic_shrinkage(result, page);
     page.raw("</section>\n");
 }
 

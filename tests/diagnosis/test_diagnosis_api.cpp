@@ -367,6 +367,19 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_LT(place.p_adjusted, 0.02);
     EXPECT_GE(place.p_adjusted, 1e-300);
     EXPECT_NE(place.real, place.sim);
+    EXPECT_GT(place.distance_before, 20.0);
+    EXPECT_LT(place.distance_after, 0.2 * place.distance_before);
+    EXPECT_GT(place.fraction, 0.8);
+    EXPECT_LE(place.fraction_95[0], place.fraction);
+    EXPECT_GE(place.fraction_95[1], place.fraction);
+    // A caller of the release before knows less of the struct.
+    constexpr std::uint32_t kOldSize = offsetof(ClspDiagnosisPlace, distance_before);
+    ClspDiagnosisPlace old{};
+    old.struct_size = kOldSize;
+    old.distance_before = -7.0;
+    ASSERT_CLSP_OK(clspDiagnosisGetPlace(made, 0, &old));
+    EXPECT_EQ(old.z_after, place.z_after);
+    EXPECT_EQ(old.distance_before, -7.0) << "beyond what the caller has";
     const std::vector<ClspDiagnosisPlace> places = diagnosis.places();
     ASSERT_EQ(places.size(), summary.place_count);
     for (std::size_t i = 0; i < places.size(); ++i) {
@@ -458,6 +471,9 @@ TEST_F(Diagnosis, NoGapIsSeenWhereThereIsNone) {
     EXPECT_TRUE(diagnosis.effects().empty());
     EXPECT_TRUE(diagnosis.parameters().empty());
     EXPECT_TRUE(diagnosis.steps().empty());
+    for (const ClspDiagnosisPlace &place : diagnosis.places())
+        EXPECT_TRUE(std::isnan(place.distance_before) && std::isnan(place.distance_after) &&
+                    std::isnan(place.fraction) && std::isnan(place.fraction_95[0]) && std::isnan(place.fraction_95[1]));
     EXPECT_TRUE(diagnosis.ranking().empty());
     // What the verdict does not reach is said.
     const std::string json = diagnosis.report_json();

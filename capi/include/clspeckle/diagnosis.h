@@ -182,6 +182,12 @@ typedef struct ClspDiagnosisPlace {
     double z;             /**< Their difference in standard deviations of single simulated captures. */
     double p_adjusted;    /**< Its probability by chance, adjusted for the number of statistics (Holm). */
     double z_after;       /**< z with the effects found. */
+    double distance_before; /**< On frames that no fit has seen, without effects: beyond chance, on the scale of
+                                 ClspDiagnosisSummary::distance_before. NaN if no effect was found, and of a sequence of fewer than four
+                                 frames. */
+    double distance_after;  /**< With the effects found; NaN as distance_before. */
+    double fraction;        /**< Part of it that is gone: 1 - after / before. NaN also where the distance before is not beyond chance. */
+    double fraction_95[2];  /**< Its 95 % interval; NaN as fraction. */
 } ClspDiagnosisPlace;
 
 /** What one effect took away from the gap, in the order in which effects were found. */

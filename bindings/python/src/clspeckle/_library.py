@@ -1007,6 +1007,10 @@ class ClspDiagnosisPlace(ctypes.Structure):
         ("z", c_double),
         ("p_adjusted", c_double),
         ("z_after", c_double),
+        ("distance_before", c_double),
+        ("distance_after", c_double),
+        ("fraction", c_double),
+        ("fraction_95", c_double * 2),
     ]
 
 

@@ -197,6 +197,15 @@ class GapPlace:
     """Its probability by chance, adjusted for the number of statistics (Holm)."""
     z_after: float
     """z with the effects found."""
+    distance_before: float = math.nan
+    """On frames that no fit has seen, beyond chance, on the scale of :attr:`Shrinkage.distance_before`; NaN if no
+    effect was found, and of a sequence of fewer than four frames."""
+    distance_after: float = math.nan
+    """With the effects found."""
+    fraction: float = math.nan
+    """Part of it that is gone: 1 - after / before; NaN also where the distance before is not beyond chance."""
+    ci95: tuple[float, float] = (math.nan, math.nan)
+    """Its 95 % interval."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -242,8 +251,10 @@ def _number(value: Any) -> float:
 
 def _place(entry: Mapping[str, Any]) -> GapPlace:
     members: dict[str, Any] = {name: entry[name] for name in ("stage", "sequence", "statistic", "region", "unit")}
-    members.update({name: _number(entry[name]) for name in ("real", "sim", "z", "p_adjusted", "z_after")})
-    return GapPlace(**members)
+    numbers = ("real", "sim", "z", "p_adjusted", "z_after", "distance_before", "distance_after", "fraction")
+    members.update({name: _number(entry[name]) for name in numbers})
+    low, high = entry["ci95"] or (None, None)
+    return GapPlace(**members, ci95=(_number(low), _number(high)))
 
 
 def _ranked(entry: Mapping[str, Any]) -> RankedEffect:
