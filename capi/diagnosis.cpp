@@ -348,6 +348,9 @@ CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnos
         result.fraction_95[1] = d->fraction_95[1];
         result.residual_p_value = d->residual_p_value;
         result.seconds = d->seconds;
+        const bool calibrated = !d->calibration.light.empty();
+        result.black_level_dn = calibrated ? d->calibration.black_level_dn : std::numeric_limits<double>::quiet_NaN();
+        result.read_noise_dn = calibrated ? d->calibration.read_noise_dn : std::numeric_limits<double>::quiet_NaN();
         write_struct(required(summary, "summary"), result, "summary");
     });
 }

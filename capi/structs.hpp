@@ -19,6 +19,7 @@ template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
 template <> inline constexpr std::uint32_t kFirstSize<ClspContextDesc> = 48;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnosisPlace> = 256;
+template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnosisSummary> = 152;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDoePatternDesc> = 200;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDotLayoutDesc> = 120;
 template <> inline constexpr std::uint32_t kFirstSize<ClspFrame> = 144;

@@ -121,6 +121,20 @@ void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummar
         result.notes.push_back("these effects cannot show in this capture: " + unseen);
 }
 
+CalibrationResult calibration_of(const Experiment &experiment, const CalibratedLevels &levels) {
+    CalibrationResult result{levels.black_level_dn, levels.read_noise_dn, {}};
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
+        const SequenceLayout &sequence = experiment.layout().sequences[s];
+        SequenceLight light{sequence.name, experiment.real_level(s).mean_dn, 0.0, 0.0};
+        if (sequence.scene != CaptureScene::kDark) {
+            light.share = levels.signal_share[s];
+            light.light_dn = light.share * std::max(0.0, light.mean_dn - experiment.real_calibration().black_level_dn);
+        }
+        result.light.push_back(light);
+    }
+    return result;
+}
+
 } // namespace
 
 DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
@@ -177,6 +191,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    result.calibration = calibration_of(experiment, found.baseline.model.replicates().levels);
+    if (!found.models.empty())
+        result.calibration_after = calibration_of(experiment, last.model.replicates().levels);
     const Eigen::VectorXd real = experiment.real().mean();
     std::vector<StatisticShrinkage> shrunk(experiment.count());
     if (result.detected && !found.models.empty())

@@ -52,12 +52,26 @@ struct Downstream {
     std::string depth_assumption;
 };
 
+// What was adjusted before any gap was spoken of. A sequence's light is what the simulator is run at: gain times mean
+// intensity.
+struct SequenceLight {
+    std::string sequence;
+    double mean_dn = 0.0;               // of the camera's frames
+    double light_dn = 0.0, share = 0.0; // of the simulator's, and over the camera's mean above black; 0 of dark ones
+};
+struct CalibrationResult {
+    double black_level_dn = 0.0, read_noise_dn = 0.0;
+    std::vector<SequenceLight> light; // none of a comparison, whose sets have levels of their own
+};
+
 struct DiagnosisResult {
     std::uint64_t seed = 0;
     double level = 0.0;
     Verdict verdict = Verdict::kNone;
     bool detected = false;
     double p_value = 1.0, distance = 0.0, null_95 = 0.0;
+    CalibrationResult calibration,
+        calibration_after;        // of the baseline; with the effects found, nothing if there are none
     std::vector<GapPlace> places; // all statistics, worst first
     std::vector<std::string> effects;
     double probability = 1.0;

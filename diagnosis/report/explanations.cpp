@@ -211,6 +211,17 @@ std::string effect_with_values(const DiagnosisResult &result, const RankedEffect
     return text;
 }
 
+std::string explain_calibration(const CalibrationResult &calibration) {
+    std::string text =
+        fmt::format("Adjusted to the real frames, which is no gap: black level {:.2f} DN, read noise {:.2f} DN",
+                    calibration.black_level_dn, calibration.read_noise_dn);
+    std::string light;
+    for (const SequenceLight &one : calibration.light)
+        if (one.share > 0.0)
+            light += fmt::format("{}{} {:.1f} DN", light.empty() ? "" : ", ", one.sequence, one.light_dn);
+    return text + (light.empty() ? "." : "; light of " + light + ".");
+}
+
 std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result) {
     if (result.steps.empty())
         return "no effect was added";

@@ -18,6 +18,8 @@ std::string explain_sequence(CaptureScene scene, bool moving);
 // An effect with the values of its parameters and their units.
 std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked);
 
+// Black level, read noise and light that the simulator was adjusted to.
+std::string explain_calibration(const CalibrationResult &calibration);
 // Why a statistic has no interval of the part of its distance that is gone; empty where it has one.
 std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result);
 

@@ -16,6 +16,18 @@ using Json = nlohmann::ordered_json;
 // JSON has no infinities.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+Json calibration_json(const CalibrationResult &calibration) {
+    Json sequences = Json::array();
+    for (const SequenceLight &light : calibration.light)
+        sequences.push_back({{"name", light.sequence},
+                             {"mean_dn", number(light.mean_dn)},
+                             {"light_dn", number(light.light_dn)},
+                             {"share", number(light.share)}});
+    return {{"black_level_dn", number(calibration.black_level_dn)},
+            {"read_noise_dn", number(calibration.read_noise_dn)},
+            {"sequences", sequences}};
+}
+
 // What is not known is null, and no_interval says why.
 void add_shrinkage(const GapPlace &place, const DiagnosisResult &result, Json &entry) {
     const StatisticShrinkage &shrink = place.shrink;
@@ -162,6 +174,11 @@ std::string report_json(const DiagnosisResult &result) {
                           {"left_out", result.left_out},
                           {"effects_not_visible", result.untested_effects},
                           {"questions_open", result.untested_topics}};
+    if (!result.calibration.light.empty()) {
+        report["calibration"] = calibration_json(result.calibration);
+        if (!result.calibration_after.light.empty())
+            report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
+    }
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

@@ -99,6 +99,8 @@ void write_summary(const DiagnosisResult &result, HtmlPage &page) {
             {"Is something left?", result.residual_detected ? "yes" : "no",
              fmt::format("probability of what is left by chance: {}", probability(result.residual_p_value))});
     page.table({"question", "answer", "what the number means"}, rows);
+    if (!result.calibration.light.empty())
+        page.paragraph(explain_calibration(result.calibration));
 }
 
 void write_places(const DiagnosisResult &result, HtmlPage &page) {

@@ -336,6 +336,15 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_EQ(summary.held_out, 1u);
     EXPECT_EQ(summary.step_count, 1u);
     EXPECT_GT(summary.seconds, 0.0);
+    EXPECT_NEAR(summary.black_level_dn, 64.0, 0.1);
+    EXPECT_NEAR(summary.read_noise_dn, 4.0, 0.2);
+    constexpr std::uint32_t kOldSummary = offsetof(ClspDiagnosisSummary, black_level_dn);
+    ClspDiagnosisSummary known{};
+    known.struct_size = kOldSummary;
+    known.black_level_dn = -7.0;
+    ASSERT_CLSP_OK(clspDiagnosisGetSummary(made, &known));
+    EXPECT_EQ(known.seconds, summary.seconds);
+    EXPECT_EQ(known.black_level_dn, -7.0) << "beyond what the caller has";
 
     ClspDiagnosisRanked ranked{};
     ranked.struct_size = sizeof ranked;

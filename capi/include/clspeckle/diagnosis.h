@@ -138,6 +138,9 @@ typedef struct ClspDiagnosisSummary {
     double fraction_95[2];      /**< Its 95 % interval. */
     double residual_p_value;    /**< Probability of so large a remainder by chance. */
     double seconds;             /**< That the diagnosis took. */
+    double black_level_dn;      /**< That the simulator without effects was calibrated to; NaN of a comparison. The report has the light of
+                                     each sequence, too. */
+    double read_noise_dn;       /**< As black_level_dn. */
 } ClspDiagnosisSummary;
 
 /** An effect that was weighed. */

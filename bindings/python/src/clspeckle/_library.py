@@ -962,6 +962,8 @@ class ClspDiagnosisSummary(ctypes.Structure):
         ("fraction_95", c_double * 2),
         ("residual_p_value", c_double),
         ("seconds", c_double),
+        ("black_level_dn", c_double),
+        ("read_noise_dn", c_double),
     ]
 
 

@@ -29,6 +29,7 @@ from .capture import Capture, CaptureSequence
 from .runtime import Context, resolve_context
 
 __all__ = [
+    "Calibration",
     "Coverage",
     "Diagnosis",
     "GapPlace",
@@ -300,6 +301,18 @@ class Coverage:
     """Questions that these sequences leave open."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """What the simulator was adjusted to before any gap was spoken of."""
+
+    black_level_dn: float
+    """Black level."""
+    read_noise_dn: float
+    """Read noise."""
+    light_dn: dict[str, float]
+    """Light above black by sequence, as the simulator without effects has it; 0 of dark ones."""
+
+
 class Diagnosis(Handle):
     """What :func:`diagnose` or :func:`compare` found; ``print`` shows a summary.
 
@@ -320,6 +333,8 @@ class Diagnosis(Handle):
         shrink: how far the gap shrinks with the effects found.
         advice: which captures would tell the equivalents apart.
         coverage: what was judged, and what could not be.
+        calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
+            sets have levels of their own (``report["compare"]``).
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
@@ -368,6 +383,12 @@ class Diagnosis(Handle):
             left_out=tuple(coverage["left_out"]),
             effects_not_visible=tuple(coverage["effects_not_visible"]),
             questions_open=tuple(coverage["questions_open"]),
+        )
+        calibration = report.get("calibration")
+        self.calibration: Calibration | None = calibration and Calibration(
+            black_level_dn=_number(calibration["black_level_dn"]),
+            read_noise_dn=_number(calibration["read_noise_dn"]),
+            light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
         )
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
