@@ -351,6 +351,7 @@ CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnos
         const bool calibrated = !d->calibration.light.empty();
         result.black_level_dn = calibrated ? d->calibration.black_level_dn : std::numeric_limits<double>::quiet_NaN();
         result.read_noise_dn = calibrated ? d->calibration.read_noise_dn : std::numeric_limits<double>::quiet_NaN();
+        result.judged = d->no_light_judged ? 0 : 1;
         write_struct(required(summary, "summary"), result, "summary");
     });
 }

@@ -243,7 +243,15 @@ std::string comparison_text(const Json &compare) {
 std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     const ClspDiagnosisSummary summary = diagnosis.summary();
     const Json report = Json::parse(diagnosis.report_json());
-    std::string text = verdict_text(diagnosis, summary, report["coverage"]) + "\n";
+    std::string text;
+    if (!report["coverage"]["judged"].get<bool>())
+        text =
+            wrapped(fmt::format("NOTHING COULD BE JUDGED of light: every sequence that has some was left out ({}; the "
+                                "notes say why). What follows is about dark frames alone.",
+                                joined(words(report["coverage"]["left_out"]), "and")),
+                    "") +
+            "\n\n";
+    text += verdict_text(diagnosis, summary, report["coverage"]) + "\n";
     if (summary.verdict != CLSP_VERDICT_NONE)
         text += "\n";
     text += fmt::format(

@@ -157,6 +157,11 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                 "scenes that capture.json names, and record again with another exposure",
                                 reasons));
     }
+    const auto has_lit = [](const CaptureLayout &layout) {
+        return std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                           [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    };
+    result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     note_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
     std::string doing;

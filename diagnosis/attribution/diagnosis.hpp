@@ -94,6 +94,8 @@ struct DiagnosisResult {
     // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot
     // show in them.
     std::vector<std::string> judged, left_out, untested_topics, untested_effects;
+    // Every sequence with light was left out: the verdict is about dark frames, and speaks of no light.
+    bool no_light_judged = false;
     // What the search asked for, in whole simulated captures without effects; whether it ended there with more to try.
     double work_captures = 0.0;
     bool ended_early = false;

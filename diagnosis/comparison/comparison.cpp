@@ -181,6 +181,11 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     for (const SequenceLayout &sequence : real.layout.sequences)
         if (std::find(result.judged.begin(), result.judged.end(), sequence.name) == result.judged.end())
             result.left_out.push_back(sequence.name);
+    const auto has_lit = [](const CaptureLayout &layout) {
+        return std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                           [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    };
+    result.no_light_judged = has_lit(real.layout) && !has_lit(captures.real.layout);
     for (const Candidate &candidate : all) {
         const std::string refusal = finished_frames_refusal(candidate.id, captures.sim.layout);
         if (refusal.empty())

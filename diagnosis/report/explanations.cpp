@@ -245,7 +245,9 @@ std::string explain_reach(const DiagnosisResult &result) {
                         : text + "None of this is shown to be right.";
 }
 
-std::string verdict_sentence(const DiagnosisResult &result) {
+namespace {
+
+std::string sentence_of_verdict(const DiagnosisResult &result) {
     switch (result.verdict) {
     case Verdict::kNone:
         return fmt::format(
@@ -273,6 +275,17 @@ std::string verdict_sentence(const DiagnosisResult &result) {
     if (!result.effects.empty())
         text += fmt::format("Found beside it: {}. ", joined(result.effects));
     return text + "The map of where it lies narrows the cause down.";
+}
+
+} // namespace
+
+std::string verdict_sentence(const DiagnosisResult &result) {
+    const std::string sentence = sentence_of_verdict(result);
+    if (!result.no_light_judged)
+        return sentence;
+    return fmt::format("Nothing could be judged of light: every sequence that has some was left out ({}), as the notes "
+                       "say. What follows is about dark frames alone. {}",
+                       joined(result.left_out), sentence);
 }
 
 } // namespace clsp

@@ -173,7 +173,8 @@ std::string report_json(const DiagnosisResult &result) {
                           {"sequences", result.judged},
                           {"left_out", result.left_out},
                           {"effects_not_visible", result.untested_effects},
-                          {"questions_open", result.untested_topics}};
+                          {"questions_open", result.untested_topics},
+                          {"judged", !result.no_light_judged}};
     if (!result.calibration.light.empty()) {
         report["calibration"] = calibration_json(result.calibration);
         if (!result.calibration_after.light.empty())

@@ -532,6 +532,8 @@ TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
     EXPECT_EQ(diagnosis.summary().verdict, CLSP_VERDICT_NONE) << "the ramp is in what was left out";
     EXPECT_NE(diagnosis.report_json().find("\"left_out\": [\n   \"flat\"\n  ]"), std::string::npos)
         << diagnosis.report_json();
+    EXPECT_EQ(diagnosis.summary().judged, 0u);
+    EXPECT_EQ(clspeckle::diagnose(context, make_capture(0.0), quick_options()).summary().judged, 1u);
     for (const ClspDiagnosisPlace &place : diagnosis.places())
         EXPECT_STREQ(place.sequence, "dark");
 

@@ -202,6 +202,11 @@ reports(const std::shared_ptr<clsp::Context> &context) {
     single.detected = true;
     all.emplace_back("single_frames", single);
 
+    clsp::DiagnosisResult unlit = none;
+    unlit.judged = {"dark"};
+    unlit.no_light_judged = true;
+    all.emplace_back("unlit", unlit);
+
     clsp::DiagnosisResult bare;
     bare.notes = {"nothing could be measured"};
     all.emplace_back("bare", bare);

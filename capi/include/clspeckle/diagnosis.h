@@ -141,6 +141,8 @@ typedef struct ClspDiagnosisSummary {
     double black_level_dn;      /**< That the simulator without effects was calibrated to; NaN of a comparison. The report has the light of
                                      each sequence, too. */
     double read_noise_dn;       /**< As black_level_dn. */
+    uint32_t judged;            /**< 0: every sequence with light was left out, so that the verdict is about dark frames alone. */
+    uint32_t reserved;          /**< 0. */
 } ClspDiagnosisSummary;
 
 /** An effect that was weighed. */

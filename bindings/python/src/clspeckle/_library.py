@@ -964,6 +964,8 @@ class ClspDiagnosisSummary(ctypes.Structure):
         ("seconds", c_double),
         ("black_level_dn", c_double),
         ("read_noise_dn", c_double),
+        ("judged", c_uint32),
+        ("reserved", c_uint32),
     ]
 
 

@@ -299,6 +299,8 @@ class Coverage:
     """Effects that cannot show in the sequences that were judged."""
     questions_open: tuple[str, ...]
     """Questions that these sequences leave open."""
+    judged: bool = True
+    """False: every sequence with light was left out, and the verdict is about dark frames alone."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -383,6 +385,7 @@ class Diagnosis(Handle):
             left_out=tuple(coverage["left_out"]),
             effects_not_visible=tuple(coverage["effects_not_visible"]),
             questions_open=tuple(coverage["questions_open"]),
+            judged=coverage["judged"],
         )
         calibration = report.get("calibration")
         self.calibration: Calibration | None = calibration and Calibration(
@@ -422,6 +425,8 @@ class Diagnosis(Handle):
 
     def __str__(self) -> str:
         lines = [f"{self.verdict}: {self._sentence()}"]
+        if not self.coverage.judged:
+            lines.insert(0, "nothing could be judged of light; about dark frames alone:")
         for what, names in (
             ("not judged", self.coverage.left_out),
             ("cannot show here", self.coverage.effects_not_visible),
