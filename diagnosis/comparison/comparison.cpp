@@ -5,6 +5,7 @@
 #include "capture/capture_check.hpp"
 #include "comparison/closing.hpp"
 #include "comparison/finished_frames.hpp"
+#include "report/downstream.hpp"
 #include "report/evidence.hpp"
 #include "runtime/error.hpp"
 
@@ -12,6 +13,8 @@
 #include <chrono>
 #include <cmath>
 #include <fmt/core.h>
+#include <functional>
+#include <numeric>
 #include <thread>
 
 namespace clsp {
@@ -130,6 +133,39 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
                 surplus.effect));
 }
 
+// What is near a dot depends on the lattice: the mean statistics of our simulator's frames with the simulated set's
+// dots less those with the real set's, by the same random numbers.
+FoldStatistics change_by_lattice(const std::shared_ptr<Context> &context, const PairedCaptures &captures,
+                                 const CaptureDots &dots, Experiment &experiment, std::uint32_t count,
+                                 std::uint64_t seed, unsigned threads, const std::function<void()> &checkpoint) {
+    Capture others = captures.real; // whose levels hold for both
+    others.layout.dots = dots;
+    Experiment there(context, others, {}, threads);
+    there.checkpoint = checkpoint;
+    std::vector<std::uint64_t> seeds(count);
+    std::iota(seeds.begin(), seeds.end(), seed + 1);
+    const std::vector<bool> all(experiment.layout().sequences.size(), true);
+    const auto mean_of = [&](Experiment &one) {
+        const auto size = static_cast<Eigen::Index>(one.count());
+        FoldStatistics mean{Eigen::VectorXd::Zero(size), Eigen::VectorXd::Zero(size)};
+        for (const FoldStatistics &draw : one.replicates({}, one.calibrate({}, all, nullptr), seeds, {})) {
+            mean.first += draw.first / double(count);
+            mean.second += draw.second / double(count);
+        }
+        return mean;
+    };
+    const FoldStatistics here = mean_of(experiment), elsewhere = mean_of(there);
+    FoldStatistics change{elsewhere.first - here.first, elsewhere.second - here.second};
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
+        const auto begin = Eigen::Index(experiment.begin(s)), size = Eigen::Index(experiment.end(s)) - begin;
+        if (experiment.layout().sequences[s].scene != CaptureScene::kDots) {
+            change.first.segment(begin, size).setZero();
+            change.second.segment(begin, size).setZero();
+        }
+    }
+    return change;
+}
+
 // Levels of both sets are measured from their dark sequences.
 void check_dark(const Capture &capture, const char *set) {
     for (std::size_t s = 0; s < capture.codes.size(); ++s) {
@@ -204,6 +240,19 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     };
     Experiment experiment(context, captures.real, {}, threads);
     experiment.checkpoint = [&] { tell(doing, fraction); };
+    // Statistics of dots are relative to where dots are meant to be, which each set says for itself. Their width is the
+    // real set's: a simulator that is told another one has a gap.
+    CaptureDots sim_dots = captures.sim.layout.dots.value_or(CaptureDots{});
+    if (captures.real.layout.dots)
+        sim_dots.sigma_px = captures.real.layout.dots->sigma_px;
+    const bool has_dots = std::any_of(captures.real.layout.sequences.begin(), captures.real.layout.sequences.end(),
+                                      [](const SequenceLayout &s) { return s.scene == CaptureScene::kDots; });
+    const bool dots_apart = captures.dots_apart && has_dots;
+    const bool own_dots = dots_apart && experiment.measure_dots_at(sim_dots.positions_px);
+    if (dots_apart)
+        captures.notes.push_back(own_dots ? "each set's dots are measured where its own description has them"
+                                          : "the sets' dots do not allow the same statistics: both sets are measured "
+                                            "at the real set's positions");
     const bool has_dark = std::any_of(captures.sim.layout.sequences.begin(), captures.sim.layout.sequences.end(),
                                       [](const SequenceLayout &s) { return s.scene == CaptureScene::kDark; });
     const Calibration calibration =
@@ -213,6 +262,13 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     FoldStatistics simulated{Eigen::VectorXd(count), Eigen::VectorXd(count)};
     for (std::size_t s = 0; s < captures.sim.codes.size(); ++s)
         experiment.measure(s, captures.sim.codes[s].data(), calibration, simulated);
+    if (own_dots) {
+        const FoldStatistics lattice =
+            change_by_lattice(context, captures, sim_dots, experiment, options.null_replicates, first_seed, threads,
+                              [&] { tell("drawing the other dots", fraction); });
+        simulated.first -= lattice.first;
+        simulated.second -= lattice.second;
+    }
     const FoldStatistics difference{experiment.real().first - simulated.first,
                                     experiment.real().second - simulated.second};
     const GapModel null(experiment,
@@ -302,6 +358,17 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                 return codes;
             }));
     }
+    const EffectSettings added = closed.models.empty() ? EffectSettings{} : closed.models.back().effects;
+    result.downstream = measure_downstream(
+        experiment.layout(), own_dots ? &sim_dots : nullptr, added.empty() ? 2 : 3,
+        [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+            std::vector<std::uint16_t> codes = version == 2   ? finished.codes(s, added, first_seed)
+                                               : version == 1 ? captures.sim.codes[s]
+                                                              : captures.real.codes[s];
+            codes.resize(frame_count * experiment.layout().pixel_count());
+            return codes;
+        },
+        experiment.checkpoint);
     result.comparison = comparison;
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;

@@ -236,7 +236,11 @@ void write_downstream(const DiagnosisResult &result, HtmlPage &page) {
     page.heading(2, "What it means for a depth camera");
     const Downstream &d = result.downstream;
     if (!d.valid) {
-        page.paragraph("The capture holds no frames of dots, so the error of the dots' centres is not known.");
+        page.paragraph(result.comparison
+                           ? "No dots were compared, or none was found in both sets' frames, so the error "
+                             "of the dots' centres is not known."
+                           : "The capture holds no frames of dots, so the error of the dots' centres is "
+                             "not known.");
     } else {
         page.paragraph(
             "A depth camera finds the centres of the dots in single frames; speckle, blur and noise move them. If the "
