@@ -17,6 +17,7 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <string_view>
 
 using namespace clsp;
@@ -347,6 +348,10 @@ CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnos
         result.fraction_95[1] = d->fraction_95[1];
         result.residual_p_value = d->residual_p_value;
         result.seconds = d->seconds;
+        const bool calibrated = !d->calibration.light.empty();
+        result.black_level_dn = calibrated ? d->calibration.black_level_dn : std::numeric_limits<double>::quiet_NaN();
+        result.read_noise_dn = calibrated ? d->calibration.read_noise_dn : std::numeric_limits<double>::quiet_NaN();
+        result.judged = d->no_light_judged ? 0 : 1;
         write_struct(required(summary, "summary"), result, "summary");
     });
 }
@@ -428,6 +433,14 @@ CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t inde
         result.z = from.z;
         result.p_adjusted = from.p_adjusted;
         result.z_after = from.z_after;
+        const StatisticShrinkage &shrink = from.shrink;
+        constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+        const bool has_part = shrink.held_out && shrink.beyond_chance;
+        result.distance_before = shrink.held_out ? shrink.before : kNone;
+        result.distance_after = shrink.held_out ? shrink.after : kNone;
+        result.fraction = has_part ? shrink.fraction : kNone;
+        for (std::size_t i = 0; i < 2; ++i)
+            result.fraction_95[i] = has_part ? shrink.fraction_95[i] : kNone;
         write_struct(required(place, "place"), result, "place");
     });
 }

@@ -180,6 +180,25 @@ std::string waterfall_text(const clspeckle::Diagnosis &diagnosis, const ClspDiag
     return text;
 }
 
+/** What was adjusted before any gap was spoken of; not of a comparison. */
+std::string calibration_text(const Json &report) {
+    if (!report.contains("calibration"))
+        return "";
+    const Json &calibration = report["calibration"];
+    const auto number = [](const Json &value, int digits) {
+        return value.is_number() ? fmt::format("{:.{}f}", value.get<double>(), digits) : std::string("-");
+    };
+    std::vector<std::string> light;
+    for (const Json &sequence : calibration["sequences"])
+        if (sequence["share"] != 0.0)
+            light.push_back(fmt::format("{} {}", sequence["name"].get<std::string>(), number(sequence["light_dn"], 1)));
+    return wrapped(fmt::format("Calibrated: black level {} DN, read noise {} DN{}",
+                               number(calibration["black_level_dn"], 2), number(calibration["read_noise_dn"], 2),
+                               light.empty() ? "" : fmt::format("; light in DN: {}", fmt::join(light, ", "))),
+                   "") +
+           "\n";
+}
+
 std::string downstream_text(const Json &report) {
     const Json &shrink = report["shrink"];
     if (!shrink.contains("downstream") || !shrink["downstream"].contains("dot_centre_rms_px"))
@@ -224,12 +243,21 @@ std::string comparison_text(const Json &compare) {
 std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     const ClspDiagnosisSummary summary = diagnosis.summary();
     const Json report = Json::parse(diagnosis.report_json());
-    std::string text = verdict_text(diagnosis, summary, report["coverage"]) + "\n";
+    std::string text;
+    if (!report["coverage"]["judged"].get<bool>())
+        text =
+            wrapped(fmt::format("NOTHING COULD BE JUDGED of light: every sequence that has some was left out ({}; the "
+                                "notes say why). What follows is about dark frames alone.",
+                                joined(words(report["coverage"]["left_out"]), "and")),
+                    "") +
+            "\n\n";
+    text += verdict_text(diagnosis, summary, report["coverage"]) + "\n";
     if (summary.verdict != CLSP_VERDICT_NONE)
         text += "\n";
     text += fmt::format(
         "Gap: {:.3g} standard deviations of the baseline beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
         summary.distance, summary.null_95, probability_text(summary.p_value));
+    text += calibration_text(report);
     if (summary.detected)
         text += "\n" + places_text(diagnosis, summary);
     if (summary.ranked_count > 0)

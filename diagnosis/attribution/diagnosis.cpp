@@ -131,6 +131,20 @@ bool has_every_kind(const CaptureLayout &layout) {
     return kinds.size() >= 6;
 }
 
+CalibrationResult calibration_of(const Experiment &experiment, const CalibratedLevels &levels) {
+    CalibrationResult result{levels.black_level_dn, levels.read_noise_dn, {}};
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
+        const SequenceLayout &sequence = experiment.layout().sequences[s];
+        SequenceLight light{sequence.name, experiment.real_level(s).mean_dn, 0.0, 0.0};
+        if (sequence.scene != CaptureScene::kDark) {
+            light.share = levels.signal_share[s];
+            light.light_dn = light.share * std::max(0.0, light.mean_dn - experiment.real_calibration().black_level_dn);
+        }
+        result.light.push_back(light);
+    }
+    return result;
+}
+
 } // namespace
 
 DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
@@ -153,6 +167,11 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                 "scenes that capture.json names, and record again with another exposure",
                                 reasons));
     }
+    const auto has_lit = [](const CaptureLayout &layout) {
+        return std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                           [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    };
+    result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     note_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
     std::string doing;
@@ -190,10 +209,16 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    result.calibration = calibration_of(experiment, found.baseline.model.replicates().levels);
+    if (!found.models.empty())
+        result.calibration_after = calibration_of(experiment, last.model.replicates().levels);
     const Eigen::VectorXd real = experiment.real().mean();
+    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    if (result.detected && !found.models.empty())
+        shrunk = statistic_shrinkages(experiment, found.baseline, last);
     for (std::size_t k = 0; k < experiment.count(); ++k)
         result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
-                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k]});
+                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k], shrunk[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();

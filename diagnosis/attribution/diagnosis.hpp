@@ -2,6 +2,7 @@
 #pragma once
 
 #include "attribution/search.hpp"
+#include "attribution/shrinkage.hpp"
 #include "runtime/progress.hpp"
 
 #include <array>
@@ -33,7 +34,8 @@ enum class Verdict { kNone, kNamed, kAmbiguous, kUnknown };
 struct GapPlace {
     StatisticInfo statistic;
     double real = 0.0, sim = 0.0, z = 0.0, p_adjusted = 1.0;
-    double z_after = 0.0; // with the effects found
+    double z_after = 0.0;      // with the effects found
+    StatisticShrinkage shrink; // by the effects found; of nothing held out if there are none
 };
 
 struct ShrinkStep {
@@ -50,12 +52,26 @@ struct Downstream {
     std::string depth_assumption;
 };
 
+// What was adjusted before any gap was spoken of. A sequence's light is what the simulator is run at: gain times mean
+// intensity.
+struct SequenceLight {
+    std::string sequence;
+    double mean_dn = 0.0;               // of the camera's frames
+    double light_dn = 0.0, share = 0.0; // of the simulator's, and over the camera's mean above black; 0 of dark ones
+};
+struct CalibrationResult {
+    double black_level_dn = 0.0, read_noise_dn = 0.0;
+    std::vector<SequenceLight> light; // none of a comparison, whose sets have levels of their own
+};
+
 struct DiagnosisResult {
     std::uint64_t seed = 0;
     double level = 0.0;
     Verdict verdict = Verdict::kNone;
     bool detected = false;
     double p_value = 1.0, distance = 0.0, null_95 = 0.0;
+    CalibrationResult calibration,
+        calibration_after;        // of the baseline; with the effects found, nothing if there are none
     std::vector<GapPlace> places; // all statistics, worst first
     std::vector<std::string> effects;
     double probability = 1.0;
@@ -78,6 +94,8 @@ struct DiagnosisResult {
     // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot
     // show in them.
     std::vector<std::string> judged, left_out, untested_topics, untested_effects;
+    // Every sequence with light was left out: the verdict is about dark frames, and speaks of no light.
+    bool no_light_judged = false;
     // What the search asked for, in whole simulated captures without effects; whether it ended there with more to try.
     double work_captures = 0.0;
     bool ended_early = false;

@@ -398,15 +398,15 @@ Calibration Experiment::calibration_of(const Codes &codes) const {
     return measured_calibration(levels, frame_counts, present);
 }
 
-std::vector<double> Experiment::measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
-                                         const Calibration &calibration, unsigned threads) const {
+std::vector<double> Experiment::measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
+                                         const std::uint16_t *codes, const Calibration &calibration,
+                                         unsigned threads) const {
     const std::size_t values = end(sequence) - begin(sequence);
     std::vector<double> result(static_cast<std::size_t>(folds) * values);
-    statistics_[sequence].compute(codes, calibration, result.data(), threads);
+    statistics.compute(codes, calibration, result.data(), threads);
     if (folds == Folds::kBoth) {
         const std::size_t step = frame_count(sequence, folds) - half_count(sequence);
-        statistics_[sequence].compute(codes + step * layout_.pixel_count(), calibration, result.data() + values,
-                                      threads);
+        statistics.compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, threads);
     }
     return result;
 }
@@ -419,7 +419,28 @@ void Experiment::put(std::size_t sequence, const std::vector<double> &values, Fo
 
 void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
                          FoldStatistics &into) const {
-    put(sequence, measured(sequence, Folds::kBoth, codes, calibration, threads_), into);
+    const SequenceStatistics &statistics = elsewhere_.empty() ? statistics_[sequence] : elsewhere_[sequence];
+    put(sequence, measured(statistics, sequence, Folds::kBoth, codes, calibration, threads_), into);
+}
+
+bool Experiment::measure_dots_at(const std::vector<std::array<double, 2>> &positions_px) {
+    CaptureLayout layout = layout_;
+    if (layout.dots)
+        layout.dots->positions_px = positions_px;
+    const auto spare_residuals = std::make_shared<SpareBuffers<float>>();
+    std::vector<SequenceStatistics> elsewhere;
+    for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
+        elsewhere.emplace_back(layout, s, half_count(s), spare_residuals);
+        const std::vector<StatisticInfo> &list = elsewhere.back().list();
+        const auto same = [](const StatisticInfo &a, const StatisticInfo &b) {
+            return a.name == b.name && a.region == b.region && a.unit == b.unit;
+        };
+        if (!std::equal(list.begin(), list.end(), list_.begin() + std::ptrdiff_t(begin(s)),
+                        list_.begin() + std::ptrdiff_t(end(s)), same))
+            return false;
+    }
+    elsewhere_ = std::move(elsewhere);
+    return true;
 }
 
 std::vector<Eigen::VectorXd> Experiment::halves(const EffectSettings &effects, const CalibratedLevels &calibrated,

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -56,6 +57,7 @@ class Experiment {
     std::size_t begin(std::size_t sequence) const { return offsets_[sequence]; }
     std::size_t end(std::size_t sequence) const { return offsets_[sequence + 1]; }
     bool parted() const { return parted_; } // whether any sequence has two halves
+    bool parted(std::size_t sequence) const { return half_count(sequence) < layout_.sequences[sequence].frame_count; }
     const FoldStatistics &real() const { return real_; }
     const SequenceLevel &real_level(std::size_t sequence) const { return real_levels_[sequence]; }
     const Calibration &real_calibration() const { return real_calibration_; }
@@ -82,6 +84,9 @@ class Experiment {
     Calibration calibration_of(const std::vector<std::vector<std::uint16_t>> &codes) const;
     void measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
                  FoldStatistics &into) const;
+    // Frames that are measured so have their dots elsewhere: statistics go by where dots are meant to be. False, and
+    // nothing is changed, where there would be other statistics then.
+    bool measure_dots_at(const std::vector<std::array<double, 2>> &positions_px);
     // Frames as they are simulated, of one sequence.
     std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                       std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count);
@@ -107,7 +112,11 @@ class Experiment {
     std::uint32_t frame_count(std::size_t sequence, Folds folds) const;
     // Statistics of the halves of a sequence that are asked for, one after the other.
     std::vector<double> measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
-                                 const Calibration &calibration, unsigned threads) const;
+                                 const Calibration &calibration, unsigned threads) const {
+        return measured(statistics_[sequence], sequence, folds, codes, calibration, threads);
+    }
+    std::vector<double> measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
+                                 const std::uint16_t *codes, const Calibration &calibration, unsigned threads) const;
     // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, lanes side by side;
     // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated again.
     using TakeValues =
@@ -185,6 +194,7 @@ class Experiment {
     mutable SpareBuffers<std::uint16_t> spare_codes_;
     std::vector<std::size_t> by_work_, places_; // sequences that take long first; the place of each
     std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
+    std::vector<SequenceStatistics> elsewhere_;  // of frames whose dots are elsewhere; empty: of no others
     std::vector<StatisticInfo> list_;
     std::vector<std::size_t> offsets_;
     bool parted_ = false;

@@ -17,7 +17,7 @@ struct Contents {
     bool temporal = false;                   // two frames of anything
     bool temporal_at_rest = false;           // two frames of speckle at rest
     std::uint32_t frames_at_rest = 0;        // of the longest such sequence
-    double level_ratio = 1.0;                // brightest over faintest of flat, or of board
+    double flat_ratio = 1.0, laser_ratio = 1.0; // brightest over faintest of flat, and of one laser scene in motion
     bool dark_exposures = false, f_numbers = false;
     double dot_radius_ratio = 1.0; // outermost over innermost dot
 };
@@ -31,7 +31,7 @@ double ratio(const std::vector<double> &levels) {
 
 Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences) {
     Contents c;
-    std::vector<double> flat_levels, board_levels;
+    std::vector<double> flat_levels, board_levels, dots_levels;
     std::set<double> dark_times, f_numbers;
     for (const SequenceSummary &s : sequences) {
         const bool speckle = s.scene == CaptureScene::kBoard || s.scene == CaptureScene::kDots;
@@ -47,14 +47,16 @@ Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary
             c.frames_at_rest = std::max(c.frames_at_rest, s.frame_count);
         if (s.scene == CaptureScene::kFlat)
             flat_levels.push_back(s.level_above_dark_dn);
-        if (s.scene == CaptureScene::kBoard)
-            board_levels.push_back(s.level_above_dark_dn);
+        // Speckle at rest is one draw: its mean is off by chance, and so is its law.
+        if (speckle && s.moving)
+            (s.scene == CaptureScene::kBoard ? board_levels : dots_levels).push_back(s.level_above_dark_dn);
         if (s.scene == CaptureScene::kDark && s.exposure_ms)
             dark_times.insert(*s.exposure_ms);
         if (speckle)
             f_numbers.insert(s.f_number);
     }
-    c.level_ratio = std::max(ratio(flat_levels), ratio(board_levels));
+    c.flat_ratio = ratio(flat_levels);
+    c.laser_ratio = std::max(ratio(board_levels), ratio(dots_levels));
     c.dark_exposures = dark_times.size() > 1;
     c.f_numbers = f_numbers.size() > 1;
     if (layout.dots) {
@@ -130,14 +132,24 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
         c.flat || c.board ? "even light shows the fall-off of the lens"
                           : "the flux of dots over the field is that of lens and pattern together",
         "a flat sequence");
-    add("shot noise, gamma and full well", c.level_ratio >= 1.5,
-        c.level_ratio >= 1.5
-            ? fmt::format("levels span a factor of {:.1f}: variance and response can be followed over the light",
-                          c.level_ratio)
+    // Every sequence's own light is calibrated, so that a response that bends shows in what light does within a
+    // sequence, never in how the means of several go with the time of exposure.
+    constexpr double kSeveralLevels = 1.5;
+    add("shot noise, gamma and full well", c.laser_ratio >= kSeveralLevels,
+        c.laser_ratio >= kSeveralLevels
+            ? fmt::format("levels of one moving laser scene span a factor of {:.1f}: a bent response and a full well "
+                          "change the law of speckle by the level, other causes do not; the variance follows the light",
+                          c.laser_ratio)
+        : c.flat_ratio >= kSeveralLevels
+            ? fmt::format("flat levels span a factor of {:.1f}, and the noise of each is compared: that shows shot "
+                          "noise. Their means show no bent response and no full well: each sequence's light is "
+                          "calibrated, whatever its exposure_ms",
+                          c.flat_ratio)
             : "at one level of light the slope of variance against mean, a bent response and a low full well are "
               "weakly determined: "
               "the calibrated gain takes up most of it",
-        "flat sequences at two or more exposures (exposure_ms), up to near saturation");
+        "one moving board at two or more levels of light, up to near saturation; flat sequences at several levels "
+        "show shot noise alone");
     add("beam and diffractive element", c.dots,
         c.dots ? "shape, place and flux of dots can be measured"
                : "beam shape, zero order, ghosts and scatter show in the dot pattern only",
@@ -158,10 +170,14 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
                     : "all three change the grain and the contrast; at one f-number only the shape of the spectrum "
                       "tells them apart",
         "the same board at another f-number (f_number of the sequence)");
-    add("offset or dark current", c.dark_exposures,
-        c.dark_exposures ? "dark sequences at several exposure times: dark current grows with time, an offset does not"
-                         : "at one exposure time both are a dark level",
-        "dark sequences at two exposure times, with exposure_ms");
+    // No statistic goes by the time of exposure.
+    add("offset or dark current", false,
+        c.dark_exposures
+            ? "the black level is the mean of all dark sequences, whatever their exposure_ms: dark current "
+              "is a part of it"
+            : "at one exposure time both are a dark level",
+        "dark sequences at the exposure time of the others, so that the black level is theirs; what grows with the "
+        "time is to be measured apart");
     return result;
 }
 

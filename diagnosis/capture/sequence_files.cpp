@@ -196,6 +196,8 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
                 fmt::format("has samples of type {}; expected uint16{}", info.sample,
                             info.sample == "uint8"
                                 ? fmt::format(" for codes of {} bits (8-bit files hold 8-bit codes only)", layout.bits)
+                            : info.sample.rfind("float", 0) == 0
+                                ? ": codes are whole numbers, as the converter gives them; fractions and NaN are none"
                                 : ": the codes as the converter gives them, neither scaled nor shifted"));
         if (info.width != layout.width || info.height != layout.height)
             refuse(fmt::format("has frames of {} x {} pixels (width x height); /camera says {} x {}{}", info.width,
@@ -244,12 +246,13 @@ std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
     std::vector<std::uint16_t> codes;
     codes.reserve(static_cast<std::size_t>(check(layout)) * layout.pixel_count());
     const auto maximum = static_cast<float>(layout.maximum_code());
+    std::uint64_t number = 0; // of a frame in the sequence
     for (const Part &part : parts_) {
         const auto reader = reading([&] { return image_io::open_without_exr(part.path); });
         if (reader->info().width != layout.width || reader->info().height != layout.height ||
             reader->info().channels != 1)
             throw Error(Status::kIo, fmt::format("{}: changed while it was read", part.path));
-        for (std::uint64_t frame = 0; frame < part.info.frame_count; ++frame) {
+        for (std::uint64_t frame = 0; frame < part.info.frame_count; ++frame, ++number) {
             std::uint32_t y = 0;
             reading([&] {
                 reader->read_rows(frame, [&](const float *row) {
@@ -258,13 +261,15 @@ std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
                             std::uint32_t bits = layout.bits;
                             while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
                                 ++bits;
-                            throw Error(Status::kInvalidData,
-                                        fmt::format("{}: frame {}, pixel ({}, {}): the code is {}, but /camera/bits is "
-                                                    "{}, so that {} is the "
-                                                    "top code. Set bits to {} or more, or shift the codes down if the "
-                                                    "camera stores them in "
-                                                    "the upper bits",
-                                                    part.path, frame, x, y, row[x], layout.bits, maximum, bits));
+                            throw Error(
+                                Status::kInvalidData,
+                                fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is "
+                                            "{}, so that {} is the "
+                                            "top code. Set bits to {} or more, or shift the codes down if the "
+                                            "camera stores them in "
+                                            "the upper bits",
+                                            part.path, number, single_ ? "" : " of the sequence", x, y, row[x],
+                                            layout.bits, maximum, bits));
                         }
                         codes.push_back(static_cast<std::uint16_t>(row[x]));
                     }

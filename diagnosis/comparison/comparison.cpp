@@ -5,6 +5,7 @@
 #include "capture/capture_check.hpp"
 #include "comparison/closing.hpp"
 #include "comparison/finished_frames.hpp"
+#include "report/downstream.hpp"
 #include "report/evidence.hpp"
 #include "runtime/error.hpp"
 
@@ -12,6 +13,8 @@
 #include <chrono>
 #include <cmath>
 #include <fmt/core.h>
+#include <functional>
+#include <numeric>
 #include <thread>
 
 namespace clsp {
@@ -27,6 +30,12 @@ Eigen::VectorXd moved_by(const ClosingResult &closed, const GapModel &null, std:
     return moved.cwiseQuotient(null.full().deviation());
 }
 
+// A difference by chance about the last model, after the fit of its first half.
+Eigen::VectorXd strayed(const ClosedGap &last, const FoldStatistics &draw) {
+    const Eigen::VectorXd fitted = last.model->coefficients(last.model->fold(), draw.first - last.model->first_mean());
+    return draw.second - last.model->second_mean() - last.jacobian * fitted;
+}
+
 // On the second halves, which no fit has seen; in the metric of the last model.
 void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &difference, const GapModel &null,
                        DiagnosisResult &result) {
@@ -38,15 +47,10 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
     for (const FoldStatistics &draw : null.replicates().draws)
         chance_before += mean_square(draw.second - null.second_mean()) / double(null.replicates().draws.size());
     const auto &draws = last.model->replicates().draws;
-    // A difference by chance about the last model, after the fit of its first half.
-    const auto strayed = [&](const FoldStatistics &draw) -> Eigen::VectorXd {
-        const Eigen::VectorXd fitted = last.model->coefficients(metric, draw.first - last.model->first_mean());
-        return draw.second - last.model->second_mean() - last.jacobian * fitted;
-    };
     Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r) {
         before[r] = mean_square(draws[std::size_t(r)].second);
-        after[r] = mean_square(strayed(draws[std::size_t(r)]));
+        after[r] = mean_square(strayed(last, draws[std::size_t(r)]));
     }
     const double chance_after = after.mean();
     result.distance_before = beyond_chance(mean_square(difference.second), chance_before);
@@ -57,6 +61,22 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
     result.distance_after = result.steps.back().distance_after;
     result.fraction = result.steps.back().fraction;
     result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
+}
+
+// Of each statistic, on the second halves likewise.
+std::vector<StatisticShrinkage> shrinkages(const Experiment &experiment, const ClosedGap &last,
+                                           const FoldStatistics &difference) {
+    const auto &draws = last.model->replicates().draws;
+    std::vector<HeldOutDifferences> replicates;
+    for (const FoldStatistics &draw : draws)
+        replicates.push_back({draw.second, strayed(last, draw)});
+    std::vector<StatisticShrinkage> result =
+        statistic_shrinkages({difference.second, difference.second - last.change.second}, replicates,
+                             last.model->fold().deviation(), least_deviations(experiment.list(), draws));
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
+        for (std::size_t k = experiment.begin(s); !experiment.parted(s) && k < experiment.end(s); ++k)
+            result[k] = {};
+    return result;
 }
 
 void set_verdict(const ClosingResult &closed, const GapModel &null, const GapTest &test, DiagnosisResult &result) {
@@ -113,6 +133,39 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
                 surplus.effect));
 }
 
+// What is near a dot depends on the lattice: the mean statistics of our simulator's frames with the simulated set's
+// dots less those with the real set's, by the same random numbers.
+FoldStatistics change_by_lattice(const std::shared_ptr<Context> &context, const PairedCaptures &captures,
+                                 const CaptureDots &dots, Experiment &experiment, std::uint32_t count,
+                                 std::uint64_t seed, unsigned threads, const std::function<void()> &checkpoint) {
+    Capture others = captures.real; // whose levels hold for both
+    others.layout.dots = dots;
+    Experiment there(context, others, {}, threads);
+    there.checkpoint = checkpoint;
+    std::vector<std::uint64_t> seeds(count);
+    std::iota(seeds.begin(), seeds.end(), seed + 1);
+    const std::vector<bool> all(experiment.layout().sequences.size(), true);
+    const auto mean_of = [&](Experiment &one) {
+        const auto size = static_cast<Eigen::Index>(one.count());
+        FoldStatistics mean{Eigen::VectorXd::Zero(size), Eigen::VectorXd::Zero(size)};
+        for (const FoldStatistics &draw : one.replicates({}, one.calibrate({}, all, nullptr), seeds, {})) {
+            mean.first += draw.first / double(count);
+            mean.second += draw.second / double(count);
+        }
+        return mean;
+    };
+    const FoldStatistics here = mean_of(experiment), elsewhere = mean_of(there);
+    FoldStatistics change{elsewhere.first - here.first, elsewhere.second - here.second};
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
+        const auto begin = Eigen::Index(experiment.begin(s)), size = Eigen::Index(experiment.end(s)) - begin;
+        if (experiment.layout().sequences[s].scene != CaptureScene::kDots) {
+            change.first.segment(begin, size).setZero();
+            change.second.segment(begin, size).setZero();
+        }
+    }
+    return change;
+}
+
 // Levels of both sets are measured from their dark sequences.
 void check_dark(const Capture &capture, const char *set) {
     for (std::size_t s = 0; s < capture.codes.size(); ++s) {
@@ -164,6 +217,11 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     for (const SequenceLayout &sequence : real.layout.sequences)
         if (std::find(result.judged.begin(), result.judged.end(), sequence.name) == result.judged.end())
             result.left_out.push_back(sequence.name);
+    const auto has_lit = [](const CaptureLayout &layout) {
+        return std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                           [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    };
+    result.no_light_judged = has_lit(real.layout) && !has_lit(captures.real.layout);
     for (const Candidate &candidate : all) {
         const std::string refusal = finished_frames_refusal(candidate.id, captures.sim.layout);
         if (refusal.empty())
@@ -182,6 +240,19 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     };
     Experiment experiment(context, captures.real, {}, threads);
     experiment.checkpoint = [&] { tell(doing, fraction); };
+    // Statistics of dots are relative to where dots are meant to be, which each set says for itself. Their width is the
+    // real set's: a simulator that is told another one has a gap.
+    CaptureDots sim_dots = captures.sim.layout.dots.value_or(CaptureDots{});
+    if (captures.real.layout.dots)
+        sim_dots.sigma_px = captures.real.layout.dots->sigma_px;
+    const bool has_dots = std::any_of(captures.real.layout.sequences.begin(), captures.real.layout.sequences.end(),
+                                      [](const SequenceLayout &s) { return s.scene == CaptureScene::kDots; });
+    const bool dots_apart = captures.dots_apart && has_dots;
+    const bool own_dots = dots_apart && experiment.measure_dots_at(sim_dots.positions_px);
+    if (dots_apart)
+        captures.notes.push_back(own_dots ? "each set's dots are measured where its own description has them"
+                                          : "the sets' dots do not allow the same statistics: both sets are measured "
+                                            "at the real set's positions");
     const bool has_dark = std::any_of(captures.sim.layout.sequences.begin(), captures.sim.layout.sequences.end(),
                                       [](const SequenceLayout &s) { return s.scene == CaptureScene::kDark; });
     const Calibration calibration =
@@ -191,6 +262,13 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     FoldStatistics simulated{Eigen::VectorXd(count), Eigen::VectorXd(count)};
     for (std::size_t s = 0; s < captures.sim.codes.size(); ++s)
         experiment.measure(s, captures.sim.codes[s].data(), calibration, simulated);
+    if (own_dots) {
+        const FoldStatistics lattice =
+            change_by_lattice(context, captures, sim_dots, experiment, options.null_replicates, first_seed, threads,
+                              [&] { tell("drawing the other dots", fraction); });
+        simulated.first -= lattice.first;
+        simulated.second -= lattice.second;
+    }
     const FoldStatistics difference{experiment.real().first - simulated.first,
                                     experiment.real().second - simulated.second};
     const GapModel null(experiment,
@@ -247,9 +325,12 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     }
     const Eigen::VectorXd real_values = experiment.real().mean(), sim_values = simulated.mean();
     const GapTest &last = closed.models.empty() ? test : closed.models.back().residual;
+    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    if (!closed.models.empty())
+        shrunk = shrinkages(experiment, closed.models.back(), difference);
     for (Eigen::Index k = 0; k < count; ++k)
         result.places.push_back({experiment.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
-                                 reported_p_value(test.p_adjusted[k]), last.z[k]});
+                                 reported_p_value(test.p_adjusted[k]), last.z[k], shrunk[std::size_t(k)]});
     if (noise.excess) {
         std::string dark;
         for (const SequenceLayout &s : captures.real.layout.sequences)
@@ -260,7 +341,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                                  noise.sim.read_noise_dn,
                                  noise.z,
                                  reported_p_value(std::min(1.0, noise_p)),
-                                 noise.z});
+                                 noise.z,
+                                 {}});
     }
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
@@ -276,6 +358,17 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                 return codes;
             }));
     }
+    const EffectSettings added = closed.models.empty() ? EffectSettings{} : closed.models.back().effects;
+    result.downstream = measure_downstream(
+        experiment.layout(), own_dots ? &sim_dots : nullptr, added.empty() ? 2 : 3,
+        [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+            std::vector<std::uint16_t> codes = version == 2   ? finished.codes(s, added, first_seed)
+                                               : version == 1 ? captures.sim.codes[s]
+                                                              : captures.real.codes[s];
+            codes.resize(frame_count * experiment.layout().pixel_count());
+            return codes;
+        },
+        experiment.checkpoint);
     result.comparison = comparison;
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;

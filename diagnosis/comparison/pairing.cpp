@@ -37,8 +37,9 @@ double f_number(const CaptureLayout &layout, std::size_t sequence) {
     return own > 0.0 ? own : layout.f_number;
 }
 
-std::vector<std::string> description_notes(const CaptureLayout &real, const CaptureLayout &sim) {
+std::vector<std::string> description_notes(const CaptureLayout &real, const CaptureLayout &sim, bool &dots_apart) {
     std::vector<std::string> notes;
+    dots_apart = false;
     const auto number = [&](const char *what, double a, double b) {
         if (differ(a, b))
             notes.push_back(
@@ -55,19 +56,17 @@ std::vector<std::string> description_notes(const CaptureLayout &real, const Capt
         number("the dots' sigma in px", real.dots->sigma_px, sim.dots->sigma_px);
         const auto &a = real.dots->positions_px, &b = sim.dots->positions_px;
         if (a.size() != b.size()) {
+            dots_apart = true;
             notes.push_back(fmt::format(
-                "the sets' descriptions differ: {} dots in the real set, {} in the simulated one; both are measured "
-                "at the real set's",
-                a.size(), b.size()));
+                "the sets' descriptions differ: {} dots in the real set, {} in the simulated one", a.size(), b.size()));
         } else {
             double farthest = 0.0;
             for (std::size_t i = 0; i < a.size(); ++i)
                 farthest = std::max(farthest, std::hypot(a[i][0] - b[i][0], a[i][1] - b[i][1]));
-            if (farthest > kSameDotPx)
+            dots_apart = farthest > kSameDotPx;
+            if (dots_apart)
                 notes.push_back(fmt::format(
-                    "the sets' descriptions differ: dots of the same number lie up to {:.2f} px apart; both are "
-                    "measured at the real set's positions",
-                    farthest));
+                    "the sets' descriptions differ: dots of the same number lie up to {:.2f} px apart", farthest));
         }
     }
     return notes;
@@ -111,7 +110,7 @@ std::vector<std::uint8_t> common_mask(const std::vector<std::uint8_t> &a, const 
 PairedCaptures pair_captures(const Capture &real, const Capture &sim) {
     check_frames(real.layout, sim.layout);
     PairedCaptures result;
-    result.notes = description_notes(real.layout, sim.layout);
+    result.notes = description_notes(real.layout, sim.layout, result.dots_apart);
     result.real.layout = real.layout;
     result.sim.layout = sim.layout;
     result.real.layout.sequences.clear();

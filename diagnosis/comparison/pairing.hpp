@@ -24,6 +24,7 @@ struct PairedCaptures {
     std::vector<SequencePair> pairs;
     std::vector<std::string> real_alone, sim_alone; // names of sequences without a partner
     std::vector<std::string> notes;                 // what differs in the descriptions
+    bool dots_apart = false;                        // the simulated set's dots are meant to be at other places
 };
 
 // By name where scene and motion agree, else by scene and motion, f-number before order. Throws kInvalidArgument where

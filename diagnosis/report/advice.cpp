@@ -11,13 +11,18 @@ struct Pair {
 
 // Physics of each pair: docs/diagnosis.md.
 const Pair kPairs[] = {
-    {"linewidth", "depolarization", "board_moving behind a linear analyser: contrast returns to 1 only for depolarization"},
+    {"linewidth", "depolarization",
+     "board_moving behind a linear analyser: contrast returns to 1 only for depolarization"},
     {"linewidth", "motion_decorrelation", "board_static: motion in the exposure leaves it alone, several lines do not"},
-    {"depolarization", "motion_decorrelation", "board_static: motion in the exposure leaves it alone, depolarization does not"},
-    {"aperture_mismatch", "pixel_integration", "board_moving at two f-numbers: the pixel's area stays, the grain changes"},
+    {"depolarization", "motion_decorrelation",
+     "board_static: motion in the exposure leaves it alone, depolarization does not"},
+    {"aperture_mismatch", "pixel_integration",
+     "board_moving at two f-numbers: the pixel's area stays, the grain changes"},
     {"aperture_mismatch", "pupil_obstruction", "board_moving at two f-numbers, and the spectrum near the cut-off"},
     {"aperture_mismatch", "crosstalk", "board_moving at two f-numbers: cross-talk does not change with the aperture"},
-    {"pixel_integration", "crosstalk", "flat with shot noise at a high level: cross-talk correlates neither noise before nor after it as a pixel's area does"},
+    {"pixel_integration", "crosstalk",
+     "flat with shot noise at a high level: cross-talk correlates neither noise before nor after it as a pixel's area "
+     "does"},
     {"defocus", "beam_flat_top", "dots at two focus settings: defocus changes the dots' width, the beam's shape stays"},
     {"defocus", "subsurface_scattering", "dots on a metallic diffuser: no light spreads below its surface"},
     {"glare", "scatter_background", "board with a dark half: glare reaches into it, the element's scatter does not"},
@@ -32,8 +37,12 @@ const Pair kPairs[] = {
     {"prnu", "bayer_mismatch", "flat with more frames, for the 2 x 2 means"},
     {"dsnu", "hot_pixels", "dark with more frames and a longer exposure"},
     {"dsnu", "column_fpn", "dark with more frames"},
-    {"gamma", "full_well", "flat at several exposures: the curvature against the level"},
-    {"gamma", "depolarization", "flat at several exposures: linear or not"},
+    {"gamma", "full_well",
+     "board_moving at several levels of light: the full well ends speckle at one level, a bent response bends it at "
+     "all"},
+    {"gamma", "depolarization",
+     "board_moving at several levels of light: a bent response changes the law of speckle by the level, polarization "
+     "does not"},
     {"shot_noise", "power_flicker", "flat: lamp light does not flicker with the laser"},
 };
 

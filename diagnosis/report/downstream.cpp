@@ -115,22 +115,34 @@ CentreErrors centre_errors(const CaptureLayout &layout, const SequenceLayout &se
 
 Downstream measure_downstream(Experiment &experiment, const Capture &real, const FittedModel &baseline,
                               const FittedModel *final, std::uint64_t seed) {
-    const CaptureLayout &layout = experiment.layout();
+    const FittedModel *models[] = {nullptr, &baseline, final};
+    return measure_downstream(
+        experiment.layout(), nullptr, final ? 3 : 2,
+        [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+            return evidence_frames(experiment, real, models[version], s, frame_count, seed);
+        },
+        experiment.checkpoint);
+}
+
+Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *simulated_dots, std::size_t versions,
+                              const VersionFrames &frames, const std::function<void()> &checkpoint) {
     const auto is_dots = [](const SequenceLayout &s) { return s.scene == CaptureScene::kDots; };
     const bool any_moving = std::any_of(layout.sequences.begin(), layout.sequences.end(),
                                         [&](const SequenceLayout &s) { return is_dots(s) && s.moving; });
-    const FittedModel *models[] = {nullptr, &baseline, final};
+    CaptureLayout simulated = layout;
+    if (simulated_dots)
+        simulated.dots = *simulated_dots;
     std::array<CentreErrors, 3> errors;
     for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
         const SequenceLayout &sequence = layout.sequences[s];
         if (!layout.dots || !is_dots(sequence) || (any_moving && !sequence.moving))
             continue;
-        if (experiment.checkpoint)
-            experiment.checkpoint();
+        if (checkpoint)
+            checkpoint();
         const std::uint32_t frame_count = std::min(kEvidenceFrames, sequence.frame_count);
-        for (std::size_t v = 0; v < (final ? 3u : 2u); ++v) {
-            const auto codes = evidence_frames(experiment, real, models[v], s, frame_count, seed);
-            const CentreErrors part = centre_errors(layout, sequence, codes.data(), frame_count);
+        for (std::size_t v = 0; v < versions; ++v) {
+            const auto codes = frames(v, s, frame_count);
+            const CentreErrors part = centre_errors(v ? simulated : layout, sequence, codes.data(), frame_count);
             errors[v].square_sum += part.square_sum;
             errors[v].square_sum_x += part.square_sum_x;
             errors[v].count += part.count;
@@ -139,7 +151,7 @@ Downstream measure_downstream(Experiment &experiment, const Capture &real, const
     Downstream result;
     if (!(errors[0].count > 0.0) || !(errors[1].count > 0.0))
         return result;
-    if (!final || !(errors[2].count > 0.0))
+    if (versions < 3 || !(errors[2].count > 0.0))
         errors[2] = errors[1];
     // dz = z^2 dx / (b f): z m, dx px along the baseline, b m, f px.
     const double depth_mm = 1e3 * kDepthDistance * kDepthDistance / (kDepthBaseline * double(layout.width));

@@ -4,6 +4,8 @@
 #include "attribution/diagnosis.hpp"
 
 #include <cstdint>
+#include <functional>
+#include <vector>
 
 namespace clsp {
 
@@ -26,6 +28,15 @@ struct CentreErrors {
 // out.
 CentreErrors centre_errors(const CaptureLayout &layout, const SequenceLayout &sequence, const std::uint16_t *codes,
                            std::uint32_t frame_count);
+
+// Frames of one version (0: the camera's) of a sequence.
+using VersionFrames =
+    std::function<std::vector<std::uint16_t>(std::size_t version, std::size_t sequence, std::uint32_t frame_count)>;
+
+// Of two or three versions: the camera's, the simulator's, and with effects. simulated_dots: where the dots of all but
+// the camera's are meant to be; nullptr: where the layout says. Otherwise as below.
+Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *simulated_dots, std::size_t versions,
+                              const VersionFrames &frames, const std::function<void()> &checkpoint);
 
 // Not valid without a sequence of dots. Moving sequences if there are any: their frames have independent speckle.
 // final: nullptr if no effect was found; `after` is then `before`.

@@ -211,6 +211,27 @@ std::string effect_with_values(const DiagnosisResult &result, const RankedEffect
     return text;
 }
 
+std::string explain_calibration(const CalibrationResult &calibration) {
+    std::string text =
+        fmt::format("Adjusted to the real frames, which is no gap: black level {:.2f} DN, read noise {:.2f} DN",
+                    calibration.black_level_dn, calibration.read_noise_dn);
+    std::string light;
+    for (const SequenceLight &one : calibration.light)
+        if (one.share > 0.0)
+            light += fmt::format("{}{} {:.1f} DN", light.empty() ? "" : ", ", one.sequence, one.light_dn);
+    return text + (light.empty() ? "." : "; light of " + light + ".");
+}
+
+std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result) {
+    if (result.steps.empty())
+        return "no effect was added";
+    if (!place.shrink.held_out)
+        return result.comparison && place.statistic.name == "read_noise"
+                   ? "it is of the calibration: no effect is fitted to it"
+                   : "no frames are left that the fit has not seen: a sequence needs four";
+    return place.shrink.beyond_chance ? "" : "its distance before is not beyond chance";
+}
+
 std::string explain_reach(const DiagnosisResult &result) {
     std::string text;
     if (!result.left_out.empty())
@@ -224,7 +245,9 @@ std::string explain_reach(const DiagnosisResult &result) {
                         : text + "None of this is shown to be right.";
 }
 
-std::string verdict_sentence(const DiagnosisResult &result) {
+namespace {
+
+std::string sentence_of_verdict(const DiagnosisResult &result) {
     switch (result.verdict) {
     case Verdict::kNone:
         return fmt::format(
@@ -252,6 +275,17 @@ std::string verdict_sentence(const DiagnosisResult &result) {
     if (!result.effects.empty())
         text += fmt::format("Found beside it: {}. ", joined(result.effects));
     return text + "The map of where it lies narrows the cause down.";
+}
+
+} // namespace
+
+std::string verdict_sentence(const DiagnosisResult &result) {
+    const std::string sentence = sentence_of_verdict(result);
+    if (!result.no_light_judged)
+        return sentence;
+    return fmt::format("Nothing could be judged of light: every sequence that has some was left out ({}), as the notes "
+                       "say. What follows is about dark frames alone. {}",
+                       joined(result.left_out), sentence);
 }
 
 } // namespace clsp

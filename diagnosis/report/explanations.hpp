@@ -18,6 +18,11 @@ std::string explain_sequence(CaptureScene scene, bool moving);
 // An effect with the values of its parameters and their units.
 std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked);
 
+// Black level, read noise and light that the simulator was adjusted to.
+std::string explain_calibration(const CalibrationResult &calibration);
+// Why a statistic has no interval of the part of its distance that is gone; empty where it has one.
+std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result);
+
 // What the verdict does not reach: sequences, effects and questions that could not be judged.
 std::string explain_reach(const DiagnosisResult &result);
 // The verdict in a sentence or two.

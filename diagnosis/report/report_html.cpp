@@ -47,7 +47,8 @@ std::string report_html(const DiagnosisResult &result) {
     page.raw(fmt::format("<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n", kPolicy));
     page.raw("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
     page.raw(fmt::format("<meta name=\"generator\" content=\"clSpeckle {}\">\n", CLSP_PROJECT_VERSION));
-    page.raw(fmt::format("<title>clSpeckle gap report: {}</title>\n", verdict_name(result.verdict)));
+    page.raw(fmt::format("<title>clSpeckle gap report: {}</title>\n",
+                         result.no_light_judged ? "nothing could be judged" : verdict_name(result.verdict)));
     page.raw(fmt::format("<style>{}</style>\n</head>\n<body>\n", kStyle));
     page.heading(1, "How the simulated camera differs from the real one");
     page.raw("<nav><a href=\"#summary\">Verdict</a><a href=\"#where\">Where</a><a href=\"#cause\">Cause</a><a "

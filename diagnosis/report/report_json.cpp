@@ -2,6 +2,7 @@
 
 #include "comparison/comparison_report.hpp"
 #include "report/advice.hpp"
+#include "report/explanations.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,11 +16,43 @@ using Json = nlohmann::ordered_json;
 // JSON has no infinities.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json place_json(const GapPlace &place) {
-    return {{"stage", place.statistic.stage},   {"sequence", place.statistic.sequence}, {"statistic", place.statistic.name},
-            {"region", place.statistic.region}, {"unit", place.statistic.unit},         {"real", number(place.real)},
-            {"sim", number(place.sim)},         {"z", number(place.z)},                 {"p_adjusted", number(place.p_adjusted)},
-            {"z_after", number(place.z_after)}};
+Json calibration_json(const CalibrationResult &calibration) {
+    Json sequences = Json::array();
+    for (const SequenceLight &light : calibration.light)
+        sequences.push_back({{"name", light.sequence},
+                             {"mean_dn", number(light.mean_dn)},
+                             {"light_dn", number(light.light_dn)},
+                             {"share", number(light.share)}});
+    return {{"black_level_dn", number(calibration.black_level_dn)},
+            {"read_noise_dn", number(calibration.read_noise_dn)},
+            {"sequences", sequences}};
+}
+
+// What is not known is null, and no_interval says why.
+void add_shrinkage(const GapPlace &place, const DiagnosisResult &result, Json &entry) {
+    const StatisticShrinkage &shrink = place.shrink;
+    const bool has_part = shrink.held_out && shrink.beyond_chance;
+    entry["distance_before"] = shrink.held_out ? number(shrink.before) : Json(nullptr);
+    entry["distance_after"] = shrink.held_out ? number(shrink.after) : Json(nullptr);
+    entry["fraction"] = has_part ? number(shrink.fraction) : Json(nullptr);
+    entry["ci95"] = has_part ? Json{number(shrink.fraction_95[0]), number(shrink.fraction_95[1])} : Json(nullptr);
+    if (const std::string reason = why_no_interval(place, result); !reason.empty())
+        entry["no_interval"] = reason;
+}
+
+Json place_json(const GapPlace &place, const DiagnosisResult &result) {
+    Json entry = {{"stage", place.statistic.stage},
+                  {"sequence", place.statistic.sequence},
+                  {"statistic", place.statistic.name},
+                  {"region", place.statistic.region},
+                  {"unit", place.statistic.unit},
+                  {"real", number(place.real)},
+                  {"sim", number(place.sim)},
+                  {"z", number(place.z)},
+                  {"p_adjusted", number(place.p_adjusted)},
+                  {"z_after", number(place.z_after)}};
+    add_shrinkage(place, result, entry);
+    return entry;
 }
 
 Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
@@ -80,7 +113,7 @@ std::string report_json(const DiagnosisResult &result) {
                      {"level", number(result.level)}};
     Json where = Json::array(), all = Json::array();
     for (const GapPlace &place : result.places) {
-        all.push_back(place_json(place));
+        all.push_back(place_json(place, result));
         if (place.p_adjusted <= result.level)
             where.push_back(all.back());
     }
@@ -105,12 +138,14 @@ std::string report_json(const DiagnosisResult &result) {
     Json steps = Json::array(), per_statistic = Json::array();
     for (const ShrinkStep &step : result.steps)
         steps.push_back({{"effect", step.effect}, {"distance_after", number(step.distance_after)}, {"fraction", number(step.fraction)}});
-    for (const GapPlace &place : result.places)
+    for (const GapPlace &place : result.places) {
         per_statistic.push_back({{"sequence", place.statistic.sequence},
                                  {"statistic", place.statistic.name},
                                  {"region", place.statistic.region},
                                  {"z_before", number(place.z)},
                                  {"z_after", number(place.z_after)}});
+        add_shrinkage(place, result, per_statistic.back());
+    }
     report["shrink"] = {{"distance_before", number(result.distance_before)},
                         {"distance_after", number(result.distance_after)},
                         {"fraction", number(result.fraction)},
@@ -138,7 +173,13 @@ std::string report_json(const DiagnosisResult &result) {
                           {"sequences", result.judged},
                           {"left_out", result.left_out},
                           {"effects_not_visible", result.untested_effects},
-                          {"questions_open", result.untested_topics}};
+                          {"questions_open", result.untested_topics},
+                          {"judged", !result.no_light_judged}};
+    if (!result.calibration.light.empty()) {
+        report["calibration"] = calibration_json(result.calibration);
+        if (!result.calibration_after.light.empty())
+            report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
+    }
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

@@ -42,11 +42,41 @@ std::string unit_of(const DiagnosisResult &result, const std::string &effect, co
     return {};
 }
 
+// The statistics that differed most, on held-out frames.
+void write_statistic_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
+    page.heading(3, "Statistic by statistic");
+    std::vector<std::vector<std::string>> rows;
+    for (const GapPlace &place : result.places) {
+        const StatisticShrinkage &shrink = place.shrink;
+        if (!shrink.held_out || !shrink.beyond_chance)
+            continue;
+        rows.push_back({place.statistic.sequence, place.statistic.name, explain_region(place.statistic.region),
+                        figure(shrink.before), figure(shrink.after), percent(shrink.fraction),
+                        percent(shrink.fraction_95[0]), percent(shrink.fraction_95[1])});
+        if (rows.size() == kWorstStatistics)
+            break;
+    }
+    if (rows.empty()) {
+        page.paragraph("No single statistic differed beyond chance on frames that the fit has not seen, or there were "
+                       "no such frames: a sequence needs four.");
+        return;
+    }
+    page.paragraph("Each statistic's own distance on frames that the fit has not seen, on the scale of the distances "
+                   "above, and the part of it that is gone. An interval that holds 100 % says that all of it may be "
+                   "gone; one below 0 % that the effects made it worse.");
+    page.table({"sequence", "statistic", "where in the image", "distance before", "after", "gone", "95 % from", "to"},
+               rows, {3, 4, 5, 6, 7});
+}
+
 } // namespace
 
 void write_summary(const DiagnosisResult &result, HtmlPage &page) {
-    page.raw(fmt::format("<section id=\"summary\" class=\"verdict {}\">\n", verdict_name(result.verdict)));
-    page.paragraph(fmt::format("Verdict: {}", verdict_name(result.verdict)), "word");
+    page.raw(fmt::format("<section id=\"summary\" class=\"verdict {}\">\n",
+                         result.no_light_judged ? "unjudged" : verdict_name(result.verdict)));
+    page.paragraph(result.no_light_judged ? fmt::format("Nothing could be judged (verdict on the dark frames: {})",
+                                                        verdict_name(result.verdict))
+                                          : fmt::format("Verdict: {}", verdict_name(result.verdict)),
+                   "word");
     page.paragraph(verdict_sentence(result), "sentence");
     page.raw("</section>\n");
     std::vector<std::vector<std::string>> rows;
@@ -73,6 +103,8 @@ void write_summary(const DiagnosisResult &result, HtmlPage &page) {
             {"Is something left?", result.residual_detected ? "yes" : "no",
              fmt::format("probability of what is left by chance: {}", probability(result.residual_p_value))});
     page.table({"question", "answer", "what the number means"}, rows);
+    if (!result.calibration.light.empty())
+        page.paragraph(explain_calibration(result.calibration));
 }
 
 void write_places(const DiagnosisResult &result, HtmlPage &page) {
@@ -195,6 +227,7 @@ void write_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
                         percent(step.fraction)});
     }
     page.table({"effect added", "probability in its step", "distance left", "shrunk so far"}, rows, {1, 2, 3});
+    write_statistic_shrinkage(result, page);
     page.raw("</section>\n");
 }
 
@@ -203,7 +236,11 @@ void write_downstream(const DiagnosisResult &result, HtmlPage &page) {
     page.heading(2, "What it means for a depth camera");
     const Downstream &d = result.downstream;
     if (!d.valid) {
-        page.paragraph("The capture holds no frames of dots, so the error of the dots' centres is not known.");
+        page.paragraph(result.comparison
+                           ? "No dots were compared, or none was found in both sets' frames, so the error "
+                             "of the dots' centres is not known."
+                           : "The capture holds no frames of dots, so the error of the dots' centres is "
+                             "not known.");
     } else {
         page.paragraph(
             "A depth camera finds the centres of the dots in single frames; speckle, blur and noise move them. If the "

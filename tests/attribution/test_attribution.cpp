@@ -547,6 +547,27 @@ TEST(Diagnosis, ACoarseConverterIsCalibratedWithoutSpeckleAtRest) {
     }
 }
 
+TEST(Diagnosis, SaysWhatWasCalibrated) {
+    DiagnosisOptions options;
+    options.null_replicates = 12;
+    options.evidence = false;
+    // Black level 63.2 DN, read noise 4.3 DN, light of 300 and 120 DN (attribution_support.hpp); the corners lose light
+    // of both.
+    const nlohmann::json report = nlohmann::json::parse(
+        report_json(diagnose(context(), simulated({{"vignetting", {0.4}}}, kCaptureSeed), options)));
+    const nlohmann::json &calibration = report["calibration"];
+    EXPECT_NEAR(calibration["black_level_dn"].get<double>(), 63.2, 0.1);
+    EXPECT_NEAR(calibration["read_noise_dn"].get<double>(), 4.3, 0.1);
+    ASSERT_EQ(calibration["sequences"].size(), 3u);
+    EXPECT_EQ(calibration["sequences"][0]["name"], "dark");
+    EXPECT_EQ(calibration["sequences"][0]["light_dn"], 0.0);
+    const nlohmann::json &flat = calibration["sequences"][1];
+    EXPECT_NEAR(flat["light_dn"].get<double>(), flat["mean_dn"].get<double>() - 63.2, 0.5);
+    EXPECT_NEAR(flat["share"].get<double>(), 1.0, 0.01);
+    EXPECT_LT(flat["light_dn"].get<double>(), 280.0);
+    EXPECT_NEAR(calibration["with_effects"]["black_level_dn"].get<double>(), 63.2, 0.1);
+}
+
 TEST(Diagnosis, SameSeedSameReport) {
     const Capture capture = simulated({{"row_noise", {3.0}}}, kCaptureSeed + 200);
     auto options = quick(5);

@@ -130,6 +130,24 @@ def test_folders_globs_and_single_files(codes: Draw, tmp_path: Path) -> None:
         assert np.array_equal(read[name].codes, expected), name
 
 
+def test_messages_name_the_frame_of_the_sequence(codes: Draw, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    (folder / "flat").mkdir(parents=True)
+    stack = codes(3, 200)
+    stack[2, 5, 7] = 1500
+    for index, frame in enumerate(stack):
+        (folder / "flat" / f"f{index}.png").write_bytes(png(frame))
+    describe(folder, [{"name": "flat", "file": "flat", "scene": "flat"}])
+    with pytest.raises(
+        errors.InvalidDataError, match=r"f2\.png: frame 2 of the sequence, pixel \(7, 5\): the code is 1500"
+    ):
+        clspeckle.Capture.open(folder)
+    np.save(folder / "real.npy", np.full((2, 16, 24), np.nan, np.float32))
+    describe(folder, [{"name": "flat", "file": "real.npy", "scene": "flat"}])
+    with pytest.raises(errors.InvalidDataError, match=r"real\.npy: .*type float32; expected uint16: codes are whole.*NaN"):
+        clspeckle.Capture.open(folder)
+
+
 def test_eight_bit_frames(codes: Draw, tmp_path: Path) -> None:
     frame = (codes(1, 200)[0] // 4).astype(np.uint8)
     folder = tmp_path / "set"
@@ -193,7 +211,22 @@ def test_what_a_set_can_tell_apart(codes: Draw) -> None:
     assert not no_dots["beam and diffractive element"] and not no_dots["defocus or aperture"]
     assert not whole["shot noise, gamma and full well"], "one level says little"
     levels = clspeckle.Capture.from_arrays({"flat_1": codes(2, 164), "flat_2": codes(2, 464)})
-    assert topics(levels)["shot noise, gamma and full well"]
+    assert not topics(levels)["shot noise, gamma and full well"], "each flat's light is calibrated by itself"
+    reason = {a["topic"]: a["reason"] for a in levels.summary()["abilities"]}["shot noise, gamma and full well"]
+    assert "factor of 4.0" in reason and "shows shot noise" in reason and "no bent response" in reason
+    resting = clspeckle.Capture.from_arrays({"board_static_1": codes(2, 164), "board_static_2": codes(2, 464)})
+    assert not topics(resting)["shot noise, gamma and full well"], "speckle at rest is one draw"
+    moving = clspeckle.Capture.from_arrays({"board_moving_1": codes(2, 164), "board_moving_2": codes(2, 464)})
+    assert topics(moving)["shot noise, gamma and full well"]
+
+
+def test_nothing_goes_by_the_exposure_time(codes: Draw) -> None:
+    times = {f"dark_{ms}": clspeckle.CaptureSequence(codes(2, 64, ms), "dark", exposure_ms=ms) for ms in (1, 20)}
+    abilities = {a["topic"]: a for a in clspeckle.Capture.from_arrays(times).summary()["abilities"]}
+    dark_current = abilities["offset or dark current"]
+    assert not dark_current["can"] and "whatever their exposure_ms" in dark_current["reason"]
+    for ability in abilities.values():
+        assert "at two exposure" not in ability["advice"] and "more exposures" not in ability["advice"]
 
 
 def test_every_effect_has_its_place(codes: Draw) -> None:
@@ -227,8 +260,15 @@ def test_bad_arguments(codes: Draw) -> None:
         make({"dark": codes(2, 64) / 2.0})
     with pytest.raises(errors.InvalidArgumentError, match="shape"):
         make({"dark": codes(2, 64)[0, 0]})
-    with pytest.raises(errors.InvalidDataError, match="-1"):
-        make({"dark": codes(2, 64).astype(np.int64) * 0 - 1})
+    with pytest.raises(errors.InvalidFormatError, match="expected uint16: codes are whole numbers.*NaN"):
+        make({"dark": np.full((2, 16, 24), np.nan, np.float32)})
+    for dtype in (np.int64, np.int16, np.uint32, bool):
+        with pytest.raises(errors.InvalidFormatError, match=f"dtype {np.dtype(dtype)}, expected uint16"):
+            make({"dark": codes(2, 64).astype(dtype)})
+    with pytest.raises(errors.InvalidFormatError, match="8-bit codes only"):
+        make({"dark": codes(2, 64).astype(np.uint8)})
+    assert make({"dark": codes(2, 64).astype(np.uint8)}, camera={"bits": 8}).sequences["dark"].codes.dtype == np.uint16
+    assert make({"dark": codes(2, 64).astype(">u2")}).shape == (16, 24)
     with pytest.raises(errors.InvalidArgumentError, match="the first sequence"):
         make({"dark": codes(2, 64), "flat": codes(2, 64)[:, :-1]})
     with pytest.raises(TypeError, match="f_number"):

@@ -42,6 +42,8 @@ def test_no_gap(ok, tmp_path: Path) -> None:
     assert "defocus" in shown and "motion during the exposure" in " ".join(shown.split())
     assert "dsnu" not in shown, "dark frames show it"
     assert "Report: report.json" in run.out
+    calibrated = next(line for line in run.out.splitlines() if line.startswith("Calibrated: "))
+    assert calibrated.startswith("Calibrated: black level 6") and "light in DN: flat " in calibrated
     report = json.loads((tmp_path / "report.json").read_text())
     coverage = report["coverage"]
     assert (coverage["sequences"], coverage["left_out"]) == (["dark", "flat"], [])
@@ -286,6 +288,19 @@ def test_what_cannot_be_judged_is_left_out(ok, refused, tmp_path: Path) -> None:
     assert (report["coverage"]["sequences"], report["coverage"]["left_out"]) == (["dark"], ["flat"])
     assert "vignetting" in report["coverage"]["effects_not_visible"], "it shows in the flat only"
     assert any(note.startswith("flat was left out: 25 % of its pixels are at the top code") for note in report["notes"])
+    assert report["coverage"]["judged"] is False
+    run = ok("diagnose", "set", "--html", "page.html", *QUICK)
+    assert run.out.startswith("NOTHING COULD BE JUDGED of light: every sequence that has some was left out (flat;")
+    page = (tmp_path / "page.html").read_text()
+    assert "<title>clSpeckle gap report: nothing could be judged</title>" in page
+    assert "Nothing could be judged of light: every sequence that has some was left out (flat)" in page
+    (folder / "capture.json").write_text(
+        json.dumps({**json.loads((folder / "capture.json").read_text()), "sequences": [{"name": "dark", "file": "dark.npy", "scene": "dark"}]})
+    )
+    dark = ok("diagnose", "set", "--json", "-", *QUICK).json()
+    assert dark["coverage"]["judged"] is True, "no light was asked about"
+    write_set(tmp_path / "other", 0)
+    (folder / "capture.json").write_text((tmp_path / "other" / "capture.json").read_text())
     np.save(folder / "dark.npy", np.full_like(codes, 1023))
     message = refused("diagnose", "set", "--json", "-", *QUICK)
     assert "no sequence of the capture can be judged: dark was left out: 100 % of its pixels" in message

@@ -381,6 +381,52 @@ TEST_F(ComparisonTest, ResponsesBendEitherWay) {
     }
 }
 
+// Another lattice of the same kind is no gap, and the error of the dots' centres is that of each set's own dots.
+TEST_F(ComparisonTest, DotsAreMeasuredWhereEachSetHasThem) {
+    const auto dots_set = [&](double shift_px, const std::vector<EffectSetting> &effects, std::uint64_t seed) {
+        CaptureLayout layout = small_layout();
+        std::vector<SequenceLayout> sequences;
+        for (const SequenceLayout &s : layout.sequences)
+            if (s.scene == CaptureScene::kDark || (s.scene == CaptureScene::kDots && s.moving)) {
+                sequences.push_back(s);
+                sequences.back().frame_count = 12;
+            }
+        layout.sequences = sequences;
+        // No two dots move alike.
+        for (std::size_t i = 0; i < layout.dots->positions_px.size(); ++i) {
+            layout.dots->positions_px[i][0] += shift_px * std::sin(2.1 * double(i));
+            layout.dots->positions_px[i][1] += shift_px * std::cos(1.3 * double(i));
+        }
+        Simulator simulator(context, layout);
+        return simulate_capture(simulator, effects, std::vector<SimulationLevels>(sequences.size(), {400.0, 64.0, 4.0}),
+                                seed);
+    };
+    const Capture real = dots_set(0.0, {}, 21), sim = dots_set(1.5, {}, 22);
+    ASSERT_EQ(real.layout.sequences.size(), 2u);
+    const DiagnosisResult same = compared(real, sim);
+    EXPECT_FALSE(same.detected) << same.p_value << " " << same.places[0].statistic.name << " " << same.places[0].z;
+    const auto told = [](const DiagnosisResult &result, const char *words) {
+        return std::any_of(result.notes.begin(), result.notes.end(),
+                           [&](const std::string &note) { return contains(note, words); });
+    };
+    EXPECT_TRUE(told(same, "px apart"));
+    EXPECT_TRUE(told(same, "each set's dots are measured where its own description has them"));
+    ASSERT_TRUE(same.downstream.valid);
+    EXPECT_NEAR(same.downstream.before, same.downstream.real, 0.15 * same.downstream.real);
+    EXPECT_EQ(same.downstream.after, same.downstream.before);
+    // What a set says of its dots is not what its frames have: that is a gap, and centres are off by it.
+    Capture wrong = sim;
+    wrong.layout.dots = real.layout.dots;
+    const DiagnosisResult gap = compared(real, wrong);
+    EXPECT_TRUE(gap.detected);
+    ASSERT_TRUE(gap.downstream.valid);
+    EXPECT_GT(gap.downstream.before, 1.2 * same.downstream.before);
+    const auto report = nlohmann::json::parse(report_json(gap));
+    EXPECT_GT(report["shrink"]["downstream"]["depth_error_mm"]["before"].get<double>(), 0.0);
+    EXPECT_FALSE(contains(report_html(gap), "The capture holds no frames of dots"));
+    EXPECT_TRUE(contains(report_html(compared(make({}, 1), make({}, 2))), "No dots were compared"));
+}
+
 TEST_F(ComparisonTest, TheReportHasWhatWasCompared) {
     const Capture real = make({{"vignetting", {0.35}}}, 11, 8, {kDark, kFlat}),
                   sim = make({}, 12, 10, {kDark, kFlat, kBoardStatic}, {100.0, 64.0, 6.0});

@@ -336,6 +336,15 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_EQ(summary.held_out, 1u);
     EXPECT_EQ(summary.step_count, 1u);
     EXPECT_GT(summary.seconds, 0.0);
+    EXPECT_NEAR(summary.black_level_dn, 64.0, 0.1);
+    EXPECT_NEAR(summary.read_noise_dn, 4.0, 0.2);
+    constexpr std::uint32_t kOldSummary = offsetof(ClspDiagnosisSummary, black_level_dn);
+    ClspDiagnosisSummary known{};
+    known.struct_size = kOldSummary;
+    known.black_level_dn = -7.0;
+    ASSERT_CLSP_OK(clspDiagnosisGetSummary(made, &known));
+    EXPECT_EQ(known.seconds, summary.seconds);
+    EXPECT_EQ(known.black_level_dn, -7.0) << "beyond what the caller has";
 
     ClspDiagnosisRanked ranked{};
     ranked.struct_size = sizeof ranked;
@@ -367,6 +376,19 @@ TEST_F(Diagnosis, HypothesisIsRankedAndEverythingIsTold) {
     EXPECT_LT(place.p_adjusted, 0.02);
     EXPECT_GE(place.p_adjusted, 1e-300);
     EXPECT_NE(place.real, place.sim);
+    EXPECT_GT(place.distance_before, 20.0);
+    EXPECT_LT(place.distance_after, 0.2 * place.distance_before);
+    EXPECT_GT(place.fraction, 0.8);
+    EXPECT_LE(place.fraction_95[0], place.fraction);
+    EXPECT_GE(place.fraction_95[1], place.fraction);
+    // A caller of the release before knows less of the struct.
+    constexpr std::uint32_t kOldSize = offsetof(ClspDiagnosisPlace, distance_before);
+    ClspDiagnosisPlace old{};
+    old.struct_size = kOldSize;
+    old.distance_before = -7.0;
+    ASSERT_CLSP_OK(clspDiagnosisGetPlace(made, 0, &old));
+    EXPECT_EQ(old.z_after, place.z_after);
+    EXPECT_EQ(old.distance_before, -7.0) << "beyond what the caller has";
     const std::vector<ClspDiagnosisPlace> places = diagnosis.places();
     ASSERT_EQ(places.size(), summary.place_count);
     for (std::size_t i = 0; i < places.size(); ++i) {
@@ -458,6 +480,9 @@ TEST_F(Diagnosis, NoGapIsSeenWhereThereIsNone) {
     EXPECT_TRUE(diagnosis.effects().empty());
     EXPECT_TRUE(diagnosis.parameters().empty());
     EXPECT_TRUE(diagnosis.steps().empty());
+    for (const ClspDiagnosisPlace &place : diagnosis.places())
+        EXPECT_TRUE(std::isnan(place.distance_before) && std::isnan(place.distance_after) &&
+                    std::isnan(place.fraction) && std::isnan(place.fraction_95[0]) && std::isnan(place.fraction_95[1]));
     EXPECT_TRUE(diagnosis.ranking().empty());
     // What the verdict does not reach is said.
     const std::string json = diagnosis.report_json();
@@ -507,6 +532,8 @@ TEST_F(Diagnosis, SequencesThatCannotBeJudgedAreLeftOut) {
     EXPECT_EQ(diagnosis.summary().verdict, CLSP_VERDICT_NONE) << "the ramp is in what was left out";
     EXPECT_NE(diagnosis.report_json().find("\"left_out\": [\n   \"flat\"\n  ]"), std::string::npos)
         << diagnosis.report_json();
+    EXPECT_EQ(diagnosis.summary().judged, 0u);
+    EXPECT_EQ(clspeckle::diagnose(context, make_capture(0.0), quick_options()).summary().judged, 1u);
     for (const ClspDiagnosisPlace &place : diagnosis.places())
         EXPECT_STREQ(place.sequence, "dark");
 

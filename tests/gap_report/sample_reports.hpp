@@ -74,6 +74,7 @@ inline clsp::FittedModel model(clsp::Experiment &experiment, const clsp::EffectS
     const auto count = static_cast<Eigen::Index>(experiment.count());
     result.model = clsp::GapModel(experiment, std::move(replicates), 0.02, Eigen::MatrixXd(count, 0),
                                   Eigen::VectorXd::Zero(count));
+    result.jacobian.resize(count, 0);
     return result;
 }
 
@@ -102,15 +103,19 @@ inline Sample with_evidence(const std::shared_ptr<clsp::Context> &context, const
     result.level = 0.02;
     result.candidates = clsp::candidates({}, {});
     const clsp::GapTest test = sample.baseline.model.test(experiment.real());
+    std::vector<clsp::StatisticShrinkage> shrunk(experiment.count());
+    if (with_model)
+        shrunk = clsp::statistic_shrinkages(experiment, sample.baseline, sample.with_effects);
     for (std::size_t k = 0; k < experiment.count(); ++k) {
         const auto i = static_cast<Eigen::Index>(k);
         result.places.push_back({experiment.list()[k], experiment.real().mean()[i],
                                  sample.baseline.model.full().mean()[i], test.z[i], test.p_adjusted[i],
-                                 0.3 * test.z[i]});
+                                 0.3 * test.z[i], shrunk[k]});
     }
     std::stable_sort(result.places.begin(), result.places.end(), [](const clsp::GapPlace &a, const clsp::GapPlace &b) {
         return std::abs(a.z) > std::abs(b.z);
     });
+    result.calibration = {64.1, 4.05, {{"dark", 64.1, 0.0, 0.0}, {"board_moving", 184.2, 120.1, 1.0}}};
     result.evidence = std::make_shared<const clsp::Evidence>(
         clsp::collect_evidence(experiment, sample.real, sample.baseline, final, result.seed));
     result.downstream = clsp::measure_downstream(experiment, sample.real, sample.baseline, final, result.seed);
@@ -201,6 +206,11 @@ reports(const std::shared_ptr<clsp::Context> &context) {
     single.verdict = clsp::Verdict::kUnknown;
     single.detected = true;
     all.emplace_back("single_frames", single);
+
+    clsp::DiagnosisResult unlit = none;
+    unlit.judged = {"dark"};
+    unlit.no_light_judged = true;
+    all.emplace_back("unlit", unlit);
 
     clsp::DiagnosisResult bare;
     bare.notes = {"nothing could be measured"};

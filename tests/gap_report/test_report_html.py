@@ -174,3 +174,9 @@ def test_kinds_of_captures(sources):
     assert "Standard deviation of each pixel" not in text("single_frames")
     assert "Standard deviation of each pixel" in text("named")
     assert "nothing could be measured" in text("bare")
+    assert "Each statistic's own distance on frames that the fit has not seen" in text("named")
+    assert "distance before after gone 95 % from to" in text("named")
+    assert "No single statistic differed beyond chance" in text("unknown_hostile_names"), "no frames are held out there"
+    assert "black level 64.10 DN, read noise 4.05 DN; light of board_moving 120.1 DN." in text("named")
+    assert "Nothing could be judged (verdict on the dark frames: none)" in text("unlit")
+    assert "Nothing could be judged of light: every sequence that has some was left out (board_static)" in text("unlit")

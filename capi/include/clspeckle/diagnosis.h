@@ -138,6 +138,11 @@ typedef struct ClspDiagnosisSummary {
     double fraction_95[2];      /**< Its 95 % interval. */
     double residual_p_value;    /**< Probability of so large a remainder by chance. */
     double seconds;             /**< That the diagnosis took. */
+    double black_level_dn;      /**< That the simulator without effects was calibrated to; NaN of a comparison. The report has the light of
+                                     each sequence, too. */
+    double read_noise_dn;       /**< As black_level_dn. */
+    uint32_t judged;            /**< 0: every sequence with light was left out, so that the verdict is about dark frames alone. */
+    uint32_t reserved;          /**< 0. */
 } ClspDiagnosisSummary;
 
 /** An effect that was weighed. */
@@ -182,6 +187,12 @@ typedef struct ClspDiagnosisPlace {
     double z;             /**< Their difference in standard deviations of single simulated captures. */
     double p_adjusted;    /**< Its probability by chance, adjusted for the number of statistics (Holm). */
     double z_after;       /**< z with the effects found. */
+    double distance_before; /**< On frames that no fit has seen, without effects: beyond chance, on the scale of
+                                 ClspDiagnosisSummary::distance_before. NaN if no effect was found, and of a sequence of fewer than four
+                                 frames. */
+    double distance_after;  /**< With the effects found; NaN as distance_before. */
+    double fraction;        /**< Part of it that is gone: 1 - after / before. NaN also where the distance before is not beyond chance. */
+    double fraction_95[2];  /**< Its 95 % interval; NaN as fraction. */
 } ClspDiagnosisPlace;
 
 /** What one effect took away from the gap, in the order in which effects were found. */

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -124,6 +125,11 @@ def test_captures_of_three_kinds_agree(context: clspeckle.Context, tmp_path: Pat
     assert "cannot show here: " in str(first)
     assert first.coverage.sequences == ("dark", "flat")
     assert first.coverage.left_out == ()
+    assert first.calibration is not None
+    assert first.calibration.light_dn.keys() == set(first.coverage.sequences)
+    for place in first.where:
+        low, high = place.ci95
+        assert math.isnan(place.fraction) or low <= place.fraction <= high
     assert first.coverage.statistics == len(first.report["shrink"]["per_statistic"])
     assert "defocus" in first.coverage.effects_not_visible
     assert "dsnu" not in first.coverage.effects_not_visible

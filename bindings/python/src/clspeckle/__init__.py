@@ -22,7 +22,18 @@ from . import errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .depth import Depth, DepthResult, DepthSummary
-from .diagnosis import Coverage, Diagnosis, GapPlace, Hypothesis, RankedEffect, Shrinkage, ShrinkStep, compare, diagnose
+from .diagnosis import (
+    Calibration,
+    Coverage,
+    Diagnosis,
+    GapPlace,
+    Hypothesis,
+    RankedEffect,
+    Shrinkage,
+    ShrinkStep,
+    compare,
+    diagnose,
+)
 from .doe import Beam, DoeDefects, DoeElement, DoePattern, DoePatternInfo
 from .doe_design import DoeDesign, SnappedOrders, design_doe, evaluate_doe, snap_directions
 from .dot_layout import DotLayout, dot_layout
@@ -60,6 +71,7 @@ __all__ = [
     "ApertureInfo",
     "Beam",
     "Buffer",
+    "Calibration",
     "Capture",
     "CaptureSequence",
     "ClspeckleError",

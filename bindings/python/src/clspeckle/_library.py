@@ -962,6 +962,10 @@ class ClspDiagnosisSummary(ctypes.Structure):
         ("fraction_95", c_double * 2),
         ("residual_p_value", c_double),
         ("seconds", c_double),
+        ("black_level_dn", c_double),
+        ("read_noise_dn", c_double),
+        ("judged", c_uint32),
+        ("reserved", c_uint32),
     ]
 
 
@@ -1007,6 +1011,10 @@ class ClspDiagnosisPlace(ctypes.Structure):
         ("z", c_double),
         ("p_adjusted", c_double),
         ("z_after", c_double),
+        ("distance_before", c_double),
+        ("distance_after", c_double),
+        ("fraction", c_double),
+        ("fraction_95", c_double * 2),
     ]
 
 

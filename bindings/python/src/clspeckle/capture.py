@@ -40,7 +40,8 @@ class CaptureSequence:
     """One sequence."""
 
     codes: npt.ArrayLike
-    """(frames, height, width) raw codes, integers up to 2^bits - 1; (height, width) for a single frame."""
+    """(frames, height, width) raw codes up to 2^bits - 1, uint16 (or uint8, where `bits` is 8); (height, width) for a
+    single frame."""
     scene: str
     """"dark", "flat", "board" or "dots"."""
     motion: str = "static"
@@ -66,16 +67,24 @@ def _from_name(name: str, codes: npt.ArrayLike) -> CaptureSequence:
     return CaptureSequence(codes, scene, motions[0] if motions else "static")
 
 
-def _codes(value: npt.ArrayLike, name: str) -> npt.NDArray[np.uint16]:
+def _codes(value: npt.ArrayLike, name: str, bits: object) -> npt.NDArray[np.uint16]:
+    """As strict as the reader of files: what is written and opened again is what was taken here."""
     given = _check.array(value, name)
-    if given.dtype.kind not in "iu":
-        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected uint16: raw codes")
+    if given.dtype.kind != "u" or given.dtype.itemsize != 2:
+        narrow = given.dtype == np.uint8
+        if not narrow or bits != 8:
+            why = (
+                "8-bit arrays hold 8-bit codes only (camera bits)"
+                if narrow
+                else "codes are whole numbers, as the converter gives them; fractions and NaN are none"
+                if given.dtype.kind == "f"
+                else "the codes as the converter gives them; numpy's astype(numpy.uint16) keeps them if they fit"
+            )
+            raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected uint16: {why}")
     if given.ndim == 2:
         given = given[np.newaxis]
     if given.ndim != 3 or given.size == 0:
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width)")
-    if given.dtype != np.uint16 and (int(given.min()) < 0 or int(given.max()) > 65535):
-        raise errors.InvalidDataError(f"{name} has codes from {given.min()} to {given.max()}, expected 0 to 2^bits - 1")
     return np.ascontiguousarray(given, dtype=np.uint16)
 
 
@@ -120,11 +129,12 @@ class Capture(Handle):
         if not isinstance(sequences, Mapping):
             raise TypeError(f"sequences must be a dict of name to array, got {_check.kind(sequences)}")
         entries: dict[str, tuple[CaptureSequence, npt.NDArray[np.uint16]]] = {}
+        bits = (camera or {}).get("bits")
         for name, value in sequences.items():
             if not isinstance(name, str):
                 raise TypeError(f"the names of sequences must be text, got {_check.kind(name)}")
             sequence = value if isinstance(value, CaptureSequence) else _from_name(name, value)
-            entries[name] = (sequence, _codes(sequence.codes, f"sequences[{name!r}]"))
+            entries[name] = (sequence, _codes(sequence.codes, f"sequences[{name!r}]", bits))
         if not entries:
             raise errors.InvalidArgumentError("sequences is empty; a capture has at least one sequence")
         shape = next(iter(entries.values()))[1].shape[1:]

@@ -29,6 +29,7 @@ from .capture import Capture, CaptureSequence
 from .runtime import Context, resolve_context
 
 __all__ = [
+    "Calibration",
     "Coverage",
     "Diagnosis",
     "GapPlace",
@@ -197,6 +198,15 @@ class GapPlace:
     """Its probability by chance, adjusted for the number of statistics (Holm)."""
     z_after: float
     """z with the effects found."""
+    distance_before: float = math.nan
+    """On frames that no fit has seen, beyond chance, on the scale of :attr:`Shrinkage.distance_before`; NaN if no
+    effect was found, and of a sequence of fewer than four frames."""
+    distance_after: float = math.nan
+    """With the effects found."""
+    fraction: float = math.nan
+    """Part of it that is gone: 1 - after / before; NaN also where the distance before is not beyond chance."""
+    ci95: tuple[float, float] = (math.nan, math.nan)
+    """Its 95 % interval."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -242,8 +252,10 @@ def _number(value: Any) -> float:
 
 def _place(entry: Mapping[str, Any]) -> GapPlace:
     members: dict[str, Any] = {name: entry[name] for name in ("stage", "sequence", "statistic", "region", "unit")}
-    members.update({name: _number(entry[name]) for name in ("real", "sim", "z", "p_adjusted", "z_after")})
-    return GapPlace(**members)
+    numbers = ("real", "sim", "z", "p_adjusted", "z_after", "distance_before", "distance_after", "fraction")
+    members.update({name: _number(entry[name]) for name in numbers})
+    low, high = entry["ci95"] or (None, None)
+    return GapPlace(**members, ci95=(_number(low), _number(high)))
 
 
 def _ranked(entry: Mapping[str, Any]) -> RankedEffect:
@@ -287,6 +299,20 @@ class Coverage:
     """Effects that cannot show in the sequences that were judged."""
     questions_open: tuple[str, ...]
     """Questions that these sequences leave open."""
+    judged: bool = True
+    """False: every sequence with light was left out, and the verdict is about dark frames alone."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """What the simulator was adjusted to before any gap was spoken of."""
+
+    black_level_dn: float
+    """Black level."""
+    read_noise_dn: float
+    """Read noise."""
+    light_dn: dict[str, float]
+    """Light above black by sequence, as the simulator without effects has it; 0 of dark ones."""
 
 
 class Diagnosis(Handle):
@@ -309,6 +335,8 @@ class Diagnosis(Handle):
         shrink: how far the gap shrinks with the effects found.
         advice: which captures would tell the equivalents apart.
         coverage: what was judged, and what could not be.
+        calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
+            sets have levels of their own (``report["compare"]``).
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
@@ -357,6 +385,13 @@ class Diagnosis(Handle):
             left_out=tuple(coverage["left_out"]),
             effects_not_visible=tuple(coverage["effects_not_visible"]),
             questions_open=tuple(coverage["questions_open"]),
+            judged=coverage["judged"],
+        )
+        calibration = report.get("calibration")
+        self.calibration: Calibration | None = calibration and Calibration(
+            black_level_dn=_number(calibration["black_level_dn"]),
+            read_noise_dn=_number(calibration["read_noise_dn"]),
+            light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
         )
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
@@ -390,6 +425,8 @@ class Diagnosis(Handle):
 
     def __str__(self) -> str:
         lines = [f"{self.verdict}: {self._sentence()}"]
+        if not self.coverage.judged:
+            lines.insert(0, "nothing could be judged of light; about dark frames alone:")
         for what, names in (
             ("not judged", self.coverage.left_out),
             ("cannot show here", self.coverage.effects_not_visible),
