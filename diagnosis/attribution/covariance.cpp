@@ -50,6 +50,21 @@ Covariance::Covariance(const Eigen::MatrixXd &replicates, const std::vector<std:
     }
 }
 
+Eigen::VectorXd certain_skewness(const Eigen::MatrixXd &replicates) {
+    const Eigen::Index n = replicates.rows();
+    const double error_square = 6.0 / static_cast<double>(n); // of Gaussian replicates
+    const Eigen::MatrixXd centered = replicates.rowwise() - replicates.colwise().mean();
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(replicates.cols());
+    for (Eigen::Index k = 0; k < result.size(); ++k) {
+        const double deviation = std::sqrt(centered.col(k).squaredNorm() / static_cast<double>(n - 1));
+        if (!(deviation > 0.0))
+            continue;
+        const double skewness = (centered.col(k).array() / deviation).cube().mean();
+        result[k] = skewness * std::max(0.0, 1.0 - error_square / std::max(skewness * skewness, error_square));
+    }
+    return result;
+}
+
 Eigen::VectorXd Covariance::whiten(const Eigen::VectorXd &vector) const {
     Eigen::VectorXd result = vector.cwiseQuotient(deviation_);
     for (std::size_t b = 0; b < factors_.size(); ++b) {

@@ -34,4 +34,8 @@ class Covariance {
     double tolerance_square_ = 0.0;
 };
 
+// Of each statistic over the replicates, less its own sampling error (James and Stein's estimate): 0 for most Gaussian
+// ones.
+Eigen::VectorXd certain_skewness(const Eigen::MatrixXd &replicates);
+
 } // namespace clsp

@@ -34,6 +34,14 @@ double student_two_sided_quantile(double probability, double degrees_of_freedom)
     return high;
 }
 
+double without_skewness(double z, double skewness) {
+    // z = x + (x^2 - 1) skewness / 6
+    const double part = std::abs(skewness) / 6.0, size = std::abs(z);
+    if (!(z * skewness > 0.0) || size <= 1.0 || part < 1e-6)
+        return z;
+    return std::copysign((std::sqrt(1.0 + 4.0 * part * (size + part)) - 1.0) / (2.0 * part), z);
+}
+
 double gamma_upper(double x, double mean, double variance) {
     if (!(x > 0.0))
         return 1.0;

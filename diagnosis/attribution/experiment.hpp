@@ -56,6 +56,8 @@ class Experiment {
     // Statistics [begin, end) belong to a sequence.
     std::size_t begin(std::size_t sequence) const { return offsets_[sequence]; }
     std::size_t end(std::size_t sequence) const { return offsets_[sequence + 1]; }
+    // Whether a sequence's statistics are of few frames.
+    bool has_few_frames(std::size_t sequence) const { return half_count(sequence) < kFewFrames; }
     bool parted() const { return parted_; } // whether any sequence has two halves
     bool parted(std::size_t sequence) const { return half_count(sequence) < layout_.sequences[sequence].frame_count; }
     const FoldStatistics &real() const { return real_; }

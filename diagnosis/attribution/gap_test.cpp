@@ -61,6 +61,13 @@ GapModel::GapModel(const Experiment &experiment, Replicates replicates, double l
     second_mean_ = folds.bottomRows(n).colwise().mean();
     full_ = Covariance(full, blocks, least, tolerance);
     fold_ = Covariance(folds, blocks, least, tolerance);
+    skewness_ = Eigen::VectorXd::Zero(count);
+    for (std::size_t s = 0; s + 1 < blocks.size(); ++s) {
+        const auto begin = static_cast<Eigen::Index>(blocks[s]);
+        const auto size = static_cast<Eigen::Index>(blocks[s + 1] - blocks[s]);
+        if (experiment.has_few_frames(s))
+            skewness_.segment(begin, size) = certain_skewness(full.middleCols(begin, size));
+    }
     const Eigen::Index half = n / 2;
     const Eigen::VectorXd least_of_part = this->least_of_part(least);
     part_[0] = Covariance(full.topRows(half), blocks, least_of_part, tolerance);
@@ -116,7 +123,7 @@ GapTest GapModel::test(const FoldStatistics &statistics) const {
     result.z = projected(values - full_.mean()).cwiseQuotient(full_.deviation()) / std::sqrt(1.0 + 1.0 / n);
     Eigen::VectorXd p(count);
     for (Eigen::Index k = 0; k < count; ++k)
-        p[k] = student_two_sided(result.z[k], n - 1.0);
+        p[k] = student_two_sided(without_skewness(result.z[k], skewness_[k]), n - 1.0);
     std::vector<Eigen::Index> order(static_cast<std::size_t>(count));
     std::iota(order.begin(), order.end(), Eigen::Index{0});
     std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return p[a] < p[b]; });

@@ -62,6 +62,7 @@ class GapModel {
     Eigen::MatrixXd directions_;
     Covariance full_, fold_;
     Covariance part_[2];        // of either half of the replicates, which the other half is measured by
+    Eigen::VectorXd skewness_;  // of the statistics of few frames, 0 of all others
     Eigen::VectorXd reference_; // squared distances of replicates that their covariance has not seen
     Eigen::VectorXd first_mean_, second_mean_;
 };

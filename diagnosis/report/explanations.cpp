@@ -116,6 +116,7 @@ constexpr Words kUnits[] = {
     {"1", "–"},
     {"log", "ln"},
     {"sqrt", "√"},
+    {"cbrt", "∛"},
 };
 
 std::string with_spaces(std::string text) {

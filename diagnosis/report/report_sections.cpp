@@ -302,6 +302,8 @@ void write_notes(const DiagnosisResult &result, HtmlPage &page) {
 void write_explanation(const DiagnosisResult &result, HtmlPage &page) {
     page.raw("<section id=\"reading\">\n");
     page.heading(2, "How to read this page");
+    const bool few_frames = std::any_of(result.places.begin(), result.places.end(),
+                                        [](const GapPlace &place) { return place.statistic.unit == "cbrt"; });
     page.list({
         "Real: the frames that the camera recorded. Baseline simulator: the ideal camera of the capture's data sheet, "
         "with its light levels, black "
@@ -320,9 +322,11 @@ void write_explanation(const DiagnosisResult &result, HtmlPage &page) {
                     "ambiguous (several effects "
                     "explain it equally well), unknown (something is left that no known effect explains).",
                     figure(result.level)),
-        "Units: – is a pure number; ln, √ and asinh are the natural logarithm, the square root and the inverse "
-        "hyperbolic sine of one. A difference of "
-        "0.1 in ln is about 10 % of the quantity itself.",
+        fmt::format(
+            "Units: – is a pure number; ln, √{} and asinh are the natural logarithm, the square root{} and the inverse "
+            "hyperbolic sine of one. A difference of "
+            "0.1 in ln is about 10 % of the quantity itself.",
+            few_frames ? ", ∛" : "", few_frames ? ", the cube root" : ""),
         "An effect has to explain the statistics that it should change and to disturb none of the others; a "
         "probability compares it with the "
         "other effects of the catalogue only.",

@@ -7,6 +7,7 @@
 namespace clsp::statistics {
 namespace {
 
+constexpr std::size_t kFewPatterns = 4;
 constexpr double kGrainPixels = 4.0; // above a level near the top, of a grain that reaches it
 
 } // namespace
@@ -46,8 +47,8 @@ void measure_levels(const Measurement &m, Sink &sink) {
         const double above = share_above(histogram, total, m.black_level_dn, level, full - level);
         sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above, together, total);
     }
-    // One speckle pattern's brightest grain is an accident of the pattern.
-    if (m.geometry.scene != CaptureScene::kFlat && !m.geometry.moving)
+    // The brightest grain of few speckle patterns is an accident of the patterns.
+    if (speckle && (!m.geometry.moving || m.geometry.frames < kFewPatterns))
         return;
     // The bright end without a maximum: the ratio of the 16th to the 8th moment comes near it, and is smooth.
     double eighth = 0.0, sixteenth = 0.0;

@@ -61,6 +61,8 @@ struct FrameSums {
 
 std::vector<std::size_t> temporal_lags(const Geometry &geometry) {
     std::vector<std::size_t> lags;
+    if (geometry.frames < 3)
+        return lags; // the residuals of two frames are each other's negative: always -1
     const auto add = [&](std::size_t lag) {
         if (lag >= 1 && lag < geometry.frames && std::find(lags.begin(), lags.end(), lag) == lags.end())
             lags.push_back(lag);

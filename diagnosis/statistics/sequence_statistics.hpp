@@ -27,6 +27,10 @@ struct StatisticInfo {
     double least_deviation = 0.0;
 };
 
+// Of fewer frames, squares over frames (of a frame's shift, of its mean's deviation) are far from Gaussian in their
+// logarithm, and so is much else; sequences of more are measured and tested without regard to it.
+constexpr std::uint32_t kFewFrames = 8;
+
 // What was calibrated before any statistic is spoken of.
 struct Calibration {
     double black_level_dn = 0.0;

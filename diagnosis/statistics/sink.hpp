@@ -29,6 +29,16 @@ class Sink {
         put(stage, name, "all", unit, value);
     }
 
+    // A square over frames, which has about as many degrees of freedom. The logarithm of a chi-square of few has a tail
+    // towards 0 far beyond a Gaussian one's, and the square itself one to the other side; its cube root has neither
+    // (Wilson and Hilferty 1931), whatever its scale. log: what tells it with many frames.
+    void put_square(const char *stage, const std::string &name, std::size_t frames, double square, double log) {
+        if (frames < kFewFrames)
+            put(stage, name, "cbrt", std::cbrt(square));
+        else
+            put(stage, name, "log", log);
+    }
+
     // The root of a count of rare things; half is the standard deviation of a large one.
     void put_count(const char *stage, const std::string &name, double count) {
         put(stage, name, "sqrt", std::sqrt(count + 0.375));

@@ -31,7 +31,7 @@ void measure_intensity_law(const Measurement &m, Sink &sink) {
 
 namespace {
 
-void put_correlation(const SpeckleSums &sums, Sink &sink) {
+void put_correlation(const SpeckleSums &sums, bool odd_moments, Sink &sink) {
     for (std::size_t k = 0; k < kSpeckleLags.size(); ++k) {
         const Lag lag = kSpeckleLags[k];
         if (lag.dx < 0)
@@ -49,6 +49,8 @@ void put_correlation(const SpeckleSums &sums, Sink &sink) {
                            "speckle_correlation_20_to_32"};
     for (std::size_t k = 0; k < kRings.size(); ++k)
         sink.put("optics", rings[k], "1", sums.ring[k]);
+    if (!odd_moments)
+        return;
     sink.put("sensor", "speckle_lopsided_x", "1", sums.lopsided_x);
     sink.put("sensor", "speckle_lopsided_y", "1", sums.lopsided_y);
     sink.put("surface", "speckle_binned_skewness", "1", sums.binned_skewness);
@@ -130,7 +132,8 @@ void measure_speckle(const Measurement &m, Sink &sink) {
     const SpeckleSums sums = sum_speckle(geometry, images, m.threads);
     const double light = m.frames.light;
     sink.put("surface", "contrast", "log", 0.5 * log_ratio((gain * sums.variance - noise) / (light * light), 1.0));
-    put_correlation(sums, sink);
+    // The residuals of two frames are each other's negative: their odd moments are 0.
+    put_correlation(sums, images.size() != 2, sink);
     if (geometry.moving)
         put_regions(geometry, m.frames, sums, sink); // one pattern is too few for nine regions
     put_spectrum(geometry, sum_spectrum(geometry, std::max(geometry.cutoff, 0.02), spectra, m.threads), sink);

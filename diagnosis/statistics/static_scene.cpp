@@ -92,7 +92,8 @@ void measure_static_scene(const Measurement &m, Sink &sink) {
         for (const double amount : motion.amount)
             square += amount * amount / double(m.geometry.frames);
         // Over what independent noise of the pixels would feign.
-        sink.put("motion", names[k], "log", log_ratio(square * motion.information, m.frames.pixel_variance));
+        const double log = log_ratio(square * motion.information, m.frames.pixel_variance);
+        sink.put_square("motion", names[k], m.geometry.frames, std::exp(log), log);
     }
 }
 

@@ -56,6 +56,8 @@ double first_frame_t(const Frames &frames) {
     return (frames.frame_mean[0] - mean) / ((std::sqrt(variance) + kLeastFluctuation) * std::sqrt(1.0 + 1.0 / others));
 }
 
+constexpr double kLeastDifference = 1e-3; // of frames, over their mean
+
 } // namespace
 
 void measure_temporal_noise(const Measurement &m, Sink &sink) {
@@ -68,8 +70,12 @@ void measure_temporal_noise(const Measurement &m, Sink &sink) {
     const double variance = powers.square / samples;
     sink.put("sensor", "row_noise", "log", row_excess(m, variance));
     sink.put("sensor", "column_noise", "log", log_ratio(m.residual.column_variance, variance));
-    sink.put(source, "frame_mean_fluctuation", "log", std::log((frame_deviation(m.frames) + 1e-4) / m.frames.light));
-    if (geometry.frames > 2) {
+    const double fluctuation = (frame_deviation(m.frames) + 1e-4) / m.frames.light;
+    sink.put_square(source, "frame_mean_fluctuation", geometry.frames, fluctuation * fluctuation,
+                    std::log(fluctuation));
+    // Of three frames the fluctuation of the others is a single difference, and may be as small as it likes: Student's
+    // t of one degree of freedom is beyond 600 once in a thousand times.
+    if (geometry.frames > 3) {
         sink.put("sensor", "first_frame", "asinh", std::asinh(first_frame_t(m.frames)));
         sink.put(source, "frame_mean_drift", "asinh", std::asinh(drift_t(m.frames)));
     }
@@ -81,7 +87,8 @@ void measure_temporal_noise(const Measurement &m, Sink &sink) {
     if (geometry.moving)
         return;
     const double cube = powers.cube / samples, fourth = powers.fourth / samples;
-    sink.put("sensor", "noise_skewness", "1", cube / std::pow(variance + 1e-6, 1.5));
+    if (geometry.frames > 2) // of two frames the residuals are each other's negative
+        sink.put("sensor", "noise_skewness", "1", cube / std::pow(variance + 1e-6, 1.5));
     sink.put("sensor", "noise_kurtosis", "log", std::log((fourth + 1e-6) / (variance * variance + 1e-6)));
     const auto &noise = m.residual.noise;
     sink.put(change, "noise_correlation_x1", "1", noise[0]);
@@ -120,8 +127,11 @@ void measure_repetition(const Measurement &m, Sink &sink) {
     mean /= pairs;
     for (const auto &part : parts)
         for (const double difference : part)
-            inverse += (mean + 1e-9) / (difference + 1e-3 * mean + 1e-9) / pairs;
-    sink.put("sensor", "repeated_frames", "log", std::log(inverse));
+            inverse += (mean + 1e-9) / (difference + kLeastDifference * mean + 1e-9) / pairs;
+    // Without the floor under the differences it is 0 at least, and about half the relative variance of the
+    // differences.
+    sink.put_square("sensor", "repeated_frames", geometry.frames,
+                    std::max(std::log(inverse * (1.0 + kLeastDifference)), 0.0), std::log(inverse));
 }
 
 } // namespace clsp::statistics

@@ -6,11 +6,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -420,6 +422,52 @@ TEST(GapStatistics, ProfilesOfWhatIsNoDotAreBounded) {
         }
     }
     EXPECT_TRUE(no_core) << "no core reached its bound: the test tests nothing";
+}
+
+// The residuals of two frames are each other's negative: a skewness or a correlation over time that is the same in all
+// captures, but for rounding, would be a gap whenever rounding goes another way. 8 captures of each scene: a statistic
+// stays the same or varies by more than rounding.
+TEST(GapStatistics, NoneIsRoundingAlone) {
+    for (const Scene &scene : kScenes)
+        for (const std::uint32_t frames : {1u, 2u, 3u, 4u}) {
+            const CaptureLayout layout = make_layout(scene.scene, scene.moving, frames);
+            std::map<std::string, std::pair<double, double>> ranges;
+            for (std::uint32_t seed = 0; seed < 8; ++seed)
+                for (const auto &[name, value] : named(layout, make_codes(layout, 500 + seed))) {
+                    const auto range = ranges.try_emplace(name, value, value).first;
+                    range->second.first = std::min(range->second.first, value);
+                    range->second.second = std::max(range->second.second, value);
+                }
+            for (const auto &[name, range] : ranges) {
+                const double width = range.second - range.first;
+                EXPECT_TRUE(width == 0.0 || width > 1e-6) << name << " of " << frames << " frames varies by " << width;
+            }
+        }
+}
+
+// Squares over few frames have the law of a chi-square of few degrees of freedom. 300 captures: the skewness of a
+// Gaussian law would be 0 to 0.14; that of the cube root is 0.5 at most, of the logarithm or the square of two to four
+// frames 0.8 to 2.
+TEST(GapStatistics, SquaresOverFewFramesAreNearlyGaussian) {
+    constexpr int kCaptures = 300;
+    for (const std::uint32_t frames : {2u, 3u, 4u}) {
+        const CaptureLayout layout = make_layout(CaptureScene::kBoard, false, frames);
+        std::map<std::string, std::array<double, 3>> powers;
+        std::size_t squares = 0;
+        for (std::uint32_t seed = 0; seed < kCaptures; ++seed)
+            for (const auto &[name, value] : named(layout, make_codes(layout, 1000 + seed)))
+                for (std::size_t k = 0; k < 3; ++k)
+                    powers[name][k] += std::pow(value, double(k + 1)) / kCaptures;
+        for (const auto &[name, power] : powers) {
+            if (name.rfind("image_", 0) != 0 && name != "frame_mean_fluctuation" && name != "repeated_frames")
+                continue;
+            ++squares;
+            const double mean = power[0], variance = power[1] - mean * mean;
+            const double cube = power[2] - 3.0 * mean * power[1] + 2.0 * mean * mean * mean;
+            EXPECT_NEAR(cube / std::pow(variance, 1.5), 0.0, 0.7) << name << " of " << frames << " frames";
+        }
+        EXPECT_EQ(squares, frames > 2 ? 6u : 5u);
+    }
 }
 
 // 10 frames of 96 x 80: the standard error of the noise is 4 / sqrt(2 * 69120) = 0.011 DN; the margin is four of them.
