@@ -230,7 +230,7 @@ std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result
         return result.comparison && place.statistic.name == "read_noise"
                    ? "it is of the calibration: no effect is fitted to it"
                    : "no frames are left that the fit has not seen: a sequence needs four";
-    return place.shrink.beyond_chance ? "" : "its distance before is not beyond chance";
+    return place.shrink.beyond_chance ? "" : "its distance before is not beyond what chance gives with the effects";
 }
 
 std::string explain_reach(const DiagnosisResult &result) {

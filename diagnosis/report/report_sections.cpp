@@ -73,9 +73,10 @@ void write_statistic_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
 void write_summary(const DiagnosisResult &result, HtmlPage &page) {
     page.raw(fmt::format("<section id=\"summary\" class=\"verdict {}\">\n",
                          result.no_light_judged ? "unjudged" : verdict_name(result.verdict)));
-    page.paragraph(result.no_light_judged ? fmt::format("Nothing could be judged (verdict on the dark frames: {})",
-                                                        verdict_name(result.verdict))
-                                          : fmt::format("Verdict: {}", verdict_name(result.verdict)),
+    page.paragraph(result.no_light_judged
+                       ? fmt::format("Nothing could be judged. Verdict: {}, on the dark frames alone",
+                                     verdict_name(result.verdict))
+                       : fmt::format("Verdict: {}", verdict_name(result.verdict)),
                    "word");
     page.paragraph(verdict_sentence(result), "sentence");
     page.raw("</section>\n");

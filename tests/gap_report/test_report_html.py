@@ -11,7 +11,7 @@ import subprocess
 import pytest
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
-NAMES = ["named", "ambiguous", "none_without_dots", "unknown_hostile_names", "single_frames", "bare"]
+NAMES = ["named", "ambiguous", "none_without_dots", "unknown_hostile_names", "single_frames", "unlit", "bare"]
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
 
@@ -178,5 +178,5 @@ def test_kinds_of_captures(sources):
     assert "distance before after gone 95 % from to" in text("named")
     assert "No single statistic differed beyond chance" in text("unknown_hostile_names"), "no frames are held out there"
     assert "black level 64.10 DN, read noise 4.05 DN; light of board_moving 120.1 DN." in text("named")
-    assert "Nothing could be judged (verdict on the dark frames: none)" in text("unlit")
+    assert "Nothing could be judged. Verdict: none, on the dark frames alone" in text("unlit")
     assert "Nothing could be judged of light: every sequence that has some was left out (board_static)" in text("unlit")
