@@ -3,7 +3,6 @@
 #include "runtime/error.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <map>
 #include <mutex>
 #include <set>
@@ -25,8 +24,7 @@ struct Guarded {
 };
 
 std::mutex mutex;
-std::map<cl_context, Guarded> guarded;      // under the mutex
-std::atomic<std::size_t> guarded_queues{0}; // none in programs that diagnose nothing: launches go straight through
+std::map<cl_context, Guarded> guarded; // under the mutex
 
 template <typename Value> Value queue_info(cl_command_queue queue, cl_command_queue_info what) {
     Value value{};
@@ -64,6 +62,8 @@ bool pocl_miscounts_kernels(const std::string &platform_version) {
     return true;
 }
 
+std::atomic<std::size_t> LaunchGuard::guarded_queues_{0};
+
 LaunchGuard::LaunchGuard(const Context &context, const cl::CommandQueue &queue) {
     if (!context.is_pocl_cpu() ||
         !pocl_miscounts_kernels(
@@ -73,7 +73,7 @@ LaunchGuard::LaunchGuard(const Context &context, const cl::CommandQueue &queue) 
     const std::lock_guard<std::mutex> lock(mutex);
     guarded[of].queues.push_back(queue());
     queue_ = queue();
-    ++guarded_queues;
+    ++guarded_queues_;
 }
 
 LaunchGuard::~LaunchGuard() {
@@ -88,16 +88,14 @@ LaunchGuard::~LaunchGuard() {
                 queues.erase(queue);
                 if (queues.empty())
                     guarded.erase(of_context);
-                --guarded_queues;
+                --guarded_queues_;
                 return;
             }
     }
 }
 
-void LaunchGuard::launch(cl_command_queue queue, cl_kernel kernel, const Extent &extent,
-                         const std::function<void()> &enqueue) {
-    if (guarded_queues.load(std::memory_order_relaxed) == 0)
-        return enqueue();
+void LaunchGuard::launch_among_guarded(cl_command_queue queue, cl_kernel kernel, const Extent &extent,
+                                       const std::function<void()> &enqueue) {
     const std::lock_guard<std::mutex> lock(mutex);
     const auto of_context = guarded.find(queue_info<cl_context>(queue, CL_QUEUE_CONTEXT));
     if (of_context == guarded.end() || std::find(of_context->second.queues.begin(), of_context->second.queues.end(),

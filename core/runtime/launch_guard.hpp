@@ -12,9 +12,10 @@
 #include "runtime/opencl.hpp"
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <functional>
-#include <memory>
+#include <string>
 
 namespace clsp {
 
@@ -28,11 +29,21 @@ class LaunchGuard {
     LaunchGuard(const LaunchGuard &) = delete;
     LaunchGuard &operator=(const LaunchGuard &) = delete;
 
-    // Calls enqueue(), which launches the kernel on the queue; extent: the global and the local work size.
+    // Calls enqueue(), which launches the kernel on the queue; extent: the global and the local work size. While no
+    // queue is guarded this is the call alone: every frame's launches go through it.
+    template <typename Function>
     static void launch(cl_command_queue queue, cl_kernel kernel, const std::array<std::size_t, 4> &extent,
-                       const std::function<void()> &enqueue);
+                       const Function &enqueue) {
+        if (guarded_queues_.load(std::memory_order_relaxed) == 0)
+            enqueue();
+        else
+            launch_among_guarded(queue, kernel, extent, enqueue);
+    }
 
   private:
+    static void launch_among_guarded(cl_command_queue queue, cl_kernel kernel, const std::array<std::size_t, 4> &extent,
+                                     const std::function<void()> &enqueue);
+    static std::atomic<std::size_t> guarded_queues_;
     cl_command_queue queue_ = nullptr; // if it is guarded
 };
 

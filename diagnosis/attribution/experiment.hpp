@@ -126,8 +126,8 @@ class Experiment {
     void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
                   const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
                   const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
-    // The levels of a simulated capture's camera: where no dark sequence tells black level or read noise, every capture has one of its own, as
-    // the data sheet's say of the real one.
+    // The levels of a simulated capture's camera: where no dark sequence tells black level or read noise, every capture
+    // has one of its own, as far from the data sheet's as the real one may be.
     CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
     // What the frames of a sequence depend on beside the seed.
     MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;

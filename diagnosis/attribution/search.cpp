@@ -365,7 +365,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     // very different ones.
     const double least_share = little ? kLeastShareOfLittle : kLeastShare;
     const bool is_large_part = excess > kLarge * static_cast<double>(experiment_.count()) &&
-                         finalists[best]->gain > kMostOfLarge * excess;
+                               finalists[best]->gain > kMostOfLarge * excess;
     if ((gain < kLeastGain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;

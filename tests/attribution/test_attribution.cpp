@@ -344,12 +344,17 @@ TEST(Diagnosis, NamesARatioOnTheOtherSideOfOne) {
     }
 }
 
-// Dots that are lopsided along another axis than x, and against it.
-TEST(Diagnosis, NamesASkewAlongAnyAxis) {
+CaptureLayout larger_layout() {
     CaptureLayout layout = small_layout();
     layout.width = 96;
     layout.height = 80;
     layout.principal_point_px = {47.5, 39.5};
+    return layout;
+}
+
+// Dots that are lopsided along another axis than x, and against it.
+TEST(Diagnosis, NamesASkewAlongAnyAxis) {
+    CaptureLayout layout = larger_layout();
     layout.dots = CaptureDots{2.2, {}};
     for (int y = 12; y < 80; y += 14)
         for (int x = 12; x < 96; x += 14)
@@ -379,10 +384,7 @@ TEST(Diagnosis, NamesASkewAlongAnyAxis) {
 // measure of it: a fit that went by two stopped at 0.65, and a significant gap remained. Of 20 such captures two keep a residual; of the ten here
 // more than two would by chance once in fourteen draws (seeds are fixed: one does).
 TEST(Diagnosis, SmallCapturesAreFittedByMoreRandomNumbers) {
-    CaptureLayout layout = small_layout();
-    layout.width = 96;
-    layout.height = 80;
-    layout.principal_point_px = {47.5, 39.5};
+    CaptureLayout layout = larger_layout();
     layout.f_number = 5.6;
     SequenceLayout resting = layout.sequences.back();
     resting.name = "board_static";
@@ -439,10 +441,7 @@ TEST(Diagnosis, WithoutDarkFramesEffectsAreStillNamed) {
 // fitted, though others promise more at a first look: otherwise the wrong one was named in half of such captures, and
 // the right one was never among the equivalent ones. (Of what a twentieth is likely, a twentieth is not listed.)
 TEST(Diagnosis, LookAlikesOfOneSequenceAreFittedToo) {
-    CaptureLayout layout = small_layout();
-    layout.width = 96;
-    layout.height = 80;
-    layout.principal_point_px = {47.5, 39.5};
+    CaptureLayout layout = larger_layout();
     layout.sequences.erase(layout.sequences.begin() + 1);
     for (SequenceLayout &sequence : layout.sequences)
         sequence.frame_count = 16;
@@ -463,10 +462,7 @@ TEST(Diagnosis, LookAlikesOfOneSequenceAreFittedToo) {
 // before, so that either effect alone seemed to make the gap wider, and neither was named.
 TEST(Diagnosis, LargeGapsAreExplainedPartByPart) {
     const EffectSettings both = {{"bayer_mismatch", {0.036}}, {"hot_pixels", {0.009, 150.0}}};
-    CaptureLayout layout = small_layout();
-    layout.width = 96;
-    layout.height = 80;
-    layout.principal_point_px = {47.5, 39.5};
+    CaptureLayout layout = larger_layout();
     const DiagnosisResult result = diagnose(context(), simulated(both, kCaptureSeed + 360, {}, layout), quick(1));
     EXPECT_EQ(result.verdict, Verdict::kNamed);
     EXPECT_EQ(std::set<std::string>(result.effects.begin(), result.effects.end()),
