@@ -131,8 +131,12 @@ __kernel void fused_columns_inverse(__global const lanes_f *lines, uint grid_wid
 #else
         image.intensity = intensity + intensity_offset;
         image.pitch = intensity_pitch;
-        image.streams = STREAM && OVERSAMPLING == 1 && x + LANES <= width && intensity_pitch % LANES == 0 &&
+#if STREAM && OVERSAMPLING == 1
+        image.streams = x + LANES <= width && intensity_pitch % LANES == 0 &&
                         ((size_t)image.intensity & (sizeof(lanes_f) - 1)) == 0;
+#else
+        image.streams = 0;
+#endif
 #endif
         image.before = before + before_offset;
         image.before_pitch = before_pitch;

@@ -13,6 +13,9 @@ namespace {
 
 constexpr std::size_t places_shown = 10;
 constexpr std::size_t ranked_shown = 8;
+constexpr std::size_t measured_shown = 8;
+// Of what is measured in a data sheet's units that is shown which differs by so many deviations of simulated captures.
+constexpr double measured_apart = 4;
 constexpr double bar_cells = 40;
 // Of the level: at what a residual is tested, as there are several models to a capture (docs/diagnosis.md).
 constexpr double residual_part = 0.25;
@@ -199,6 +202,60 @@ std::string calibration_text(const Json &report) {
            "\n";
 }
 
+/** What nobody would read as a difference: noise that is not there leaves 0 in one capture and a little in the next. */
+double least_apart(const std::string &unit) {
+    constexpr std::pair<const char *, double> least[] = {{"DN", 0.02},   {"DN^2", 0.1}, {"px", 0.002},
+                                                         {"%", 0.01}, {"1", 1e-3}, {"DN/electron", 2e-4}};
+    for (const auto &[name, value] : least)
+        if (unit == name)
+            return value;
+    return 0.0;
+}
+
+/** What differs most in the units of a data sheet. */
+std::string measurements_text(const Json &report) {
+    struct Row {
+        const Json *entry;
+        double apart;
+    };
+    const Json &measurements = report["measurements"];
+    std::vector<Row> found;
+    for (const Json &entry : measurements["quantities"]) {
+        if (!entry["real"].is_number() || !entry["sim"].is_number())
+            continue;
+        const double real = entry["real"].get<double>(), sim = entry["sim"].get<double>();
+        const double least = std::max(1e-3 * std::max(std::abs(real), std::abs(sim)),
+                                      least_apart(entry["unit"].get<std::string>()));
+        const double apart = std::abs(real - sim) / std::max(entry.value("sim_deviation", 0.0), least);
+        if (apart >= measured_apart)
+            found.push_back({&entry, apart});
+    }
+    std::stable_sort(found.begin(), found.end(), [](const Row &a, const Row &b) { return a.apart > b.apart; });
+    found.resize(std::min(found.size(), measured_shown));
+    if (found.empty())
+        return "";
+    const auto value = [](const Json &entry, const std::string &name) {
+        if (!entry.contains(name) || !entry[name].is_number())
+            return std::string("-");
+        const std::string deviation = name + "_deviation";
+        return fmt::format("{:.4g}", entry[name].get<double>()) +
+               (entry.contains(deviation) ? fmt::format(" +- {:.2g}", entry[deviation].get<double>()) : "");
+    };
+    const bool with_effects = found.front().entry->contains("sim_with_effects");
+    std::vector<std::vector<std::string>> rows = {{"sequence", "quantity", "unit", "camera", "simulator"}};
+    if (with_effects)
+        rows.front().emplace_back("with the effects");
+    for (const Row &row : found) {
+        const Json &entry = *row.entry;
+        rows.push_back({entry["sequence"].is_string() ? entry["sequence"].get<std::string>() : "dark and flat",
+                        entry["quantity"].get<std::string>(), unit_text(entry["unit"].get<std::string>().c_str()),
+                        value(entry, "real"), value(entry, "sim")});
+        if (with_effects)
+            rows.back().push_back(value(entry, "sim_with_effects"));
+    }
+    return "Measured, as a data sheet has it: what differs most (all of it: --json, --html)\n" + table(rows, "  ") + "\n";
+}
+
 std::string downstream_text(const Json &report) {
     const Json &shrink = report["shrink"];
     if (!shrink.contains("downstream") || !shrink["downstream"].contains("dot_centre_rms_px"))
@@ -268,6 +325,8 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         text += fmt::format("Residual: {} (p = {}; significant below {:.3g})\n",
                             summary.residual_detected ? "a significant gap remains" : "nothing significant remains",
                             probability_text(summary.residual_p_value), residual_part * summary.level);
+    if (summary.detected)
+        text += "\n" + measurements_text(report) + "\n";
     text += downstream_text(report);
     if (report.contains("compare"))
         text += "\n" + comparison_text(report["compare"]);

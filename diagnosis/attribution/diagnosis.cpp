@@ -85,6 +85,8 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
         else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
             reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
                                  seen.level_above_dark_dn);
+        else if (sequence.scene != CaptureScene::kDark && seen.minimum == seen.maximum)
+            reason = fmt::format("all its codes are {}: no camera records light without noise", seen.minimum);
         // Coarse steps may hide the noise of a dark sequence, which light then shows.
         else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
             reason = fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
@@ -222,6 +224,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = experiment.parted();
+    result.looks = found.looks;
     result.work_captures = found.work;
     result.ended_early = found.ended_early;
     if (found.ended_early)
@@ -264,6 +267,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(experiment, capture, found.baseline, final, first_seed);
+    result.measurements = measure_quantities(experiment, capture, found.baseline, final, first_seed);
     if (options.evidence)
         result.evidence =
             std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, first_seed));

@@ -3,6 +3,7 @@
 
 #include "attribution/search.hpp"
 #include "attribution/shrinkage.hpp"
+#include "report/measurements.hpp"
 #include "runtime/progress.hpp"
 
 #include <array>
@@ -78,6 +79,7 @@ struct DiagnosisResult {
     std::vector<std::string> equivalent;
     std::vector<RankedEffect> ranking; // of the first step
     std::vector<RankedEffect> found;   // the effect that each step added
+    std::vector<FirstLook> looks;      // at all effects that can show, before any was fitted; not of comparisons
     std::vector<Candidate> candidates; // what the ranking was over
     std::vector<FittedParameter> parameters; // of the effects found
     // Shrinkage, on halves that the fit has not seen.
@@ -88,6 +90,7 @@ struct DiagnosisResult {
     double residual_p_value = 1.0;
     std::vector<ShrinkStep> steps;
     Downstream downstream;
+    Measurements measurements;
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why

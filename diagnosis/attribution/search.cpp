@@ -43,10 +43,13 @@ struct Refined {
     double sign = 1.0;
     double strength = 0.5;
     double gain = 0.0; // screening, then held-out
+    double look = 0.0; // part of the squared distance, by screening
     bool fitted = false;
     std::vector<bool> concerned;
     Response response;
 };
+
+double ratio_of(double part, double whole) { return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0; }
 
 // The best first; of an effect that may begin in several places (with_alternatives) the best alone.
 void sort_by_gain(std::vector<Refined> &refined) {
@@ -68,6 +71,7 @@ class Search {
     // Fits the promising ones of them; false if no fit bears out a look.
     bool refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at);
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
+    void remember_looks(const std::vector<Refined> &refined); // the first ones
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
     std::size_t best_of(std::vector<FittedModel> &fits, double margin, double at) const;
@@ -106,6 +110,7 @@ class Search {
     double baseline_excess_ = 0.0;
     bool ended_early_ = false;
     double work_before_ = 0.0; // the baseline's
+    std::vector<FirstLook> looks_;
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
 };
@@ -186,7 +191,18 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         }
     }
     sort_by_gain(result);
+    for (Refined &refined : result)
+        refined.look = ratio_of(refined.gain, target.squaredNorm());
     return result;
+}
+
+void Search::remember_looks(const std::vector<Refined> &refined) {
+    if (!looks_.empty())
+        return;
+    for (const Refined &candidate : refined)
+        looks_.push_back({candidate.candidate->id, candidate.look, candidate.fitted});
+    std::stable_sort(looks_.begin(), looks_.end(),
+                     [](const FirstLook &a, const FirstLook &b) { return a.share > b.share; });
 }
 
 void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
@@ -312,8 +328,10 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     const double excess = fits_.excess_square(current);
     const bool little = excess <= kLittleLeft * baseline_excess_, stale = !path.looks.empty();
     std::vector<Refined> refined = screen(path, current, false);
+    const bool borne_out = refine_all(refined, path, current, from + 0.2 * share);
+    remember_looks(refined);
     // The last looks may be of another picture: what is lopsided shows late under a defocus.
-    if (!refine_all(refined, path, current, from + 0.2 * share) && little && stale) {
+    if (!borne_out && little && stale) {
         refined = screen(path, current, true);
         refine_all(refined, path, current, from + 0.2 * share);
     }
@@ -460,6 +478,7 @@ SearchResult Search::run() {
         }
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
+        result.looks = std::move(looks_);
         result.ended_early = ended_early_;
         result.work = experiment_.work() - work_before_;
     }

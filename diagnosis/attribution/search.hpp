@@ -44,8 +44,16 @@ struct FittedModel {
     double score = 0.0;         // held-out squared distance plus log determinant; smaller is better
 };
 
+// What an effect promises at the first look at the baseline's gap.
+struct FirstLook {
+    std::string effect;
+    double share = 0.0;  // of the squared distance, that as much of its change as fits best takes away
+    bool fitted = false; // whether its parameters were fitted then; what a look promises little of is put aside
+};
+
 struct SearchResult {
     FittedModel baseline;
+    std::vector<FirstLook> looks; // at all candidates that can show; the most promising first; none without a gap
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
     double work = 0.0;               // what was asked for beside the baseline's (Experiment::work)

@@ -103,6 +103,41 @@ constexpr Words kStatistics[] = {
     {"grain_correlation_", "size of the speckle grains within the dots"},
 };
 
+constexpr Words kQuantities[] = {
+    {"dark_offset", "mean code in the dark"},
+    {"mean_signal", "mean above the black level"},
+    {"temporal_noise", "standard deviation of a pixel over time; rows, columns and whole frames taken out, defects capped"},
+    {"row_noise", "row offsets that are new in each frame"},
+    {"column_noise", "column offsets that are new in each frame"},
+    {"frame_mean_deviation", "how whole frames differ in brightness"},
+    {"image_shift_x", "root mean square motion of the image to the sides, noise taken out"},
+    {"image_shift_y", "root mean square motion of the image up and down, noise taken out"},
+    {"fixed_pattern", "differences between pixels that stay, temporal noise and smooth fields taken out (in the dark: "
+                      "DSNU of EMVA 1288)"},
+    {"row_fixed_pattern", "row offsets that stay"},
+    {"column_fixed_pattern", "column offsets that stay"},
+    {"photo_response_nonuniformity", "PRNU of EMVA 1288: what pixels differ by in the light beyond the dark"},
+    {"corner_loss", "how much darker the corners are than the axis"},
+    {"contrast", "speckle contrast: standard deviation over mean, read noise taken out"},
+    {"intensity_skewness", "lopsidedness of the speckle's brightness: 2 for fully developed speckle, less where several "
+                           "patterns add"},
+    {"grain_width_x", "full width at half maximum of the grains' autocorrelation, to the sides"},
+    {"grain_width_y", "the same, up and down"},
+    {"dot_width_x", "standard deviation of the dots, to the sides"},
+    {"dot_width_y", "the same, up and down"},
+    {"dot_shift_x", "common shift of all dots to the right"},
+    {"dot_shift_y", "common shift of all dots down"},
+    {"dot_magnification", "dots farther out, in proportion to their distance from the axis"},
+    {"dot_cubic_displacement", "dots farther out in the corner, with the cube of the distance"},
+    {"light_between_dots", "light far from all dots, over that of a dot's core"},
+    {"light_on_axis", "light of a spot of a dot's width on the axis, beyond that between dots, over a dot's core: undiffracted light, or a dot that lies there"},
+    {"codes_missing", "codes that never occur where others beside them do"},
+    {"codes_at_zero", "pixels at the lowest code"},
+    {"codes_at_maximum", "pixels at the highest code"},
+    {"system_gain", "slope of the photon transfer: variance over time against signal, of dark and flat sequences"},
+    {"transfer_intercept", "variance over time that the photon transfer leaves without signal"},
+};
+
 constexpr Words kStages[] = {
     {"laser", "laser: line width, stability and shape of the beam"},
     {"doe", "diffractive element that makes the dots"},
@@ -143,6 +178,13 @@ std::string explain_statistic(const std::string &name) {
         if (begins_with(name, words.name) && (!best || std::string(words.name).size() > std::string(best->name).size()))
             best = &words;
     return best ? best->text : with_spaces(name);
+}
+
+std::string explain_quantity(const std::string &name) {
+    for (const Words &words : kQuantities)
+        if (name == words.name)
+            return words.text;
+    return with_spaces(name);
 }
 
 std::string explain_region(const std::string &region) {

@@ -8,6 +8,7 @@
 namespace clsp {
 
 std::string explain_statistic(const std::string &name);
+std::string explain_quantity(const std::string &name);
 std::string explain_region(const std::string &region);
 // The unit of a statistic as it stands in a table.
 std::string explain_unit(const std::string &unit);

@@ -198,10 +198,11 @@ Json curve_figure(const CurvePlot &plot) {
         names.push_back(version_name(static_cast<Version>(v)));
         colours.push_back(kColours[v]);
         dashes.push_back(v == 0 ? Json::array({1, 0}) : v == 1 ? Json::array({6, 3}) : Json::array({2, 2}));
-        for (std::size_t i = 0; i < std::min(plot.x.size(), plot.y[v].size()); ++i) {
+        const std::vector<double> &x = plot.own_x.empty() ? plot.x : plot.own_x[v];
+        for (std::size_t i = 0; i < std::min(x.size(), plot.y[v].size()); ++i) {
             const double y = plot.y[v][i];
             values.push_back(
-                {{"x", plot.x[i]}, {"y", plot.logarithmic ? std::max(y, plot.y_floor) : y}, {"version", names.back()}});
+                {{"x", x[i]}, {"y", plot.logarithmic ? std::max(y, plot.y_floor) : y}, {"version", names.back()}});
         }
     }
     Json figure_json = specification(430, 220);

@@ -16,7 +16,8 @@ const char *version_name(Version version);
 struct CurvePlot {
     std::string x_title, y_title;
     std::vector<double> x;
-    std::vector<std::vector<double>> y; // by version
+    std::vector<std::vector<double>> own_x; // by version, in the place of x; empty: x is common to all
+    std::vector<std::vector<double>> y;     // by version
     std::vector<double> y_domain;       // lowest and highest; empty: those of the data
     double y_floor = 0.0;               // what is less is drawn there; with a logarithmic axis more than 0
     bool logarithmic = false, steps = false, with_points = false, from_zero = false;

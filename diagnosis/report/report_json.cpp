@@ -55,6 +55,46 @@ Json place_json(const GapPlace &place, const DiagnosisResult &result) {
     return entry;
 }
 
+void add_version(const char *name, const QuantityMean &value, Json &entry) {
+    entry[name] = number(value.mean);
+    if (std::isfinite(value.deviation))
+        entry[std::string(name) + "_deviation"] = value.deviation;
+}
+
+Json transfer_json(const char *version, const PhotonTransfer &transfer) {
+    Json points = Json::array();
+    for (const TransferPoint &point : transfer.points)
+        points.push_back({{"sequence", point.sequence},
+                          {"signal_dn", number(point.signal_dn)},
+                          {"variance_dn2", number(point.variance_dn2)},
+                          {"variance_error_dn2", number(point.variance_error_dn2)}});
+    const auto fitted = [&](double value) { return transfer.fitted ? number(value) : Json(nullptr); };
+    return {{"version", version},
+            {"points", points},
+            {"system_gain_dn_per_electron", fitted(transfer.gain_dn_per_electron)},
+            {"system_gain_error", fitted(transfer.gain_error)},
+            {"intercept_dn2", fitted(transfer.intercept_dn2)},
+            {"intercept_error", fitted(transfer.intercept_error)}};
+}
+
+Json measurements_json(const Measurements &measurements) {
+    constexpr const char *kVersions[] = {"real", "sim", "sim_with_effects"};
+    Json quantities = Json::array(), transfer = Json::array();
+    for (const MeasuredQuantity &quantity : measurements.quantities) {
+        Json entry = {{"sequence", quantity.sequence.empty() ? Json(nullptr) : Json(quantity.sequence)},
+                      {"quantity", quantity.name},
+                      {"unit", quantity.unit}};
+        for (std::size_t v = 0; v < quantity.versions.size(); ++v)
+            add_version(kVersions[v], quantity.versions[v], entry);
+        quantities.push_back(entry);
+    }
+    for (std::size_t v = 0; v < measurements.transfer.size(); ++v)
+        transfer.push_back(transfer_json(kVersions[v], measurements.transfer[v]));
+    return {{"simulated_captures", measurements.simulated_captures},
+            {"quantities", quantities},
+            {"photon_transfer", transfer}};
+}
+
 Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
     Json parameters = Json::object(), intervals = Json::object();
     const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
@@ -135,6 +175,12 @@ std::string report_json(const DiagnosisResult &result) {
                        {"probability", number(result.probability)},
                        {"equivalent", result.equivalent},
                        {"ranking", ranking}};
+    if (!result.comparison) {
+        Json looks = Json::array();
+        for (const FirstLook &look : result.looks)
+            looks.push_back({{"effect", look.effect}, {"share", number(look.share)}, {"fitted", look.fitted}});
+        report["cause"]["first_look"] = looks;
+    }
     Json steps = Json::array(), per_statistic = Json::array();
     for (const ShrinkStep &step : result.steps)
         steps.push_back({{"effect", step.effect}, {"distance_after", number(step.distance_after)}, {"fraction", number(step.fraction)}});
@@ -180,6 +226,7 @@ std::string report_json(const DiagnosisResult &result) {
         if (!result.calibration_after.light.empty())
             report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
     }
+    report["measurements"] = measurements_json(result.measurements);
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

@@ -68,6 +68,23 @@ void write_statistic_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
                rows, {3, 4, 5, 6, 7});
 }
 
+// Why the others are not in the ranking.
+void write_first_looks(const DiagnosisResult &result, HtmlPage &page) {
+    if (result.looks.empty())
+        return;
+    page.raw("<details><summary>All effects that were looked at</summary>\n");
+    page.paragraph("At first each effect is put into the simulator at a middle strength, and what changes is compared with "
+                   "what differs. The share is that part of the squared distance that so much of the effect as fits best "
+                   "would take away. Those that promise least are put aside; the others' parameters are fitted, as many as "
+                   "it takes until none can overtake the best one.");
+    std::vector<std::vector<std::string>> rows;
+    for (const FirstLook &look : result.looks)
+        rows.push_back({look.effect, explain_effect(result, look.effect), percent(look.share),
+                        look.fitted ? "fitted" : "put aside"});
+    page.table({"effect, alone", "what it is", "share", "then"}, rows, {2});
+    page.raw("</details>\n");
+}
+
 } // namespace
 
 void write_summary(const DiagnosisResult &result, HtmlPage &page) {
@@ -188,6 +205,7 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
                             probability(ranked.probability), figure(ranked.distance_after)});
         page.table({"effect, alone", "what it is", "probability", "distance left"}, rows, {2, 3});
     }
+    write_first_looks(result, page);
     if (!result.parameters.empty()) {
         page.heading(3, "Parameters of the effects found");
         std::vector<std::vector<std::string>> rows;

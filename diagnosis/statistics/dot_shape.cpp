@@ -159,7 +159,7 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     const DotGeometry &dots = geometry.dots;
     DotShape shape;
     const double sigma = dots.sigma, half_spacing = 0.5 * dots.spacing;
-    const double reach = std::max(5.0 * sigma, half_spacing), window_width = 2.0 * sigma;
+    const double reach = std::max(5.0 * sigma, half_spacing), window_width = kShapeWindow * sigma;
     struct Sums {
         double light = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0, x_cubed = 0.0, y_cubed = 0.0, r_fourth = 0.0;
     } all;

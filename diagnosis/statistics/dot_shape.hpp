@@ -36,6 +36,9 @@ DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &ima
 constexpr std::size_t kProfileRings = 8;
 constexpr std::array<double, kProfileRings + 1> kProfileEdges{0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0}; // sigmas
 
+// Standard deviation of the window under which a dot's shape is measured, over that of the dot as described.
+constexpr double kShapeWindow = 2.0;
+
 struct DotShape {
     double core = 0.0;                   // mean within one sigma, above background
     double width_x = 0.0, width_y = 0.0; // px, of the dot under a window of twice its width

@@ -63,10 +63,34 @@ def test_no_gap(ok, tmp_path: Path) -> None:
     assert ok("diagnose", "set", "--quiet", *QUICK).out == ""
 
 
+def test_quiet_is_silent(ok, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compilers of OpenCL C count their warnings on standard error: kernels that are built for the first time give none."""
+    write_set(tmp_path / "set", 0)
+    monkeypatch.setenv("CLSPECKLE_DISK_CACHE", "off")
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    assert ok("diagnose", "set", "--quiet", *QUICK).err == ""
+    made = ok("capture", "make", "made", "--width", 48, "--height", 40, "--frames", 2, "--quiet")
+    assert (made.out, made.err) == ("", "")
+
+
 def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 20)
     run = ok("diagnose", "set", "--json", "report.json", *QUICK)
     report = json.loads((tmp_path / "report.json").read_text())
+    measured = {(entry["sequence"], entry["quantity"]): entry for entry in report["measurements"]["quantities"]}
+    noise = measured["flat", "temporal_noise"]
+    assert noise["unit"] == "DN"
+    assert noise["real"] == pytest.approx(4, abs=0.15) and noise["sim"] == pytest.approx(4, abs=0.15)
+    assert 0 < noise["sim_deviation"] < 0.1
+    assert ("sim_with_effects" in noise) == bool(report["shrink"]["steps"])
+    assert abs(measured[None, "system_gain"]["real"]) < 0.01, "there is no photon noise"
+    assert report["measurements"]["photon_transfer"][0]["points"][1]["signal_dn"] == pytest.approx(300, abs=1)
+    looks = report["cause"]["first_look"]
+    assert {"vignetting", "prnu"} <= {look["effect"] for look in looks}, "all that can show, fitted or not"
+    assert "defocus" not in {look["effect"] for look in looks}
+    assert [look["share"] for look in looks] == sorted((look["share"] for look in looks), reverse=True)
+    assert not all(look["fitted"] for look in looks)
     assert report["gap"]["detected"]
     verdict = report["cause"]["verdict"]
     assert verdict == "unknown", "no effect of the catalogue is a ramp"

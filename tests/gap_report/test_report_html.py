@@ -77,6 +77,15 @@ def test_well_formed(report):
             assert attributes["href"].lstrip("#") in ids
 
 
+def test_measurements_are_shown(sources):
+    """In words and units, of all versions; and what was put aside."""
+    text = sources["named"]
+    section = text[text.index('id="measurements"') : text.index("</section>", text.index('id="measurements"'))]
+    for words in ("temporal_noise", "dot_width_x", "system_gain", "standard deviation of the dots", "simulator with effects", " ± "):
+        assert words in section
+    assert "All effects that were looked at" in text and "put aside" in text
+
+
 def test_needs_no_network(report):
     """Nothing that a browser would load, and a policy that forbids it."""
     _, source, page = report

@@ -32,8 +32,10 @@ __all__ = [
     "Calibration",
     "Coverage",
     "Diagnosis",
+    "FirstLook",
     "GapPlace",
     "Hypothesis",
+    "Measurement",
     "RankedEffect",
     "ShrinkStep",
     "Shrinkage",
@@ -258,6 +260,16 @@ def _place(entry: Mapping[str, Any]) -> GapPlace:
     return GapPlace(**members, ci95=(_number(low), _number(high)))
 
 
+def _measurement(entry: Mapping[str, Any]) -> Measurement:
+    numbers = ("real", "sim", "sim_deviation", "sim_with_effects", "sim_with_effects_deviation")
+    return Measurement(
+        entry["sequence"],
+        entry["quantity"],
+        entry["unit"],
+        **{name: _number(entry.get(name)) for name in numbers},
+    )
+
+
 def _ranked(entry: Mapping[str, Any]) -> RankedEffect:
     return RankedEffect(
         effect=entry["effect"],
@@ -315,6 +327,44 @@ class Calibration:
     """Light above black by sequence, as the simulator without effects has it; 0 of dark ones."""
 
 
+@dataclasses.dataclass(frozen=True)
+class FirstLook:
+    """What an effect promised before any was fitted."""
+
+    effect: str
+    """Its id."""
+    share: float
+    """Of the squared distance, that as much of its change at a middle strength as fits best would take away; 0 to 1."""
+    fitted: bool
+    """False: it was put aside."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Measurement:
+    """A quantity of a sequence in the units of a data sheet, of the camera's frames and of simulated ones.
+
+    For people to read: the verdict goes by the statistics. NaN is what the frames do not tell. The list with
+    definitions: ``docs/gap-statistics.md``.
+    """
+
+    sequence: str | None
+    """Name of the sequence; None: of the dark and flat ones together."""
+    quantity: str
+    """For example "temporal_noise"."""
+    unit: str
+    """Of all values: "DN", "px", "%", "1", "DN^2", "DN/electron"."""
+    real: float
+    """Of the capture."""
+    sim: float
+    """Mean over simulated captures without effects; of a comparison, of the other capture."""
+    sim_deviation: float = math.nan
+    """Standard deviation over the simulated captures; NaN of a comparison."""
+    sim_with_effects: float = math.nan
+    """With the effects found; NaN if there are none."""
+    sim_with_effects_deviation: float = math.nan
+    """Standard deviation over the simulated captures with the effects."""
+
+
 class Diagnosis(Handle):
     """What :func:`diagnose` or :func:`compare` found; ``print`` shows a summary.
 
@@ -331,12 +381,16 @@ class Diagnosis(Handle):
         probability: of the effects named, among the candidates.
         equivalents: ids of effects that explain the gap equally well.
         ranking: the effects that were weighed, best first.
+        first_look: what all effects that can show promised before any was fitted, the most promising first; empty
+            without a gap and of a comparison.
         where: statistics that differ significantly, worst first.
         shrink: how far the gap shrinks with the effects found.
         advice: which captures would tell the equivalents apart.
         coverage: what was judged, and what could not be.
         calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
             sets have levels of their own (``report["compare"]``).
+        measurements: quantities in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
+            of the camera and of the simulator.
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
@@ -373,6 +427,9 @@ class Diagnosis(Handle):
         self.probability = _number(cause["probability"])
         self.equivalents: tuple[str, ...] = tuple(cause["equivalent"])
         self.ranking = tuple(_ranked(entry) for entry in cause["ranking"])
+        self.first_look = tuple(
+            FirstLook(entry["effect"], _number(entry["share"]), entry["fitted"]) for entry in cause.get("first_look", ())
+        )
         self.where = tuple(_place(entry) for entry in report["where"])
         self.shrink = _shrinkage(report["shrink"])
         self.advice: tuple[str, ...] = tuple(
@@ -393,6 +450,7 @@ class Diagnosis(Handle):
             read_noise_dn=_number(calibration["read_noise_dn"]),
             light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
         )
+        self.measurements = tuple(_measurement(entry) for entry in report["measurements"]["quantities"])
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
 

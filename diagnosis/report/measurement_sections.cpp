@@ -1,0 +1,78 @@
+#include "report/explanations.hpp"
+#include "report/figures.hpp"
+#include "report/report_sections.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+std::string with_deviation(const QuantityMean &value) {
+    if (!std::isfinite(value.mean))
+        return "–";
+    return std::isfinite(value.deviation) ? fmt::format("{} ± {}", figure(value.mean), figure(value.deviation))
+                                          : figure(value.mean);
+}
+
+void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage &page) {
+    if (versions.empty() || !versions.front().fitted)
+        return;
+    page.heading(3, "Photon transfer");
+    CurvePlot plot;
+    plot.x_title = "signal, DN";
+    plot.y_title = "variance over time, DN²";
+    plot.with_points = plot.from_zero = true;
+    for (const PhotonTransfer &transfer : versions) {
+        std::vector<TransferPoint> points = transfer.points;
+        std::stable_sort(points.begin(), points.end(),
+                         [](const TransferPoint &a, const TransferPoint &b) { return a.signal_dn < b.signal_dn; });
+        plot.own_x.emplace_back();
+        plot.y.emplace_back();
+        for (const TransferPoint &point : points) {
+            plot.own_x.back().push_back(point.signal_dn);
+            plot.y.back().push_back(point.variance_dn2);
+        }
+    }
+    const PhotonTransfer &real = versions.front();
+    page.plot(curve_figure(plot),
+              fmt::format("Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
+                          "line, whose slope is the system gain: real {} ± {} DN per electron, by {} points.",
+                          figure(real.gain_dn_per_electron), figure(real.gain_error), real.points.size()));
+}
+
+} // namespace
+
+void write_measurements(const DiagnosisResult &result, HtmlPage &page) {
+    const Measurements &measurements = result.measurements;
+    if (measurements.quantities.empty())
+        return;
+    page.raw("<section id=\"measurements\">\n");
+    page.heading(2, "Measured in a data sheet's units");
+    page.paragraph(fmt::format(
+        "The same quantities of the camera's frames and of the simulator's{}. They are for the reader; the verdict goes by "
+        "the statistics above, which have narrow laws.",
+        measurements.simulated_captures > 1
+            ? fmt::format(" (mean and standard deviation of {} simulated captures)", measurements.simulated_captures)
+            : std::string()));
+    const std::size_t versions = measurements.quantities.front().versions.size();
+    std::vector<std::string> head = {"sequence", "quantity", "what it is", "unit"};
+    std::vector<std::size_t> numbers;
+    for (std::size_t v = 0; v < versions; ++v) {
+        numbers.push_back(head.size());
+        head.push_back(version_name(static_cast<Version>(v)));
+    }
+    std::vector<std::vector<std::string>> rows;
+    for (const MeasuredQuantity &quantity : measurements.quantities) {
+        rows.push_back({quantity.sequence.empty() ? "dark and flat" : quantity.sequence, quantity.name,
+                        explain_quantity(quantity.name), explain_unit(quantity.unit)});
+        for (const QuantityMean &value : quantity.versions)
+            rows.back().push_back(with_deviation(value));
+    }
+    page.table(head, rows, numbers);
+    write_photon_transfer(measurements.transfer, page);
+    page.raw("</section>\n");
+}
+
+} // namespace clsp

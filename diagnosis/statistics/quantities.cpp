@@ -1,0 +1,255 @@
+#include "statistics/quantities.hpp"
+
+#include "runtime/error.hpp"
+#include "statistics/dot_shape.hpp"
+#include "statistics/measures.hpp"
+#include "statistics/speckle_sums.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace clsp {
+
+namespace {
+
+using namespace statistics;
+
+constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
+// Codes between these parts of a sequence's codes, from below, occur unless the converter lacks them.
+constexpr double kLowestPart = 0.01, kHighestPart = 0.99;
+// Fewer pixels to a code than this, and one that does not occur says nothing.
+constexpr double kPixelsOfACode = 20.0;
+
+class List {
+  public:
+    void put(const char *name, const char *unit, double value) {
+        all_.push_back({name, unit, std::isfinite(value) ? value : kNotTold});
+    }
+    std::vector<Quantity> take() { return std::move(all_); }
+
+  private:
+    std::vector<Quantity> all_;
+};
+
+// The root of what is left of a variance once noise is taken out; 0 where less than noise is there.
+double root_beyond(double variance, double noise) { return std::sqrt(std::max(0.0, variance - noise)); }
+
+// Of the codes; before black level and scale.
+void put_codes(const Measurement &m, List &list) {
+    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
+    const double total = double(m.geometry.frames) * double(m.geometry.used);
+    std::size_t first = 0, last = histogram.size() - 1;
+    for (double below = double(histogram[0]); below < kLowestPart * total && first < last; below += double(histogram[first]))
+        ++first;
+    for (double above = double(histogram[last]); above < (1.0 - kHighestPart) * total && last > first;
+         above += double(histogram[last]))
+        --last;
+    double missing = 0.0;
+    for (std::size_t code = first; code <= last; ++code)
+        missing += histogram[code] == 0;
+    const double codes = double(last - first + 1);
+    list.put("codes_missing", "%", total / codes >= kPixelsOfACode ? 100.0 * missing / codes : kNotTold);
+    list.put("codes_at_zero", "%", 100.0 * double(histogram.front()) / total);
+    list.put("codes_at_maximum", "%", 100.0 * double(histogram.back()) / total);
+}
+
+// What changes from frame to frame. Row, column and frame noise without what the noise of single pixels does to the
+// means.
+void put_temporal(const Measurement &m, double temporal_noise_dn, List &list) {
+    const Geometry &geometry = m.geometry;
+    const double frames = double(geometry.frames);
+    if (geometry.frames < 2)
+        return;
+    double of_means = 0.0;
+    for (const double mean : m.frames.frame_mean)
+        of_means += (mean - m.frames.mean_signal) * (mean - m.frames.mean_signal) / (frames - 1.0);
+    const double pixel = m.frames.pixel_variance, of_frame = pixel / double(geometry.used);
+    // A moving scene's frames differ by their speckle.
+    if (!geometry.moving) {
+        double rows = 0.0;
+        for (std::size_t t = 0; t < geometry.frames; ++t)
+            for (std::size_t y = 0; y < geometry.height; ++y) {
+                const double mean = m.frames.row_mean[t * geometry.height + y];
+                rows += geometry.row_used[y] * mean * mean;
+            }
+        // Times the pixels of a line: what independent pixels have is the pixels' variance.
+        const double unbiased = frames / (frames - 1.0);
+        rows *= unbiased / (frames * double(geometry.height));
+        const double columns = unbiased * m.residual.column_variance;
+        const double row_pixels = double(geometry.used) / double(geometry.height),
+                     column_pixels = double(geometry.used) / double(geometry.width);
+        list.put("temporal_noise", "DN", temporal_noise_dn);
+        list.put("row_noise", "DN", root_beyond(rows / row_pixels, pixel / row_pixels));
+        list.put("column_noise", "DN", root_beyond(columns / column_pixels, pixel / column_pixels));
+        list.put("frame_mean_deviation", geometry.is_lit() ? "%" : "DN",
+                 geometry.is_lit() ? 100.0 * root_beyond(of_means, of_frame) / m.frames.light
+                                   : root_beyond(of_means, of_frame));
+    }
+    if (geometry.is_static_laser()) {
+        const char *names[] = {"image_shift_x", "image_shift_y"};
+        for (std::size_t k = 0; k < 2; ++k) {
+            const ResidualSums::Motion &motion = m.residual.motions[k];
+            double square = 0.0;
+            for (const double amount : motion.amount)
+                square += amount * amount / (frames - 1.0);
+            list.put(names[k], "px", root_beyond(square, ratio(pixel, motion.information)));
+        }
+    }
+}
+
+// Dark and flat: EMVA 1288's spatial standard deviation, without the smooth field and without what is left of the
+// temporal noise in a mean of frames.
+void put_fixed_pattern(const Measurement &m, List &list) {
+    const Geometry &geometry = m.geometry;
+    const std::vector<float> pattern =
+        without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, kFieldTerms));
+    double square = 0.0;
+    std::vector<double> rows(geometry.height), columns(geometry.width);
+    for (std::size_t y = 0; y < geometry.height; ++y)
+        for (std::size_t x = 0; x < geometry.width; ++x) {
+            const double value = pattern[y * geometry.width + x];
+            square += value * value / double(geometry.used);
+            rows[y] += value;
+            columns[x] += value;
+        }
+    const auto of_lines = [&](const std::vector<double> &totals, const std::vector<double> &used) {
+        double beyond = 0.0, lines = 0.0;
+        for (std::size_t k = 0; k < totals.size(); ++k)
+            if (used[k] > 0.0) {
+                beyond += (totals[k] * totals[k] / used[k] - square) / used[k];
+                lines += 1.0;
+            }
+        return root_beyond(ratio(beyond, lines), 0.0);
+    };
+    // Of a single frame pattern and noise are one.
+    const double temporal = geometry.frames > 1 ? m.frames.pixel_variance / double(geometry.frames) : kNotTold;
+    list.put("fixed_pattern", "DN", std::isfinite(temporal) ? root_beyond(square, temporal) : kNotTold);
+    list.put("row_fixed_pattern", "DN", of_lines(rows, geometry.row_used));
+    list.put("column_fixed_pattern", "DN", of_lines(columns, geometry.column_used));
+}
+
+// How much darker the corner is than the axis: light = l (1 - a r^2), r = 1 in the corner.
+void put_fall_off(const Measurement &m, List &list) {
+    const FieldCoefficients field = fit_field(m.geometry, m.frames.mean, 4);
+    list.put("corner_loss", "%", field[0] > 0.0 ? -100.0 * field[3] / field[0] : kNotTold);
+}
+
+// Full width at half maximum of the grains' autocorrelation along an axis: between whole pixels by a straight line.
+double half_width(const std::vector<float> &image, const Geometry &geometry, bool along_x, double noise_square) {
+    const double zero = ratio(lag_sum(image.data(), image.data(), geometry.width, geometry.height, {0, 0}),
+                              geometry.pairs({0, 0})) -
+                        noise_square;
+    double last = 1.0;
+    for (int lag = 1; lag <= kMaximumLag && zero > 0.0; ++lag) {
+        const Lag step = along_x ? Lag{lag, 0} : Lag{0, lag};
+        const double here =
+            ratio(lag_sum(image.data(), image.data(), geometry.width, geometry.height, step), geometry.pairs(step)) /
+            zero;
+        if (here <= 0.5)
+            return 2.0 * (double(lag - 1) + (last - 0.5) / (last - here));
+        last = here;
+    }
+    return kNotTold;
+}
+
+void put_speckle(const Measurement &m, List &list) {
+    const Geometry &geometry = m.geometry;
+    const bool over_time = geometry.moving && geometry.frames > 1;
+    // Moving: the residuals of all frames (or of the first, for the grain, which is long to sum and the same in all).
+    std::vector<float> image;
+    double variance = 0.0, noise = m.frames.read_variance, cube = 0.0;
+    Powers powers;
+    if (over_time) {
+        powers = m.residual.powers;
+        // Unbiased: residuals are from the mean of the frames themselves. Those of two are each other's negative.
+        const double frames = double(geometry.frames), samples = frames * double(geometry.used);
+        variance = powers.square / samples * frames / (frames - 1.0);
+        cube = frames > 2.0 ? powers.cube / samples * frames * frames / ((frames - 1.0) * (frames - 2.0)) : kNotTold;
+        const float *first = m.frames.residual_of(geometry, 0);
+        image.assign(first, first + geometry.pixels);
+    } else {
+        image = without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, 4));
+        for (std::size_t y = 0; y < geometry.height; ++y)
+            powers.add(image.data() + y * geometry.width, geometry.width);
+        variance = powers.square / double(geometry.used);
+        cube = powers.cube / double(geometry.used);
+        noise /= double(geometry.frames);
+    }
+    const double speckle = std::max(0.0, variance - noise);
+    list.put("contrast", "1", m.frames.mean_signal > 0.0 ? std::sqrt(speckle) / m.frames.light : kNotTold);
+    list.put("intensity_skewness", "1", speckle > 0.0 ? cube / std::pow(speckle, 1.5) : kNotTold);
+    list.put("grain_width_x", "px", half_width(image, geometry, true, noise));
+    list.put("grain_width_y", "px", half_width(image, geometry, false, noise));
+}
+
+// Of a Gaussian dot whose width under a Gaussian window is known: the squares' inverses add up.
+double without_window(double width, double window) {
+    const double inverse = 1.0 / (width * width) - 1.0 / (window * window);
+    return inverse > 0.0 ? 1.0 / std::sqrt(inverse) : kNotTold;
+}
+
+void put_dots(const Measurement &m, List &list) {
+    const Geometry &geometry = m.geometry;
+    double background = 0.0;
+    for (const std::uint32_t pixel : geometry.dots.between)
+        background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
+    const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
+    const DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, 0.0);
+    const bool is_seen = shape.core > 0.0 && m.frames.mean_signal > 0.0;
+    const auto told = [&](double value) { return is_seen ? value : kNotTold; };
+    const double window = kShapeWindow * geometry.dots.sigma;
+    list.put("dot_width_x", "px", told(without_window(shape.width_x, window)));
+    list.put("dot_width_y", "px", told(without_window(shape.width_y, window)));
+    list.put("dot_shift_x", "px", told(positions.terms[kShiftX]));
+    list.put("dot_shift_y", "px", told(positions.terms[kShiftY]));
+    if (geometry.dots.positions.size() >= kDotsForField) {
+        list.put("dot_magnification", "%", told(100.0 * positions.terms[kRadial] / geometry.corner_radius));
+        list.put("dot_cubic_displacement", "px", told(positions.terms[kCubic]));
+    }
+    if (!geometry.dots.between.empty())
+        list.put("light_between_dots", "%", told(100.0 * background / shape.core));
+    const double axis = window_mean(geometry, m.frames.mean, geometry.principal_point, geometry.dots.sigma);
+    list.put("light_on_axis", "%", told(100.0 * (axis - background) / shape.core));
+}
+
+} // namespace
+
+std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
+                                          std::uint32_t frame_count, const Calibration &calibration, unsigned threads) {
+    if (!codes)
+        throw Error(Status::kInvalidArgument,
+                    "quantities of a sequence: codes is NULL; give frame_count * height * width codes.");
+    const Geometry geometry(layout, sequence, frame_count);
+    SpareBuffers<float> spare;
+    const Frames frames = make_frames(geometry, codes, calibration, threads, spare);
+    const ResidualSums residual = sum_residuals(geometry, frames, threads);
+    const Measurement m{geometry, frames, residual, codes, calibration.black_level_dn, threads};
+    List list;
+    if (geometry.is_lit())
+        list.put("mean_signal", "DN", frames.mean_signal);
+    else
+        list.put("dark_offset", "DN", frames.mean_signal + calibration.black_level_dn);
+    put_temporal(m, frame_count > 1 ? sequence_level(layout, sequence, codes, frame_count).temporal_noise_dn : kNotTold,
+                 list);
+    switch (geometry.scene) {
+    case CaptureScene::kDark:
+        put_fixed_pattern(m, list);
+        break;
+    case CaptureScene::kFlat:
+        put_fixed_pattern(m, list);
+        put_fall_off(m, list);
+        break;
+    case CaptureScene::kBoard:
+        put_speckle(m, list);
+        put_fall_off(m, list);
+        break;
+    case CaptureScene::kDots:
+        put_dots(m, list);
+        break;
+    }
+    put_codes(m, list);
+    return list.take();
+}
+
+} // namespace clsp

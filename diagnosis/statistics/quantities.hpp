@@ -1,0 +1,24 @@
+// What a data sheet and an optics bench have of a sequence, in their units: for people to read. No verdict goes by them;
+// that is what the statistics are for, which are made to have narrow laws instead.
+#pragma once
+
+#include "statistics/sequence_statistics.hpp"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct Quantity {
+    std::string name; // for example "temporal_noise"
+    std::string unit; // "DN", "px", "%", "1"; of shares of a sequence's mean signal "%"
+    double value = 0.0;
+};
+
+// The same names in the same order for any content of the frames; NaN is what the frames do not tell (no light). codes:
+// frame_count * height * width. Throws kInvalidArgument as SequenceStatistics::compute does.
+std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
+                                          std::uint32_t frame_count, const Calibration &calibration, unsigned threads);
+
+} // namespace clsp
