@@ -119,7 +119,7 @@ int run_program(const std::vector<std::string> &words, const std::string &output
 }
 
 /** What the generator needs; @return whether figures can be drawn. */
-bool check_python(const GapCheckArguments &a, const fs::path &generator) {
+bool check_python(const GeneratorArguments &a, const fs::path &generator) {
     const std::string needs = fmt::format(
         "the generator of the check needs Python 3.9 or newer with NumPy and SciPy: {} -m pip install -r {}; "
         "another Python is named with --python",
@@ -180,14 +180,34 @@ std::string score_table(const Json &score) {
     return text;
 }
 
-} // namespace
+/** Noticed and named, a row for each part of the weak amplitude, columns for each number of frames. */
+std::string power_table(const Json &power) {
+    std::vector<std::vector<std::string>> rows = {{"frames", "part of the weak amplitude", "sets", "noticed", "95 % (Wilson)",
+                                                   "named, or among the equivalents", "95 % (Wilson)"}};
+    for (const Json &row : power["rows"]) {
+        rows.push_back({row["frames"].dump(), fmt::format("{:.2f}", 1.0 + row["strength"].get<double>()),
+                        row["sets"].dump()});
+        for (const char *what : {"detected", "included"}) {
+            rows.back().push_back(percent(row[what]["share"]));
+            rows.back().push_back(fmt::format("{} to {}", percent(row[what]["wilson95"][0]), percent(row[what]["wilson95"][1])));
+        }
+    }
+    return table(rows);
+}
 
-void run_gap_check(const GapCheckArguments &arguments, Console &console) {
-    const GapCheckArguments &a = arguments;
-    const fs::path generator = find_generator(a.generator);
-    const bool figures = check_python(a, generator);
-    if (!figures)
-        console.warn("Matplotlib is not installed for " + a.python + ": the score will have no figures");
+struct Generator {
+    bool figures = false; // whether they can be drawn
+    std::string log;      // what it printed
+};
+
+/** Runs an action of the generator to its end; its words beside those of both commands. what: for messages. */
+Generator run_generator(const GeneratorArguments &a, const char *action, const std::vector<std::string> &more,
+                        const char *what, Console &console) {
+    const fs::path package = find_generator(a.generator);
+    Generator result;
+    result.figures = check_python(a, package);
+    if (!result.figures)
+        console.warn(fmt::format("Matplotlib is not installed for {}: the {} will have no figures", a.python, what));
     make_output_folder(a.folder);
     std::string command = a.command;
     if (command.empty()) {
@@ -196,33 +216,68 @@ void run_gap_check(const GapCheckArguments &arguments, Console &console) {
         if (!a.device.empty())
             command += " --device " + quoted(a.device);
     }
-    std::vector<std::string> words = {
-        a.python, "-m",     generator.filename().string(), "all", "--out", a.folder, "--plan", a.plan, "--command",
-        command,  "--jobs", fmt::format("{}", a.jobs)};
-    if (a.frames)
-        words.insert(words.end(), {"--frames", fmt::format("{}", *a.frames)});
+    std::vector<std::string> words = {a.python,  "-m",      package.filename().string(), action,
+                                      "--out",   a.folder,  "--command",                 command,
+                                      "--jobs",  fmt::format("{}", a.jobs)};
     if (a.seed)
         words.insert(words.end(), {"--seed", fmt::format("{}", *a.seed)});
-    if (!figures)
+    if (!result.figures)
         words.emplace_back("--no-figures");
+    words.insert(words.end(), more.begin(), more.end());
     const char *path = std::getenv("PYTHONPATH");
-    const std::string packages = generator.parent_path().string() + (path && *path ? std::string(":") + path : "");
+    const std::string packages = package.parent_path().string() + (path && *path ? std::string(":") + path : "");
     ::setenv("PYTHONPATH", packages.c_str(), 1);
     ::setenv("PYTHONDONTWRITEBYTECODE", "1", 1); // the package may lie where nobody may write
-    const std::string log = (fs::path(a.folder) / "check.log").string();
-    const int code = run_program(words, log, console.quiet());
+    result.log = (fs::path(a.folder) / fmt::format("{}.log", what)).string();
+    const int code = run_program(words, result.log, console.quiet());
     if (code == 2)
-        throw InputError(fmt::format("the check could not be run; what the generator said is above (or in {})", log));
+        throw InputError(
+            fmt::format("the {} could not be run; what the generator said is above (or in {})", what, result.log));
     if (code != 0)
-        throw std::runtime_error(fmt::format("the check ended with exit code {}; {} has more", code, log));
-    const Json score = read_json((fs::path(a.folder) / "score" / "score.json").string());
+        throw std::runtime_error(fmt::format("the {} ended with exit code {}; {} has more", what, code, result.log));
+    return result;
+}
+
+void give_json(const GeneratorArguments &a, const Json &result, Console &console) {
     if (a.json == "-")
-        console.result(score.dump(1));
+        console.result(result.dump(1));
     else if (!a.json.empty())
-        image_io::write_text(a.json, score.dump(1) + "\n");
+        image_io::write_text(a.json, result.dump(1) + "\n");
+}
+
+} // namespace
+
+void run_gap_check(const GapCheckArguments &arguments, Console &console) {
+    std::vector<std::string> more = {"--plan", arguments.plan};
+    if (arguments.frames)
+        more.insert(more.end(), {"--frames", fmt::format("{}", *arguments.frames)});
+    const Generator generator = run_generator(arguments, "all", more, "check", console);
+    const fs::path folder = fs::path(arguments.folder) / "score";
+    const Json score = read_json((folder / "score.json").string());
+    give_json(arguments, score, console);
     console.print(score_table(score));
-    console.print(fmt::format("\nScore{}: {}", figures ? " with figures" : "",
-                              (fs::path(a.folder) / "score" / "score.md").string()));
+    console.print(
+        fmt::format("\nScore{}: {}", generator.figures ? " with figures" : "", (folder / "score.md").string()));
+}
+
+void run_gap_power(const GapPowerArguments &arguments, Console &console) {
+    std::vector<std::string> more;
+    if (!arguments.frames.empty())
+        more.emplace_back("--frames");
+    for (const std::uint32_t frames : arguments.frames)
+        more.push_back(fmt::format("{}", frames));
+    if (!arguments.effects.empty())
+        more.emplace_back("--effects");
+    more.insert(more.end(), arguments.effects.begin(), arguments.effects.end());
+    if (arguments.repeats)
+        more.insert(more.end(), {"--repeats", fmt::format("{}", *arguments.repeats)});
+    const Generator generator = run_generator(arguments, "power", more, "study", console);
+    const fs::path folder = arguments.folder;
+    const Json power = read_json((folder / "power.json").string());
+    give_json(arguments, power, console);
+    console.print(power_table(power));
+    console.print(fmt::format("\nTable{}: {}", generator.figures ? " and figure power.png beside it" : "",
+                              (folder / "power.md").string()));
 }
 
 } // namespace tools

@@ -213,6 +213,16 @@ Examples:
   clspeckle gap check --plan small --out check --command "other-tool --fast"
 )";
 
+constexpr const char *gap_power_examples =
+    R"(How weak an effect is still seen, and named? The generator of `gap check` draws effects at 0.05 to 1 times the
+catalogue's weakest strength, for several numbers of frames; this program diagnoses them without the keys. A stopped
+run goes on where it was. Table and, with Matplotlib, figure lie in FOLDER (docs/gap-check.md).
+
+Examples:
+  clspeckle gap power --out power --jobs 2
+  clspeckle gap power --out power --frames 8 --frames 32 --effect defocus --effect shot_noise --repeats 10
+)";
+
 constexpr const char *tune_examples =
     R"(An aperture's Fourier transforms are made by clFFT or by the library's own engine, in vector lanes or in work-groups.
 This measures all of them on a device, in turn, and keeps medians and choice in the tuning record, a JSON file that
@@ -445,8 +455,9 @@ struct Arguments {
     tools::CaptureMakeArguments capture_make;
     // diagnose, gap compare
     tools::DiagnoseArguments diagnose;
-    // gap check
+    // gap check, gap power
     tools::GapCheckArguments gap_check;
+    tools::GapPowerArguments gap_power;
     // doe
     tools::DoeCommands doe;
     // tune
@@ -606,16 +617,14 @@ void add_gap_compare(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
     add_diagnose_options(app, a, quiet);
 }
 
-void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
-    app.footer(std::string(gap_check_examples) + "\n" + exit_codes);
-    app.add_option("--out", a.folder, "Folder of sets, reports and score; made if it does not exist")
+/** What draws and diagnoses, of gap check and gap power. result: what --json has. */
+void add_generator_options(CLI::App &app, tools::GeneratorArguments &a, const char *result, bool &quiet) {
+    app.add_option("--out", a.folder, "Folder of sets, reports and results; made if it does not exist")
         ->required()
         ->type_name("FOLDER");
-    const auto text = [&](const char *name, std::string &value, const char *what, const char *type) {
+    const auto text = [&](const char *name, std::string &value, const std::string &what, const char *type) {
         app.add_option(name, value, what)->type_name(type)->take_last();
     };
-    text("--plan", a.plan,
-         "small (12 sets), medium, full (610 sets), or a JSON file with the members of a plan (default small)", "PLAN");
     text("--generator", a.generator,
          "Folder of the generator; default: tests/withheld of the checkout, or what was installed", "FOLDER");
     text("--python", a.python, "Python that runs the generator (default python3)", "PROGRAM");
@@ -624,15 +633,49 @@ void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
          "program's)",
          "TEXT");
     text("--device", a.device, "OpenCL device, as for render", "TEXT");
-    text("--json", a.json, "Write the score as JSON; - writes it to standard output", "FILE");
+    text("--json", a.json, std::string("Write the ") + result + " as JSON; - writes it to standard output", "FILE");
+    app.add_option("--jobs", a.jobs, "Diagnoses at once, 1 to 256 (default 1)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, 256));
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
+    app.footer(std::string(gap_check_examples) + "\n" + exit_codes);
+    add_generator_options(app, a, "score", quiet);
+    app.add_option("--plan", a.plan,
+                   "small (12 sets), medium, full (610 sets), or a JSON file with the members of a plan (default small)")
+        ->type_name("PLAN")
+        ->take_last();
     const auto number = [&](const char *name, auto &value, const char *what) {
         return app.add_option(name, value, what)->type_name("INTEGER")->take_last();
     };
-    number("--jobs", a.jobs, "Diagnoses at once, 1 to 256 (default 1)")->check(within<std::uint32_t>(1, 256));
     number("--frames", a.frames, "Another number of frames than the plan's")->check(within<std::uint32_t>(2, 65535));
     number("--seed", a.seed, "Another seed than the plan's")
         ->check(within<std::uint64_t>(0, std::numeric_limits<std::uint64_t>::max()));
-    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_gap_power(CLI::App &app, tools::GapPowerArguments &a, bool &quiet) {
+    app.footer(std::string(gap_power_examples) + "\n" + exit_codes);
+    add_generator_options(app, a, "table", quiet);
+    app.add_option("--frames", a.frames, "Number of frames; may be given several times (default 4, 8, 16, 32)")
+        ->allow_extra_args(false)
+        ->delimiter(',')
+        ->type_name("INTEGER")
+        ->check(within<std::uint32_t>(2, 65535));
+    app.add_option("--effect", a.effects, "Effect of the catalogue; may be given several times (default eight of them)")
+        ->allow_extra_args(false)
+        ->delimiter(',')
+        ->type_name("ID");
+    app.add_option("--repeats", a.repeats, "Sets of each effect, strength and number of frames, 1 to 10000 (default 3)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, 10000));
+    app.add_option("--seed", a.seed, "Of the sets (default 1)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint64_t>(0, std::numeric_limits<std::uint64_t>::max()));
 }
 
 void add_tune(CLI::App &app, tools::TuneArguments &a, bool &quiet) {
@@ -773,6 +816,8 @@ int run(int argc, char **argv) {
     CLI::App &gap_check =
         *gap.add_subcommand("check", "Count how often the diagnosis is right, on sets with known gaps");
     add_gap_check(gap_check, arguments.gap_check, arguments.quiet);
+    CLI::App &gap_power = *gap.add_subcommand("power", "Find how weak an effect may be and still be seen and named");
+    add_gap_power(gap_power, arguments.gap_power, arguments.quiet);
 
     CLI::App &tune = *app.add_subcommand("tune", "Measure which engine is the fastest on a device, and keep that");
     add_tune(tune, arguments.tune, arguments.quiet);
@@ -793,7 +838,8 @@ int run(int argc, char **argv) {
 
     int code = tools::exit_ok;
     const bool json = (arguments.json && !arguments.dump_config) || arguments.capture_check.json == "-" ||
-                      arguments.diagnose.json == "-" || arguments.gap_check.json == "-";
+                      arguments.diagnose.json == "-" || arguments.gap_check.json == "-" ||
+                      arguments.gap_power.json == "-";
     tools::Console console(json, arguments.quiet);
     if (devices.parsed())
         code = tools::run_devices(arguments.device, console);
@@ -811,6 +857,8 @@ int run(int argc, char **argv) {
         tools::run_diagnose(arguments.diagnose, console);
     else if (gap_check.parsed())
         tools::run_gap_check(arguments.gap_check, console);
+    else if (gap_power.parsed())
+        tools::run_gap_power(arguments.gap_power, console);
     else if (tune.parsed())
         tools::run_tune(arguments.tune, console);
     else if (!tools::run_doe(arguments.doe, console))

@@ -122,6 +122,25 @@ def test_check_counts_what_the_diagnosis_says(ok, cli, program: Path, tmp_path: 
     assert other.code == 1 and "another plan" in other.err
 
 
+def test_power_counts_what_is_noticed_and_named(ok, cli, refused, program: Path, tmp_path: Path) -> None:
+    """One effect, six strengths, two numbers of frames: the weak one is named with 16 frames."""
+    common = ["gap", "power", "--generator", WITHHELD, "--python", sys.executable]
+    quick = f"'{program}' diagnose --quiet --replicates 12 --max-effects 1 --without prnu"
+    small = [*common, "--effect", "shot_noise", "--frames", "2,4", "--repeats", 1]
+    run = ok(*small, "--out", "study", "--command", quick, "--json", "power.json", "--jobs", 2)
+    power = json.loads((tmp_path / "power.json").read_text())
+    assert power["effects"] == ["shot_noise"]
+    assert [(row["frames"], row["sets"]) for row in power["rows"]] == [(frames, 1) for frames in (2, 4) for _ in range(6)]
+    shares = [row["detected"]["share"] for row in power["rows"] if row["frames"] == 4]
+    assert shares[-1] == 1.0, "the catalogue's weakest photon noise is noticed in four frames"
+    assert re.search(r"\n4 +1\.00 +1 +100\.0 %", run.out)
+    assert (tmp_path / "study" / "power.md").is_file()
+    assert ok(*small, "--out", "study", "--command", "false", "--json", "-").json() == power, "counted again"
+    assert "--repeats" in refused(*common, "--out", "study2", "--repeats", 0)
+    unknown = cli(*common, "--out", "study3", "--effect", "defokus", "--repeats", 1)
+    assert unknown.code == 1 and "defokus" in unknown.err
+
+
 def test_check_says_what_it_needs(cli, program: Path, tmp_path: Path) -> None:
     """Away from any checkout, and with a Python that has no NumPy."""
     away = tmp_path / "bin"
@@ -141,7 +160,7 @@ def test_check_says_what_it_needs(cli, program: Path, tmp_path: Path) -> None:
 
 
 def test_help(ok) -> None:
-    for command in ("compare", "check"):
+    for command in ("compare", "check", "power"):
         text = ok("gap", command, "--help").out
         assert "Usage: clspeckle" in text and "Examples:" in text
         assert max(map(len, text.splitlines())) <= 120, "it fits a terminal"
