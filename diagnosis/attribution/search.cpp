@@ -35,6 +35,10 @@ constexpr int kMostExchanges = 3;
 // Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
 // covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
 constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
+// Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are looked at
+// again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one of 1.
+constexpr double kPoorLook = 0.5;
+constexpr double kSecondLooks[] = {0.5, 1.0};
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -71,6 +75,8 @@ class Search {
     // Fits the promising ones of them; false if no fit bears out a look.
     bool refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at);
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
+    // The gain by a straight line from one strength to another, held out, where that is more than by the first look.
+    void look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted);
     void remember_looks(const std::vector<Refined> &refined); // the first ones
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
@@ -190,10 +196,56 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
                 refined.sign = 1.0;
         }
     }
+    const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
+    const auto best = std::max_element(result.begin(), result.end(), promised);
+    if (best != result.end() && best->gain < kPoorLook * target.squaredNorm() &&
+        fits_.excess_square(fitted) > kLarge * static_cast<double>(experiment_.count()))
+        look_again(result, path, fitted);
     sort_by_gain(result);
     for (Refined &refined : result)
         refined.look = ratio_of(refined.gain, target.squaredNorm());
     return result;
+}
+
+void Search::look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted) {
+    struct Look {
+        std::size_t place;
+        double sign, gain;
+        Response response;
+    };
+    std::vector<Look> looks;
+    for (std::size_t i = 0; i < refined.size(); ++i) {
+        const bool turns = refined[i].candidate->has_direction();
+        for (const double sign : {1.0, -1.0})
+            if (sign > 0.0 || turns)
+                looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
+    }
+    const double before = fits_.held_out(fitted);
+    experiment_.side_by_side(looks.size(), [&](std::size_t k) {
+        Look &look = looks[k];
+        const Refined &of = refined[look.place];
+        fits_.report(0.0, "screening " + of.candidate->id);
+        possible([&] {
+            for (const double asked : kSecondLooks) {
+                const double strength = of.candidate->snapped(0, asked, look.sign);
+                if (!look.response.empty() && look.response.distance(strength) <= kNear)
+                    continue;
+                EffectModel with = path.model;
+                with.add(*of.candidate, look.sign, strength);
+                look.response.add(strength, simulate_change(experiment_, path.pool, with.settings(), of.concerned,
+                                                            fits_.options().seed, kSearchSeeds));
+            }
+            look.gain = 0.5 * (before - fits_.held_out(fitted, &look.response)); // of two halves, a promise is of their mean
+        });
+    });
+    for (Look &look : looks) {
+        Refined &of = refined[look.place];
+        if (look.gain <= of.gain)
+            continue;
+        of.gain = look.gain;
+        of.sign = look.sign;
+        of.response = std::move(look.response);
+    }
 }
 
 void Search::remember_looks(const std::vector<Refined> &refined) {

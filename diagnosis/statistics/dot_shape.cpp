@@ -13,9 +13,14 @@ namespace {
 
 using Point = std::array<double, 2>;
 
+constexpr double kPi = 3.14159265358979323846;
+
 // No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are quotients of noise,
 // and are kept within what spots can have.
 constexpr double kLeastVariance = 1.0 / 12.0, kLargestMoment = 10.0;
+
+// Of the window under which a dot's light and place are taken, in standard deviations of the dot.
+constexpr double kFluxWindow = 1.3;
 
 // The pixels about a point, and a Gaussian window there, which is a product of one along x and one along y.
 struct Window {
@@ -89,6 +94,11 @@ std::array<double, kDisplacementTerms> fit_displacement(const Geometry &geometry
     return result;
 }
 
+// Of the window in which a dot is looked for: not as far as its neighbours.
+double look_radius(const DotGeometry &dots, std::size_t dot, double width) {
+    return std::max(std::min(2.5 * width, 1.2 * dots.cell_radius[dot]), 2.0);
+}
+
 Point displacement_at(const Geometry &geometry, const std::array<double, kDisplacementTerms> &fit, const Point &dot) {
     const auto terms = displacement_terms((dot[0] - geometry.principal_point[0]) / geometry.corner_radius,
                                           (dot[1] - geometry.principal_point[1]) / geometry.corner_radius);
@@ -99,7 +109,39 @@ Point displacement_at(const Geometry &geometry, const std::array<double, kDispla
     return sum;
 }
 
+// The nominal positions, moved by the fitted terms.
+void place_dots(const Geometry &geometry, DotPositions &positions) {
+    const DotGeometry &dots = geometry.dots;
+    const double limit = 0.5 * dots.spacing + dots.sigma;
+    for (std::size_t i = 0; i < dots.positions.size(); ++i) {
+        const Point moved = displacement_at(geometry, positions.terms, dots.positions[i]);
+        for (std::size_t axis = 0; axis < 2; ++axis)
+            positions.modelled[i][axis] = dots.positions[i][axis] + std::clamp(moved[axis], -limit, limit);
+    }
+}
+
 } // namespace
+
+DotPositions pulled_back(const Geometry &geometry, const std::vector<float> &image, double background,
+                         DotPositions positions, double part) {
+    for (double &term : positions.terms)
+        term *= part;
+    place_dots(geometry, positions);
+    const double width = kFluxWindow * geometry.dots.sigma;
+    for (std::size_t i = 0; i < positions.flux.size(); ++i) {
+        double flux = 0.0;
+        Window(geometry, positions.modelled[i], look_radius(geometry.dots, i, width), width)
+            .visit(geometry, image, background,
+                   [&](double light, double weight, double, double) { flux += weight * light; });
+        positions.flux[i] = flux; // negative ones, too: cut at 0 the means over few dots would be lopsided
+    }
+    return positions;
+}
+
+double gaussian_flux(const Geometry &geometry) {
+    const double window = kFluxWindow * kFluxWindow, sigma = geometry.dots.sigma;
+    return 2.0 * kPi * sigma * sigma * window / (1.0 + window);
+}
 
 DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &image, double background) {
     const DotGeometry &dots = geometry.dots;
@@ -114,9 +156,8 @@ DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &ima
         double mean_flux = 0.0;
         for (std::size_t i = 0; i < count; ++i) {
             // A first look from farther away: a dot may have moved by more than its width.
-            const double width = (step == 0 ? 2.0 : 1.3) * dots.sigma;
-            const double radius = std::max(std::min(2.5 * width, 1.2 * dots.cell_radius[i]), 2.0);
-            const Window window(geometry, result.modelled[i], radius, width);
+            const double width = (step == 0 ? 2.0 : kFluxWindow) * dots.sigma;
+            const Window window(geometry, result.modelled[i], look_radius(dots, i, width), width);
             double flux = 0.0, along_x = 0.0, along_y = 0.0;
             window.visit(geometry, image, background, [&](double light, double weight, double dx, double dy) {
                 flux += weight * light;
@@ -136,12 +177,7 @@ DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &ima
         for (std::size_t i = 0; i < count; ++i)
             weights[i] = ratio(result.flux[i], result.flux[i] + mean_flux);
         result.terms = fit_displacement(geometry, displacements, weights);
-        const double limit = 0.5 * dots.spacing + dots.sigma;
-        for (std::size_t i = 0; i < count; ++i) {
-            const Point moved = displacement_at(geometry, result.terms, dots.positions[i]);
-            for (std::size_t axis = 0; axis < 2; ++axis)
-                result.modelled[i][axis] = dots.positions[i][axis] + std::clamp(moved[axis], -limit, limit);
-        }
+        place_dots(geometry, result);
     }
     double squares = 0.0, total = 0.0;
     for (std::size_t i = 0; i < count; ++i)
@@ -221,7 +257,8 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
         shape.dot_width.push_back(own.light > 0.0 ? std::sqrt(std::max(0.5 * (own.xx + own.yy) / own.light, 0.0))
                                                   : 0.0);
     }
-    shape.core = std::max({ratio(core, core_count), least_core, 1e-3});
+    shape.light_in_core = core_count > 0.0 ? core / core_count : 0.0;
+    shape.core = std::max({shape.light_in_core, least_core, 1e-3});
     const double scale = shape.core;
     for (std::size_t k = 0; k < kProfileRings; ++k)
         shape.profile[k] = ratio(ring_light[k], ring_count[k]) / scale;

@@ -27,11 +27,17 @@ struct DotPositions {
     std::vector<std::array<double, 2>> modelled; // nominal positions moved by the fitted terms
     std::array<double, kDisplacementTerms> terms{};
     std::vector<double> flux;  // light under a Gaussian window
-    double residual_rms = 0.0; // of the single dots, weighted by flux
+    double residual_rms = 0.0; // of the single dots, weighted by flux; px
 };
 
 // image: mean image above background.
 DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &image, double background);
+// The same with that part of the displacement, 0 to 1: where hardly a spot is seen, hardly any place of it is known.
+DotPositions pulled_back(const Geometry &geometry, const std::vector<float> &image, double background,
+                         DotPositions positions, double part);
+
+// Light under that window of a Gaussian dot as described with a peak of 1.
+double gaussian_flux(const Geometry &geometry);
 
 constexpr std::size_t kProfileRings = 8;
 constexpr std::array<double, kProfileRings + 1> kProfileEdges{0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0}; // sigmas
@@ -40,7 +46,8 @@ constexpr std::array<double, kProfileRings + 1> kProfileEdges{0.0, 0.5, 1.0, 1.5
 constexpr double kShapeWindow = 2.0;
 
 struct DotShape {
-    double core = 0.0;                   // mean within one sigma, above background
+    double core = 0.0;                   // mean within one sigma, above background, or least_core
+    double light_in_core = 0.0;          // the same, however little
     double width_x = 0.0, width_y = 0.0; // px, of the dot under a window of twice its width
     double covariance_xy = 0.0;          // over width_x width_y
     double skewness_x = 0.0, skewness_y = 0.0;

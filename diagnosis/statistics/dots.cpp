@@ -11,8 +11,13 @@ namespace clsp::statistics {
 
 namespace {
 
-// Of the mean light.
-constexpr double kLeastCore = 0.05;
+// Of what the core of a dot as described has. A lens far out of focus leaves less there, or nothing: by so little, or by its chance
+// in one pattern of speckle, nothing is to be divided.
+constexpr double kLeastCore = 0.2;
+// Below that part of it there is no spot to be seen, whose place and moments could be told.
+constexpr double kNoSpot = 0.5;
+// Mean of a Gaussian over the disc of one sigma: 2 (1 - exp(-1/2)) of its peak.
+constexpr double kCoreOfPeak = 0.78693868057473315;
 
 using Point = std::array<double, 2>;
 
@@ -25,7 +30,8 @@ double mean_peak(const Geometry &geometry, const std::vector<float> &image, cons
     return total / double(points.size());
 }
 
-void put_positions(const Geometry &geometry, const DotPositions &positions, Sink &sink) {
+// visible: 1 where spots are seen, 0 where there is none whose place could be told.
+void put_positions(const Geometry &geometry, const DotPositions &positions, double visible, Sink &sink) {
     sink.put("optics", "dot_shift_x", "px", positions.terms[kShiftX]);
     sink.put("optics", "dot_shift_y", "px", positions.terms[kShiftY]);
     if (geometry.dots.positions.size() >= kDotsForField) {
@@ -39,16 +45,19 @@ void put_positions(const Geometry &geometry, const DotPositions &positions, Sink
         sink.put("optics", "dot_anisotropy", "px", positions.terms[kAnisotropy]);
         sink.put("optics", "dot_shear", "px", positions.terms[kShear]);
     }
-    sink.put("optics", "dot_position_scatter", "log", std::log(positions.residual_rms + 1e-3));
+    sink.put("optics", "dot_position_scatter", "log", visible * std::log(positions.residual_rms + 1e-3));
 }
 
-void put_shape(const Geometry &geometry, const DotShape &shape, Sink &sink) {
-    sink.put("optics", "dot_width_x", "px", shape.width_x);
-    sink.put("optics", "dot_width_y", "px", shape.width_y);
-    sink.put("laser", "dot_covariance_xy", "1", shape.covariance_xy);
-    sink.put("laser", "dot_skewness_x", "1", shape.skewness_x);
-    sink.put("laser", "dot_skewness_y", "1", shape.skewness_y);
-    sink.put("laser", "dot_kurtosis", "1", shape.kurtosis);
+// Moments of what is no spot tell nothing: it is as wide as the window, and the others are 0.
+void put_shape(const Geometry &geometry, const DotShape &shape, double visible, Sink &sink) {
+    const double window = kShapeWindow * geometry.dots.sigma;
+    const auto seen_width = [&](double width) { return visible * width + (1.0 - visible) * window; };
+    sink.put("optics", "dot_width_x", "px", seen_width(shape.width_x));
+    sink.put("optics", "dot_width_y", "px", seen_width(shape.width_y));
+    sink.put("laser", "dot_covariance_xy", "1", visible * shape.covariance_xy);
+    sink.put("laser", "dot_skewness_x", "1", visible * shape.skewness_x);
+    sink.put("laser", "dot_skewness_y", "1", visible * shape.skewness_y);
+    sink.put("laser", "dot_kurtosis", "1", visible * shape.kurtosis);
     const char *rings[kProfileRings] = {"ring_0.0_to_0.5", "ring_0.5_to_1.0", "ring_1.0_to_1.5", "ring_1.5_to_2.0",
                                         "ring_2.0_to_2.5", "ring_2.5_to_3.0", "ring_3.0_to_4.0", "ring_4.0_to_5.0"};
     for (std::size_t k = 0; k < kProfileRings; ++k)
@@ -60,8 +69,9 @@ void put_shape(const Geometry &geometry, const DotShape &shape, Sink &sink) {
         for (std::size_t k = 0; k < 8; ++k) {
             const bool is_listed = zone == 0 ? k < 4 : zone == 2 && k >= 2 && k != 4 && k != 5;
             if (is_listed)
+                // The cell's is over the core's light, the others' over their zone's own.
                 sink.put(zone == 2 ? "doe" : "laser", std::string("dot_angular_") + terms[k], zones[zone], "1",
-                         shape.harmonics[zone][k]);
+                         (zone == 2 ? 1.0 : visible) * shape.harmonics[zone][k]);
         }
     if (!geometry.moving)
         return;
@@ -81,10 +91,11 @@ void put_shape(const Geometry &geometry, const DotShape &shape, Sink &sink) {
     }
     for (std::size_t ring = 0; ring < 3; ++ring)
         if (exists[ring])
-            sink.put("optics", "dot_width", "ring" + std::to_string(ring), "px", ratio(width[ring], count[ring]));
+            sink.put("optics", "dot_width", "ring" + std::to_string(ring), "px", seen_width(ratio(width[ring], count[ring])));
 }
 
-void put_flux(const Geometry &geometry, const DotPositions &positions, Sink &sink) {
+// least: that the dots' mean light is taken to be, as that of dots out of focus may be next to nothing.
+void put_flux(const Geometry &geometry, const DotPositions &positions, double visible, double least, Sink &sink) {
     const std::size_t count = positions.flux.size();
     double mean = 0.0, spread = 0.0, radial = 0.0, radial_square = 0.0, radial_mean = 0.0;
     std::vector<double> squared(count);
@@ -109,9 +120,9 @@ void put_flux(const Geometry &geometry, const DotPositions &positions, Sink &sin
         radial += (squared[i] - radial_mean) * deviation;
         radial_square += (squared[i] - radial_mean) * (squared[i] - radial_mean);
     }
-    const double scale = std::max(mean, 1e-3);
+    const double scale = std::max({mean, least, 1e-3});
     sink.put("optics", "dot_flux_falloff", "1", ratio(radial, radial_square) / scale);
-    sink.put("doe", "dot_flux_spread", "log", std::log(std::sqrt(spread) / scale + 1e-4));
+    sink.put("doe", "dot_flux_spread", "log", visible * std::log(std::sqrt(spread) / scale + 1e-4));
     if (!geometry.moving)
         return; // under one pattern of speckle the flux of a single dot says little
     std::size_t last = 9;
@@ -121,7 +132,7 @@ void put_flux(const Geometry &geometry, const DotPositions &positions, Sink &sin
     for (std::size_t k = 0; k < 9; ++k)
         if (region_count[k] > 0.0 && k != last) // the last follows from the others
             sink.put("optics", "dot_flux", "r" + std::to_string(k / 3) + "c" + std::to_string(k % 3), "1",
-                     region[k] / region_count[k] / scale - 1.0);
+                     (region[k] / region_count[k] - mean) / scale);
 }
 
 // Light between the dots: scattered, in ghosts, undiffracted.
@@ -160,8 +171,7 @@ void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPosi
     const double sigma = geometry.dots.sigma, reach = 0.8 * sigma + 0.5;
     std::vector<std::uint32_t> pixels;
     std::vector<float> inverse;
-    // Mean of the Gaussian over the disc of one sigma is 2 (1 - exp(-1/2)) of its peak.
-    const double peak = shape.core / (2.0 * (1.0 - std::exp(-0.5)));
+    const double peak = shape.core / kCoreOfPeak;
     for (const Point &dot : positions.modelled)
         for (double y = std::ceil(dot[1] - reach); y <= dot[1] + reach; ++y)
             for (double x = std::ceil(dot[0] - reach); x <= dot[0] + reach; ++x) {
@@ -234,6 +244,16 @@ void put_grain(const Measurement &m, Sink &sink) {
     sink.put("optics", "grain_correlation_diagonal", "1", 0.5 * (correlation(6) + correlation(7)));
 }
 
+// Light in the core (one standard deviation) of a Gaussian dot over the mean light of the image, where all light is in such dots.
+double expected_core(const Geometry &geometry) {
+    double inside = 0.0;
+    for (const Point &dot : geometry.dots.positions)
+        inside += dot[0] >= 0.0 && dot[1] >= 0.0 && dot[0] <= double(geometry.width - 1) && dot[1] <= double(geometry.height - 1);
+    constexpr double kPi = 3.14159265358979323846;
+    const double area = 2.0 * kPi * geometry.dots.sigma * geometry.dots.sigma;
+    return kCoreOfPeak * double(geometry.pixels) / (area * std::max(inside, 1.0));
+}
+
 } // namespace
 
 void measure_dots(const Measurement &m, Sink &sink) {
@@ -241,13 +261,18 @@ void measure_dots(const Measurement &m, Sink &sink) {
     double background = 0.0;
     for (const std::uint32_t pixel : geometry.dots.between)
         background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
-    const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
-    const DotShape shape =
-        measure_shape(geometry, m.frames.mean, background, positions, kLeastCore * m.frames.light);
+    const double expected = expected_core(geometry) * m.frames.light, least = kLeastCore * expected;
+    DotPositions positions = locate_dots(geometry, m.frames.mean, background);
+    DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, least);
+    const double visible = std::clamp((shape.light_in_core - kNoSpot * least) / ((1.0 - kNoSpot) * least), 0.0, 1.0);
+    if (visible < 1.0) {
+        positions = pulled_back(geometry, m.frames.mean, background, std::move(positions), visible);
+        shape = measure_shape(geometry, m.frames.mean, background, positions, least);
+    }
     sink.put("doe", "dot_peak", "log", std::log(shape.core / m.frames.light));
-    put_positions(geometry, positions, sink);
-    put_shape(geometry, shape, sink);
-    put_flux(geometry, positions, sink);
+    put_positions(geometry, positions, visible, sink);
+    put_shape(geometry, shape, visible, sink);
+    put_flux(geometry, positions, visible, kLeastCore * expected / kCoreOfPeak * gaussian_flux(geometry), sink);
     put_stray_light(m, shape, background, sink);
     put_core_speckle(m, shape, positions, sink);
     put_grain(m, sink);

@@ -351,3 +351,19 @@ def test_help(ok) -> None:
     assert max(map(len, text.splitlines())) <= 120, "it fits a terminal"
     for words in ("none", "named", "ambiguous", "unknown", "--without", "--level", "Exit codes:", "130  interrupted"):
         assert words in text
+
+
+@pytest.mark.parametrize(("waves", "seed"), [(1.25, 2), (1.3, 1), (1.3, 2)])
+def test_a_lens_far_out_of_focus(ok, tmp_path: Path, waves: float, seed: int) -> None:
+    """No spots are left, and half way from weak to strong the effect does something else: it is found, and nothing else.
+
+    Without a second look at other strengths, or with statistics that are told relative to a core without light, each of the three was
+    unknown.
+    """
+    which = ["--sequences", "dark,board_moving,dots_static,dots_moving", "--width", 120, "--height", 96, "--frames", 8]
+    ok("capture", "make", "set", *which, "--f-number", 8, "--effect", f"defocus:waves={waves}", "--seed", seed, "--quiet")
+    report = ok("diagnose", "set", "--json", "-", "--quiet").json()
+    assert (report["cause"]["verdict"], report["cause"]["effects"]) == ("named", ["defocus"])
+    ranked = report["cause"]["ranking"][0]
+    assert abs(ranked["parameters"]["waves"]) == pytest.approx(waves, abs=0.05)
+    assert report["cause"]["first_look"][0]["effect"] == "defocus" and report["cause"]["first_look"][0]["share"] > 0.5
