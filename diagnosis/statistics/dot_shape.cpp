@@ -287,6 +287,23 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     return shape;
 }
 
+double expected_core(const Geometry &geometry) {
+    double inside = 0.0;
+    for (const Point &dot : geometry.dots.positions)
+        inside += dot[0] >= 0.0 && dot[1] >= 0.0 && dot[0] <= double(geometry.width - 1) &&
+                  dot[1] <= double(geometry.height - 1);
+    // A lens in focus spreads a point to about a Gaussian one of 0.42 / D px (Airy's disc).
+    const double sigma = geometry.dots.sigma, lens = 0.42 / std::max(geometry.cutoff, 0.02);
+    const double square = sigma * sigma + lens * lens;
+    // Of a dot's light, the part within the disc of one sigma, over the disc's area.
+    const double part = 1.0 - std::exp(-0.5 * sigma * sigma / square), area = kPi * sigma * sigma;
+    return part / area * double(geometry.pixels) / std::max(inside, 1.0);
+}
+
+double visibility(const DotShape &shape, double least_core) {
+    return std::clamp(2.0 * shape.light_in_core / least_core - 1.0, 0.0, 1.0);
+}
+
 double window_mean(const Geometry &geometry, const std::vector<float> &image, const Point &point, double width) {
     const Window window(geometry, point, 3.0 * width, width);
     double light = 0.0, weights = 0.0;

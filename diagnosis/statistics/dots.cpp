@@ -11,14 +11,6 @@ namespace clsp::statistics {
 
 namespace {
 
-// Of what the core of a dot as described has. A lens far out of focus leaves less there, or nothing: by so little, or by its chance
-// in one pattern of speckle, nothing is to be divided.
-constexpr double kLeastCore = 0.2;
-// Below that part of it there is no spot to be seen, whose place and moments could be told.
-constexpr double kNoSpot = 0.5;
-// Mean of a Gaussian over the disc of one sigma: 2 (1 - exp(-1/2)) of its peak.
-constexpr double kCoreOfPeak = 0.78693868057473315;
-
 using Point = std::array<double, 2>;
 
 // Mean over points of light in a spot of a dot's width over its surroundings.
@@ -244,16 +236,6 @@ void put_grain(const Measurement &m, Sink &sink) {
     sink.put("optics", "grain_correlation_diagonal", "1", 0.5 * (correlation(6) + correlation(7)));
 }
 
-// Light in the core (one standard deviation) of a Gaussian dot over the mean light of the image, where all light is in such dots.
-double expected_core(const Geometry &geometry) {
-    double inside = 0.0;
-    for (const Point &dot : geometry.dots.positions)
-        inside += dot[0] >= 0.0 && dot[1] >= 0.0 && dot[0] <= double(geometry.width - 1) && dot[1] <= double(geometry.height - 1);
-    constexpr double kPi = 3.14159265358979323846;
-    const double area = 2.0 * kPi * geometry.dots.sigma * geometry.dots.sigma;
-    return kCoreOfPeak * double(geometry.pixels) / (area * std::max(inside, 1.0));
-}
-
 } // namespace
 
 void measure_dots(const Measurement &m, Sink &sink) {
@@ -261,10 +243,10 @@ void measure_dots(const Measurement &m, Sink &sink) {
     double background = 0.0;
     for (const std::uint32_t pixel : geometry.dots.between)
         background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
-    const double expected = expected_core(geometry) * m.frames.light, least = kLeastCore * expected;
+    const double least = kLeastCore * expected_core(geometry) * m.frames.light;
     DotPositions positions = locate_dots(geometry, m.frames.mean, background);
     DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, least);
-    const double visible = std::clamp((shape.light_in_core - kNoSpot * least) / ((1.0 - kNoSpot) * least), 0.0, 1.0);
+    const double visible = visibility(shape, least);
     if (visible < 1.0) {
         positions = pulled_back(geometry, m.frames.mean, background, std::move(positions), visible);
         shape = measure_shape(geometry, m.frames.mean, background, positions, least);
@@ -272,7 +254,7 @@ void measure_dots(const Measurement &m, Sink &sink) {
     sink.put("doe", "dot_peak", "log", std::log(shape.core / m.frames.light));
     put_positions(geometry, positions, visible, sink);
     put_shape(geometry, shape, visible, sink);
-    put_flux(geometry, positions, visible, kLeastCore * expected / kCoreOfPeak * gaussian_flux(geometry), sink);
+    put_flux(geometry, positions, visible, least / kCoreOfPeak * gaussian_flux(geometry), sink);
     put_stray_light(m, shape, background, sink);
     put_core_speckle(m, shape, positions, sink);
     put_grain(m, sink);

@@ -196,7 +196,8 @@ void put_dots(const Measurement &m, List &list) {
         background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
     const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
     const DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, 0.0);
-    const bool is_seen = shape.core > 0.0 && m.frames.mean_signal > 0.0;
+    const double least = kLeastCore * expected_core(geometry) * m.frames.light;
+    const bool is_seen = visibility(shape, least) > 0.0 && m.frames.mean_signal > 0.0;
     const auto told = [&](double value) { return is_seen ? value : kNotTold; };
     const double window = kShapeWindow * geometry.dots.sigma;
     list.put("dot_width_x", "px", told(without_window(shape.width_x, window)));
