@@ -275,6 +275,15 @@ void run_gap_power(const GapPowerArguments &arguments, Console &console) {
     const fs::path folder = arguments.folder;
     const Json power = read_json((folder / "power.json").string());
     give_json(arguments, power, console);
+    std::uint64_t sets = 0, failed = 0;
+    for (const Json &row : power["rows"]) {
+        sets += row["sets"].get<std::uint64_t>();
+        failed += row["failed"].get<std::uint64_t>();
+    }
+    if (failed > 0)
+        console.warn(fmt::format("{} of {} diagnoses wrote no valid report and count as nothing noticed; {} and the "
+                                 "logs in frames_*/reports say why",
+                                 failed, sets, generator.log));
     console.print(power_table(power));
     console.print(fmt::format("\nTable{}: {}", generator.figures ? " and figure power.png beside it" : "",
                               (folder / "power.md").string()));

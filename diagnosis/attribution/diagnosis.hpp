@@ -90,7 +90,7 @@ struct DiagnosisResult {
     double residual_p_value = 1.0;
     std::vector<ShrinkStep> steps;
     Downstream downstream;
-    Measurements measurements;
+    Measurements measurements; // none of a comparison, whose sets are brought to one light and noise first
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why

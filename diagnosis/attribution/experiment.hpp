@@ -93,6 +93,10 @@ class Experiment {
     std::vector<std::uint16_t> frames(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                       std::size_t sequence, std::uint64_t seed, std::uint32_t frame_count);
 
+    // The levels of a simulated capture's camera: where no dark sequence tells black level or read noise, every capture
+    // has one of its own, as far from the data sheet's as the real one may be.
+    CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
+
     // Calls work(0) ... work(count - 1), which are to be independent of each other: each in a lane that simulates and
     // measures what the work asks for, helped by lanes that have run out of work. Within such work, all of them on its
     // own thread.
@@ -126,9 +130,6 @@ class Experiment {
     void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
                   const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
                   const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
-    // The levels of a simulated capture's camera: where no dark sequence tells black level or read noise, every capture
-    // has one of its own, as far from the data sheet's as the real one may be.
-    CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
     // What the frames of a sequence depend on beside the seed.
     MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;
     struct Inside; // which lane a thread works in

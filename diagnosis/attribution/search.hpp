@@ -47,7 +47,8 @@ struct FittedModel {
 // What an effect promises at the first look at the baseline's gap.
 struct FirstLook {
     std::string effect;
-    double share = 0.0;  // of the squared distance, that as much of its change as fits best takes away
+    double share = 0.0;  // of the squared distance, that as much of its change as fits best takes away; or that a
+                         // change along a line to the strong end does, held out (Search::look_again)
     bool fitted = false; // whether its parameters were fitted then; what a look promises little of is put aside
 };
 

@@ -369,17 +369,6 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
             return codes;
         },
         experiment.checkpoint);
-    CaptureLayout sim_layout = experiment.layout();
-    if (own_dots)
-        sim_layout.dots = sim_dots;
-    std::vector<const CaptureLayout *> layouts(added.empty() ? 2 : 3, &sim_layout);
-    layouts.front() = &experiment.layout();
-    result.measurements =
-        measure_quantities(experiment, layouts, 1, [&](std::size_t version, std::size_t, std::size_t s) {
-            return version == 2   ? finished.codes(s, added, first_seed)
-                   : version == 1 ? captures.sim.codes[s]
-                                  : captures.real.codes[s];
-        });
     result.comparison = comparison;
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;

@@ -38,8 +38,10 @@ void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage
     const PhotonTransfer &real = versions.front();
     page.plot(curve_figure(plot),
               fmt::format("Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
-                          "line, whose slope is the system gain: real {} ± {} DN per electron, by {} points.",
-                          figure(real.gain_dn_per_electron), figure(real.gain_error), real.points.size()));
+                          "line, whose slope is the system gain: real {} ± {} DN per electron, by {} of {} points (those up to "
+                          "70 % of the full signal).",
+                          figure(real.gain_dn_per_electron), figure(real.gain_error), real.fitted_points,
+                          real.points.size()));
 }
 
 } // namespace

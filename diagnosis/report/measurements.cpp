@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -50,8 +52,9 @@ void add_nonuniformity(const CaptureLayout &layout, std::vector<std::vector<Quan
     }
 }
 
-Measured measured_capture(const Experiment &experiment, const CaptureLayout &layout,
+Measured measured_capture(const Experiment &experiment,
                           const std::function<std::vector<std::uint16_t>(std::size_t)> &frames_of) {
+    const CaptureLayout &layout = experiment.layout();
     const std::size_t count = layout.sequences.size();
     Measured result;
     result.sequences.resize(count);
@@ -112,6 +115,7 @@ PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double ful
         if (!counts(point))
             continue;
         const double weight = 1.0 / (point.variance_error_dn2 * point.variance_error_dn2);
+        ++result.fitted_points;
         w += weight;
         wx += weight * point.signal_dn;
         wy += weight * point.variance_dn2;
@@ -137,13 +141,23 @@ PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double ful
     return result;
 }
 
-Measurements measure_quantities(Experiment &experiment, const std::vector<const CaptureLayout *> &layouts,
-                                std::size_t captures, const MeasuredFrames &frames_of) {
+Measurements measure_quantities(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+                                const FittedModel *final, std::uint64_t seed) {
+    const FittedModel *models[] = {nullptr, &baseline, final};
+    const std::size_t versions = final ? 3 : 2;
+    const auto frames_of = [&](std::size_t version, std::size_t capture, std::size_t s) {
+        if (version == 0)
+            return real.codes[s];
+        const Replicates &replicates = models[version]->model.replicates();
+        const std::uint64_t draw = seed + kMeasurementSeed + capture;
+        return experiment.frames(replicates.effects, experiment.drawn_levels(replicates.levels, draw), s, draw,
+                                 experiment.layout().sequences[s].frame_count);
+    };
     // By version: its captures.
-    std::vector<std::vector<Measured>> measured(layouts.size());
+    std::vector<std::vector<Measured>> measured(versions);
     std::vector<std::pair<std::size_t, std::size_t>> todo;
-    for (std::size_t v = 0; v < layouts.size(); ++v) {
-        measured[v].resize(v == 0 ? 1 : captures);
+    for (std::size_t v = 0; v < versions; ++v) {
+        measured[v].resize(v == 0 ? 1 : kMeasuredCaptures);
         for (std::size_t k = 0; k < measured[v].size(); ++k)
             todo.emplace_back(v, k);
     }
@@ -152,11 +166,11 @@ Measurements measure_quantities(Experiment &experiment, const std::vector<const 
         if (experiment.checkpoint && experiment.on_callers_thread())
             experiment.checkpoint();
         measured[version][capture] = measured_capture(
-            experiment, *layouts[version], [&, v = version, k = capture](std::size_t s) { return frames_of(v, k, s); });
+            experiment, [&, v = version, k = capture](std::size_t s) { return frames_of(v, k, s); });
     });
 
     Measurements result;
-    result.simulated_captures = captures;
+    result.simulated_captures = kMeasuredCaptures;
     const CaptureLayout &layout = experiment.layout();
     for (std::size_t s = 0; s < layout.sequences.size(); ++s)
         for (std::size_t q = 0; q < measured[0][0].sequences[s].size(); ++q) {
@@ -186,20 +200,6 @@ Measurements measure_quantities(Experiment &experiment, const std::vector<const 
     result.quantities.push_back(std::move(gain));
     result.quantities.push_back(std::move(read));
     return result;
-}
-
-Measurements measure_quantities(Experiment &experiment, const Capture &real, const FittedModel &baseline,
-                                const FittedModel *final, std::uint64_t seed) {
-    const FittedModel *models[] = {nullptr, &baseline, final};
-    const std::vector<const CaptureLayout *> layouts(final ? 3 : 2, &experiment.layout());
-    return measure_quantities(
-        experiment, layouts, kMeasuredCaptures, [&](std::size_t version, std::size_t capture, std::size_t s) {
-            if (version == 0)
-                return real.codes[s];
-            const Replicates &replicates = models[version]->model.replicates();
-            return experiment.frames(replicates.effects, replicates.levels, s, seed + kMeasurementSeed + capture,
-                                     experiment.layout().sequences[s].frame_count);
-        });
 }
 
 } // namespace clsp

@@ -8,16 +8,15 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
 namespace clsp {
 
-constexpr std::size_t kMeasuredCaptures = 4; // simulated ones of each version
+constexpr std::size_t kMeasuredCaptures = 8; // simulated ones of each version
 
-// Over simulated captures, or of the only one there is (deviation NaN then). NaN: not told by at least one of them.
+// Over simulated captures, or of the only real one (deviation NaN then). NaN: not told by at least one of them.
 struct QuantityMean {
     double mean = std::numeric_limits<double>::quiet_NaN();
     double deviation = std::numeric_limits<double>::quiet_NaN(); // from capture to capture
@@ -39,7 +38,8 @@ struct TransferPoint {
 // variance = intercept + gain * signal: EMVA 1288's system gain is the slope.
 struct PhotonTransfer {
     std::vector<TransferPoint> points;
-    bool fitted = false; // by points at two levels at least
+    std::size_t fitted_points = 0; // those below the limit
+    bool fitted = false;           // by points at two levels at least
     double gain_dn_per_electron = 0.0, gain_error = 0.0;
     double intercept_dn2 = 0.0, intercept_error = 0.0;
 };
@@ -52,13 +52,6 @@ struct Measurements {
 
 // Weighted least squares over the points below 70 % of the full signal, as EMVA 1288 has it.
 PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double full_signal_dn);
-
-// layouts: of each version, which differ in where dots are meant to be at most. frames_of(version, capture, sequence):
-// all frames of it; of version 0, the real one, there is one capture.
-using MeasuredFrames =
-    std::function<std::vector<std::uint16_t>(std::size_t version, std::size_t capture, std::size_t sequence)>;
-Measurements measure_quantities(Experiment &experiment, const std::vector<const CaptureLayout *> &layouts,
-                                std::size_t captures, const MeasuredFrames &frames_of);
 
 // final: nullptr if no effect was found. seed: of the diagnosis; the captures are apart from those of any fit.
 Measurements measure_quantities(Experiment &experiment, const Capture &real, const FittedModel &baseline,

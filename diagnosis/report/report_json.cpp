@@ -226,7 +226,8 @@ std::string report_json(const DiagnosisResult &result) {
         if (!result.calibration_after.light.empty())
             report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
     }
-    report["measurements"] = measurements_json(result.measurements);
+    if (!result.comparison)
+        report["measurements"] = measurements_json(result.measurements);
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

@@ -291,13 +291,14 @@ double expected_core(const Geometry &geometry) {
     double inside = 0.0;
     for (const Point &dot : geometry.dots.positions)
         inside += dot[0] >= 0.0 && dot[1] >= 0.0 && dot[0] <= double(geometry.width - 1) &&
-                  dot[1] <= double(geometry.height - 1);
+                  dot[1] <= double(geometry.height - 1) &&
+                  geometry.is_used(std::size_t(dot[1] + 0.5) * geometry.width + std::size_t(dot[0] + 0.5));
     // A lens in focus spreads a point to about a Gaussian one of 0.42 / D px (Airy's disc).
     const double sigma = geometry.dots.sigma, lens = 0.42 / std::max(geometry.cutoff, 0.02);
     const double square = sigma * sigma + lens * lens;
     // Of a dot's light, the part within the disc of one sigma, over the disc's area.
     const double part = 1.0 - std::exp(-0.5 * sigma * sigma / square), area = kPi * sigma * sigma;
-    return part / area * double(geometry.pixels) / std::max(inside, 1.0);
+    return part / area * double(geometry.used) / std::max(inside, 1.0);
 }
 
 double visibility(const DotShape &shape, double least_core) {

@@ -16,10 +16,9 @@ namespace {
 using namespace statistics;
 
 constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
-// Codes between these parts of a sequence's codes, from below, occur unless the converter lacks them.
-constexpr double kLowestPart = 0.01, kHighestPart = 0.99;
-// Fewer pixels to a code than this, and one that does not occur says nothing.
+// A code that does not occur is missing where its neighbours have so many pixels each, on average: by chance it would hardly be.
 constexpr double kPixelsOfACode = 20.0;
+constexpr std::size_t kNeighbours = 4; // to each side
 
 class List {
   public:
@@ -39,19 +38,25 @@ double root_beyond(double variance, double noise) { return std::sqrt(std::max(0.
 void put_codes(const Measurement &m, List &list) {
     const std::vector<std::uint64_t> &histogram = m.frames.histogram;
     const double total = double(m.geometry.frames) * double(m.geometry.used);
-    std::size_t first = 0, last = histogram.size() - 1;
-    for (double below = double(histogram[0]); below < kLowestPart * total && first < last; below += double(histogram[first]))
-        ++first;
-    for (double above = double(histogram[last]); above < (1.0 - kHighestPart) * total && last > first;
-         above += double(histogram[last]))
-        --last;
-    double missing = 0.0;
-    for (std::size_t code = first; code <= last; ++code)
+    // Light that is cut piles up in the first and the last code.
+    double missing = 0.0, told = 0.0;
+    for (std::size_t code = kNeighbours + 1; code + kNeighbours + 1 < histogram.size(); ++code) {
+        double around = 0.0;
+        for (std::size_t k = 1; k <= kNeighbours; ++k)
+            around += double(histogram[code - k] + histogram[code + k]) / (2.0 * kNeighbours);
+        if (around < kPixelsOfACode)
+            continue;
+        told += 1.0;
         missing += histogram[code] == 0;
-    const double codes = double(last - first + 1);
-    list.put("codes_missing", "%", total / codes >= kPixelsOfACode ? 100.0 * missing / codes : kNotTold);
+    }
+    list.put("codes_missing", "%", told > 0.0 ? 100.0 * missing / told : kNotTold);
     list.put("codes_at_zero", "%", 100.0 * double(histogram.front()) / total);
     list.put("codes_at_maximum", "%", 100.0 * double(histogram.back()) / total);
+}
+
+// Rows or columns that are not masked whole.
+double lines_used(const std::vector<double> &used) {
+    return double(std::count_if(used.begin(), used.end(), [](double pixels) { return pixels > 0.0; }));
 }
 
 // What changes from frame to frame. Row, column and frame noise without what the noise of single pixels does to the
@@ -75,10 +80,10 @@ void put_temporal(const Measurement &m, double temporal_noise_dn, List &list) {
             }
         // Times the pixels of a line: what independent pixels have is the pixels' variance.
         const double unbiased = frames / (frames - 1.0);
-        rows *= unbiased / (frames * double(geometry.height));
-        const double columns = unbiased * m.residual.column_variance;
-        const double row_pixels = double(geometry.used) / double(geometry.height),
-                     column_pixels = double(geometry.used) / double(geometry.width);
+        const double row_count = lines_used(geometry.row_used), column_count = lines_used(geometry.column_used);
+        rows *= unbiased / (frames * row_count);
+        const double columns = unbiased * m.residual.column_variance * double(geometry.width) / column_count;
+        const double row_pixels = double(geometry.used) / row_count, column_pixels = double(geometry.used) / column_count;
         list.put("temporal_noise", "DN", temporal_noise_dn);
         list.put("row_noise", "DN", root_beyond(rows / row_pixels, pixel / row_pixels));
         list.put("column_noise", "DN", root_beyond(columns / column_pixels, pixel / column_pixels));
@@ -125,8 +130,9 @@ void put_fixed_pattern(const Measurement &m, List &list) {
     // Of a single frame pattern and noise are one.
     const double temporal = geometry.frames > 1 ? m.frames.pixel_variance / double(geometry.frames) : kNotTold;
     list.put("fixed_pattern", "DN", std::isfinite(temporal) ? root_beyond(square, temporal) : kNotTold);
-    list.put("row_fixed_pattern", "DN", of_lines(rows, geometry.row_used));
-    list.put("column_fixed_pattern", "DN", of_lines(columns, geometry.column_used));
+    const bool told = geometry.frames > 1;
+    list.put("row_fixed_pattern", "DN", told ? of_lines(rows, geometry.row_used) : kNotTold);
+    list.put("column_fixed_pattern", "DN", told ? of_lines(columns, geometry.column_used) : kNotTold);
 }
 
 // How much darker the corner is than the axis: light = l (1 - a r^2), r = 1 in the corner.
@@ -158,7 +164,7 @@ void put_speckle(const Measurement &m, List &list) {
     const bool over_time = geometry.moving && geometry.frames > 1;
     // Moving: the residuals of all frames (or of the first, for the grain, which is long to sum and the same in all).
     std::vector<float> image;
-    double variance = 0.0, noise = m.frames.read_variance, cube = 0.0;
+    double variance = 0.0, noise = m.frames.read_variance, noise_of_image = noise, cube = 0.0;
     Powers powers;
     if (over_time) {
         powers = m.residual.powers;
@@ -168,19 +174,20 @@ void put_speckle(const Measurement &m, List &list) {
         cube = frames > 2.0 ? powers.cube / samples * frames * frames / ((frames - 1.0) * (frames - 2.0)) : kNotTold;
         const float *first = m.frames.residual_of(geometry, 0);
         image.assign(first, first + geometry.pixels);
+        noise_of_image *= 1.0 - 1.0 / frames;
     } else {
         image = without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, 4));
         for (std::size_t y = 0; y < geometry.height; ++y)
             powers.add(image.data() + y * geometry.width, geometry.width);
         variance = powers.square / double(geometry.used);
         cube = powers.cube / double(geometry.used);
-        noise /= double(geometry.frames);
+        noise_of_image = noise /= double(geometry.frames);
     }
     const double speckle = std::max(0.0, variance - noise);
     list.put("contrast", "1", m.frames.mean_signal > 0.0 ? std::sqrt(speckle) / m.frames.light : kNotTold);
     list.put("intensity_skewness", "1", speckle > 0.0 ? cube / std::pow(speckle, 1.5) : kNotTold);
-    list.put("grain_width_x", "px", half_width(image, geometry, true, noise));
-    list.put("grain_width_y", "px", half_width(image, geometry, false, noise));
+    list.put("grain_width_x", "px", half_width(image, geometry, true, noise_of_image));
+    list.put("grain_width_y", "px", half_width(image, geometry, false, noise_of_image));
 }
 
 // Of a Gaussian dot whose width under a Gaussian window is known: the squares' inverses add up.

@@ -136,6 +136,10 @@ def test_power_counts_what_is_noticed_and_named(ok, cli, refused, program: Path,
     assert re.search(r"\n4 +1\.00 +1 +100\.0 %", run.out)
     assert (tmp_path / "study" / "power.md").is_file()
     assert ok(*small, "--out", "study", "--command", "false", "--json", "-").json() == power, "counted again"
+    assert {row["failed"] for row in power["rows"]} == {0}
+    broken = ok(*small, "--out", "broken", "--command", "false", "--json", "-")
+    assert {(row["failed"], row["detected"]["share"]) for row in broken.json()["rows"]} == {(1, 0.0)}
+    assert "12 of 12 diagnoses wrote no valid report" in broken.err
     assert "--repeats" in refused(*common, "--out", "study2", "--repeats", 0)
     unknown = cli(*common, "--out", "study3", "--effect", "defokus", "--repeats", 1)
     assert unknown.code == 1 and "defokus" in unknown.err

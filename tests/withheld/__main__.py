@@ -170,6 +170,9 @@ def main(argv: list[str] | None = None) -> int:
     except (OSError, ValueError) as error:
         print(f"withheld: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("withheld: interrupted; the same command goes on", file=sys.stderr)
+        return 130
     return 0
 
 

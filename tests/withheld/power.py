@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .effects import CATALOGUE
 from .figures import wilson
 from .outcome import Outcome, read_outcomes
 from .plan import Plan, write_plan
@@ -47,6 +48,7 @@ def table(outcomes: dict[int, list[Outcome]]) -> list[dict[str, Any]]:
             chosen = [o for o in of_frames if o.strength == strength]
             rows.append({
                 "frames": frames, "strength": strength, "sets": len(chosen),
+                "failed": sum(o.verdict == "failed" for o in chosen),
                 "detected": _share(chosen, "detected"), "included": _share(chosen, "included"),
             })  # fmt: skip
     return rows
@@ -62,6 +64,9 @@ def markdown(rows: list[dict[str, Any]]) -> str:
             low, high = row[what]["wilson95"]
             cells.append(f"{row[what]['share']:.2f} ({low:.2f} to {high:.2f})")
         lines.append(f"| {row['frames']} | {1 + row['strength']:.2f} | {row['sets']} | {cells[0]} | {cells[1]} |")
+    failed = sum(row["failed"] for row in rows)
+    if failed:
+        lines += ["", f"{failed} diagnoses wrote no valid report; they count as nothing noticed."]
     return "\n".join(lines) + "\n"
 
 
@@ -70,6 +75,10 @@ def power(
     seed: int, figures: bool,
 ) -> str:  # fmt: skip
     """Draws, diagnoses and counts; sets that have a report are not diagnosed again. Writes OUT/power.{json,md,png}."""
+    effects = tuple(dict.fromkeys(effects))
+    for name in effects:
+        if name not in CATALOGUE:
+            raise ValueError(f"{name!r} is no effect of the catalogue, so that none could name it; there are: {', '.join(CATALOGUE)}")
     outcomes: dict[int, list[Outcome]] = {}
     for count in frames:
         folder = out / f"frames_{count}"

@@ -356,9 +356,9 @@ class Measurement:
     real: float
     """Of the capture."""
     sim: float
-    """Mean over simulated captures without effects; of a comparison, of the other capture."""
+    """Mean over simulated captures without effects."""
     sim_deviation: float = math.nan
-    """Standard deviation over the simulated captures; NaN of a comparison."""
+    """Standard deviation over the simulated captures."""
     sim_with_effects: float = math.nan
     """With the effects found; NaN if there are none."""
     sim_with_effects_deviation: float = math.nan
@@ -390,7 +390,7 @@ class Diagnosis(Handle):
         calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
             sets have levels of their own (``report["compare"]``).
         measurements: quantities in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
-            of the camera and of the simulator.
+            of the camera and of the simulator; empty of a comparison, whose sets are brought to one light and noise first.
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
@@ -450,7 +450,7 @@ class Diagnosis(Handle):
             read_noise_dn=_number(calibration["read_noise_dn"]),
             light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
         )
-        self.measurements = tuple(_measurement(entry) for entry in report["measurements"]["quantities"])
+        self.measurements = tuple(_measurement(entry) for entry in report.get("measurements", {"quantities": ()})["quantities"])
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
 
