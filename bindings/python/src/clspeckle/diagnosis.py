@@ -428,7 +428,8 @@ class Diagnosis(Handle):
         self.equivalents: tuple[str, ...] = tuple(cause["equivalent"])
         self.ranking = tuple(_ranked(entry) for entry in cause["ranking"])
         self.first_look = tuple(
-            FirstLook(entry["effect"], _number(entry["share"]), entry["fitted"]) for entry in cause.get("first_look", ())
+            FirstLook(entry["effect"], _number(entry["share"]), entry["fitted"])
+            for entry in cause.get("first_look", ())
         )
         self.where = tuple(_place(entry) for entry in report["where"])
         self.shrink = _shrinkage(report["shrink"])
@@ -450,7 +451,8 @@ class Diagnosis(Handle):
             read_noise_dn=_number(calibration["read_noise_dn"]),
             light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
         )
-        self.measurements = tuple(_measurement(entry) for entry in report.get("measurements", {"quantities": ()})["quantities"])
+        measured = report.get("measurements", {"quantities": ()})
+        self.measurements = tuple(_measurement(entry) for entry in measured["quantities"])
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
 
