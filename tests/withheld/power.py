@@ -78,7 +78,8 @@ def power(
     effects = tuple(dict.fromkeys(effects))
     for name in effects:
         if name not in CATALOGUE:
-            raise ValueError(f"{name!r} is no effect of the catalogue, so that none could name it; there are: {', '.join(CATALOGUE)}")
+            known = ", ".join(CATALOGUE)
+            raise ValueError(f"{name!r} is no effect of the catalogue, so that none could name it; there are: {known}")
     outcomes: dict[int, list[Outcome]] = {}
     for count in frames:
         folder = out / f"frames_{count}"

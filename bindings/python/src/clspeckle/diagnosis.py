@@ -390,7 +390,8 @@ class Diagnosis(Handle):
         calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
             sets have levels of their own (``report["compare"]``).
         measurements: quantities in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
-            of the camera and of the simulator; empty of a comparison, whose sets are brought to one light and noise first.
+            of the camera and of the simulator; empty of a comparison, whose sets are brought to one light and noise
+            first.
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
