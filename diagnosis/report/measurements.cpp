@@ -155,14 +155,14 @@ Measurements measure_quantities(Experiment &experiment, const Capture &real, con
     };
     // By version: its captures.
     std::vector<std::vector<Measured>> measured(versions);
-    std::vector<std::pair<std::size_t, std::size_t>> todo;
+    std::vector<std::pair<std::size_t, std::size_t>> draws;
     for (std::size_t v = 0; v < versions; ++v) {
         measured[v].resize(v == 0 ? 1 : kMeasuredCaptures);
         for (std::size_t k = 0; k < measured[v].size(); ++k)
-            todo.emplace_back(v, k);
+            draws.emplace_back(v, k);
     }
-    experiment.side_by_side(todo.size(), [&](std::size_t i) {
-        const auto [version, capture] = todo[i];
+    experiment.side_by_side(draws.size(), [&](std::size_t i) {
+        const auto [version, capture] = draws[i];
         if (experiment.checkpoint && experiment.on_callers_thread())
             experiment.checkpoint();
         measured[version][capture] = measured_capture(
