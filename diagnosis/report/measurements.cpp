@@ -11,7 +11,7 @@ namespace {
 constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
 // Apart from the seeds of replicates, of the pool, and of the evidence.
 constexpr std::uint64_t kMeasurementSeed = std::uint64_t{3} << 41;
-// Of the full signal: beyond it clipping takes variance away (EMVA 1288, 6.6).
+// Of the full signal: beyond it clipping takes variance away (EMVA 1288).
 constexpr double kTransferPart = 0.7;
 // Levels that are nearer than that to each other, in parts of the higher one, are one.
 constexpr double kSameLevel = 0.02;
