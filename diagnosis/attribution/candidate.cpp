@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <iterator>
 #include <utility>
 
 namespace clsp {
@@ -33,6 +34,10 @@ constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes ar
 constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
                                          {"beam_skew", "angle_rad", 2.0 * kEighthTurn},
                                          {"beam_skew", "angle_rad", 3.0 * kEighthTurn}};
+
+// Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
+// knows no mirror. They are looked for, and reported, on the catalogue's side of 0.
+constexpr const char *kEvenEffects[] = {"defocus"};
 
 struct Scale {
     double weak, strong;
@@ -150,6 +155,8 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         Candidate candidate{effect.id, effect.stage, effect.summary, {}};
         for (const EffectParameter &p : effect.parameters)
             candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong, p.whole});
+        if (std::find(std::begin(kEvenEffects), std::end(kEvenEffects), candidate.id) != std::end(kEvenEffects))
+            candidate.parameters.front().minimum = 0.0;
         result.push_back(std::move(candidate));
     }
     for (const Hypothesis &hypothesis : hypotheses)

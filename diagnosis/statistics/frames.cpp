@@ -50,6 +50,24 @@ void count_codes(const Geometry &geometry, const std::uint16_t *codes, std::vect
         histogram[code] += std::uint64_t{even[code]} + odd[code];
 }
 
+// 0 where a pixel of the row is at the top code in any frame, 1 elsewhere; empty if none is.
+std::vector<float> unclipped(const Geometry &geometry, const std::uint16_t *codes, std::size_t y) {
+    const std::size_t width = geometry.width;
+    std::vector<std::uint16_t> highest(width);
+    for (std::size_t t = 0; t < geometry.frames; ++t) {
+        const std::uint16_t *row = codes + t * geometry.pixels + y * width;
+        for (std::size_t x = 0; x < width; ++x)
+            highest[x] = std::max(highest[x], row[x]);
+    }
+    const auto top = std::uint16_t(geometry.maximum_code);
+    if (*std::max_element(highest.begin(), highest.end()) < top)
+        return {};
+    std::vector<float> result(width);
+    for (std::size_t x = 0; x < width; ++x)
+        result[x] = highest[x] < top ? 1.0f : 0.0f;
+    return result;
+}
+
 // One row of all frames: the mean over time, the residuals and their variance.
 void make_row(const Geometry &geometry, const std::uint16_t *codes, float black, const std::vector<float> &scale,
               const std::vector<float> &offset, std::size_t y, Frames &frames) {
@@ -69,12 +87,16 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, float black,
     }
     const float *weight = geometry.is_masked() ? geometry.weight.data() + start : nullptr;
     if (geometry.frames > 1) {
+        // The top code does not flicker with its frame: scaled, a few grains that clip would outweigh all others' noise.
+        const std::vector<float> kept = geometry.is_static_laser() ? unclipped(geometry, codes, y) : std::vector<float>{};
         for (std::size_t t = 0; t < geometry.frames; ++t) {
             const std::uint16_t *row = codes + t * geometry.pixels + start;
             float *residual = frames.residual.data() + t * geometry.pixels + start;
             residual_codes(residual, row, {black, scale[t], offset[t] + pivot}, centred.data(), width);
             if (weight)
                 multiply(residual, residual, weight, width);
+            if (!kept.empty())
+                multiply(residual, residual, kept.data(), width);
             add_squares(squares.data(), residual, width);
             frames.row_mean[t * geometry.height + y] = ratio(sum(residual, width), geometry.row_used[y]);
         }

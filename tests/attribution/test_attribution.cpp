@@ -191,7 +191,7 @@ TEST(Candidates, WhatGoesBothWays) {
         if (candidate.has_direction())
             (candidate.is_ratio(0) ? from_one : from_nothing).push_back(candidate.id);
     std::sort(from_nothing.begin(), from_nothing.end());
-    EXPECT_EQ(from_nothing, (std::vector<std::string>{"bayer_mismatch", "beam_skew", "defocus", "lens_distortion", "wavelength_shift"}));
+    EXPECT_EQ(from_nothing, (std::vector<std::string>{"bayer_mismatch", "beam_skew", "lens_distortion", "wavelength_shift"}));
     EXPECT_EQ(from_one, (std::vector<std::string>{"aperture_mismatch", "gamma", "my_ratio"}));
     const Candidate &ratio = all[all.size() - 3];
     EXPECT_DOUBLE_EQ(ratio.value(0, 1.0, -1.0), 1.0 / 1.5);

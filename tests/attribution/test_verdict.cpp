@@ -302,7 +302,8 @@ TEST(Slight, InItsOwnDirection) {
         double value;
         bool slight;
     } cases[] = {{"gamma", "gamma", 1.2, false},  {"gamma", "gamma", 1.02, true},  {"gamma", "gamma", 0.8, false},
-                 {"gamma", "gamma", 0.985, true}, {"defocus", "waves", -0.8, false}, {"defocus", "waves", -0.1, true},
+                 {"gamma", "gamma", 0.985, true}, {"defocus", "waves", 0.8, false}, {"defocus", "waves", 0.1, true},
+                 {"wavelength_shift", "delta_nm", -6.0, false}, {"wavelength_shift", "delta_nm", -0.5, true},
                  {"aperture_mismatch", "f_number_ratio", 0.7, false},
                  {"aperture_mismatch", "f_number_ratio", 0.98, true},
                  {"aperture_mismatch", "f_number_ratio", 1.3, false}};

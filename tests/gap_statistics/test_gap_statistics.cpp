@@ -303,6 +303,29 @@ TEST(GapStatistics, LightEffectsMoveTheirStatistics) {
     EXPECT_LT(named(board, vibration).at("image_shift_y"), named(board, vibration).at("image_shift_x") - 1.0);
 }
 
+// Under a laser that flickers, the pixels of a few bright grains that clip stay at the top code: no noise of theirs.
+TEST(GapStatistics, GrainsThatClipDoNotFlicker) {
+    const CaptureLayout layout = make_layout(CaptureScene::kBoard, false);
+    Codes below = make_codes(layout, 11);
+    std::mt19937 random(13);
+    std::normal_distribution<double> normal;
+    double factor = 1.0;
+    for (std::size_t i = 0; i < below.size(); ++i) {
+        if (i % kPixels == 0)
+            factor = 1.0 + 0.05 * normal(random);
+        below[i] = std::uint16_t(std::lround(kBlack + (std::min<int>(below[i], 700) - kBlack) * factor));
+    }
+    Codes clipped = below;
+    for (std::size_t i = 0; i < clipped.size(); ++i)
+        if (const std::size_t x = i % kWidth, y = i / kWidth % kHeight; x >= 40 && x < 43 && y >= 31 && y < 34)
+            clipped[i] = 1023;
+    ASSERT_LT(*std::max_element(below.begin(), below.end()), 1023);
+    const Values before = named(layout, below), after = named(layout, clipped);
+    for (const char *name : {"noise_kurtosis", "noise_skewness", "repeated_frames", "temporal_correlation_1"})
+        EXPECT_NEAR(after.at(name), before.at(name), 0.02) << name;
+    EXPECT_NEAR(after.at("temporal_variance/above_2.5_mean"), before.at("temporal_variance/above_2.5_mean"), 0.1);
+}
+
 // A level that cuts the light moves through half of the range, 4 DN at a time: the root of the share above goes along, and never
 // by more than an eighth of the way at once. A sharp step would have it go at once.
 TEST(GapStatistics, LightThatIsCutIsFollowed) {
