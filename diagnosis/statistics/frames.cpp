@@ -50,8 +50,22 @@ void count_codes(const Geometry &geometry, const std::uint16_t *codes, std::vect
         histogram[code] += std::uint64_t{even[code]} + odd[code];
 }
 
-// 0 where a pixel of the row is at the top code in any frame, 1 elsewhere; empty if none is.
-std::vector<float> unclipped(const Geometry &geometry, const std::uint16_t *codes, std::size_t y) {
+// The code at which light clips: the highest that occurs, if no higher one can (a coarse converter's is below 2^bits - 1).
+// maximum + 1 if nothing clips.
+std::uint32_t clipping_code(const std::vector<std::uint64_t> &histogram) {
+    const auto none = std::uint32_t(histogram.size());
+    std::uint32_t highest = none - 1;
+    while (highest > 0 && histogram[highest] == 0)
+        --highest;
+    std::uint32_t next = highest ? highest - 1 : 0;
+    while (next > 0 && histogram[next] == 0)
+        --next;
+    return highest + (highest - next) >= none ? highest : none;
+}
+
+// Columns of a row in which any frame clips.
+std::vector<std::size_t> clipped_columns(const Geometry &geometry, const std::uint16_t *codes, std::size_t y,
+                                         std::uint32_t clipping) {
     const std::size_t width = geometry.width;
     std::vector<std::uint16_t> highest(width);
     for (std::size_t t = 0; t < geometry.frames; ++t) {
@@ -59,18 +73,16 @@ std::vector<float> unclipped(const Geometry &geometry, const std::uint16_t *code
         for (std::size_t x = 0; x < width; ++x)
             highest[x] = std::max(highest[x], row[x]);
     }
-    const auto top = std::uint16_t(geometry.maximum_code);
-    if (*std::max_element(highest.begin(), highest.end()) < top)
-        return {};
-    std::vector<float> result(width);
+    std::vector<std::size_t> result;
     for (std::size_t x = 0; x < width; ++x)
-        result[x] = highest[x] < top ? 1.0f : 0.0f;
+        if (highest[x] >= clipping)
+            result.push_back(x);
     return result;
 }
 
 // One row of all frames: the mean over time, the residuals and their variance.
 void make_row(const Geometry &geometry, const std::uint16_t *codes, float black, const std::vector<float> &scale,
-              const std::vector<float> &offset, std::size_t y, Frames &frames) {
+              const std::vector<float> &offset, std::uint32_t clipping, std::size_t y, Frames &frames) {
     const std::size_t width = geometry.width, start = y * width;
     // Sums are taken about the mean signal: single precision then holds the noise of bright frames too.
     const float pivot = float(frames.mean_signal);
@@ -85,18 +97,37 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, float black,
         centred[x] *= share;
         mean[x] = centred[x] + pivot;
     }
+    // What clips does not flicker with its frame: scaled, a few bright grains would outweigh the noise of all others. Such a code says
+    // nothing of a pixel's mean, unless there is nothing else, nor of its noise.
+    std::vector<std::size_t> clipped;
+    if (clipping < frames.histogram.size())
+        clipped = clipped_columns(geometry, codes, y, clipping);
+    for (const std::size_t x : clipped) {
+        float total = 0.0f;
+        std::size_t kept = 0;
+        for (std::size_t t = 0; t < geometry.frames; ++t) {
+            const std::uint16_t code = codes[t * geometry.pixels + start + x];
+            if (code < clipping) {
+                total += scale[t] * (float(code) - black) - offset[t] - pivot;
+                ++kept;
+            }
+        }
+        if (kept) {
+            centred[x] = total / float(kept);
+            mean[x] = centred[x] + pivot;
+        }
+    }
     const float *weight = geometry.is_masked() ? geometry.weight.data() + start : nullptr;
     if (geometry.frames > 1) {
-        // The top code does not flicker with its frame: scaled, a few grains that clip would outweigh all others' noise.
-        const std::vector<float> kept = geometry.is_static_laser() ? unclipped(geometry, codes, y) : std::vector<float>{};
         for (std::size_t t = 0; t < geometry.frames; ++t) {
             const std::uint16_t *row = codes + t * geometry.pixels + start;
             float *residual = frames.residual.data() + t * geometry.pixels + start;
             residual_codes(residual, row, {black, scale[t], offset[t] + pivot}, centred.data(), width);
             if (weight)
                 multiply(residual, residual, weight, width);
-            if (!kept.empty())
-                multiply(residual, residual, kept.data(), width);
+            for (const std::size_t x : clipped)
+                if (row[x] >= clipping)
+                    residual[x] = 0.0f;
             add_squares(squares.data(), residual, width);
             frames.row_mean[t * geometry.height + y] = ratio(sum(residual, width), geometry.row_used[y]);
         }
@@ -139,6 +170,8 @@ Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const C
             offset[t] = float(frames.frame_mean[t] - frames.mean_signal);
     }
 
+    const std::uint32_t clipping = geometry.is_static_laser() && count > 1 ? clipping_code(frames.histogram)
+                                                                           : std::uint32_t(frames.histogram.size());
     frames.mean.assign(geometry.pixels, 0.0f);
     if (count > 1) {
         frames.residual = spare.take(count * geometry.pixels);
@@ -150,7 +183,7 @@ Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const C
     const std::size_t bands = (geometry.height + kRows - 1) / kRows;
     parallel_for(bands, threads, [&](std::size_t band) {
         for (std::size_t y = band * kRows; y < std::min((band + 1) * kRows, geometry.height); ++y)
-            make_row(geometry, codes, black, scale, offset, y, frames);
+            make_row(geometry, codes, black, scale, offset, clipping, y, frames);
     });
     frames.pixel_variance = frames.read_variance;
     if (count > 1) {

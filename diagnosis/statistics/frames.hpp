@@ -22,7 +22,8 @@ struct Frames {
     double read_variance = 1.0; // calibrated, at least that of rounding
     std::vector<float> mean;    // image, DN above the black level; masked pixels 0
     // Frame minus mean image, zero on average over the frame; the mean of each frame of a static laser scene is first
-    // scaled to that of all, so that flicker of the laser is out. Masked pixels 0. Empty for a single frame.
+    // scaled to that of all, so that flicker of the laser is out. There a code that clips has no residual, and the mean image goes
+    // without it if it can. Masked pixels 0. Empty for a single frame.
     SpareBuffers<float>::Buffer residual;
     std::vector<double> row_mean;         // of the residual: frames x height
     std::vector<float> variance;          // of each pixel over time, unbiased; masked pixels 0

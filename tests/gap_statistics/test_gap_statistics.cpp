@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <random>
 #include <set>
 #include <string>
@@ -303,27 +304,54 @@ TEST(GapStatistics, LightEffectsMoveTheirStatistics) {
     EXPECT_LT(named(board, vibration).at("image_shift_y"), named(board, vibration).at("image_shift_x") - 1.0);
 }
 
-// Under a laser that flickers, the pixels of a few bright grains that clip stay at the top code: no noise of theirs.
-TEST(GapStatistics, GrainsThatClipDoNotFlicker) {
-    const CaptureLayout layout = make_layout(CaptureScene::kBoard, false);
-    Codes below = make_codes(layout, 11);
+Codes flickering(const CaptureLayout &layout, double sigma) {
+    Codes codes = make_codes(layout, 11);
     std::mt19937 random(13);
     std::normal_distribution<double> normal;
     double factor = 1.0;
-    for (std::size_t i = 0; i < below.size(); ++i) {
+    for (std::size_t i = 0; i < codes.size(); ++i) {
         if (i % kPixels == 0)
-            factor = 1.0 + 0.05 * normal(random);
-        below[i] = std::uint16_t(std::lround(kBlack + (std::min<int>(below[i], 700) - kBlack) * factor));
+            factor = 1.0 + sigma * normal(random);
+        codes[i] = std::uint16_t(std::lround(kBlack + (std::min<int>(codes[i], 700) - kBlack) * factor));
     }
-    Codes clipped = below;
-    for (std::size_t i = 0; i < clipped.size(); ++i)
-        if (const std::size_t x = i % kWidth, y = i / kWidth % kHeight; x >= 40 && x < 43 && y >= 31 && y < 34)
-            clipped[i] = 1023;
-    ASSERT_LT(*std::max_element(below.begin(), below.end()), 1023);
-    const Values before = named(layout, below), after = named(layout, clipped);
-    for (const char *name : {"noise_kurtosis", "noise_skewness", "repeated_frames", "temporal_correlation_1"})
-        EXPECT_NEAR(after.at(name), before.at(name), 0.02) << name;
-    EXPECT_NEAR(after.at("temporal_variance/above_2.5_mean"), before.at("temporal_variance/above_2.5_mean"), 0.1);
+    return codes;
+}
+
+// Under a laser that flickers, the pixels of a few bright grains that clip stay at the top code: no noise of theirs. A coarse
+// converter's top code is below 2^bits - 1.
+TEST(GapStatistics, GrainsThatClipDoNotFlicker) {
+    const CaptureLayout layout = make_layout(CaptureScene::kBoard, false);
+    for (const int step : {1, 4, 16}) {
+        Codes below = flickering(layout, 0.05);
+        for (std::uint16_t &code : below)
+            code = std::uint16_t((code + step / 2) / step * step);
+        Codes clipped = below;
+        for (std::size_t i = 0; i < clipped.size(); ++i)
+            if (const std::size_t x = i % kWidth, y = i / kWidth % kHeight; x >= 40 && x < 43 && y >= 31 && y < 34)
+                clipped[i] = std::uint16_t(1024 - step);
+        ASSERT_LT(*std::max_element(below.begin(), below.end()), 1024 - step);
+        const Values before = named(layout, below), after = named(layout, clipped);
+        for (const char *name : {"noise_kurtosis", "noise_skewness", "repeated_frames", "temporal_correlation_1"})
+            EXPECT_NEAR(after.at(name), before.at(name), 0.02) << name << " in steps of " << step;
+        EXPECT_NEAR(after.at("temporal_variance/above_2.5_mean"), before.at("temporal_variance/above_2.5_mean"), 0.1) << step;
+    }
+}
+
+// A frame that is white says nothing of the noise; the others do.
+TEST(GapStatistics, AWhiteFrameLeavesTheOthersNoise) {
+    const CaptureLayout layout = make_layout(CaptureScene::kBoard, false);
+    const Codes good = flickering(layout, 0.0);
+    Codes white = good;
+    std::fill_n(white.begin() + std::ptrdiff_t(3 * kPixels), kPixels, std::uint16_t{1023});
+    const Values before = named(layout, good), after = named(layout, white);
+    EXPECT_GT(after.at("frame_mean_fluctuation"), before.at("frame_mean_fluctuation") + 3.0);
+    // The nine are scaled to the mean of all ten, and vary about their own.
+    const double signal = std::accumulate(good.begin(), good.end(), 0.0) / double(good.size()) - kBlack,
+                 scale = 0.9 + 0.1 * (1023.0 - kBlack) / signal;
+    EXPECT_NEAR(after.at("temporal_variance/1_to_2.5_mean"),
+                before.at("temporal_variance/1_to_2.5_mean") + 2.0 * std::log(scale) + std::log(8.0 / 9.0), 0.02);
+    EXPECT_NEAR(after.at("noise_skewness"), before.at("noise_skewness"), 0.1);
+    EXPECT_NEAR(after.at("speckle_correlation_x1"), before.at("speckle_correlation_x1"), 0.02);
 }
 
 // A level that cuts the light moves through half of the range, 4 DN at a time: the root of the share above goes along, and never
