@@ -39,18 +39,28 @@ class Sequence:
         self.read_variance = max(self.read**2, ROUNDING_VARIANCE)
         self.light = max(self.mean_signal, 0.5 * self.read_variance**0.5) if self.scene != "dark" else self.read_variance**0.5
         level = self.frame_mean[:, None, None]
+        clips = np.zeros(self.codes.shape, bool)
         if self.scene in ("board", "dots") and not self.moving:
             level_frames = self.signal * (self.mean_signal / level)  # flicker out
+            clips = self.codes >= self.clipping_code()
         else:
             level_frames = self.signal - (level - self.mean_signal)
-        self.mean = np.where(self.mask, level_frames.mean(axis=0), 0.0)
-        self.residual = np.where(self.mask, level_frames - self.mean, 0.0)
-        self.variance = np.where(self.mask, self.residual.var(axis=0, ddof=1), 0.0)
+        # A code that clips tells nothing, unless there is nothing else.
+        told = ~clips | clips.all(axis=0)
+        self.mean = np.where(self.mask, level_frames.mean(axis=0, where=told), 0.0)
+        self.residual = np.where(self.mask & ~clips, level_frames - self.mean, 0.0)
+        self.variance = (self.residual**2).sum(axis=0) / (self.frames - 1)
         self.pixel_variance = self.variance[self.mask].mean()
         ys, xs = np.mgrid[: self.height, : self.width]
         corner = 0.5 * np.hypot(self.width - 1, self.height - 1)
         self.x, self.y = (xs - (self.width - 1) / 2) / corner, (ys - (self.height - 1) / 2) / corner
         self.region = 3 * (3 * ys // self.height) + 3 * xs // self.width
+
+    def clipping_code(self) -> int:
+        """The highest code that occurs, if the distance to the next one would carry it beyond the converter's range."""
+        occurring = np.unique(self.codes[:, self.mask]).astype(int)
+        gap = int(occurring[-1] - occurring[-2]) if len(occurring) > 1 else int(occurring[-1])
+        return int(occurring[-1]) if occurring[-1] + gap >= 2**self.bits else 2**self.bits
 
 
 def log_ratio(a: float, b: float, floor: float = 1e-6) -> float:
