@@ -328,9 +328,9 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         text += fmt::format("Residual: {} (p = {}; significant below {:.3g})\n",
                             summary.residual_detected ? "a significant gap remains" : "nothing significant remains",
                             probability_text(summary.residual_p_value), residual_part * summary.level);
-    if (summary.detected)
-        text += "\n" + measurements_text(report) + "\n";
     text += downstream_text(report);
+    if (const std::string measured = summary.detected ? measurements_text(report) : ""; !measured.empty())
+        text += "\n" + measured;
     if (report.contains("compare"))
         text += "\n" + comparison_text(report["compare"]);
     if (!report["advice"].empty())
