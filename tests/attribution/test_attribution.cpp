@@ -382,7 +382,8 @@ TEST(Diagnosis, NamesASkewAlongAnyAxis) {
 
 // Few small frames, two of which stand still, and a gap that is large: what two captures of common random numbers say of a change is no
 // measure of it: a fit that went by two stopped at 0.65, and a significant gap remained. Of 20 such captures two keep a residual; of the ten here
-// more than two would by chance once in fourteen draws (seeds are fixed: none does). They lie between 0.618 and 0.646.
+// more than two would by chance once in fourteen draws (seeds are fixed: none does). They lie between 0.618 and 0.646,
+// and half of their intervals miss 0.62: the bound below only holds them apart from worse, it does not show that they are unbiased.
 TEST(Diagnosis, SmallCapturesAreFittedByMoreRandomNumbers) {
     CaptureLayout layout = larger_layout();
     layout.f_number = 5.6;
