@@ -45,6 +45,11 @@ NoiseRange noise_range(double stated, double step_dn) {
     return {0.5 * step_dn / kCoarse, kLeastReadNoise, step_dn / kCoarse};
 }
 
+// What a scene that stands still shows of the noise at most: that of the camera and of the converter's steps.
+double most_noise_dn(const NoiseRange &range, double step_dn) {
+    return std::sqrt(range.high * range.high + step_dn * step_dn * kQuantizationVariance);
+}
+
 // What a sequence shows of the read noise.
 struct ShownNoise {
     double wanted = 0.0, error = 0.0; // variance over time, DN^2
@@ -143,8 +148,10 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
         }
         if (real_levels_[s].mean_dn > real_calibration_.black_level_dn)
             lit.push_back({0, s, kCalibrationSeed});
-        // Speckle that stands still has all levels at once, and shows the noise between the steps.
-        if (!still && sequence.scene != CaptureScene::kFlat && !sequence.moving && sequence.frame_count >= 2)
+        // Speckle that stands still has all levels at once, and shows the noise between the steps; one that changes (a
+        // living surface, air, a laser that flickers) shows that, and nothing of the noise beside it.
+        if (!still && sequence.scene != CaptureScene::kFlat && !sequence.moving && sequence.frame_count >= 2 &&
+            real_levels_[s].temporal_noise_dn < most_noise_dn(noise_range(layout_.read_noise_dn, step), step))
             still = s;
     }
     // A part of it, from the levels at its begin; gives black level, read noise, and the sequence's share.

@@ -19,6 +19,8 @@ namespace clsp {
 constexpr double kWeakest = -0.8, kCommon = 1.3, kStrongest = 2.0, kStrengthStep = 0.02;
 // A strength counts as simulated if one that near was.
 constexpr double kNear = 0.06;
+// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them. What lies below is slight.
+constexpr double kSlight = -0.25;
 // A linear step of a fit is trusted that far.
 constexpr double kLargestStep = 0.4;
 constexpr int kGaussNewtonRounds = 2;
@@ -54,6 +56,9 @@ struct EffectModel {
     // All of an effect's parameters begin at one strength, but those that the catalogue does not vary at its value.
     void add(const Candidate &candidate, double sign, double strength);
     EffectModel without(std::size_t effect) const;
+    // How many are far below the catalogue's weakest, beside others that are not: these are not named. step: of each
+    // strength, still to be made; or none.
+    std::size_t slight_count(const Eigen::VectorXd &step) const;
     EffectModel first(std::size_t count) const;
     // Of each strength from that of a model of the same effects.
     Eigen::VectorXd distance_from(const EffectModel &other) const;

@@ -200,7 +200,7 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
         EffectModel model = path.model;
         if (move.shares)
             halve(model, move.place);
-        if (const std::size_t out = goes_out(path, move, fits.options().max_effects); out < model.effects.size())
+        if (const std::size_t out = goes_out(path, move, most_effects(fits, path)); out < model.effects.size())
             model = model.without(out);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         possible([&] {
@@ -282,7 +282,7 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     SearchStep step;
     step.added = ranked.effect;
     other.steps = path.steps;
-    const std::size_t begin = goes_out(path, move, fits.options().max_effects);
+    const std::size_t begin = goes_out(path, move, most_effects(fits, path));
     if (begin < path.models.size()) {
         // What the effect that goes out was worth, and more.
         step.ranking = path.steps[begin].ranking;
@@ -335,13 +335,13 @@ bool exchange(ModelFit &fits, Path &path, double at) {
         return move && make_move(fits, path, *move, std::move(best), at);
     };
     const bool missing = path.models.back().residual.detected;
-    const std::size_t most = fits.options().max_effects;
+    const std::size_t most = most_effects(fits, path);
     std::vector<Move> tried = moves_of(path, false, most);
     if (missing && path.model.effects.size() < most) {
         const std::vector<Move> additions = additions_of(fits, path);
         tried.insert(tried.end(), additions.begin(), additions.end());
     }
-    return improves(tried) || (missing && improves(moves_of(path, true, most)));
+    return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
 }
 
 void prune(ModelFit &fits, Path &path, double at) {

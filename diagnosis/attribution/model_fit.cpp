@@ -125,6 +125,7 @@ FittedModel ModelFit::fit_baseline(double to) {
     baseline_ = baseline.model;
     if (baseline.residual.detected)
         baseline_pool_ = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
+    baseline_work_ = experiment_.work();
     return baseline;
 }
 
@@ -336,11 +337,16 @@ void ModelFit::complete(Path &path, const FittedModel &baseline, double at) {
         options.replicates = few_replicates();
         options.from = options.to = at;
         options.known = jacobian.leftCols(static_cast<Eigen::Index>(part.strengths.size()));
+        options.near = true; // to show how the gap shrinks; nothing is chosen by it
         // What cannot be simulated without those that come after it does nothing without them.
         if (!possible([&] { path.models[n] = fit(part, pool, options); }))
             path.models[n] = n ? path.models[n - 1] : baseline;
         path.steps[n].residual = path.models[n].residual;
     }
+}
+
+std::size_t most_effects(const ModelFit &fits, const Path &path) {
+    return fits.options().max_effects + (path.models.empty() ? 0 : path.model.slight_count(path.models.back().step));
 }
 
 } // namespace clsp

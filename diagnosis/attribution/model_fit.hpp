@@ -105,6 +105,14 @@ class ModelFit {
     // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
     // two models differ by chance, too.
     double square_by(const Covariance &covariance, const FittedModel &fitted) const;
+    // What was asked for beside the baseline's (Experiment::work). No search goes on for ever: after so much of it no step
+    // begins, and what is not explained by then is unknown.
+    double work() const { return experiment_.work() - baseline_work_; }
+    bool may_go_on() {
+        ended_early_ = ended_early_ || work() >= options_.most_work;
+        return !ended_early_;
+    }
+    bool ended_early() const { return ended_early_; }
     // What the squared distance of both halves has beyond chance.
     double excess_square(const FittedModel &fitted) const {
         return held_out(fitted) - 2.0 * static_cast<double>(experiment_.count());
@@ -126,6 +134,11 @@ class ModelFit {
     double strongest_ = kStrongest;
     GapModel baseline_;
     Pool baseline_pool_;
+    double baseline_work_ = 0.0;
+    bool ended_early_ = false;
 };
+
+// A path may have that many effects: slight ones, which are not named, take nobody's place.
+std::size_t most_effects(const ModelFit &fits, const Path &path);
 
 } // namespace clsp

@@ -101,12 +101,6 @@ class Search {
         return !path.models.back().residual.detected;
     }
 
-    // No search goes on for ever: what is not explained by then is unknown.
-    bool may_go_on() {
-        ended_early_ = ended_early_ || experiment_.work() - work_before_ >= fits_.options().most_work;
-        return !ended_early_;
-    }
-
     // Little of the baseline's excess is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
         return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * baseline_excess_;
@@ -114,8 +108,6 @@ class Search {
 
     ModelFit &fits_;
     double baseline_excess_ = 0.0;
-    bool ended_early_ = false;
-    double work_before_ = 0.0; // the baseline's
     std::vector<FirstLook> looks_;
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
@@ -454,7 +446,7 @@ bool Search::goes_far(const Path &path) {
 }
 
 bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
-    while (!is_explained(path) && path.model.effects.size() < fits_.options().max_effects && may_go_on()) {
+    while (!is_explained(path) && path.model.effects.size() < most_effects(fits_, path) && fits_.may_go_on()) {
         if (until == Until::kFar && goes_far(path))
             return false;
         const double share = 0.5 * (path.progress_end - path.progress);
@@ -477,7 +469,7 @@ Path Search::empty_path(double from, double to) const {
 
 void Search::finish(Path &path, const FittedModel &baseline) {
     for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !may_go_on() ||
+        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
             !exchange(fits_, path, path.progress))
             break;
         grow_all(path, baseline, Until::kDone);
@@ -499,12 +491,12 @@ Path Search::explain(const FittedModel &baseline) {
     };
     Path path = empty_path(kBegin, kSecond);
     const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
-    if (far && may_go_on() && common_explains())
+    if (far && fits_.may_go_on() && common_explains())
         return common;
     if (!grown)
         grow_all(path, baseline, Until::kDone);
     finish(path, baseline);
-    if (!far && goes_far(path) && may_go_on() && common_explains())
+    if (!far && goes_far(path) && fits_.may_go_on() && common_explains())
         return common;
     // Neither need explain the gap, and either may have come farther.
     const bool common_is_better =
@@ -517,7 +509,6 @@ SearchResult Search::run() {
     result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
     baseline_excess_ = fits_.excess_square(baseline);
-    work_before_ = experiment_.work();
     if (baseline.residual.detected) {
         Path path = explain(baseline);
         if (!path.models.empty()) {
@@ -531,8 +522,8 @@ SearchResult Search::run() {
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);
         result.looks = std::move(looks_);
-        result.ended_early = ended_early_;
-        result.work = experiment_.work() - work_before_;
+        result.ended_early = fits_.ended_early();
+        result.work = fits_.work();
     }
     fits_.report(1.0, "done");
     return result;

@@ -25,7 +25,7 @@ struct SearchOptions {
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     std::uint32_t finalists = 3;
     std::uint32_t max_effects = 6;
-    double most_work = 1200.0; // beside the baseline's, what is asked for before the last step begins (Experiment::work)
+    double most_work = 900.0; // beside the baseline's, what is asked for before the last step begins (Experiment::work)
     double level = 0.02;           // of a false alarm
     double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
 };

@@ -16,8 +16,6 @@ constexpr double kExplained = 3.0;
 // Beside an unknown cause so many effects count as found that together take away that part of the gap.
 constexpr std::size_t kMany = 4;
 constexpr double kNearlyWhole = 0.8;
-// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them.
-constexpr double kSlight = -0.25;
 
 } // namespace
 

@@ -572,6 +572,25 @@ TEST(Diagnosis, ACoarseConverterIsCalibrated) {
     }
 }
 
+// What changes over time on a board at rest is the surface here, by ten times what the camera's noise is, and that it is known to a
+// quarter only must not matter: dark and flat tell the noise. A board that stood still would have it, whatever effects are known.
+TEST(Diagnosis, SpeckleThatLivesTellsNoReadNoise) {
+    CaptureLayout layout = small_layout();
+    SequenceLayout resting = layout.sequences.back();
+    resting.name = "board_static";
+    resting.moving = false;
+    layout.sequences.push_back(resting);
+    const std::vector<bool> all(layout.sequences.size(), true);
+    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+        const Capture capture = simulated({{"adc_bits", {6.0}}, {"surface_boiling", {16.0}}}, kCaptureSeed + 154 + seed, {}, layout);
+        Experiment experiment(context(), capture, {}, 1);
+        for (const double correlation_frames : {12.0, 20.0})
+            EXPECT_NEAR(experiment.calibrate({{"adc_bits", {6.0}}, {"surface_boiling", {correlation_frames}}}, all, nullptr).read_noise_dn,
+                        4.3, 0.15)
+                << seed << " " << correlation_frames;
+    }
+}
+
 // Without speckle at rest. A black level of 63.2 DN is 8 DN, 1.9 deviations of the noise of 4.3 DN, from the next
 // codes: of 36,864 dark codes 2,300 are those, 2 %, and their number goes as the noise's 4.5th power, which makes an
 // error of 0.02 DN; the level is found on one draw of the same size, which puts all of them 0.04 DN too high. The data sheet says 4.0.

@@ -238,6 +238,29 @@ TEST_F(Exchange, ASearchEndsAtItsMostWork) {
     EXPECT_EQ(many.models.size(), 3u);
 }
 
+// An effect that only stood for later ones, and is not named, leaves its place to one that is missing.
+TEST_F(Exchange, SlightEffectsTakeNoPlace) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
+    SearchOptions few = options();
+    few.max_effects = 2;
+    ModelFit fits(experiment, few, {});
+    fits.fit_baseline(0.0);
+    const Path right = path_of(fits, {"vignetting", "row_noise"}, {});
+    EXPECT_EQ(right.model.slight_count(right.models.back().step), 0u);
+    EXPECT_EQ(most_effects(fits, right), 2u);
+    const Path with_slight = path_of(fits, {"depolarization", "vignetting"}, {}, -0.3);
+    EXPECT_EQ(with_slight.model.slight_count(with_slight.models.back().step), 1u);
+    EXPECT_EQ(most_effects(fits, with_slight), 3u);
+    EXPECT_EQ(most_effects(fits, Path{}), 2u);
+    // By the strength that the last step leads to; and what is slight alone is all that there is.
+    EffectModel model;
+    model.add(candidate("vignetting"), 1.0, kSlight + 0.1);
+    model.add(candidate("row_noise"), 1.0, 0.5);
+    EXPECT_EQ(model.slight_count({}), 0u);
+    EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -0.2)), 1u);
+    EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -1.0)), 0u);
+}
+
 TEST_F(Exchange, NeedlessEffectsArePruned) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
     ModelFit fits(experiment, options(), {});
