@@ -106,6 +106,12 @@ double Candidate::difference(std::size_t parameter, double at, double sign) cons
     return at > 0.9 || more == 0.0 ? less : more;
 }
 
+bool Candidate::is_varied(std::size_t parameter) const {
+    const auto varies = [](const HypothesisParameter &p) { return p.weak != p.strong; };
+    return varies(parameters[parameter]) ||
+           (parameter == 0 && std::none_of(parameters.begin(), parameters.end(), varies));
+}
+
 Candidate::Direction Candidate::direction() const {
     const HypothesisParameter &p = parameters.front();
     if (p.minimum < 0.0 && p.maximum > 0.0 && p.weak * p.strong >= 0.0 && p.weak + p.strong != 0.0)
@@ -145,7 +151,7 @@ HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const
 std::vector<double> Candidate::values(double strength) const {
     std::vector<double> result;
     for (std::size_t p = 0; p < parameters.size(); ++p)
-        result.push_back(parameters[p].weak == parameters[p].strong ? parameters[p].weak : value(p, strength));
+        result.push_back(is_varied(p) ? value(p, strength) : parameters[p].weak);
     return result;
 }
 

@@ -24,6 +24,9 @@ struct Candidate {
     // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
     // it is one.
     double snapped(std::size_t parameter, double strength, double sign = 1.0) const;
+    // A search moves it with the others from weak to strong: what the catalogue varies; of an effect of which it varies nothing,
+    // the first.
+    bool is_varied(std::size_t parameter) const;
     // The value that the catalogue has, of a parameter that it does not vary, in a direction.
     double usual(std::size_t parameter, double sign) const {
         return mirrored(parameters[parameter].weak, sign, parameter);

@@ -82,13 +82,11 @@ bool EffectModel::has(const Candidate &candidate) const {
 
 void EffectModel::add(const Candidate &candidate, double sign, double strength) {
     effects.push_back({&candidate, sign});
-    for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
-        const bool varied = candidate.parameters[p].weak != candidate.parameters[p].strong;
+    for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
         strengths.push_back({effects.size() - 1, p,
-                             varied
+                             candidate.is_varied(p)
                                  ? candidate.snapped(p, strength, sign)
                                  : candidate.strength(p, candidate.usual(p, sign), sign)});
-    }
 }
 
 EffectModel EffectModel::without(std::size_t effect) const {

@@ -171,7 +171,7 @@ void halve(EffectModel &model, std::size_t effect) {
         const HypothesisParameter &parameter = candidate.parameters[s.parameter];
         if (s.effect != effect)
             continue;
-        if (parameter.weak == parameter.strong) { // what is given away may have moved it
+        if (!candidate.is_varied(s.parameter)) { // what is given away may have moved it
             s.strength = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
             continue;
         }

@@ -80,7 +80,8 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
         return sum;
     }
     double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    for (double u = kWeakest; u <= strongest_; u += kStrengthStep) {
+    const double weakest = std::max(kWeakest, response->weakest()), strongest = std::min(strongest_, response->strongest());
+    for (double u = weakest; u <= strongest; u += kStrengthStep) {
         const Eigen::VectorXd change = covariance.whiten(response->at(u));
         for (int h = 0; h < 3; ++h) {
             const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);

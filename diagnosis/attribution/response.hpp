@@ -40,6 +40,10 @@ Change simulate_change(Experiment &experiment, const Pool &base, const EffectSet
 // lines cost false rejections).
 class Response {
   public:
+    // Of strengths from `weakest` to `strongest`: where the parameter's range ends, a parabola goes on, and no simulator does.
+    explicit Response(double weakest = -1e300, double strongest = 1e300) : weakest_(weakest), strongest_(strongest) {}
+    double weakest() const { return weakest_; }
+    double strongest() const { return strongest_; }
     void add(double strength, Change change);
     bool empty() const { return strengths_.empty(); }
     std::size_t size() const { return strengths_.size(); }
@@ -49,6 +53,7 @@ class Response {
     Eigen::VectorXd at(double strength) const;
 
   private:
+    double weakest_, strongest_;
     std::vector<double> strengths_; // ascending
     std::vector<Change> changes_;
 };
