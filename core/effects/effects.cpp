@@ -63,8 +63,11 @@ std::vector<Effect> make_catalogue() {
      {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
      [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; }},
     {"ghost_dots", "doe", "faint copies of the lattice between the dots", "dots.cl: dots_render", kSetsDots,
-     {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}},
-     [](Model &m, Values v) { dots(m, "ghost_dots").ghost_relative_intensity = v[0]; }},
+     {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}, {"lattice_direction", "1", 0.0, 2.0, 0.0, 0.0, true}},
+     [](Model &m, Values v) {
+         dots(m, "ghost_dots").ghost_relative_intensity = v[0];
+         m.dots->ghost_direction = static_cast<DotsParameters::GhostDirection>(std::lround(v[1]));
+     }},
     {"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "dots.cl: dots_render", kSetsDots,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
      [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; }},
@@ -204,11 +207,12 @@ std::vector<Effect> make_catalogue() {
      }},
     {"bayer_mismatch", "sensor", "the two green-diagonal sites of the 2x2 mosaic have gains 1 - d and 1 + d",
      "sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
-     {{"delta", "1", -1.0, 1.0, 0.015, 0.06}},
+     {{"delta", "1", -1.0, 1.0, 0.015, 0.06}, {"green_diagonal", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          auto &gain = sensor(m, "bayer_mismatch").mosaic_gain;
-         gain[1] *= 1.0 - v[0];
-         gain[2] *= 1.0 + v[0];
+         const bool main_diagonal = std::lround(v[1]) == 1;
+         gain[main_diagonal ? 0 : 1] *= 1.0 - v[0];
+         gain[main_diagonal ? 3 : 2] *= 1.0 + v[0];
      }},
     {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},

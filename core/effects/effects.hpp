@@ -15,7 +15,7 @@ struct EffectParameter {
     const char *unit;
     double minimum, maximum; // what is accepted
     double weak, strong;     // what real cameras show, from barely visible to strong
-    bool whole = false;      // counts something: only whole numbers differ
+    bool whole = false;      // counts or numbers something: only whole numbers differ
 };
 
 // Which parts of the model an effect sets.

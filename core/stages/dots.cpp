@@ -88,8 +88,10 @@ double median(std::vector<double> &values) {
     return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-// Half the diagonal of the lattice's cell, (v + w) / 2 (dots.h).
-Vector2 lattice_offset(const std::vector<double> &positions) {
+using GhostDirection = DotsParameters::GhostDirection;
+
+// Half the diagonal of the lattice's cell, (v + w) / 2 (dots.h), or half of one of its vectors.
+Vector2 lattice_offset(const std::vector<double> &positions, GhostDirection direction) {
     const std::uint64_t count = positions.size() / 2, asked = std::min(count, kMaxLatticeDots);
     const auto x = [&](std::uint64_t i) { return positions[2 * i]; };
     const auto y = [&](std::uint64_t i) { return positions[2 * i + 1]; };
@@ -133,7 +135,8 @@ Vector2 lattice_offset(const std::vector<double> &positions) {
     Vector2 offset{0.0, 0.0};
     for (std::size_t way = 0; way < 2; ++way)
         for (std::size_t axis = 0; axis < 2; ++axis)
-            if (!found[2 * way + axis].empty())
+            if (!found[2 * way + axis].empty() &&
+                direction != (way == 0 ? GhostDirection::kDown : GhostDirection::kRight))
                 offset[axis] += 0.5 * median(found[2 * way + axis]);
     return offset;
 }
@@ -143,7 +146,8 @@ std::vector<Dot> all_dots(const DotsParameters &p, const std::vector<double> &po
                           const std::vector<double> &sigmas, const std::vector<double> &peaks) {
     const Vector2 c = p.principal_point_px.value_or(Vector2{0.5 * (p.width - 1.0), 0.5 * (p.height - 1.0)});
     const bool ghosts = p.ghost_relative_intensity > 0.0;
-    const Vector2 offset = ghosts ? (p.ghost_offset_px ? *p.ghost_offset_px : lattice_offset(positions)) : Vector2{};
+    const Vector2 offset =
+        ghosts ? (p.ghost_offset_px ? *p.ghost_offset_px : lattice_offset(positions, p.ghost_direction)) : Vector2{};
     const double stretch = 1.0 + p.relative_wavelength_shift;
     std::vector<Dot> dots;
     dots.reserve((ghosts ? 2 : 1) * p.count + 1);

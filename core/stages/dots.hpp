@@ -33,6 +33,8 @@ struct DotsParameters {
     double zero_order_relative_intensity = 0.0;
     double ghost_relative_intensity = 0.0;
     std::optional<Vector2> ghost_offset_px; // empty: from the lattice
+    // Then half way along which of its vectors: both, the one to the right, the one downwards.
+    enum class GhostDirection { kBoth, kRight, kDown } ghost_direction = GhostDirection::kBoth;
     double scatter_fraction = 0.0;
 };
 

@@ -25,7 +25,8 @@ constexpr double kAroundOne = 0.01;
 // Where a count of none lies on a scale of ratios.
 constexpr double kNoneOfThem = 0.25;
 
-// What a dot that is lopsided along x changes says nothing of one that is lopsided along y: a search begins at either.
+// What a dot that is lopsided along x changes says nothing of one that is lopsided along y: a search begins at either. So with
+// the forms of an effect that are numbered.
 struct Alternative {
     const char *effect, *parameter;
     double usual;
@@ -33,7 +34,10 @@ struct Alternative {
 constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
 constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
                                          {"beam_skew", "angle_rad", 2.0 * kEighthTurn},
-                                         {"beam_skew", "angle_rad", 3.0 * kEighthTurn}};
+                                         {"beam_skew", "angle_rad", 3.0 * kEighthTurn},
+                                         {"ghost_dots", "lattice_direction", 1.0},
+                                         {"ghost_dots", "lattice_direction", 2.0},
+                                         {"bayer_mismatch", "green_diagonal", 1.0}};
 
 // Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
 // knows no mirror. They are looked for, and reported, on the catalogue's side of 0.
@@ -146,13 +150,6 @@ HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const
         p.maximum = 1.0 / p.maximum;
     }
     return p;
-}
-
-std::vector<double> Candidate::values(double strength) const {
-    std::vector<double> result;
-    for (std::size_t p = 0; p < parameters.size(); ++p)
-        result.push_back(is_varied(p) ? value(p, strength) : parameters[p].weak);
-    return result;
 }
 
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without) {

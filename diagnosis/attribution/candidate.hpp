@@ -14,9 +14,7 @@ struct Candidate {
     std::string id, stage, summary;
     std::vector<HypothesisParameter> parameters;
 
-    // Values at a strength from weak (0) to strong (1) and beyond, all parameters together, within the accepted ranges.
-    std::vector<double> values(double strength) const;
-    // A parameter's value at its own strength. sign -1, of an effect that has a direction, here and below: the other
+    // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range. sign -1, of an effect that has a direction, here and below: the other
     // one, where the first parameter is below zero, or one over what it is.
     double value(std::size_t parameter, double strength, double sign = 1.0) const;
     // The strength at which a parameter has a value.
@@ -27,6 +25,9 @@ struct Candidate {
     // A search moves it with the others from weak to strong: what the catalogue varies; of an effect of which it varies nothing,
     // the first.
     bool is_varied(std::size_t parameter) const;
+    // One of several forms of the effect, by their number: no fit goes from one to another, each is a candidate
+    // (with_alternatives).
+    bool is_choice(std::size_t parameter) const { return parameters[parameter].whole && !is_varied(parameter); }
     // The value that the catalogue has, of a parameter that it does not vary, in a direction.
     double usual(std::size_t parameter, double sign) const {
         return mirrored(parameters[parameter].weak, sign, parameter);

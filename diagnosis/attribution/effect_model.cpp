@@ -54,8 +54,11 @@ void add_distortion_readings(const std::vector<StatisticInfo> &list, double k1, 
 
 EffectSettings EffectModel::settings() const {
     EffectSettings result;
-    for (const ModelEffect &effect : effects)
-        result.push_back({effect.candidate->id, std::vector<double>(effect.candidate->parameters.size())});
+    for (const ModelEffect &effect : effects) {
+        result.push_back({effect.candidate->id, {}});
+        for (const HypothesisParameter &parameter : effect.candidate->parameters)
+            result.back().values.push_back(parameter.weak); // of a choice; the others follow
+    }
     for (const Strength &s : strengths)
         result[s.effect].values[s.parameter] =
             effects[s.effect].candidate->value(s.parameter, s.strength, effects[s.effect].sign);
@@ -83,10 +86,11 @@ bool EffectModel::has(const Candidate &candidate) const {
 void EffectModel::add(const Candidate &candidate, double sign, double strength) {
     effects.push_back({&candidate, sign});
     for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
-        strengths.push_back({effects.size() - 1, p,
-                             candidate.is_varied(p)
-                                 ? candidate.snapped(p, strength, sign)
-                                 : candidate.strength(p, candidate.usual(p, sign), sign)});
+        if (!candidate.is_choice(p))
+            strengths.push_back({effects.size() - 1, p,
+                                 candidate.is_varied(p)
+                                     ? candidate.snapped(p, strength, sign)
+                                     : candidate.strength(p, candidate.usual(p, sign), sign)});
 }
 
 EffectModel EffectModel::without(std::size_t effect) const {
@@ -163,6 +167,12 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
         result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]),
                           std::min(a, b), std::max(a, b)});
     }
+    for (const ModelEffect &effect : model.effects)
+        for (std::size_t p = 0; p < effect.candidate->parameters.size(); ++p)
+            if (effect.candidate->is_choice(p)) {
+                const HypothesisParameter &parameter = effect.candidate->parameters[p];
+                result.push_back({effect.candidate->id, parameter.name, parameter.weak, parameter.weak, parameter.weak});
+            }
     return result;
 }
 

@@ -102,16 +102,17 @@ TEST(Candidates, StrengthsRunFromWeakToStrong) {
     const std::vector<Candidate> all = candidates({}, {});
     EXPECT_EQ(all.size(), 35u);
     for (const Candidate &candidate : all) {
-        const std::vector<double> weak = candidate.values(0.0), strong = candidate.values(1.0);
         for (std::size_t p = 0; p < candidate.parameters.size(); ++p) {
             const HypothesisParameter &parameter = candidate.parameters[p];
-            EXPECT_NEAR(weak[p], parameter.weak, 1e-12 * std::abs(parameter.weak)) << candidate.id;
-            EXPECT_NEAR(strong[p], parameter.strong, 1e-12 * std::abs(parameter.strong)) << candidate.id;
+            if (parameter.weak != parameter.strong) {
+                EXPECT_NEAR(candidate.value(p, 0.0), parameter.weak, 1e-12 * std::abs(parameter.weak)) << candidate.id;
+                EXPECT_NEAR(candidate.value(p, 1.0), parameter.strong, 1e-12 * std::abs(parameter.strong)) << candidate.id;
+            }
             for (const double u : {-0.5, 0.3, 1.6}) {
                 const double value = candidate.value(p, u);
                 EXPECT_GE(value, parameter.minimum);
                 EXPECT_LE(value, parameter.maximum);
-                if (value > parameter.minimum && value < parameter.maximum) {
+                if (value > parameter.minimum && value < parameter.maximum && !candidate.is_choice(p)) {
                     EXPECT_NEAR(candidate.strength(p, value), candidate.snapped(p, u), 1e-9) << candidate.id << ' ' << parameter.name;
                 }
             }
@@ -150,7 +151,7 @@ TEST(Candidates, StrengthsEndWhereValuesDo) {
         for (const double sign : {1.0, -1.0})
             for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
                 for (double u = kWeakest; u <= kStrongest; u += 0.1) {
-                    if (sign < 0.0 && !candidate.has_direction())
+                    if ((sign < 0.0 && !candidate.has_direction()) || candidate.is_choice(p))
                         continue;
                     const double held = candidate.snapped(p, u, sign), value = candidate.value(p, u, sign);
                     EXPECT_NEAR(candidate.value(p, held, sign), value, 1e-12 * std::abs(value)) << candidate.id;
@@ -203,7 +204,7 @@ TEST(Candidates, WhatGoesBothWays) {
 TEST(Candidates, AFitMayBeginElsewhere) {
     std::vector<Candidate> all = candidates({}, {});
     const std::vector<Candidate> more = with_alternatives(all);
-    ASSERT_EQ(more.size(), all.size() + 3);
+    ASSERT_EQ(more.size(), all.size() + 6);
     const Candidate &other = more[all.size() + 1];
     EXPECT_EQ(other.id, "beam_skew");
     const Candidate &usual = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "beam_skew"; });
@@ -221,7 +222,51 @@ TEST(Candidates, AFitMayBeginElsewhere) {
     EffectModel model;
     model.add(usual, 1.0, 0.5);
     EXPECT_TRUE(model.has(other));
-    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() - 1);
+    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 2);
+}
+
+// Which form an effect has is no strength: each form is a candidate, and the fitted parameters say which it was.
+TEST(Candidates, FormsAreChosenNotFitted) {
+    const std::vector<Candidate> all = with_alternatives(candidates({}, {}));
+    std::vector<double> forms;
+    for (const Candidate &candidate : all) {
+        if (candidate.id != "ghost_dots")
+            continue;
+        EXPECT_FALSE(candidate.is_choice(0));
+        ASSERT_TRUE(candidate.is_choice(1));
+        EffectModel model;
+        model.add(candidate, 1.0, 0.5);
+        ASSERT_EQ(model.strengths.size(), 1u);
+        const std::vector<double> values = model.settings().front().values;
+        ASSERT_EQ(values.size(), 2u);
+        EXPECT_NEAR(values[0], 0.1225, 1e-3); // half way from 0.06 to 0.25, in equal ratios
+        forms.push_back(values[1]);
+        const auto fitted = fitted_parameters(model, Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Constant(1, 0.1), 24.0);
+        ASSERT_EQ(fitted.size(), 2u);
+        EXPECT_EQ(fitted[1].name, "lattice_direction");
+        EXPECT_EQ(fitted[1].value, values[1]);
+        EXPECT_EQ(fitted[1].low, values[1]);
+        EXPECT_EQ(fitted[1].high, values[1]);
+    }
+    EXPECT_EQ(forms, (std::vector<double>{0.0, 1.0, 2.0}));
+    // Whole numbers that the catalogue varies are fitted; so is the first parameter of what it does not vary.
+    for (const Candidate &candidate : candidates({}, {}))
+        if (candidate.id == "adc_bits" || candidate.id == "pixel_integration") {
+            EXPECT_TRUE(candidate.is_varied(0)) << candidate.id;
+            EXPECT_FALSE(candidate.is_choice(0)) << candidate.id;
+        }
+}
+
+// Beyond the end of a range a parabola goes on and the simulator does not.
+TEST(Response, EndsWhereTheParametersRangeDoes) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const Candidate &area = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "pixel_integration"; });
+    EXPECT_EQ(area.snapped(0, kStrongest), 1.0); // the whole pixel
+    EXPECT_EQ(area.value(0, 1.0), 1.0);
+    EXPECT_NEAR(area.value(0, 0.5), std::sqrt(0.5), 1e-12);
+    const Response response(area.snapped(0, kWeakest), area.snapped(0, kStrongest));
+    EXPECT_EQ(response.weakest(), kWeakest);
+    EXPECT_EQ(response.strongest(), 1.0);
 }
 
 TEST(Candidates, RangesAroundOne) {
@@ -378,6 +423,37 @@ TEST(Diagnosis, NamesASkewAlongAnyAxis) {
                                     [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
                       1);
     }
+}
+
+// Greens on the other diagonal of the mosaic.
+TEST(Diagnosis, NamesOtherFormsOfAnEffect) {
+    const DiagnosisResult mosaic =
+        diagnose(context(), simulated({{"bayer_mismatch", {0.04, 1.0}}}, kCaptureSeed + 180), quick(1));
+    ASSERT_EQ(mosaic.effects, std::vector<std::string>{"bayer_mismatch"});
+    EXPECT_FALSE(mosaic.residual_detected);
+    ASSERT_EQ(mosaic.parameters.size(), 2u);
+    EXPECT_NEAR(mosaic.parameters[0].value, 0.04, 0.004);
+    EXPECT_EQ(mosaic.parameters[1].value, 1.0);
+}
+
+// A pixel that is sensitive in half of its area (0.71 x 0.71), which cross-talk imitates.
+TEST(Diagnosis, ThePixelsAreaIsFittedFromTheFirstLookOn) {
+    CaptureLayout layout = small_layout();
+    layout.f_number = 5.6;
+    layout.width = 96;
+    layout.height = 80;
+    layout.principal_point_px = {47.5, 39.5};
+    for (SequenceLayout &sequence : layout.sequences)
+        sequence.f_number = 5.6;
+    const DiagnosisResult area =
+        diagnose(context(), simulated({{"pixel_integration", {0.71}}}, kCaptureSeed + 190, {}, layout), quick(1));
+    ASSERT_FALSE(area.ranking.empty());
+    const auto ranked = std::find_if(area.ranking.begin(), area.ranking.end(),
+                                     [](const RankedEffect &r) { return r.effect == "pixel_integration"; });
+    ASSERT_NE(ranked, area.ranking.end());
+    EXPECT_GT(ranked->probability, 0.05); // the name, or among the equivalents
+    EXPECT_NEAR(ranked->values.front(), 0.71, 0.05);
+    EXPECT_FALSE(area.residual_detected);
 }
 
 // Few small frames, two of which stand still, and a gap that is large: what two captures of common random numbers say of a change is no

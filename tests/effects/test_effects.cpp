@@ -18,7 +18,7 @@ const std::map<std::string, std::pair<std::string, std::vector<std::string>>> ex
     {"beam_skew", {"laser", {"skew", "angle_rad"}}},
     {"beam_flat_top", {"laser", {"flatness"}}},
     {"zero_order", {"doe", {"relative_intensity"}}},
-    {"ghost_dots", {"doe", {"relative_intensity"}}},
+    {"ghost_dots", {"doe", {"relative_intensity", "lattice_direction"}}},
     {"scatter_background", {"doe", {"fraction"}}},
     {"depolarization", {"surface", {"degree_of_polarization"}}},
     {"low_roughness", {"surface", {"coherent_fraction"}}},
@@ -45,7 +45,7 @@ const std::map<std::string, std::pair<std::string, std::vector<std::string>>> ex
     {"gamma", {"sensor", {"gamma"}}},
     {"full_well", {"sensor", {"level_dn"}}},
     {"adc_bits", {"sensor", {"bits"}}},
-    {"bayer_mismatch", {"sensor", {"delta"}}},
+    {"bayer_mismatch", {"sensor", {"delta", "green_diagonal"}}},
     {"image_lag", {"sensor", {"fraction"}}},
 };
 

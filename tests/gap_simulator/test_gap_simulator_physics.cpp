@@ -373,6 +373,11 @@ TEST_F(Physics, Sensor) {
         const std::size_t x = i % width % 2, y = i / width % 2;
         ASSERT_EQ(bayer[i], x == y ? 164 : x == 1 ? 158 : 170);
     }
+    const Codes other = many(kFlat, {{"bayer_mismatch", {0.06, 1.0}}}, kQuiet, 1);
+    for (std::size_t i = 0; i < pixels; ++i) {
+        const std::size_t x = i % width % 2, y = i / width % 2;
+        ASSERT_EQ(other[i], x != y ? 164 : x == 0 ? 158 : 170);
+    }
 
     // Lag: S_t = f S_(t-1) + (1 - f) v_t, beginning anew with each sequence.
     const Codes v = many(kBoardMoving, {}, {60.0, 64.0, 0.0}, 5),

@@ -27,14 +27,15 @@ NEEDS_A_SENSOR = [
 ]
 
 
-def lattice(context: clspeckle.Context) -> clspeckle.Dots:
+def lattice(context: clspeckle.Context, **options: Any) -> clspeckle.Dots:
     y, x = np.mgrid[6 : SHAPE[0] : 12, 6 : SHAPE[1] : 12]
-    return clspeckle.Dots(SHAPE, np.stack([x.ravel(), y.ravel()], axis=1), sigma_px=2.0, scale=1.5, context=context)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    return clspeckle.Dots(SHAPE, points, sigma_px=2.0, scale=1.5, context=context, **options)
 
 
-def make(context: clspeckle.Context, **parameters: Any) -> clspeckle.Pipeline:
+def make(context: clspeckle.Context, dots: clspeckle.Dots | None = None, **parameters: Any) -> clspeckle.Pipeline:
     options: dict[str, Any] = {"seed": 11, "exposure_gain_dn": 400.0, "normalization": "unit_mean", **parameters}
-    return clspeckle.Pipeline.from_parameters(SHAPE, dots=lattice(context), context=context, **options)
+    return clspeckle.Pipeline.from_parameters(SHAPE, dots=dots or lattice(context), context=context, **options)
 
 
 def frames(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
@@ -137,7 +138,8 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
     ("adc_bits", {"bits": 6.0}, {"effective_bits": 6}),
     ("gamma", {"gamma": 0.8}, {"gamma": 0.8}),
     ("image_lag", {"fraction": 0.2}, {"lag_fraction": 0.2}),
-    ("bayer_mismatch", {"delta": 0.05}, {"mosaic_gain": (1.0, 0.95, 1.05, 1.0)}),
+    ("bayer_mismatch", {"delta": 0.05, "green_diagonal": 0.0}, {"mosaic_gain": (1.0, 0.95, 1.05, 1.0)}),
+    ("bayer_mismatch", {"delta": 0.05, "green_diagonal": 1.0}, {"mosaic_gain": (0.95, 1.0, 1.0, 1.05)}),
 ]
 
 
@@ -157,6 +159,20 @@ def test_an_effect_is_what_its_stages_parameters_make(
         np.testing.assert_array_equal(got, frames(other))
     with make(context, effects={effect: values}) as another:
         np.testing.assert_array_equal(got, frames(another))
+
+
+@pytest.mark.parametrize(("direction", "offset"), [(0, (6.0, 6.0)), (1, (6.0, 0.0)), (2, (0.0, 6.0))])
+def test_ghosts_lie_half_way_along_the_lattice(
+    context: clspeckle.Context, camera: clspeckle.Pipeline, direction: int, offset: tuple[float, float]
+) -> None:
+    camera.set_effect("ghost_dots", relative_intensity=0.2, lattice_direction=direction)
+    got = frames(camera)
+    camera.clear_effect()
+    with (
+        lattice(context, ghost_relative_intensity=0.2, ghost_offset_px=offset) as dots,
+        make(context, dots) as other,
+    ):
+        np.testing.assert_array_equal(got, frames(other))
 
 
 def test_several_effects_in_any_order(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
