@@ -204,16 +204,17 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
 }
 
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
-                                  const EffectSettings &effects, const Eigen::VectorXd &change,
-                                  const Eigen::MatrixXd &jacobian) {
+                                  const EffectSettings &effects, const std::vector<Strength> &columns,
+                                  const Eigen::VectorXd &change, const Eigen::MatrixXd &jacobian) {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(list.size()));
-    Eigen::Index column = 0; // of an effect's first parameter
-    for (const EffectSetting &effect : effects) {
+    for (std::size_t p = 0; p < columns.size(); ++p) {
+        if (columns[p].parameter != 0)
+            continue;
+        const EffectSetting &effect = effects[columns[p].effect];
         if (effect.id == "image_lag")
             add_lag_readings(list, layout, effect.values.front(), change, result);
         if (effect.id == "lens_distortion")
-            add_distortion_readings(list, effect.values.front(), jacobian.col(column), result);
-        column += static_cast<Eigen::Index>(effect.values.size());
+            add_distortion_readings(list, effect.values.front(), jacobian.col(static_cast<Eigen::Index>(p)), result);
     }
     return result;
 }

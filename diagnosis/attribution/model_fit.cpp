@@ -155,6 +155,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     pool = std::move(reached.pool);
     fitted.effects = model.settings();
     fitted.jacobian = std::move(reached.jacobian);
+    fitted.columns = model.strengths;
     fitted.part = wanted.part;
     fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
     judge(fitted, {fitted.effects, pool.levels, {}}, std::min(wanted.replicates, options_.model_replicates),
@@ -252,7 +253,7 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
     const Eigen::VectorXd tolerance =
         simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
-        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.change, fitted.jacobian);
+        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.columns, fitted.change, fitted.jacobian);
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());

@@ -36,7 +36,8 @@ struct FittedModel {
     std::vector<FittedParameter> parameters;
     GapModel model;
     GapTest residual;           // with the fitted parameters' directions taken out
-    Eigen::MatrixXd jacobian;   // change of the statistics per unit of strength of each parameter
+    Eigen::MatrixXd jacobian;   // change of the statistics per unit of each strength
+    std::vector<Strength> columns; // these strengths
     double part = 1.0;          // of the usual finite differences: the Jacobian's
     Eigen::VectorXd change;     // of the mean statistics by the effects, without the correction
     Eigen::VectorXd step;       // of each strength: the last, linear one of the fit

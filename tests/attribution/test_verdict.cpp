@@ -334,7 +334,7 @@ TEST(Reading, LagThatRemembersOrDoesNot) {
     const Eigen::VectorXd change = (Eigen::VectorXd(4) << 0.0, 0.0, -0.2, -0.2).finished();
     const Eigen::MatrixXd jacobian = Eigen::MatrixXd::Ones(4, 2);
     const Eigen::VectorXd tolerance =
-        reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, change, jacobian);
+        reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, {{0, 0, 0.5}, {1, 0, 0.5}}, change, jacobian);
     // The light of the frame before alone: f (1 - f) / (1 - 2 f + 2 f^2), not f.
     EXPECT_GT(tolerance[0], 0.1 * 0.9 / 0.82 - 0.1);
     EXPECT_NEAR(tolerance[0], 0.01, 1e-15);
@@ -342,7 +342,7 @@ TEST(Reading, LagThatRemembersOrDoesNot) {
     // One of 40 frames had a frame before it, or had not.
     EXPECT_NEAR(tolerance[2], 0.2 / 40, 1e-15);
     EXPECT_EQ(tolerance[3], 0.0);
-    EXPECT_EQ(reading_tolerance(list, layout, {{"defocus", {1.0}}}, change, jacobian).norm(), 0.0);
+    EXPECT_EQ(reading_tolerance(list, layout, {{"defocus", {1.0}}}, {{0, 0, 0.5}}, change, jacobian).norm(), 0.0);
 }
 
 TEST(Reading, DistortionOfTheLensOrOfTheProjector) {
@@ -358,8 +358,12 @@ TEST(Reading, DistortionOfTheLensOrOfTheProjector) {
     // Of a scale in pixels and its room, then of k1 from 0.01 to 0.05.
     const Eigen::MatrixXd jacobian =
         (Eigen::MatrixXd(3, 3) << 9.0, 9.0, 0.3, 9.0, 9.0, -0.2, 9.0, 9.0, 0.0).finished();
-    const EffectSettings effects = {{"glare", {0.1, 6.0}}, {"lens_distortion", {-0.03}}};
-    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, effects, Eigen::VectorXd::Ones(3), jacobian);
+    // A form of an effect (which of the mosaic's diagonals) is a value without a column.
+    const EffectSettings effects = {{"glare", {0.1, 6.0}}, {"bayer_mismatch", {0.03, 1.0}}, {"lens_distortion", {-0.03}}};
+    Eigen::MatrixXd of_all(3, 4);
+    of_all << jacobian.leftCols(2), Eigen::VectorXd::Constant(3, 7.0), jacobian.rightCols(1);
+    const Eigen::VectorXd tolerance = reading_tolerance(
+        list, layout, effects, {{0, 0, 0.5}, {0, 1, 0.5}, {1, 0, 0.5}, {2, 0, 0.5}}, Eigen::VectorXd::Ones(3), of_all);
     EXPECT_EQ(tolerance[0], 0.0); // both move the dots
     EXPECT_NEAR(tolerance[1], 0.2 * 0.03 / 0.04, 1e-12);
     EXPECT_EQ(tolerance[2], 0.0);
