@@ -266,6 +266,25 @@ TEST(GapStatistics, SensorEffectsMoveTheirStatistics) {
     EXPECT_GT(named(layout, slope).at("gradient_x"), before.at("gradient_x") + 4.0);
 }
 
+// One grain that clips is no mosaic of a pattern at rest, however bright it is; columns that differ by 6 % are.
+TEST(GapStatistics, OneGrainIsNoMosaic) {
+    const CaptureLayout board = make_layout(CaptureScene::kBoard, false);
+    const Codes speckle = make_codes(board, 11);
+    Codes grain = speckle, columns = speckle;
+    for (std::size_t i = 0; i < speckle.size(); ++i) {
+        if (i % kPixels == 20 * kWidth + 31)
+            grain[i] = 1023;
+        const double gain = i % kWidth % 2 ? 1.06 : 1.0;
+        columns[i] = std::uint16_t(std::min(1023l, std::lround(kBlack + (speckle[i] - kBlack) * gain)));
+    }
+    for (const char *name : {"mosaic_rows", "mosaic_columns", "mosaic_checker"}) {
+        EXPECT_LT(std::abs(named(board, speckle).at(name)), 5.0) << name;
+        EXPECT_LT(std::abs(named(board, grain).at(name)), 5.0) << name;
+    }
+    EXPECT_LT(named(board, columns).at("mosaic_columns"), named(board, speckle).at("mosaic_columns") - 3.0);
+    EXPECT_NEAR(named(board, columns).at("mosaic_rows"), named(board, speckle).at("mosaic_rows"), 1.0);
+}
+
 TEST(GapStatistics, LightEffectsMoveTheirStatistics) {
     const CaptureLayout flat = make_layout(CaptureScene::kFlat, false),
                         board = make_layout(CaptureScene::kBoard, false);
