@@ -174,21 +174,24 @@ def fit_field(s: Sequence, image: Array, terms: int) -> tuple[Array, Array]:
     return coefficients, np.where(s.mask, image - basis @ coefficients, 0.0)
 
 
-def pattern_mosaic(s: Sequence) -> Values:
-    """Contrasts of a single pattern within smooth windows of 16 x 16 pixels, their sum over their root sum square."""
+def laser_mosaic(s: Sequence) -> Values:
+    """Contrasts of laser light within smooth windows of 16 x 16 pixels inside the image; one pattern's in standard errors."""
     taper = np.sin(np.pi * (np.arange(16) + 0.5) / 16) ** 2
-    padded = np.pad(np.where(s.mask, s.mean, 0.0), 16)
-    values: Values = {}
-    for name, along_x, along_y in (("rows", 0, 1), ("columns", 1, 0), ("checker", 1, 1)):
-        y, x = np.indices(padded.shape)
-        signed = padded * (-1.0) ** (along_x * x + along_y * y)
-        parts = [
-            taper @ signed[top : top + 16, left : left + 16] @ taper
-            for top in range(8, padded.shape[0] - 15, 8)
-            for left in range(8, padded.shape[1] - 15, 8)
-        ]
-        values[f"mosaic_{name}", "all"] = float(np.sum(parts) / np.sqrt(np.sum(np.square(parts))))
-    return values
+    weight = np.outer(taper, taper)
+    parts, weights = [], []
+    for top in range(0, s.mean.shape[0] - 15, 8):
+        for left in range(0, s.mean.shape[1] - 15, 8):
+            inside = slice(top, top + 16), slice(left, left + 16)
+            used = weight * s.mask[inside]
+            site = np.array([(used[i::2, j::2] * s.mean[inside][i::2, j::2]).sum() for i in (0, 1) for j in (0, 1)])
+            share = np.array([used[i::2, j::2].sum() for i in (0, 1) for j in (0, 1)])
+            if share.min() > 0:
+                signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1], [1, -1, -1, 1]])
+                parts.append(signs @ (site / share) / 2 * share.sum())
+                weights.append(share.sum())
+    total, square = np.sum(parts, axis=0), np.sum(np.square(parts), axis=0)
+    contrasts = total / (np.sum(weights) * s.light) if s.moving else total / np.sqrt(square)
+    return {(f"mosaic_{name}", "all"): float(c) for name, c in zip(("rows", "columns", "checker"), contrasts, strict=True)}
 
 
 def field(s: Sequence) -> Values:
@@ -198,8 +201,8 @@ def field(s: Sequence) -> Values:
     values["mosaic_rows", "all"] = (site[0][0] + site[0][1] - site[1][0] - site[1][1]) / 2 / light
     values["mosaic_columns", "all"] = (site[0][0] - site[0][1] + site[1][0] - site[1][1]) / 2 / light
     values["mosaic_checker", "all"] = (site[0][0] - site[0][1] - site[1][0] + site[1][1]) / 2 / light
-    if s.scene in ("board", "dots") and not s.moving:
-        values |= pattern_mosaic(s)
+    if s.scene in ("board", "dots"):
+        values |= laser_mosaic(s)
     if s.scene == "dots":
         return values
     coefficients, _ = fit_field(s, s.mean, 4)
