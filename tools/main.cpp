@@ -589,7 +589,7 @@ void add_diagnose_options(CLI::App &app, tools::DiagnoseArguments &a, bool &quie
     number("--null-replicates,--replicates", a.replicates, "Simulated captures without effects, 12 to 100000",
            "INTEGER")
         ->check(within(12u, 100000u));
-    number("--max-effects", a.max_effects, "Effects in one explanation at most, 1 to 64", "INTEGER")
+    number("--max-effects", a.max_effects, "Effects in one explanation at most, 1 to 64, beside such as turn out too slight to be named", "INTEGER")
         ->check(within(1u, 64u));
     number("--threads", a.threads, "Of the host, at most 1024; 0: as many as the machine has", "INTEGER")
         ->check(within(0u, 1024u));

@@ -62,7 +62,7 @@ std::vector<Effect> make_catalogue() {
     {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
      [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; }},
-    {"ghost_dots", "doe", "faint copies of the lattice between the dots", "dots.cl: dots_render", kSetsDots,
+    {"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}, {"lattice_direction", "1", 0.0, 2.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          dots(m, "ghost_dots").ghost_relative_intensity = v[0];
@@ -205,7 +205,7 @@ std::vector<Effect> make_catalogue() {
                          fmt::format("bits of the effect adc_bits is {}, but the sensor has {}", v[0], s.bits));
          s.effective_bits = static_cast<std::uint32_t>(std::lround(v[0]));
      }},
-    {"bayer_mismatch", "sensor", "the two green-diagonal sites of the 2x2 mosaic have gains 1 - d and 1 + d",
+    {"bayer_mismatch", "sensor", "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
      "sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
      {{"delta", "1", -1.0, 1.0, 0.015, 0.06}, {"green_diagonal", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
@@ -260,6 +260,9 @@ std::vector<double> check_effect_values(const Effect &effect, const double *valu
                         fmt::format("{} of the effect {} is {}, it must be {} to {}{}", parameter.name, effect.id, value,
                                     parameter.minimum, parameter.maximum,
                                     std::string(parameter.unit) == "1" ? "" : " " + std::string(parameter.unit)));
+        if (parameter.whole && value != std::round(value))
+            throw Error(Status::kInvalidArgument, fmt::format("{} of the effect {} is {}, it must be a whole number",
+                                                              parameter.name, effect.id, value));
         result.push_back(value);
     }
     return result;

@@ -22,6 +22,9 @@ constexpr double kDifference = 0.15;
 // Of the product of the ends of a range of ratios, which decimal numbers need not meet.
 constexpr double kAroundOne = 0.01;
 
+// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them. What lies below is slight.
+constexpr double kSlight = -0.25;
+
 // Where a count of none lies on a scale of ratios.
 constexpr double kNoneOfThem = 0.25;
 
@@ -114,6 +117,14 @@ bool Candidate::is_varied(std::size_t parameter) const {
     const auto varies = [](const HypothesisParameter &p) { return p.weak != p.strong; };
     return varies(parameters[parameter]) ||
            (parameter == 0 && std::none_of(parameters.begin(), parameters.end(), varies));
+}
+
+bool Candidate::is_slight(std::size_t parameter, double value) const {
+    const auto varied = std::find_if(parameters.begin(), parameters.end(),
+                                     [](const HypothesisParameter &p) { return p.weak != p.strong; });
+    if (varied - parameters.begin() != static_cast<std::ptrdiff_t>(parameter))
+        return false;
+    return strength(parameter, value, parameter == 0 ? sign_of(value) : 1.0) < kSlight;
 }
 
 Candidate::Direction Candidate::direction() const {

@@ -14,8 +14,9 @@ struct Candidate {
     std::string id, stage, summary;
     std::vector<HypothesisParameter> parameters;
 
-    // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range. sign -1, of an effect that has a direction, here and below: the other
-    // one, where the first parameter is below zero, or one over what it is.
+    // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range.
+    // sign -1, of an effect that has a direction, here and below: the other one, where the first parameter is below
+    // zero, or one over what it is.
     double value(std::size_t parameter, double strength, double sign = 1.0) const;
     // The strength at which a parameter has a value.
     double strength(std::size_t parameter, double value, double sign = 1.0) const;
@@ -28,6 +29,8 @@ struct Candidate {
     // One of several forms of the effect, by their number: no fit goes from one to another, each is a candidate
     // (with_alternatives).
     bool is_choice(std::size_t parameter) const { return parameters[parameter].whole && !is_varied(parameter); }
+    // A value far below the catalogue's weakest, of the first parameter that it varies, which says how strong an effect is.
+    bool is_slight(std::size_t parameter, double value) const;
     // The value that the catalogue has, of a parameter that it does not vary, in a direction.
     double usual(std::size_t parameter, double sign) const {
         return mirrored(parameters[parameter].weak, sign, parameter);

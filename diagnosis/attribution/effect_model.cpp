@@ -68,12 +68,10 @@ EffectSettings EffectModel::settings() const {
 std::size_t EffectModel::slight_count(const Eigen::VectorXd &step) const {
     std::size_t count = 0;
     for (std::size_t k = 0; k < strengths.size(); ++k) {
-        const std::vector<HypothesisParameter> &parameters = effects[strengths[k].effect].candidate->parameters;
-        // The first that the catalogue varies says how strong the effect is.
-        const auto varied = std::find_if(parameters.begin(), parameters.end(),
-                                         [](const HypothesisParameter &p) { return p.weak != p.strong; });
-        const double strength = strengths[k].strength + (step.size() ? step[static_cast<Eigen::Index>(k)] : 0.0);
-        if (varied - parameters.begin() == static_cast<std::ptrdiff_t>(strengths[k].parameter) && strength < kSlight)
+        const Strength &s = strengths[k];
+        const ModelEffect &effect = effects[s.effect];
+        const double strength = s.strength + (step.size() ? step[static_cast<Eigen::Index>(k)] : 0.0);
+        if (effect.candidate->is_slight(s.parameter, effect.candidate->value(s.parameter, strength, effect.sign)))
             ++count;
     }
     return count < effects.size() ? count : 0;

@@ -19,8 +19,6 @@ namespace clsp {
 constexpr double kWeakest = -0.8, kCommon = 1.3, kStrongest = 2.0, kStrengthStep = 0.02;
 // A strength counts as simulated if one that near was.
 constexpr double kNear = 0.06;
-// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them. What lies below is slight.
-constexpr double kSlight = -0.25;
 // A linear step of a fit is trusted that far.
 constexpr double kLargestStep = 0.4;
 constexpr int kGaussNewtonRounds = 2;

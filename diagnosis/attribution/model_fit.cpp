@@ -80,8 +80,7 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
         return sum;
     }
     double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    const double weakest = std::max(kWeakest, response->weakest()), strongest = std::min(strongest_, response->strongest());
-    for (double u = weakest; u <= strongest; u += kStrengthStep) {
+    for (const double u : response->steps(strongest_)) {
         const Eigen::VectorXd change = covariance.whiten(response->at(u));
         for (int h = 0; h < 3; ++h) {
             const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);

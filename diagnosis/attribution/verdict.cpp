@@ -44,17 +44,10 @@ std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std
         const auto candidate =
             std::find_if(candidates.begin(), candidates.end(), [&](const Candidate &c) { return c.id == step.added; });
         bool slight = false;
-        for (std::size_t p = 0; candidate != candidates.end() && p < candidate->parameters.size(); ++p) {
-            const HypothesisParameter &known = candidate->parameters[p];
-            if (known.weak == known.strong)
-                continue;
+        for (std::size_t p = 0; candidate != candidates.end() && p < candidate->parameters.size(); ++p)
             for (const FittedParameter &fitted : parameters)
-                if (fitted.effect == step.added && fitted.name == known.name) {
-                    const double sign = p == 0 ? candidate->sign_of(fitted.value) : 1.0;
-                    slight = candidate->strength(p, fitted.value, sign) < kSlight;
-                }
-            break; // the first that the catalogue varies says how strong the effect is
-        }
+                if (fitted.effect == step.added && fitted.name == candidate->parameters[p].name)
+                    slight = slight || candidate->is_slight(p, fitted.value);
         result.push_back(slight);
     }
     if (std::find(result.begin(), result.end(), false) == result.end())

@@ -296,12 +296,13 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
             result.untested_effects.push_back(candidate.id);
     }
     ClosingResult closed;
+    const std::vector<Candidate> tried = with_alternatives(result.candidates);
     if (test.detected) {
         ClosingOptions closing;
         closing.seed = first_seed;
         closing.max_effects = options.max_effects;
         closing.residual_level = 0.25 * options.level;
-        closed = close_gap(experiment, finished, result.candidates, difference, null, closing,
+        closed = close_gap(experiment, finished, tried, difference, null, closing,
                            [&](const std::string &what, double part) { tell(what, 0.5 + 0.5 * part); });
         comparison->surplus = closed.surplus;
     }

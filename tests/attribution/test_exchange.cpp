@@ -254,7 +254,7 @@ TEST_F(Exchange, SlightEffectsTakeNoPlace) {
     EXPECT_EQ(most_effects(fits, Path{}), 2u);
     // By the strength that the last step leads to; and what is slight alone is all that there is.
     EffectModel model;
-    model.add(candidate("vignetting"), 1.0, kSlight + 0.1);
+    model.add(candidate("vignetting"), 1.0, -0.15);
     model.add(candidate("row_noise"), 1.0, 0.5);
     EXPECT_EQ(model.slight_count({}), 0u);
     EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -0.2)), 1u);
