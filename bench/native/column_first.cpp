@@ -1,4 +1,4 @@
-// Columns, rows, columns: the order of the fused engine's passes.
+// Columns, rows, columns: the order of the fused engine's groups; a vector has neighbouring columns.
 #include "native/aperture.hpp"
 #include "native/orders.hpp"
 #include "native/thread_pool.hpp"
@@ -14,8 +14,8 @@ constexpr unsigned kStrips = 2;
 // second-level cache: rows whose distance is a power of two share few sets of the first.
 constexpr unsigned kPrefetch = 8;
 
-// The kept lines lie as the engine's: point x of group g is a pair of vectors (re, im) at 2 (g width + x), lane l the
-// l-th line of the group.
+// The kept lines lie in groups of lanes: point x of group g is a pair of vectors (re, im) at 2 (g width + x), lane l
+// the l-th line of the group.
 struct Lines {
     std::uint32_t width = 0, groups = 0;
     Pages memory;

@@ -18,9 +18,10 @@ Pages allocate_pages(std::size_t floats);
 
 // Each makes exp(i phase) sqrt(ideal), transforms it, keeps what a round aperture lets through, and stores the squared
 // modulus of the inverse transform.
-//   columns first  the engine's passes: columns forward, of which only the lines inside the aperture are stored; rows
-//                  forward, aperture, rows inverse, in place; columns inverse
-//   rows first     the same with rows and columns exchanged: images are read and written along their rows
+//   columns first  columns forward, of which only the lines inside the aperture are stored; rows forward, aperture,
+//                  rows inverse, in place; columns inverse
+//   rows first     the same with rows and columns exchanged, as in the engine's lanes: images are read and written
+//                  along their rows
 enum class Order { kColumnsFirst, kRowsFirst };
 
 class Passes {

@@ -1,5 +1,5 @@
-// The fused engine in lanes, for CPU devices: a work-item is a work-group and works on `lanes` columns or lines at
-// once, with explicit vectors (kernels/fused_columns_forward.cl, fused_rows.cl, fused_columns_inverse.cl).
+// The fused engine in lanes, for CPU devices: a work-item is a work-group and works on `lanes` rows or lines at once,
+// with explicit vectors (kernels/fused_rows_forward.cl, fused_columns.cl, fused_rows_inverse.cl).
 #include "stages/fused_engine.hpp"
 
 #include "runtime/device_buffer.hpp"
@@ -18,32 +18,19 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kCacheLineBytes = 64;
-
-// What a work-item of the passes over columns takes at once.
-struct Tiles {
-    std::uint32_t polarizations, strips; // strips of columns, of each
-};
-
-// Tiles must leave room for what passes by: so much in a second-level cache of 1 MiB.
-constexpr std::uint64_t kLargestTiles = std::uint64_t{640} << 10;
-
-// Both polarizations share what is read and written; strips of columns use up the cache lines of a row between them, or
-// pairs of lines, which processors fetch together.
-Tiles tiles_of(const Context &context, std::uint32_t length, std::uint32_t lanes, bool two_polarizations) {
-    const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    const auto fit = [&](std::uint32_t tiles) { return tiles * fused_tile_bytes(length, lanes) <= local / 4 * 3; };
-    const bool one_is_enough = lanes * sizeof(float) >= kCacheLineBytes;
-    if (two_polarizations && fit(4) && (!one_is_enough || 4 * fused_tile_bytes(length, lanes) <= kLargestTiles))
-        return {2, 2};
-    if (two_polarizations && fit(2) && one_is_enough)
-        return {2, 1};
-    return {1, fit(2) ? 2u : 1u};
+// Of pass C: a tile, and for both polarizations room for the powers of one.
+std::uint64_t inverse_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t polarizations) {
+    return fused_tile_bytes(length, lanes) + (polarizations - 1) * std::uint64_t{length} * lanes * sizeof(float);
 }
 
-// How many rows ahead pass A asks for. The builtin of OpenCL does nothing on PoCL, its compiler's own does.
-std::uint32_t prefetch_rows(const Context &context) {
-    return context.is_pocl_cpu() ? 3 : 0;
+// How many samples of a row pass A asks for ahead, four cache lines of numbers. The builtin of OpenCL does nothing on
+// PoCL, its compiler's own does.
+std::uint32_t prefetch_samples(const Context &context) {
+    return context.is_pocl_cpu() ? 64 : 0;
+}
+
+std::size_t row_items(std::uint32_t rows, std::uint32_t of_each) {
+    return (rows + of_each - 1) / of_each;
 }
 
 // Images of this size and more go past the caches: what drives out the field costs more than what the next reader
@@ -60,7 +47,7 @@ class FusedLanes final : public FusedEngine {
     bool exposes(const Sensor &sensor) const override {
         return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
     }
-    std::uint32_t polarizations() const override { return tiles_.polarizations; }
+    std::uint32_t polarizations() const override { return polarizations_; }
     void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
                  bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
     void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
@@ -74,37 +61,27 @@ class FusedLanes final : public FusedEngine {
                          const ExposedFrame &exposed) override;
 
   private:
-    std::size_t column_items(std::uint32_t columns) const {
-        return (columns + tiles_.strips * lanes_ - 1) / (tiles_.strips * lanes_);
-    }
-    // Tiles of the passes over columns.
-    std::uint64_t tiles_bytes() const {
-        return tiles_.polarizations * tiles_.strips * fused_tile_bytes(grid_.grid_height, lanes_);
-    }
-    std::string column_options() const {
-        return fmt::format("-DLANES={} -DSTRIPS={} -DPOLARIZATIONS={}", lanes_, tiles_.strips, tiles_.polarizations);
-    }
-    // Whether images go past the caches, which needs the compiler's own builtin: large ones, of whose rows an item writes
-    // whole cache lines.
+    std::uint64_t local_bytes() const { return context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>(); }
+    std::string row_options() const { return fmt::format("-DLANES={} -DPOLARIZATIONS={}", lanes_, polarizations_); }
+    // Whether images go past the caches, which needs the compiler's own builtin: large ones.
     bool streams(Format output) const {
-        const std::uint64_t bytes = component_bytes(output);
-        return context_->is_pocl_cpu() && bytes * grid_.width * grid_.height >= kStreamedBytes &&
-               tiles_.strips * lanes_ * bytes % kCacheLineBytes == 0;
+        return context_->is_pocl_cpu() &&
+               std::uint64_t{component_bytes(output)} * grid_.width * grid_.height >= kStreamedBytes;
     }
-    cl::Kernel &columns_kernel(const std::string &field_options);
-    cl::Kernel &rows_kernel(bool shifted);
+    cl::Kernel &field_kernel(const std::string &field_options);
+    cl::Kernel &pupil_kernel(bool shifted);
     cl::Kernel &exposed_kernel(Format output);
     // Those of pass C up to the image before it.
     KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before);
-    void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments);
+    void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments, std::size_t items);
     void make_tables(const Pupil &pupil, bool every_line);
 
     std::shared_ptr<Context> context_;
     FieldGrid grid_;
     std::uint32_t lanes_;
     bool sample_powers_;
-    Tiles tiles_;
+    std::uint32_t polarizations_; // at once
     std::uint32_t pixel_samples_; // along each axis, of what pass C writes
     FusedPlan row_plan_, column_plan_;
     ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
@@ -115,9 +92,9 @@ class FusedLanes final : public FusedEngine {
     DeviceBuffer column_ends_, row_ends_;
     DeviceBuffer pupil_;
     DeviceBuffer frequencies_, line_frequencies_;
-    std::map<std::string, cl::Kernel> columns_;
-    std::map<Format, cl::Kernel> exposed_; // by output format
-    cl::Kernel rows_, shifted_rows_;
+    std::map<std::string, cl::Kernel> fields_; // by what the field is made of
+    std::map<Format, cl::Kernel> exposed_;     // by output format
+    cl::Kernel columns_, shifted_columns_;
     LazyKernel inverse_;
 };
 
@@ -130,7 +107,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
                        const FusedRequest &request)
     : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
       sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
-      tiles_(tiles_of(*context_, grid.grid_height, lanes_, request.two_polarizations)),
+      polarizations_(request.two_polarizations && inverse_bytes(grid.grid_width, lanes_, 2) <= local_bytes() ? 2 : 1),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
       column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
                                                                      fused_codelets(row_plan_, lanes_)},
@@ -138,7 +115,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
       complex_pupil_(!pupil.phase_turns.empty()) {
     const std::uint32_t longest = std::max(grid.grid_width, grid.grid_height);
     const std::uint64_t needed = fused_tile_bytes(longest, lanes_);
-    const std::uint64_t local = context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    const std::uint64_t local = local_bytes();
     if (needed > local)
         throw Error(
             Status::kUnsupported,
@@ -147,25 +124,25 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    inverse_ = LazyKernel("fused_columns_inverse.cl", "fused_columns_inverse",
-                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", column_options(), pixel_samples_,
+    inverse_ = LazyKernel("fused_rows_inverse.cl", "fused_rows_inverse",
+                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", row_options(), pixel_samples_,
                                       streams(Format::kFloat32) ? 1 : 0),
-                          &column_codelets_);
-    rows_kernel(false);
+                          &row_codelets_);
+    pupil_kernel(false);
 }
 
 void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
-    // Lines that pass something, at the positions where the columns' transform leaves them.
+    // Lines that pass something, at the positions where the rows' transform leaves them.
     std::vector<cl_uint> kept, others;
     std::vector<cl_uint> blocks;
-    const std::uint32_t block_length = column_plan_.block_length();
-    const auto passes = [&](std::uint32_t p) { return row_passes(pupil, grid_, column_plan_.frequencies[p]); };
-    const std::vector<std::uint8_t> column_ends = fused_ends(column_plan_, passes);
-    for (std::uint32_t position = 0; position < height; ++position) {
+    const std::uint32_t block_length = row_plan_.block_length();
+    const auto passes = [&](std::uint32_t p) { return column_passes(pupil, grid_, row_plan_.frequencies[p]); };
+    const std::vector<std::uint8_t> row_ends = fused_ends(row_plan_, passes);
+    for (std::uint32_t position = 0; position < width; ++position) {
         if (passes(position))
             kept.push_back(position);
-        else if (within_ends(column_plan_, column_ends, position))
+        else if (within_ends(row_plan_, row_ends, position))
             others.push_back(position);
         if ((position + 1) % block_length == 0) {
             const auto count = static_cast<cl_uint>(kept.size());
@@ -175,71 +152,71 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     }
     kept_ = static_cast<std::uint32_t>(kept.size());
     groups_ = (kept_ + lanes_ - 1) / lanes_;
-    capacity_groups_ = every_line ? (height + lanes_ - 1) / lanes_ : groups_;
+    capacity_groups_ = every_line ? (width + lanes_ - 1) / lanes_ : groups_;
     blocks[blocks.size() - 3] = groups_; // the last group need not be full
-    kept.resize(std::size_t{groups_} * lanes_, height);
+    kept.resize(std::size_t{groups_} * lanes_, width);
 
     const std::uint32_t parts = complex_pupil_ ? 2 : 1;
-    std::vector<float> amplitudes(std::size_t{groups_} * width * parts * lanes_, 0.0f);
+    std::vector<float> amplitudes(std::size_t{groups_} * height * parts * lanes_, 0.0f);
     std::vector<float> line_frequencies(std::size_t{groups_} * lanes_, 0.0f);
     for (std::uint32_t i = 0; i < kept_; ++i) {
-        const std::uint32_t row = column_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
-        line_frequencies[i] = signed_frequency(row, height);
-        for (std::uint32_t position = 0; position < width; ++position) {
-            float *to = &amplitudes[(std::size_t{group} * width + position) * parts * lanes_ + lane];
-            const std::complex<float> t = scaled_amplitude(pupil, grid_, row, row_plan_.frequencies[position]);
+        const std::uint32_t column = row_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
+        line_frequencies[i] = signed_frequency(column, width);
+        for (std::uint32_t position = 0; position < height; ++position) {
+            float *to = &amplitudes[(std::size_t{group} * height + position) * parts * lanes_ + lane];
+            const std::complex<float> t = scaled_amplitude(pupil, grid_, column_plan_.frequencies[position], column);
             to[0] = t.real();
             if (complex_pupil_)
                 to[lanes_] = t.imag();
         }
     }
-    std::vector<std::uint8_t> row_ends;
+    std::vector<std::uint8_t> column_ends;
     for (std::uint32_t group = 0; group < groups_; ++group) {
-        const std::vector<std::uint8_t> ends = fused_ends(row_plan_, [&](std::uint32_t position) {
-            const auto first = amplitudes.begin() + (std::ptrdiff_t{group} * width + position) * parts * lanes_;
+        const std::vector<std::uint8_t> ends = fused_ends(column_plan_, [&](std::uint32_t position) {
+            const auto first = amplitudes.begin() + (std::ptrdiff_t{group} * height + position) * parts * lanes_;
             return std::any_of(first, first + parts * lanes_, [](float part) { return part != 0.0f; });
         });
-        row_ends.insert(row_ends.end(), ends.begin(), ends.end());
+        column_ends.insert(column_ends.end(), ends.begin(), ends.end());
     }
-    std::vector<float> frequencies(width);
-    for (std::uint32_t position = 0; position < width; ++position)
-        frequencies[position] = signed_frequency(row_plan_.frequencies[position], width);
+    std::vector<float> frequencies(height);
+    for (std::uint32_t position = 0; position < height; ++position)
+        frequencies[position] = signed_frequency(column_plan_.frequencies[position], height);
     kept.insert(kept.end(), others.begin(), others.end());
     positions_ = device_table(context_, kept);
     blocks_ = device_table(context_, blocks);
-    column_ends_ = device_table(context_, column_ends);
     row_ends_ = device_table(context_, row_ends);
+    column_ends_ = device_table(context_, column_ends);
     pupil_ = device_table(context_, amplitudes);
-    row_twiddles_ = device_table(context_, row_plan_.twiddles);
     column_twiddles_ = device_table(context_, column_plan_.twiddles);
+    row_twiddles_ = device_table(context_, row_plan_.twiddles);
     frequencies_ = device_table(context_, frequencies);
     line_frequencies_ = device_table(context_, line_frequencies);
 }
 
 std::uint64_t FusedLanes::lines_bytes() const {
-    return std::uint64_t{tiles_.polarizations} * capacity_groups_ * grid_.grid_width * lanes_ * 2 * sizeof(float);
+    return std::uint64_t{polarizations_} * capacity_groups_ * grid_.grid_height * lanes_ * 2 * sizeof(float);
 }
 
-cl::Kernel &FusedLanes::columns_kernel(const std::string &field_options) {
-    const auto found = columns_.find(field_options);
-    if (found != columns_.end())
+cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
+    const auto found = fields_.find(field_options);
+    if (found != fields_.end())
         return found->second;
-    return columns_
+    return fields_
         .emplace(field_options,
-                 context_->kernel("fused_columns_forward.cl", "fused_columns_forward",
-                                  fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, column_options(),
-                                              prefetch_rows(*context_), grid_.oversampling),
-                                  &column_codelets_))
+                 context_->kernel("fused_rows_forward.cl", "fused_rows_forward",
+                                  fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, row_options(),
+                                              prefetch_samples(*context_), grid_.oversampling),
+                                  &row_codelets_))
         .first->second;
 }
 
-cl::Kernel &FusedLanes::rows_kernel(bool shifted) {
-    cl::Kernel &kernel = shifted ? shifted_rows_ : rows_;
+cl::Kernel &FusedLanes::pupil_kernel(bool shifted) {
+    cl::Kernel &kernel = shifted ? shifted_columns_ : columns_;
     if (!kernel())
         kernel = context_->kernel(
-            "fused_rows.cl", "fused_rows",
+            "fused_columns.cl", "fused_columns",
             fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DSHIFT={}", lanes_, complex_pupil_ ? 1 : 0, shifted ? 1 : 0),
-            &row_codelets_);
+            &column_codelets_);
     return kernel;
 }
 
@@ -248,11 +225,11 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
     if (found != exposed_.end())
         return found->second;
     return exposed_
-        .emplace(output, context_->kernel("fused_columns_inverse.cl", "fused_columns_inverse",
+        .emplace(output, context_->kernel("fused_rows_inverse.cl", "fused_rows_inverse",
                                           fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DSTREAM={} -DOUTPUT_FORMAT={}",
-                                                      column_options(), streams(output) ? 1 : 0,
+                                                      row_options(), streams(output) ? 1 : 0,
                                                       static_cast<std::uint32_t>(output)),
-                                          &column_codelets_))
+                                          &row_codelets_))
         .first->second;
 }
 
@@ -263,44 +240,44 @@ void FusedLanes::prepare(const Phase &phase, Field &field, const std::vector<Las
     if (exposed)
         exposed_kernel(exposed->output.format);
     for (const LaserLine &line : laser_lines)
-        columns_kernel(field.options(phase, line, with_screen));
-    rows_kernel(shifted);
+        field_kernel(field.options(phase, line, with_screen));
+    pupil_kernel(shifted);
 }
 
 void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                                std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                                const cl::Buffer &bad_pixels) {
-    cl::Kernel &kernel = columns_kernel(field.options(phase, line, input.screen != nullptr));
+    cl::Kernel &kernel = field_kernel(field.options(phase, line, input.screen != nullptr));
     KernelArguments arguments(kernel);
     field.add_arguments(arguments, phase, input, polarization, line);
     arguments.add(lines)
         .add(bad_pixels)
-        .add(column_twiddles_.get())
+        .add(row_twiddles_.get())
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
-        .add(column_ends_.get())
-        .add(cl::Local(tiles_bytes()));
-    chain.run("fft", kernel, column_items(grid_.grid_width), 1, 1, 1);
+        .add(row_ends_.get())
+        .add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
+    chain.run("fft", kernel, row_items(grid_.grid_height, lanes_), 1, 1, 1);
 }
 
 void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                                const std::optional<std::array<double, 2>> &shift) {
-    cl::Kernel &kernel = rows_kernel(shift.has_value());
+    cl::Kernel &kernel = pupil_kernel(shift.has_value());
     KernelArguments arguments(kernel);
-    const std::uint32_t groups = tiles_.polarizations * groups_;
+    const std::uint32_t groups = polarizations_ * groups_;
     arguments.add(lines)
         .add(cl_uint{groups})
         .add(cl_uint{groups_})
-        .add(row_twiddles_.get())
-        .add(row_ends_.get())
+        .add(column_twiddles_.get())
+        .add(column_ends_.get())
         .add(pupil_.get());
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>((*shift)[0]))
             .add(static_cast<cl_float>((*shift)[1]));
-    arguments.add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
+    arguments.add(cl::Local(fused_tile_bytes(grid_.grid_height, lanes_)));
     chain.run("pupil", kernel, groups, 1, 1, 1);
 }
 
@@ -308,12 +285,12 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
                                               const ImageView &before) {
     KernelArguments arguments(kernel);
     arguments.add(lines)
-        .add(cl_uint{grid_.grid_width})
-        .add(column_twiddles_.get())
+        .add(cl_uint{grid_.grid_height})
+        .add(row_twiddles_.get())
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
-        .add(column_ends_.get())
+        .add(row_ends_.get())
         .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
         .add(static_cast<cl_float>(weights[1] / (pixel_samples_ * pixel_samples_)))
         .add(cl_uint{adds ? 1u : 0u})
@@ -321,16 +298,19 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
     return arguments;
 }
 
-void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments) {
-    arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(tiles_bytes()));
-    chain.run("inverse_fft", kernel, column_items(grid_.width * pixel_samples_), 1, 1, 1);
+void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments,
+                                 std::size_t items) {
+    arguments.add(cl_uint{grid_.width})
+        .add(cl_uint{grid_.height})
+        .add(cl::Local(inverse_bytes(grid_.grid_width, lanes_, polarizations_)));
+    chain.run("inverse_fft", kernel, items, 1, 1, 1);
 }
 
 void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
                                    const ImageView &before, const ImageView &intensity) {
     cl::Kernel &kernel = inverse_.get(*context_);
     KernelArguments arguments = inverse_arguments(kernel, lines, weights, bool(before), before ? before : intensity);
-    enqueue_inverse(chain, kernel, arguments.add(intensity));
+    enqueue_inverse(chain, kernel, arguments.add(intensity), row_items(pixel_samples_ * grid_.height, lanes_));
 }
 
 void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
@@ -339,7 +319,8 @@ void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, W
     KernelArguments arguments =
         inverse_arguments(kernel, lines, weights, bool(before), before ? before : exposed.output);
     exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
-    enqueue_inverse(chain, kernel, arguments);
+    // An item has a quarter of its rows in each quarter of the image: they share random numbers.
+    enqueue_inverse(chain, kernel, arguments, row_items((grid_.height + 3) / 4, lanes_ / 4));
     exposed.sensor->exposed();
 }
 

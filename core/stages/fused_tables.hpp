@@ -32,6 +32,14 @@ inline bool row_passes(const Pupil &pupil, const FieldGrid &grid, std::uint32_t 
     return std::any_of(first, first + grid.grid_width, [](float t) { return t > 0.0f; });
 }
 
+// The same of the frequencies `column` along the rows.
+inline bool column_passes(const Pupil &pupil, const FieldGrid &grid, std::uint32_t column) {
+    for (std::uint32_t row = 0; row < grid.grid_height; ++row)
+        if (pupil.transmission[std::size_t{row} * grid.grid_width + column] > 0.0f)
+            return true;
+    return false;
+}
+
 // The pupil's amplitude with the inverse transforms' 1 / samples.
 inline std::complex<float> scaled_amplitude(const Pupil &pupil, const FieldGrid &grid, std::uint32_t row,
                                             std::uint32_t column) {

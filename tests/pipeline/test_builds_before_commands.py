@@ -32,7 +32,7 @@ CASES = {
         {"refresh": "all"},
     ),
     "blur, the intensity before the sensor": (
-        ("fused_columns_inverse.cl",),
+        ("fused_rows_inverse.cl",),
         "!SENSOR",
         {"motion": MOTION, "shutter_fraction": 0.5},
         {"refresh": "all"},

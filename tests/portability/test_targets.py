@@ -33,7 +33,7 @@ TARGETS = {
 }
 KERNEL = re.compile(r"__kernel\s+(?:GROUP_SIZE\s+)?void\s+(\w+)")
 # Kernels in lanes, which GPUs have no program of.
-CPU_FILES = {"fused_columns_forward", "fused_columns_inverse", "fused_rows", "fused_fft", "fused_phase"}
+CPU_FILES = {"fused_columns", "fused_rows_forward", "fused_rows_inverse", "fused_fft", "fused_phase"}
 Program = tuple[str, str]  # source and options
 
 

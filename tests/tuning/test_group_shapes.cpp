@@ -235,7 +235,7 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / "clspeckle_test_group_shapes";
     fs::create_directories(folder);
-    std::ifstream original(fs::path(CLSP_KERNEL_SOURCE_DIR) / "fused_columns_inverse.cl");
+    std::ifstream original(fs::path(CLSP_KERNEL_SOURCE_DIR) / "fused_rows_inverse.cl");
     std::string text{std::istreambuf_iterator<char>(original), {}};
     const std::string name = " float weight,";
     const std::size_t at = text.find(name, text.find("__kernel"));
@@ -243,7 +243,7 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     text.replace(at, name.size(), " float whole_weight,");
     const std::size_t body = text.find("{\n", at);
     text.insert(body + 2, "    const float weight = whole_weight / 3.0f;\n");
-    std::ofstream(folder / "fused_columns_inverse.cl") << text;
+    std::ofstream(folder / "fused_rows_inverse.cl") << text;
     ContextParameters wrong;
     wrong.kernel_dir = folder.string();
     const TunedSize size = tune(Context::create(wrong), quick()).measured.sizes.at(0);

@@ -1,5 +1,5 @@
-// Pass B of the fused speckle engine: LANES kept lines at once, transformed along the rows, multiplied by the pupil and transformed back, in
-// place (the layout is in fused_columns_forward.cl).
+// Pass B of the fused speckle engine: LANES kept lines at once, transformed along the columns, multiplied by the pupil and transformed back,
+// in place (the layout is in fused_rows_forward.cl).
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "fused_lanes.h"
@@ -25,11 +25,11 @@ static inline void multiply_lanes(lanes_complex *a, const lanes_complex *b) {
 #endif
 
 #if SHIFT
-// frequencies: of each position along the row, in cycles per sample; row_turns: frequency along the column times shift_y, of each lane.
-#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_x, lanes_f row_turns
-#define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_x, row_turns
+// frequencies: of each position along the column, in cycles per sample; column_turns: frequency along the row times shift_x, of each lane.
+#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_y, lanes_f column_turns
+#define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_y, column_turns
 static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
-    const lanes_f turns = -(frequencies[p] * shift_x + row_turns);
+    const lanes_f turns = -(frequencies[p] * shift_y + column_turns);
     lanes_complex ramp;
     phasors_from_turns(turns, &ramp);
     multiply_lanes(v, &ramp);
@@ -58,12 +58,12 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 
 // pupil: amplitude / samples of the field grid, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
 // ends: of the transform (fused_ends() of the host), for each of the pupil's groups.
-__kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles, __global const uchar *ends,
-                         __global const lanes_f *pupil,
+__kernel void fused_columns(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles,
+                            __global const uchar *ends, __global const lanes_f *pupil,
 #if SHIFT
-                         __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
+                            __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
 #endif
-                         __local lanes_f *tiles) {
+                            __local lanes_f *tiles) {
     const uint group = get_global_id(0);
     if (group >= groups)
         return;
@@ -72,7 +72,7 @@ __kernel void fused_rows(__global lanes_f *lines, uint groups, uint pupil_groups
     pupil += (ulong)pupil_group * PUPIL_VECTORS * FFT_LENGTH;
     ends += pupil_group * FFT_ENDS_COUNT;
 #if SHIFT
-    const lanes_f row_turns = line_frequencies[pupil_group] * shift_y;
+    const lanes_f column_turns = line_frequencies[pupil_group] * shift_x;
 #endif
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)
