@@ -49,15 +49,6 @@ Change simulate_change(Experiment &experiment, const Pool &base, const EffectSet
     return change;
 }
 
-std::vector<double> Response::steps(double strongest) const {
-    const double first = std::max(kWeakest, weakest_), last = std::min(strongest, strongest_);
-    std::vector<double> result;
-    for (double u = first; u < last; u += kStrengthStep)
-        result.push_back(u);
-    result.push_back(last);
-    return result;
-}
-
 void Response::add(double strength, Change change) {
     const auto place = std::lower_bound(strengths_.begin(), strengths_.end(), strength);
     changes_.insert(changes_.begin() + (place - strengths_.begin()), std::move(change));

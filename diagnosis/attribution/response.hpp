@@ -2,7 +2,7 @@
 // random numbers.
 #pragma once
 
-#include "attribution/effect_model.hpp"
+#include "attribution/candidate.hpp"
 #include "attribution/experiment.hpp"
 
 #include <Eigen/Core>
@@ -40,12 +40,6 @@ Change simulate_change(Experiment &experiment, const Pool &base, const EffectSet
 // lines cost false rejections).
 class Response {
   public:
-    // Of strengths from `weakest` to `strongest`: where the parameter's range ends, a parabola goes on, and no simulator does.
-    Response() = default;
-    Response(const Candidate &candidate, double sign)
-        : weakest_(candidate.snapped(0, kWeakest, sign)), strongest_(candidate.snapped(0, kStrongest, sign)) {}
-    // Strengths to look through, in small steps to either end, at most to `strongest`.
-    std::vector<double> steps(double strongest) const;
     void add(double strength, Change change);
     bool empty() const { return strengths_.empty(); }
     std::size_t size() const { return strengths_.size(); }
@@ -55,7 +49,6 @@ class Response {
     Eigen::VectorXd at(double strength) const;
 
   private:
-    double weakest_ = kWeakest, strongest_ = kStrongest;
     std::vector<double> strengths_; // ascending
     std::vector<Change> changes_;
 };

@@ -179,7 +179,6 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         const double gain = gain_of(change.mean, refined.sign);
         if (refined.sign > 0.0) {
             refined.gain = gain;
-            refined.response = Response(candidate, 1.0);
             refined.response.add(candidate.snapped(0, looked[i]), std::move(change));
         } else {
             // The other direction of an effect that has one; others cannot be negative.
@@ -187,7 +186,6 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
                 refined.gain = gain;
             else
                 refined.sign = 1.0;
-            refined.response = Response(candidate, refined.sign);
         }
     }
     const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
@@ -212,7 +210,7 @@ void Search::look_again(std::vector<Refined> &refined, const Path &path, const F
         const bool turns = refined[i].candidate->has_direction();
         for (const double sign : {1.0, -1.0})
             if (sign > 0.0 || turns)
-                looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response(*refined[i].candidate, sign)});
+                looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
     }
     const double before = fits_.held_out(fitted);
     experiment_.side_by_side(looks.size(), [&](std::size_t k) {

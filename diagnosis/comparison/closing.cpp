@@ -154,7 +154,6 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
             continue;
         const double coefficient = direction.dot(target) / square;
         answer.gain = coefficient * coefficient * square;
-        answer.first = answer.second = Response(candidate, coefficient > 0.0 || !candidate.has_direction() ? 1.0 : -1.0);
         if (coefficient > 0.0) {
             answer.first.add(candidate.snapped(0, looked), {moved.first, {}, {}});
             answer.second.add(candidate.snapped(0, looked), {moved.second, {}, {}});
@@ -177,7 +176,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
 double Closing::best_strength(const Answer &answer) const {
     const Eigen::VectorXd target = whitened(rest_.first);
     double best = 1e300, at = 0.5;
-    for (const double u : answer.first.steps(kStrongest)) {
+    for (double u = kWeakest; u <= kStrongest; u += kStrengthStep) {
         const double square = (target - whitened(answer.first.at(u))).squaredNorm();
         if (square < best) {
             best = square;

@@ -257,24 +257,6 @@ TEST(Candidates, FormsAreChosenNotFitted) {
         }
 }
 
-// Beyond the end of a range a parabola goes on and the simulator does not.
-TEST(Response, EndsWhereTheParametersRangeDoes) {
-    const std::vector<Candidate> all = candidates({}, {});
-    const Candidate &area = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "pixel_integration"; });
-    EXPECT_EQ(area.snapped(0, kStrongest), 1.0); // the whole pixel
-    EXPECT_EQ(area.value(0, 1.0), 1.0);
-    EXPECT_NEAR(area.value(0, 0.5), std::sqrt(0.5), 1e-12);
-    const std::vector<double> steps = Response(area, 1.0).steps(kStrongest);
-    EXPECT_EQ(steps.front(), kWeakest);
-    EXPECT_EQ(steps.back(), 1.0);
-    EXPECT_LT(steps[steps.size() - 2], 1.0);
-    EXPECT_EQ(Response(area, 1.0).steps(0.5).back(), 0.5);
-    // Inwards a lens distorts no farther than its parameter goes.
-    const Candidate &lens = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "lens_distortion"; });
-    EXPECT_EQ(Response(lens, 1.0).steps(kStrongest).back(), kStrongest);
-    EXPECT_EQ(lens.value(0, Response(lens, -1.0).steps(kStrongest).back(), -1.0), lens.value(0, kStrongest, -1.0));
-}
-
 TEST(Candidates, RangesAroundOne) {
     const struct {
         HypothesisParameter parameter;
