@@ -2,7 +2,7 @@
 // of that only the lines that the pupil lets through.
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
-//   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first, and the image is read once
+//   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is read once
 //   PREFETCH n    how many samples of each row are asked for ahead; 0 for none
 //
 // Kept lines lie in groups of LANES, in the order in which the transform leaves them: point y of group g is a pair of vectors (re, im) at
@@ -18,6 +18,8 @@
 #define FFT_ENDS
 #define FFT_INPUT_LOOP _Pragma("unroll")
 #define FFT_OUTPUT(strip, p, re, im)
+// The amplitudes of LANES rows from the ideal image wait behind the tile for the second polarization: of samples x, x + 1 .. in a row.
+#define AMPLITUDES(x, row) tiles[FFT_TILE_VECTORS + (x) + (row)]
 
 typedef struct {
     __global const state_word *state;
@@ -133,9 +135,10 @@ static inline void unit_fields(const source_t *s, const span_t *span, ulong i, l
 
 #if PREFETCH
 // What the field of LANES samples in row y is made of, PREFETCH samples ahead: so many rows side by side are more than the hardware foresees.
-static inline void prefetch_ahead(const source_t *s, uint x, uint y, uint pixel_y) {
+static inline void prefetch_ahead(const source_t *s, uint x, uint y, uint pixel_y, int irradiance) {
     const ulong i = (ulong)y * s->grid_width + x + PREFETCH;
-    prefetch_line(s->irradiance + (ulong)pixel_y * s->irradiance_pitch + (x + PREFETCH) / OVERSAMPLING);
+    if (irradiance)
+        prefetch_line(s->irradiance + (ulong)pixel_y * s->irradiance_pitch + (x + PREFETCH) / OVERSAMPLING);
     prefetch_state(s, i);
 #if LINES
     prefetch_line(s->heights + i);
@@ -194,8 +197,8 @@ static inline void illuminate(const source_t *s, const span_t *span, uint y, uin
 
 #include "fused_codelets.h"
 
-// LANES points of the rows, from x on, into the tile.
-static inline void load_points(const source_t *s, uint x, lanes_u *worst, __local lanes_f *tile) {
+// LANES points of the rows, from x on, into the tile. first: no amplitudes wait yet.
+static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int first, lanes_u *worst, __local lanes_f *tiles) {
     span_t span;
     span.x = x;
     span.count = min((uint)LANES, FFT_LENGTH - x);
@@ -209,11 +212,15 @@ static inline void load_points(const source_t *s, uint x, lanes_u *worst, __loca
     for (uint row = 0; row < s->rows; ++row) {
         const uint y = s->y + row, pixel_y = pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height);
 #if PREFETCH
-        prefetch_ahead(s, x, y, pixel_y);
+        prefetch_ahead(s, x, y, pixel_y, first);
 #endif
         // Samples of a pixel share its amplitude.
-        if (OVERSAMPLING == 1 || pixel_y != last_row)
+        if (!first)
+            amplitude = AMPLITUDES(x, row);
+        else if (OVERSAMPLING == 1 || pixel_y != last_row)
             amplitude = load_amplitudes(s, &span, pixel_y, worst);
+        if (first && POLARIZATIONS == 2)
+            AMPLITUDES(x, row) = amplitude;
         last_row = pixel_y;
         illuminate(s, &span, y, pixel_y, amplitude, row, &fields);
     }
@@ -225,7 +232,7 @@ static inline void load_points(const source_t *s, uint x, lanes_u *worst, __loca
         for (uint l = 0; l < LANES; ++l)
             v[l] = fields.of[part][l];
         transpose_lanes(v);
-        __local lanes_f *to = tile + 2u * x + part;
+        __local lanes_f *to = tiles + 2u * x + part;
         if (span.count == LANES) {
 #pragma unroll
             for (uint l = 0; l < LANES; ++l)
@@ -283,8 +290,12 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
     lanes_u worst = (lanes_u)(0u);
     tiles[2u * FFT_LENGTH] = tiles[2u * FFT_LENGTH + 1u] = SPREAD(0.0f);
     for (uint k = 0; k < POLARIZATIONS; ++k) {
-        for (uint x = 0; x < FFT_LENGTH; x += LANES)
-            load_points(&source, x, &worst, tiles);
+        if (k == 0)
+            for (uint x = 0; x < FFT_LENGTH; x += LANES)
+                load_points(&source, x, 1, &worst, tiles);
+        else
+            for (uint x = 0; x < FFT_LENGTH; x += LANES)
+                load_points(&source, x, 0, &worst, tiles);
         fft_forward_first
         uint group = 0;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {

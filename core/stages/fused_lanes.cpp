@@ -18,9 +18,11 @@
 namespace clsp {
 namespace {
 
-// Of pass C: a tile, and for both polarizations room for the powers of one.
-std::uint64_t inverse_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t polarizations) {
-    return fused_tile_bytes(length, lanes) + (polarizations - 1) * std::uint64_t{length} * lanes * sizeof(float);
+// Of passes A and C: a tile, and for both polarizations room for a number of each point, in whole squares of lanes:
+// the amplitudes that they share, the powers of one.
+std::uint64_t row_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t polarizations) {
+    const std::uint64_t points = (length + lanes - 1) / lanes * lanes;
+    return fused_tile_bytes(length, lanes) + (polarizations - 1) * points * lanes * sizeof(float);
 }
 
 // How many samples of a row pass A asks for ahead, four cache lines of numbers. The builtin of OpenCL does nothing on
@@ -107,7 +109,7 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
                        const FusedRequest &request)
     : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
       sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
-      polarizations_(request.two_polarizations && inverse_bytes(grid.grid_width, lanes_, 2) <= local_bytes() ? 2 : 1),
+      polarizations_(request.two_polarizations && row_bytes(grid.grid_width, lanes_, 2) <= local_bytes() ? 2 : 1),
       pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
       column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
                                                                      fused_codelets(row_plan_, lanes_)},
@@ -257,7 +259,7 @@ void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &f
         .add(cl_uint{groups_})
         .add(blocks_.get())
         .add(row_ends_.get())
-        .add(cl::Local(fused_tile_bytes(grid_.grid_width, lanes_)));
+        .add(cl::Local(row_bytes(grid_.grid_width, lanes_, polarizations_)));
     chain.run("fft", kernel, row_items(grid_.grid_height, lanes_), 1, 1, 1);
 }
 
@@ -302,7 +304,7 @@ void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, Kernel
                                  std::size_t items) {
     arguments.add(cl_uint{grid_.width})
         .add(cl_uint{grid_.height})
-        .add(cl::Local(inverse_bytes(grid_.grid_width, lanes_, polarizations_)));
+        .add(cl::Local(row_bytes(grid_.grid_width, lanes_, polarizations_)));
     chain.run("inverse_fft", kernel, items, 1, 1, 1);
 }
 
