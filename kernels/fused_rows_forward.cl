@@ -219,8 +219,10 @@ static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int firs
             amplitude = AMPLITUDES(x, row);
         else if (OVERSAMPLING == 1 || pixel_y != last_row)
             amplitude = load_amplitudes(s, &span, pixel_y, worst);
-        if (first && POLARIZATIONS == 2)
+#if POLARIZATIONS == 2
+        if (first)
             AMPLITUDES(x, row) = amplitude;
+#endif
         last_row = pixel_y;
         illuminate(s, &span, y, pixel_y, amplitude, row, &fields);
     }

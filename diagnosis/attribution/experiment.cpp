@@ -22,6 +22,9 @@ constexpr std::size_t kMostLanes = 8, kLanesPerThread = 2;
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
 constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 
+// From one border to where the other one's light comes in.
+constexpr std::uint32_t kGuardPx = 48;
+
 } // namespace
 
 // Lives as long as a thread works in a lane.
@@ -46,7 +49,7 @@ thread_local const Experiment::Inside *Experiment::Inside::here = nullptr;
 
 Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
                        unsigned threads)
-    : layout_(real.layout), threads_(threads), memo_(kMemoBytes) {
+    : context_(std::move(context)), layout_(real.layout), threads_(threads), memo_(kMemoBytes) {
     const std::size_t sequences = layout_.sequences.size();
     // The caller's functions are called on the caller's thread, one at a time.
     const bool calls_back = std::any_of(hypotheses.begin(), hypotheses.end(),
@@ -54,7 +57,7 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     const std::size_t lanes =
         !calls_back && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-        simulators_.push_back(std::make_unique<Simulator>(context, real.layout, hypotheses));
+        simulators_.push_back(std::make_unique<Simulator>(context_, real.layout, hypotheses));
         simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
     }
     sort_by_work();
@@ -178,9 +181,34 @@ std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects
     return result;
 }
 
+std::vector<FoldStatistics> Experiment::bordered_replicates(const CalibratedLevels &calibrated,
+                                                            const std::vector<std::uint64_t> &seeds) {
+    CaptureLayout layout = layout_;
+    layout.guard_px = kGuardPx;
+    std::vector<std::unique_ptr<Simulator>> bordered;
+    for (std::size_t lane = 0; lane < simulators_.size(); ++lane) {
+        bordered.push_back(std::make_unique<Simulator>(context_, layout, std::vector<Hypothesis>{}));
+        bordered.back()->set_cache_bytes(kCacheBytes / simulators_.size());
+    }
+    std::vector<bool> lasers;
+    for (const SequenceLayout &sequence : layout_.sequences)
+        lasers.push_back(sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots);
+    const Eigen::VectorXd zeros = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count()));
+    std::vector<FoldStatistics> result(seeds.size(), {zeros, zeros});
+    struct Swapped {
+        std::vector<std::unique_ptr<Simulator>> &a, &b;
+        ~Swapped() { a.swap(b); }
+    };
+    simulators_.swap(bordered);
+    const Swapped swapped{simulators_, bordered};
+    simulate({}, calibrated, seeds, lasers, {}, Folds::kBoth,
+             [&](std::size_t i, std::size_t s, const std::vector<double> &values) { put(s, values, result[i]); });
+    return result;
+}
+
 MemoKey Experiment::key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const {
     MemoKey key;
-    key.add(std::uint64_t{sequence});
+    key.add(std::uint64_t{sequence}).add(std::uint64_t{simulators_.front()->layout().guard_px});
     key.add(simulators_.front()->concerning(effects, sequence));
     key.add(levels.black_level_dn + levels.black_level_error_dn).add(levels.read_noise_dn * levels.read_noise_ratio);
     if (layout_.sequences[sequence].scene != CaptureScene::kDark)

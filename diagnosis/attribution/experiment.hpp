@@ -76,6 +76,10 @@ class Experiment {
     std::vector<FoldStatistics> replicates(const EffectSettings &effects, const CalibratedLevels &calibrated,
                                            const std::vector<std::uint64_t> &seeds,
                                            const std::function<void(std::size_t)> &before_each);
+    // The same of the baseline, whose image ends where the world goes on: light that leaves at one border does not come
+    // in at the other. Sequences without laser light, to which that is the same, have zeros.
+    std::vector<FoldStatistics> bordered_replicates(const CalibratedLevels &calibrated,
+                                                    const std::vector<std::uint64_t> &seeds);
     // Simulated captures of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise`, one
     // for each seed (no values: all are concerned).
     std::vector<Eigen::VectorXd> halves(const EffectSettings &effects, const CalibratedLevels &calibrated,
@@ -189,6 +193,7 @@ class Experiment {
                                      const std::vector<std::uint32_t> &frame_counts,
                                      const std::vector<bool> &present) const;
 
+    std::shared_ptr<Context> context_;
     CaptureLayout layout_;
     unsigned threads_;
     // Sequences are simulated and measured side by side, each lane by a simulator of its own.

@@ -29,6 +29,8 @@ constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
 // Captures on either side of a strength by which a slope is measured in the end.
 constexpr std::size_t kSlopeSeeds = 4;
+// Captures that tell what the image's border does, if there are as many replicates of the baseline.
+constexpr std::size_t kBorderedCaptures = 24;
 
 std::string label(const EffectSettings &effects) {
     std::string result;
@@ -109,6 +111,40 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
     return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
 }
 
+// The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
+// leave it (protocol); cameras' are not. By how much the statistics differ is the error of every model, as far as it is
+// no chance (James and Stein's estimate).
+Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double at) const {
+    report(at, "simulating the image's border");
+    const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
+    // Those of the first replicates, whose dark frames are the same.
+    std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
+    std::iota(seeds.begin(), seeds.end(), options_.seed + 1);
+    const auto moments = [&](const std::vector<FoldStatistics> &of) {
+        Eigen::ArrayXXd values(count, static_cast<Eigen::Index>(of.size()));
+        for (std::size_t r = 0; r < of.size(); ++r)
+            values.col(static_cast<Eigen::Index>(r)) = of[r].mean();
+        const double n = static_cast<double>(of.size());
+        const Eigen::ArrayXd mean = values.rowwise().mean();
+        return std::pair<Eigen::ArrayXd, Eigen::ArrayXd>(
+            mean, (values.colwise() - mean).square().rowwise().sum() / (n * (n - 1.0))); // its error's square
+    };
+    const auto [mean, square] = moments(replicates.draws);
+    const auto [bordered, bordered_square] = moments(experiment_.bordered_replicates(replicates.levels, seeds));
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
+    for (std::size_t s = 0; s < experiment_.layout().sequences.size(); ++s) {
+        const CaptureScene scene = experiment_.layout().sequences[s].scene;
+        if (scene != CaptureScene::kBoard && scene != CaptureScene::kDots)
+            continue;
+        for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s)); ++k) {
+            const double difference = std::abs(bordered[k] - mean[k]);
+            const double chance = square[k] + bordered_square[k];
+            result[k] = difference * std::max(0.0, 1.0 - chance / std::max(1e-300, difference * difference));
+        }
+    }
+    return result;
+}
+
 FittedModel ModelFit::fit_baseline(double to) {
     const std::vector<bool> all(experiment_.layout().sequences.size(), true);
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
@@ -116,10 +152,11 @@ FittedModel ModelFit::fit_baseline(double to) {
     Replicates replicates{{}, experiment_.calibrate({}, all, nullptr), {}};
     const CalibratedLevels levels = replicates.levels;
     replicate(replicates, options_.null_replicates, 0.0, to);
+    border_error_ = border_error(replicates, to);
     FittedModel baseline;
     baseline.jacobian.resize(count, 0);
     baseline.model =
-        GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, Eigen::VectorXd::Zero(count));
+        GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, border_error_);
     baseline.residual = baseline.model.test(experiment_.real());
     baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = baseline.model;
@@ -250,9 +287,10 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
         return;
     replicate(replicates, count, from, to);
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
-    const Eigen::VectorXd tolerance =
+    const Eigen::VectorXd of_effects =
         simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
         reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.columns, fitted.change, fitted.jacobian);
+    const Eigen::VectorXd tolerance = (of_effects.cwiseAbs2() + border_error_.cwiseAbs2()).cwiseSqrt();
     fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());

@@ -132,7 +132,10 @@ class ModelFit {
     SearchOptions options_;
     Progress progress_;
     double strongest_ = kStrongest;
+    Eigen::VectorXd border_error(const Replicates &replicates, double at) const;
+
     GapModel baseline_;
+    Eigen::VectorXd border_error_; // of every model, a standard deviation
     Pool baseline_pool_;
     double baseline_work_ = 0.0;
     bool ended_early_ = false;

@@ -44,6 +44,7 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     PipelineModel model;
     model.phase.width = model.aperture.width = model.lens.width = layout.width;
     model.phase.height = model.aperture.height = model.lens.height = layout.height;
+    model.phase.guard_px = model.aperture.guard_px = layout.guard_px;
     model.phase.field = layout.field;
     model.phase.polarization_count = layout.degree_of_polarization < 1.0 ? 2 : 1;
     model.aperture.pupil.normalization = Normalization::kUnitMean;

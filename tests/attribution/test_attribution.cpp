@@ -725,6 +725,18 @@ TEST(Diagnosis, SameSeedSameReport) {
     EXPECT_EQ(first, report_json(diagnose(context(), capture, options)));
 }
 
+TEST(Diagnosis, SameSeedSameReportOfEffectsWithFormsAndReadings) {
+    const Capture capture =
+        simulated({{"bayer_mismatch", {0.05, 1.0}}, {"image_lag", {0.12}}}, kCaptureSeed + 250);
+    auto options = quick(5);
+    options.max_effects = 2;
+    const DiagnosisResult result = diagnose(context(), capture, options);
+    EXPECT_EQ(result.steps.size(), 2u) << report_json(result);
+    const std::string first = report_json(result);
+    options.threads = 1;
+    EXPECT_EQ(first, report_json(diagnose(context(), capture, options)));
+}
+
 TEST(Diagnosis, WithoutTheEffectItIsNotNamed) {
     auto options = quick(2);
     options.without = {"row_noise"};

@@ -77,6 +77,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     add("--effect", action="append", default=[], metavar="ID=STRENGTH", help="0: weak, 1: strong; may be repeated")
     add("--width", type=int, default=192)
     add("--height", type=int, default=160)
+    add("--border", type=int, default=0, help="pixels on each side that are simulated, but not recorded (default 0)")
     add("--frames", type=int, default=40)
     add("--seed", type=int, default=1)
     return parser.parse_args(argv)
@@ -134,7 +135,9 @@ def _one(arguments: argparse.Namespace) -> None:
         if name not in EFFECTS:
             raise ValueError(f"no effect is called {name!r}; there are: {', '.join(EFFECTS)}")
         strengths[name] = float(strength) if strength else 0.6
-    plan = Plan("one", width=arguments.width, height=arguments.height, frames=arguments.frames)
+    plan = Plan(
+        "one", arguments.width, arguments.height, frames=arguments.frames, border_px=arguments.border
+    )
     write_drawn(arguments.out, plan, SetPlan("one", strengths, arguments.seed, arguments.seed))
     print(f"{arguments.out}: {json.dumps(SetPlan('one', strengths, 0, 0).effects) if strengths else 'nothing'}")
 

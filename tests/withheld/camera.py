@@ -51,7 +51,11 @@ LIT_SEQUENCES = ALL_SEQUENCES[1:]
 
 @dataclass(frozen=True)
 class Camera:
-    """What capture.json says of the camera, and the nuisances that it does not say."""
+    """What capture.json says of the camera, and the nuisances that it does not say.
+
+    Everything is simulated on a periodic grid of width x height pixels. A camera's image ends where the world goes on:
+    border_px of them on each side are simulated, but not recorded.
+    """
 
     width: int
     height: int
@@ -72,10 +76,16 @@ class Camera:
     sheet_black_dn: float = 64.0
     sheet_read_noise_dn: float = 4.0
     readings: Readings = AS_CATALOGUED
+    border_px: int = 0
 
     @property
     def shape(self) -> tuple[int, int]:
         return self.height, self.width
+
+    @property
+    def recorded(self) -> tuple[slice, slice]:
+        """Rows and columns that the image has."""
+        return tuple(slice(self.border_px, side - self.border_px) for side in self.shape)  # type: ignore[return-value]
 
     @property
     def diameter(self) -> float:
@@ -94,8 +104,8 @@ class Camera:
 
     @property
     def corner_px(self) -> float:
-        """From the axis to the corner pixel's centre."""
-        return float(np.hypot(*self.axis_px))
+        """From the axis to the centre of the image's corner pixel."""
+        return float(np.hypot(*(a - self.border_px for a in self.axis_px)))
 
     def gain_dn(self, scene: str) -> float:
         """g: DN per unit of intensity."""
@@ -116,8 +126,8 @@ class Camera:
             "format": "clspeckle-capture",
             "version": 1,
             "camera": {
-                "width": self.width,
-                "height": self.height,
+                "width": self.width - 2 * self.border_px,
+                "height": self.height - 2 * self.border_px,
                 "bits": self.bits,
                 "pixel_pitch_um": self.pixel_pitch_um,
                 "f_number": self.f_number,
@@ -126,7 +136,10 @@ class Camera:
             },
             "laser": {"wavelength_nm": self.wavelength_nm, "degree_of_polarization": self.degree_of_polarization},
             "baseline": {"field": self.field},
-            "dots": {"sigma_px": self.dot_sigma_px, "positions_px": np.round(self.positions_px, 3).tolist()},
+            "dots": {
+                "sigma_px": self.dot_sigma_px,
+                "positions_px": np.round(self.positions_px - self.border_px, 3).tolist(),
+            },
         }
 
 
@@ -142,20 +155,26 @@ def draw_lattice(width: int, height: int, rng: np.random.Generator) -> NDArray[n
 
 
 def draw_camera(
-    seed: int, width: int = 192, height: int = 160, field: str = "circular_gaussian", **fixed: Any
+    seed: int,
+    width: int = 192,
+    height: int = 160,
+    field: str = "circular_gaussian",
+    border_px: int = 0,
+    **fixed: Any,
 ) -> Camera:
-    """A camera with its nuisances: what calibration has to find before a gap is spoken of."""
+    """A camera with its nuisances: what calibration has to find before a gap is spoken of. width, height: of its image."""
     rng = stream(seed, "camera")
     camera = Camera(
-        width=width,
-        height=height,
+        width=width + 2 * border_px,
+        height=height + 2 * border_px,
         f_number=float(rng.choice(F_NUMBERS)),
         level_dn=float(rng.uniform(95.0, 145.0)),
         dot_gain=float(rng.uniform(1.9, 2.5)),
         flat_gain=float(rng.uniform(2.6, 3.4)),
         black_dn=float(64.0 + np.clip(rng.normal(0.0, 1.5), -3.0, 3.0)),
         read_noise_dn=float(4.0 * (1.0 + np.clip(rng.normal(0.0, 0.1), -0.2, 0.2))),
-        positions_px=draw_lattice(width, height, stream(seed, "lattice")),
+        positions_px=draw_lattice(width, height, stream(seed, "lattice")) + border_px,
         field=field,
+        border_px=border_px,
     )
     return replace(camera, **fixed)

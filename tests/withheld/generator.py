@@ -17,13 +17,14 @@ from .sensor import Codes, record
 
 
 def generate_sequence(camera: Camera, sequence: Sequence, effects: Effects, frames: int, seed: int) -> Codes:
-    """Codes (frames, height, width). The same seed gives the same surfaces and noise whatever the effects."""
+    """Codes (frames, height, width) of what is recorded. The same seed gives the same surfaces and noise whatever the effects."""
     validate(effects)
     # A lagging sensor remembers what it saw before the first frame.
     exposures = frames + ("image_lag" in effects)
     image = ideal_image(camera, sequence, effects, seed)
     light = intensity(camera, sequence, image, effects, exposures, seed)
-    return record(camera, sequence, light, effects, frames, seed)
+    codes = record(camera, sequence, light, effects, frames, seed)
+    return np.ascontiguousarray(codes[:, *camera.recorded])
 
 
 def generate_set(

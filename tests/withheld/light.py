@@ -110,8 +110,8 @@ class Imaging:
         camera = self.camera
         fy, fx = np.fft.fftfreq(camera.height), np.fft.fftfreq(camera.width)
         x = np.arange(camera.width)
-        half = (camera.width - 1) / 2
-        waves = self.effects["tilt_blur"]["edge_waves"] * np.clip((x - half) / half, 0, 1)
+        axis = camera.axis_px[0]
+        waves = self.effects["tilt_blur"]["edge_waves"] * np.clip((x - axis) / (axis - camera.border_px), 0, 1)
         curvature = 2j * np.pi * waves / (camera.diameter / 2) ** 2
         along_x = np.exp(2j * np.pi * fx[:, None] * x + curvature * fx[:, None] ** 2) / camera.width
         field = scipy.fft.ifft(v @ along_x * np.exp(curvature * fy[:, None] ** 2), axis=-2)

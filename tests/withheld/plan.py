@@ -42,6 +42,7 @@ class Plan:
     levels: dict[str, tuple[float, ...]] = field(default_factory=dict)  # effect: strengths
     minimum_strength: float = 0.0
     unit_phasor_share: float = 0.0  # sets whose baseline field is `unit_phasor`
+    border_px: int = 0  # simulated on each side, but not recorded: images end where the world goes on
     other_readings: bool = False  # each set draws a reading of every line of the catalogue that leaves a choice
 
     def __post_init__(self) -> None:
@@ -88,6 +89,8 @@ PLANS = {
     ),
     # False alarms alone, nuisances drawn.
     "nulls": Plan("nulls", width=128, height=96, frames=16, nulls=500),
+    # Images cut out of larger ones, as all cameras' are: nothing wraps around at their borders.
+    "cut": Plan("cut", nulls=60, singles_each=2, pairs=10, many=10, outside_each=1, border_px=24),
     "full": Plan(
         "full",
         nulls=100,
@@ -193,7 +196,7 @@ def readings_of(plan: Plan, entry: SetPlan) -> Readings:
 
 def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
     """What the diagnosis never sees."""
-    camera = draw_camera(entry.camera_seed, plan.width, plan.height)
+    camera = draw_camera(entry.camera_seed, plan.width, plan.height, border_px=plan.border_px)
     infos = [EFFECTS[name] for name in entry.strengths]
     readings = readings_of(plan, entry)
     return {
@@ -218,7 +221,9 @@ def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
     """The capture set alone."""
     phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
     field_kind = "unit_phasor" if phasor else "circular_gaussian"
-    camera = draw_camera(entry.camera_seed, plan.width, plan.height, field_kind, readings=readings_of(plan, entry))
+    camera = draw_camera(
+        entry.camera_seed, plan.width, plan.height, field_kind, plan.border_px, readings=readings_of(plan, entry)
+    )
     write_capture(folder, camera, entry.effects, plan.frames, entry.seed)
 
 

@@ -80,7 +80,9 @@ def fixed_offsets(camera: Camera, effects: Effects, seed: int) -> Image:
         offsets += hot * effects["hot_pixels"]["mean_dn"] * height
     if "dark_shading" in effects:  # the amplifier in a corner glows
         y, x = np.mgrid[0 : camera.height, 0 : camera.width]
-        offsets += effects["dark_shading"]["corner_dn"] * np.exp(-np.hypot(x, y) / (0.4 * camera.corner_px))
+        offsets += effects["dark_shading"]["corner_dn"] * np.exp(
+            -np.hypot(x - camera.border_px, y - camera.border_px) / (0.4 * camera.corner_px)
+        )
     return offsets
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -564,3 +565,29 @@ def test_a_capture_on_disk(tmp_path) -> None:
         write_capture(tmp_path / "wrong", small, {"blur": {}}, 3, 4)
     with pytest.raises(ValueError, match="takes the parameters waves"):
         write_capture(tmp_path / "wrong", small, {"defocus": {"wave": 1.0}}, 3, 4)
+
+
+def test_cut_images_end_where_the_world_goes_on(tmp_path) -> None:
+    whole, cut = draw_camera(3, 96, 80, f_number=8.0), draw_camera(3, 96, 80, f_number=8.0, border_px=24)
+    assert cut.shape == (128, 144)
+    assert cut.metadata() == whole.metadata()
+    assert cut.corner_px == whole.corner_px
+
+    def opposite_rows(camera: Camera) -> float:
+        codes = generate_sequence(camera, BY_NAME["board_moving"], {}, 40, 5).astype(float)
+        assert codes.shape == (40, 80, 96)
+        return float(np.corrcoef(codes[:, 0].ravel(), codes[:, -1].ravel())[0, 1])
+
+    # Grains are wider than a pixel: the correlation of neighbours, and of 3840 independent pixels at five deviations.
+    assert opposite_rows(whole) > 0.3
+    assert abs(opposite_rows(cut)) < 0.12
+
+    dark = {"vignetting": {"corner_loss": 0.4}}
+    corners = [generate_sequence(c, BY_NAME["flat"], dark, 40, 5).mean(axis=0)[0, 0] - c.black_dn for c in (whole, cut)]
+    assert corners[0] / (whole.level_dn * whole.flat_gain) == pytest.approx(0.6, rel=0.02)
+    assert corners[1] / corners[0] == pytest.approx(1, rel=0.02)
+
+    write_capture(tmp_path / "cut", cut, {}, 2, 5, (BY_NAME["dots_static"],))
+    image = np.load(tmp_path / "cut" / "dots_static.npy").mean(axis=0)
+    x, y = np.rint(json.loads((tmp_path / "cut" / "capture.json").read_text())["dots"]["positions_px"][0]).astype(int)
+    assert image[y - 4 : y + 5, x - 4 : x + 5].mean() > image.mean()
