@@ -54,7 +54,12 @@ void Console::print(const std::string &text) {
     if (json_ || quiet_)
         return;
     clear_progress();
-    std::fputs((text + "\n").c_str(), out_);
+    put(text);
+}
+
+void Console::put(const std::string &text) {
+    if (std::fputs((text + "\n").c_str(), out_) < 0)
+        write_error_ = errno;
 }
 
 void Console::warn(const std::string &text) {
@@ -67,13 +72,13 @@ void Console::warn(const std::string &text) {
 
 void Console::result(const std::string &text) {
     clear_progress();
-    std::fputs((text + "\n").c_str(), out_);
+    put(text);
 }
 
 void Console::finish() {
     clear_progress();
     if (std::fflush(out_) != 0 || std::ferror(out_))
-        throw OutputError(fmt::format("standard output cannot be written: {}", std::strerror(errno)));
+        throw OutputError(fmt::format("standard output cannot be written: {}", std::strerror(write_error_ ? write_error_ : errno)));
 }
 
 void Console::progress(std::uint64_t done, std::uint64_t total) {

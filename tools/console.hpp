@@ -50,9 +50,12 @@ class Console {
     void clear_progress();
     bool json_;
     bool quiet_;
+    void put(const std::string &text); // a line
+
     bool bar_;
     bool bar_shown_ = false;
     std::FILE *out_ = stdout;
+    int write_error_ = 0; // of an earlier result, as errno
     std::vector<std::string> warnings_;
     double started_ = 0;
     double drawn_ = 0;

@@ -22,8 +22,41 @@ constexpr std::size_t kMostLanes = 8, kLanesPerThread = 2;
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
 constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 
-// From one border to where the other one's light comes in.
-constexpr std::uint32_t kGuardPx = 48;
+// What is simulated on each side of an image and cut off: light comes in at the other border from twice as far.
+constexpr std::uint32_t kBorderPx = 24;
+
+CaptureLayout with_border(CaptureLayout layout) {
+    const std::uint32_t width = layout.width, height = layout.height;
+    layout.width += 2 * kBorderPx;
+    layout.height += 2 * kBorderPx;
+    for (double &along : layout.principal_point_px)
+        along += kBorderPx;
+    if (layout.dots)
+        for (std::array<double, 2> &position : layout.dots->positions_px)
+            for (double &along : position)
+                along += kBorderPx;
+    // Means go by what is kept.
+    for (SequenceLayout &sequence : layout.sequences) {
+        std::vector<std::uint8_t> mask(layout.pixel_count(), 0);
+        for (std::uint32_t y = 0; y < height; ++y)
+            for (std::uint32_t x = 0; x < width; ++x)
+                mask[std::size_t{y + kBorderPx} * layout.width + x + kBorderPx] =
+                    sequence.mask.empty() ? 1 : sequence.mask[std::size_t{y} * width + x];
+        sequence.mask = std::move(mask);
+    }
+    return layout;
+}
+
+// To the image alone, in place.
+void cut_border(std::uint16_t *codes, std::uint32_t frame_count, const CaptureLayout &whole) {
+    const std::size_t width = whole.width - 2 * kBorderPx;
+    std::uint16_t *to = codes;
+    for (std::uint32_t frame = 0; frame < frame_count; ++frame)
+        for (std::uint32_t y = kBorderPx; y < whole.height - kBorderPx; ++y) {
+            const std::uint16_t *row = codes + (std::size_t{frame} * whole.height + y) * whole.width + kBorderPx;
+            to = std::copy(row, row + width, to);
+        }
+}
 
 } // namespace
 
@@ -165,9 +198,12 @@ std::vector<std::uint16_t> Experiment::frames(const EffectSettings &effects, con
 SpareBuffers<std::uint16_t>::Buffer Experiment::frames(Simulator &simulator, const EffectSettings &effects,
                                                        const CalibratedLevels &calibrated, std::size_t sequence,
                                                        std::uint64_t seed, std::uint32_t frame_count) const {
-    auto codes = spare_codes_.take(std::size_t{frame_count} * layout_.pixel_count());
+    const CaptureLayout &drawn = simulator.layout();
+    auto codes = spare_codes_.take(std::size_t{frame_count} * drawn.pixel_count());
     simulator.codes(sequence, effects, levels(simulator, calibrated, effects, sequence, seed, frame_count), seed,
                     frame_count, codes.data());
+    if (drawn.width != layout_.width)
+        cut_border(codes.data(), frame_count, drawn);
     return codes;
 }
 
@@ -182,9 +218,9 @@ std::vector<FoldStatistics> Experiment::replicates(const EffectSettings &effects
 }
 
 std::vector<FoldStatistics> Experiment::bordered_replicates(const CalibratedLevels &calibrated,
-                                                            const std::vector<std::uint64_t> &seeds) {
-    CaptureLayout layout = layout_;
-    layout.guard_px = kGuardPx;
+                                                            const std::vector<std::uint64_t> &seeds,
+                                                            const std::function<void(std::size_t)> &before_each) {
+    const CaptureLayout layout = with_border(layout_);
     std::vector<std::unique_ptr<Simulator>> bordered;
     for (std::size_t lane = 0; lane < simulators_.size(); ++lane) {
         bordered.push_back(std::make_unique<Simulator>(context_, layout, std::vector<Hypothesis>{}));
@@ -201,14 +237,14 @@ std::vector<FoldStatistics> Experiment::bordered_replicates(const CalibratedLeve
     };
     simulators_.swap(bordered);
     const Swapped swapped{simulators_, bordered};
-    simulate({}, calibrated, seeds, lasers, {}, Folds::kBoth,
+    simulate({}, calibrated, seeds, lasers, before_each, Folds::kBoth,
              [&](std::size_t i, std::size_t s, const std::vector<double> &values) { put(s, values, result[i]); });
     return result;
 }
 
 MemoKey Experiment::key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const {
     MemoKey key;
-    key.add(std::uint64_t{sequence}).add(std::uint64_t{simulators_.front()->layout().guard_px});
+    key.add(std::uint64_t{sequence}).add(std::uint64_t{simulators_.front()->layout().width});
     key.add(simulators_.front()->concerning(effects, sequence));
     key.add(levels.black_level_dn + levels.black_level_error_dn).add(levels.read_noise_dn * levels.read_noise_ratio);
     if (layout_.sequences[sequence].scene != CaptureScene::kDark)

@@ -77,9 +77,10 @@ class Experiment {
                                            const std::vector<std::uint64_t> &seeds,
                                            const std::function<void(std::size_t)> &before_each);
     // The same of the baseline, whose image ends where the world goes on: light that leaves at one border does not come
-    // in at the other. Sequences without laser light, to which that is the same, have zeros.
+    // in at the other, dots beyond it are there. Sequences without laser light, to which that is the same, have zeros.
     std::vector<FoldStatistics> bordered_replicates(const CalibratedLevels &calibrated,
-                                                    const std::vector<std::uint64_t> &seeds);
+                                                    const std::vector<std::uint64_t> &seeds,
+                                                    const std::function<void(std::size_t)> &before_each);
     // Simulated captures of half the frames. Sequences that `concerned` leaves out keep the values of `otherwise`, one
     // for each seed (no values: all are concerned).
     std::vector<Eigen::VectorXd> halves(const EffectSettings &effects, const CalibratedLevels &calibrated,

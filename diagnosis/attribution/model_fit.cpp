@@ -29,8 +29,12 @@ constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
 // Captures on either side of a strength by which a slope is measured in the end.
 constexpr std::size_t kSlopeSeeds = 4;
-// Captures that tell what the image's border does, if there are as many replicates of the baseline.
+// Captures that tell what the image's border does, if there are as many replicates of the baseline; and how many times
+// as large their variances are by chance, once in twenty times.
 constexpr std::size_t kBorderedCaptures = 24;
+constexpr double kChanceOfVariance = 1.75;
+// Of the baseline's progress: its replicates.
+constexpr double kOfReplicates = 0.6;
 
 std::string label(const EffectSettings &effects) {
     std::string result;
@@ -112,34 +116,45 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
 }
 
 // The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
-// leave it (protocol); cameras' are not. By how much the statistics differ is the error of every model, as far as it is
-// no chance (James and Stein's estimate).
-Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double at) const {
-    report(at, "simulating the image's border");
+// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model,
+// as far as it is no chance (James and Stein's estimate).
+Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
-    // Those of the first replicates, whose dark frames are the same.
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
     std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
     std::iota(seeds.begin(), seeds.end(), options_.seed + 1);
+    std::vector<FoldStatistics> bordered_draws;
+    const auto before_each = [&](std::size_t i) {
+        report(from + (to - from) * static_cast<double>(i) / static_cast<double>(seeds.size()),
+               "simulating the image's border");
+    };
+    // An image that is as large as any may be has no room for one.
+    if (!possible([&] { bordered_draws = experiment_.bordered_replicates(replicates.levels, seeds, before_each); }))
+        return result;
+    struct Moments {
+        Eigen::ArrayXd mean, variance;
+        double count;
+    };
     const auto moments = [&](const std::vector<FoldStatistics> &of) {
         Eigen::ArrayXXd values(count, static_cast<Eigen::Index>(of.size()));
         for (std::size_t r = 0; r < of.size(); ++r)
             values.col(static_cast<Eigen::Index>(r)) = of[r].mean();
         const double n = static_cast<double>(of.size());
         const Eigen::ArrayXd mean = values.rowwise().mean();
-        return std::pair<Eigen::ArrayXd, Eigen::ArrayXd>(
-            mean, (values.colwise() - mean).square().rowwise().sum() / (n * (n - 1.0))); // its error's square
+        return Moments{mean, (values.colwise() - mean).square().rowwise().sum() / (n - 1.0), n};
     };
-    const auto [mean, square] = moments(replicates.draws);
-    const auto [bordered, bordered_square] = moments(experiment_.bordered_replicates(replicates.levels, seeds));
-    Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
+    const Moments baseline = moments(replicates.draws), bordered = moments(bordered_draws);
     for (std::size_t s = 0; s < experiment_.layout().sequences.size(); ++s) {
         const CaptureScene scene = experiment_.layout().sequences[s].scene;
         if (scene != CaptureScene::kBoard && scene != CaptureScene::kDots)
             continue;
-        for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s)); ++k) {
-            const double difference = std::abs(bordered[k] - mean[k]);
-            const double chance = square[k] + bordered_square[k];
-            result[k] = difference * std::max(0.0, 1.0 - chance / std::max(1e-300, difference * difference));
+        for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s));
+             ++k) {
+            const double difference = std::abs(bordered.mean[k] - baseline.mean[k]);
+            const double chance = baseline.variance[k] / baseline.count + bordered.variance[k] / bordered.count;
+            const double shift = difference * std::max(0.0, 1.0 - chance / std::max(1e-300, difference * difference));
+            const double scatter = std::max(0.0, bordered.variance[k] - kChanceOfVariance * baseline.variance[k]);
+            result[k] = std::sqrt(shift * shift + scatter);
         }
     }
     return result;
@@ -151,8 +166,8 @@ FittedModel ModelFit::fit_baseline(double to) {
     report(0.0, "calibrating the baseline");
     Replicates replicates{{}, experiment_.calibrate({}, all, nullptr), {}};
     const CalibratedLevels levels = replicates.levels;
-    replicate(replicates, options_.null_replicates, 0.0, to);
-    border_error_ = border_error(replicates, to);
+    replicate(replicates, options_.null_replicates, 0.0, kOfReplicates * to);
+    border_error_ = border_error(replicates, kOfReplicates * to, to);
     FittedModel baseline;
     baseline.jacobian.resize(count, 0);
     baseline.model =

@@ -132,7 +132,7 @@ class ModelFit {
     SearchOptions options_;
     Progress progress_;
     double strongest_ = kStrongest;
-    Eigen::VectorXd border_error(const Replicates &replicates, double at) const;
+    Eigen::VectorXd border_error(const Replicates &replicates, double from, double to) const;
 
     GapModel baseline_;
     Eigen::VectorXd border_error_; // of every model, a standard deviation

@@ -38,9 +38,6 @@ struct CaptureLayout {
     std::array<double, 2> principal_point_px{};       // ((width - 1) / 2, (height - 1) / 2) unless given
     std::optional<CaptureDots> dots;
     std::vector<SequenceLayout> sequences;
-    // Of no file: padding of simulated fields. The baseline has none: light that leaves at one border comes in at the
-    // other.
-    std::uint32_t guard_px = 0;
 
     std::size_t pixel_count() const { return std::size_t{width} * height; }
     double maximum_code() const { return double((std::uint64_t{1} << bits) - 1); }

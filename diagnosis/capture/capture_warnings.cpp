@@ -49,12 +49,14 @@ void warn_of_dots(const CaptureLayout &layout, std::vector<CaptureWarning> &warn
     if (!layout.dots)
         return;
     const auto &positions = layout.dots->positions_px;
+    // Dots just beyond the border belong into the list: their light reaches the image.
+    const double reach = kDotReach * layout.dots->sigma_px + 0.5;
     const auto outside = std::count_if(positions.begin(), positions.end(), [&](const auto &p) {
-        return p[0] < -0.5 || p[0] >= layout.width - 0.5 || p[1] < -0.5 || p[1] >= layout.height - 0.5;
+        return p[0] < -reach || p[0] >= layout.width - 1 + reach || p[1] < -reach || p[1] >= layout.height - 1 + reach;
     });
     if (outside > 0)
         warnings.push_back(
-            {"", fmt::format("{} of {} dots lie outside of the image of {} x {} pixels; if that is not meant, "
+            {"", fmt::format("{} of {} dots lie so far outside of the image of {} x {} pixels that no light of theirs reaches it; if that is not meant, "
                              "positions_px may be in another order or unit ([x, y] in pixels)",
                              outside, positions.size(), layout.width, layout.height)});
     // Two dots at one place are one brighter dot: mostly a list that was joined twice.

@@ -28,6 +28,10 @@ constexpr double kQuantizationVariance = 1.0 / 12.0;
 constexpr double kSpeckledFlat = 0.4, kEvenBoard = 0.05;
 constexpr double kMostMasked = 0.9;
 constexpr std::size_t kSampledDots = 256;
+// Pixels that tell the light between dots, and how much more of it at the border, as a part of the mean light, is a
+// dot's that is not listed.
+constexpr std::size_t kLeastBetween = 64;
+constexpr double kUnlistedLight = 0.25;
 constexpr std::size_t kLeastDots = 12; // static speckle makes single dots bright or dark
 
 bool has_speckle(CaptureScene scene) {
@@ -71,6 +75,7 @@ class Warnings {
     void codes();
     void geometry();
     void dots_are_lit();
+    void border_dots_are_listed();
 
     const Capture &capture_;
     const CaptureLayout &layout_;
@@ -275,6 +280,7 @@ void Warnings::geometry() {
                      layout_.dots->sigma_px, pitch));
     }
     dots_are_lit();
+    border_dots_are_listed();
 }
 
 // The light must be where the dots are.
@@ -310,6 +316,54 @@ void Warnings::dots_are_lit() {
                                      "the mean, {:.1f} is "
                                      "expected. Are x and y exchanged, or the positions of another image?",
                                      ratio, 1.0 / fill));
+    }
+}
+
+// Dots whose centres lie near the border or outside of the image are easily left out of a list. Their light is a gap.
+void Warnings::border_dots_are_listed() {
+    const std::uint32_t width = layout_.width, height = layout_.height;
+    const double sigma = layout_.dots->sigma_px;
+    const auto strip = static_cast<std::uint32_t>(std::ceil(2.0 * sigma));
+    if (2 * strip >= std::min(width, height))
+        return;
+    const auto clamped = [](double at, std::uint32_t side) {
+        return static_cast<std::uint32_t>(std::clamp(at, 0.0, static_cast<double>(side)));
+    };
+    std::vector<std::uint8_t> near_dot(layout_.pixel_count(), 0);
+    const double reach = kDotReach * sigma;
+    for (const auto &p : layout_.dots->positions_px)
+        for (std::uint32_t y = clamped(p[1] - reach, height); y < clamped(p[1] + reach + 1.0, height); ++y)
+            for (std::uint32_t x = clamped(p[0] - reach, width); x < clamped(p[0] + reach + 1.0, width); ++x)
+                if (std::hypot(x - p[0], y - p[1]) <= reach)
+                    near_dot[std::size_t{y} * width + x] = 1;
+    for (std::size_t i = 0; i < summaries_.size(); ++i) {
+        const SequenceSummary &s = summaries_[i];
+        if (s.scene != CaptureScene::kDots || s.level_above_dark_dn < 1.0)
+            continue;
+        const std::vector<std::uint8_t> &mask = layout_.sequences[i].mask;
+        double sums[2] = {0.0, 0.0}; // between the dots within the image, at its border
+        std::size_t counts[2] = {0, 0};
+        for (std::uint32_t y = 0; y < height; ++y)
+            for (std::uint32_t x = 0; x < width; ++x) {
+                const std::size_t pixel = std::size_t{y} * width + x;
+                if (near_dot[pixel] || (!mask.empty() && mask[pixel] == 0))
+                    continue;
+                const bool at_border = std::min(std::min(x, width - 1 - x), std::min(y, height - 1 - y)) < strip;
+                for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
+                    sums[at_border] += capture_.codes[i][frame * layout_.pixel_count() + pixel];
+                ++counts[at_border];
+            }
+        if (std::min(counts[0], counts[1]) < kLeastBetween)
+            continue;
+        double light[2];
+        for (int k = 0; k < 2; ++k)
+            light[k] = (sums[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
+        if (light[1] - light[0] > kUnlistedLight)
+            warn(s.name,
+                 fmt::format("along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
+                             "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
+                             "those centred outside of it, or mask the border",
+                             light[1], light[0]));
     }
 }
 

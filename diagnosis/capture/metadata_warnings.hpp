@@ -7,6 +7,9 @@
 
 namespace clsp {
 
+// How far a dot's light reaches, in its sigma.
+constexpr double kDotReach = 4.0;
+
 // Of a valid capture and the summaries of its sequences. Nothing here stops a diagnosis.
 std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
                                               const DarkLevel &dark);

@@ -44,7 +44,6 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     PipelineModel model;
     model.phase.width = model.aperture.width = model.lens.width = layout.width;
     model.phase.height = model.aperture.height = model.lens.height = layout.height;
-    model.phase.guard_px = model.aperture.guard_px = layout.guard_px;
     model.phase.field = layout.field;
     model.phase.polarization_count = layout.degree_of_polarization < 1.0 ? 2 : 1;
     model.aperture.pupil.normalization = Normalization::kUnitMean;
@@ -73,13 +72,16 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     return model;
 }
 
-// Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same.
+// Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same, the middle
+// ones of an odd number of samples, as what lies between samples is not told by an intensity whose band is wider than
+// theirs. What pixels integrate has that band.
 void widen_grid(PipelineModel &model) {
     ApertureParameters &aperture = model.aperture;
     const double diameter = aperture.pixel_pitch_m / (aperture.wavelength_m * aperture.f_number);
     if (!(diameter > 1.0))
         return;
-    const double samples = std::ceil(diameter);
+    const double band = aperture.fill_factor > 0.0 ? 2.0 * diameter : diameter;
+    const double samples = 2.0 * std::ceil((band - 1.0) / 2.0) + 1.0;
     if (samples > kMaxOversampling)
         throw Error(
             Status::kInvalidArgument,
@@ -88,7 +90,7 @@ void widen_grid(PipelineModel &model) {
                 "most {} can be simulated, check f_number, pixel_pitch and wavelength",
                 diameter, aperture.f_number, kMaxOversampling));
     model.phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
-    constexpr double kPoint = 0.01; // of a pixel's side
+    constexpr double kPoint = 1e-4; // of a pixel's area
     if (aperture.fill_factor == 0.0)
         aperture.fill_factor = kPoint;
 }

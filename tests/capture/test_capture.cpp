@@ -425,7 +425,7 @@ TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {
         code = static_cast<std::uint16_t>(code / 8 * 8);
     capture.add_sequence("coarse", CLSP_SCENE_FLAT, true, coarse);
     const std::string json = capture.summary_json();
-    for (const char *words : {"1 of 2 dots lie outside", "all 3 frames are the same", "the sequence is saturated",
+    for (const char *words : {"1 of 2 dots lie so far outside", "all 3 frames are the same", "the sequence is saturated",
                               "hardly any light", "one frame only", "frame 2 is frame 0 again",
                               "all codes are multiples of 8", "even lamp light shows no motion"})
         EXPECT_NE(json.find(words), std::string::npos) << words << " is not in " << json;

@@ -141,6 +141,20 @@ def test_dots_that_cannot_be(recorded: dict[str, Array]) -> None:
     assert [text.partition(":")[0] for text in found] == ["dots_static", "dots_moving"]
 
 
+def test_dots_at_the_border(recorded: dict[str, Array]) -> None:
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    beyond = [(u, v) for v in range(6, HEIGHT - 4, 12) for u in (-2, WIDTH + 1)]
+    light = 280 * sum(np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * SIGMA**2)) for u, v in beyond)
+    for name in ("dots_static", "dots_moving"):
+        recorded[name] = np.rint(recorded[name] + light).astype(np.uint16)
+    found = warnings(recorded)
+    assert [text.partition(":")[0] for text in found] == ["dots_static", "dots_moving"]
+    assert all("List all dots whose light reaches the image" in text for text in found)
+    assert warnings(recorded, dots=[*DOTS, *beyond]) == []
+    far = [*DOTS, *beyond, (-20, 10)]
+    assert "1 of 29 dots lie so far outside" in "".join(warnings(recorded, dots=far))
+
+
 def test_scenes_exchanged(recorded: dict[str, Array]) -> None:
     recorded["flat"], recorded["board_moving"] = recorded["board_moving"], recorded["flat"]
     found = "\n".join(warnings(recorded))
