@@ -29,10 +29,11 @@ constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
 // Captures on either side of a strength by which a slope is measured in the end.
 constexpr std::size_t kSlopeSeeds = 4;
-// Captures that tell what the image's border does, if there are as many replicates of the baseline; and how many times
-// as large their variances are by chance, once in twenty times.
+// Captures that tell what the image's border does, if there are as many replicates of the baseline. Means that differ by
+// less than so many of their errors do so by chance, once in eighty times, and variances by less than that ratio, once in
+// a hundred times: an allowance for what is chance would only hide effects.
 constexpr std::size_t kBorderedCaptures = 24;
-constexpr double kChanceOfVariance = 1.75;
+constexpr double kChanceOfMean = 2.5, kChanceOfVariance = 2.2;
 // Of the baseline's progress: its replicates.
 constexpr double kOfReplicates = 0.6;
 
@@ -116,8 +117,8 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
 }
 
 // The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
-// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model,
-// as far as it is no chance (James and Stein's estimate).
+// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model
+// where it is no chance.
 Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
     Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
@@ -150,11 +151,14 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
             continue;
         for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s));
              ++k) {
-            const double difference = std::abs(bordered.mean[k] - baseline.mean[k]);
+            const double difference = bordered.mean[k] - baseline.mean[k];
             const double chance = baseline.variance[k] / baseline.count + bordered.variance[k] / bordered.count;
-            const double shift = difference * std::max(0.0, 1.0 - chance / std::max(1e-300, difference * difference));
-            const double scatter = std::max(0.0, bordered.variance[k] - kChanceOfVariance * baseline.variance[k]);
-            result[k] = std::sqrt(shift * shift + scatter);
+            double square = 0.0;
+            if (difference * difference > kChanceOfMean * kChanceOfMean * chance)
+                square += difference * difference - chance;
+            if (bordered.variance[k] > kChanceOfVariance * baseline.variance[k])
+                square += bordered.variance[k] - baseline.variance[k];
+            result[k] = std::sqrt(square);
         }
     }
     return result;
