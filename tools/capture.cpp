@@ -189,6 +189,9 @@ constexpr std::uint64_t camera_seed(std::uint64_t seed) {
     return (seed ^ 0x63616d657261u) * 0x9e3779b97f4a7c15u;
 }
 
+constexpr double kMostSamples = 7.0; // of a pixel, along each axis: an odd number that the library has
+constexpr double kPointArea = 1e-4; // of a pixel
+
 /** Draws all frames of one sequence. A fresh pipeline for each: nothing of one sequence remains in the next. */
 std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan, std::size_t number,
                                 const Pattern &dots, const std::vector<EffectSetting> &effects,
@@ -209,6 +212,18 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     aperture.pixel_pitch_m = a.pixel_pitch_um * 1e-6;
     aperture.wavelength_m = a.wavelength_nm * 1e-9;
     aperture.degree_of_polarization = a.degree_of_polarization;
+    // Pupils wider than the frequency plane of one sample a pixel: the middle ones of as many samples as the intensity's
+    // band needs, an odd number, are the pixels' centres.
+    const double diameter = aperture.pixel_pitch_m / (aperture.wavelength_m * aperture.f_number);
+    if (diameter > 1.0) {
+        const double samples = 2.0 * std::ceil(diameter - 0.5) + 1.0;
+        if (samples > kMostSamples)
+            throw InputError(fmt::format("--f-number: the pupil's diameter is {:.2f} cycles per pixel (pixel pitch over "
+                                         "wavelength times f-number); at most {:g} can be drawn, use a larger one",
+                                         diameter, 0.5 * kMostSamples));
+        phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
+        aperture.fill_factor = kPointArea;
+    }
     // The same seed in all sequences: one sensor has one fixed pattern.
     auto sensor = clspeckle::make<ClspSensorDesc>();
     sensor.width = a.width;

@@ -65,6 +65,16 @@ def test_a_wall_goes_on_beyond_a_lens_that_distorts_it(cli: Cli, tmp_path: Path)
     assert board[:, 0].mean() > 100, "speckle there, too"
 
 
+def test_a_lens_whose_speckle_is_finer_than_the_pixels(cli: Cli, tmp_path: Path) -> None:
+    """D = 1.54 at f/2: pixels see points, an exponential law. 11,520 nearly independent ones: the share is good to 0.002."""
+    cli("capture", "make", "set", *SMALL, "--sequences", "board_moving", "--board-level", 150, "--read-noise-dn", 0,
+        "--f-number", 2)  # fmt: skip
+    light = np.load(tmp_path / "set" / "board_moving.npy").astype(np.float64) - 64
+    assert abs((light < 8).mean() - (1 - np.exp(-7.5 / 150))) < 0.01
+    refused = cli("capture", "make", "finer", *SMALL, "--f-number", 0.6, code=1)
+    assert "at most 3.5 can be drawn" in refused.stderr
+
+
 def test_the_seed_decides(cli: Cli, tmp_path: Path) -> None:
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         cli("capture", "make", name, *SMALL, "--frames", 2, "--sequences", "board_static,dots_static", "--seed", seed)
