@@ -221,10 +221,13 @@ std::vector<FoldStatistics> Experiment::bordered_replicates(const CalibratedLeve
                                                             const std::vector<std::uint64_t> &seeds,
                                                             const std::function<void(std::size_t)> &before_each) {
     const CaptureLayout layout = with_border(layout_);
+    const std::size_t cache_bytes = kCacheBytes / simulators_.size();
     std::vector<std::unique_ptr<Simulator>> bordered;
-    for (std::size_t lane = 0; lane < simulators_.size(); ++lane) {
+    for (const std::unique_ptr<Simulator> &idle : simulators_) {
+        idle->set_cache_bytes(0); // what it keeps would be there twice
+        idle->set_cache_bytes(cache_bytes);
         bordered.push_back(std::make_unique<Simulator>(context_, layout, std::vector<Hypothesis>{}));
-        bordered.back()->set_cache_bytes(kCacheBytes / simulators_.size());
+        bordered.back()->set_cache_bytes(cache_bytes);
     }
     std::vector<bool> lasers;
     for (const SequenceLayout &sequence : layout_.sequences)
