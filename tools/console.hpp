@@ -48,10 +48,9 @@ class Console {
     bool due(bool last);
     void draw(double fraction, const std::string &text);
     void clear_progress();
+    void put(const std::string &text); // a line
     bool json_;
     bool quiet_;
-    void put(const std::string &text); // a line
-
     bool bar_;
     bool bar_shown_ = false;
     std::FILE *out_ = stdout;

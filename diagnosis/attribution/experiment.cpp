@@ -231,7 +231,7 @@ std::vector<FoldStatistics> Experiment::bordered_replicates(const CalibratedLeve
     }
     std::vector<bool> lasers;
     for (const SequenceLayout &sequence : layout_.sequences)
-        lasers.push_back(sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots);
+        lasers.push_back(is_laser(sequence.scene));
     const Eigen::VectorXd zeros = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count()));
     std::vector<FoldStatistics> result(seeds.size(), {zeros, zeros});
     struct Swapped {

@@ -122,6 +122,9 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
 Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
     const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
     Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
+    const std::vector<SequenceLayout> &sequences = experiment_.layout().sequences;
+    if (std::none_of(sequences.begin(), sequences.end(), [](const SequenceLayout &s) { return is_laser(s.scene); }))
+        return result;
     std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
     std::iota(seeds.begin(), seeds.end(), options_.seed + 1);
     std::vector<FoldStatistics> bordered_draws;
@@ -145,9 +148,8 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
         return Moments{mean, (values.colwise() - mean).square().rowwise().sum() / (n - 1.0), n};
     };
     const Moments baseline = moments(replicates.draws), bordered = moments(bordered_draws);
-    for (std::size_t s = 0; s < experiment_.layout().sequences.size(); ++s) {
-        const CaptureScene scene = experiment_.layout().sequences[s].scene;
-        if (scene != CaptureScene::kBoard && scene != CaptureScene::kDots)
+    for (std::size_t s = 0; s < sequences.size(); ++s) {
+        if (!is_laser(sequences[s].scene))
             continue;
         for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s));
              ++k) {

@@ -57,6 +57,11 @@ struct Capture {
     std::vector<CaptureWarning> warnings;
 };
 
+// Speckle, which lamp light has not.
+inline bool is_laser(CaptureScene scene) {
+    return scene == CaptureScene::kBoard || scene == CaptureScene::kDots;
+}
+
 // The words of the format.
 inline const char *scene_name(CaptureScene scene) {
     constexpr const char *kNames[] = {"dark", "flat", "board", "dots"};

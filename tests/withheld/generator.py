@@ -24,7 +24,7 @@ def generate_sequence(camera: Camera, sequence: Sequence, effects: Effects, fram
     image = ideal_image(camera, sequence, effects, seed)
     light = intensity(camera, sequence, image, effects, exposures, seed)
     codes = record(camera, sequence, light, effects, frames, seed)
-    return np.ascontiguousarray(codes[:, *camera.recorded])
+    return np.ascontiguousarray(codes[(slice(None), *camera.recorded)])
 
 
 def generate_set(
