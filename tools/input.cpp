@@ -569,7 +569,7 @@ Sequence load_sequence(const std::string &path, Config &config) {
     const std::filesystem::path folder = std::filesystem::path(path).parent_path();
     const auto names = get<std::vector<std::string>>(root, "frames", path, "a list of file names");
     if (names.empty())
-        throw InputError(path + ": \"frames\" is empty");
+        throw InputError(path + ": \"frames\" is empty; name at least one file");
     Sequence sequence;
     sequence.is_sequence = true;
     std::vector<std::string> &files = sequence.files;

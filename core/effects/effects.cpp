@@ -228,6 +228,11 @@ const std::vector<Effect> &effect_catalogue() {
     return *catalogue;
 }
 
+bool in_catalogue(const std::string &id) {
+    const auto &catalogue = effect_catalogue();
+    return std::any_of(catalogue.begin(), catalogue.end(), [&](const Effect &effect) { return id == effect.id; });
+}
+
 const Effect &find_effect(const std::string &id) {
     std::string ids;
     for (const Effect &effect : effect_catalogue()) {

@@ -40,6 +40,7 @@ struct Effect {
 
 // In the order in which light meets them.
 const std::vector<Effect> &effect_catalogue();
+bool in_catalogue(const std::string &id);
 // Throws kInvalidArgument, listing the ids, if there is none of that name.
 const Effect &find_effect(const std::string &id);
 // Values within the ranges; nullptr gives the middle between weak and strong.

@@ -22,6 +22,11 @@ constexpr int kRounds = 3;
 // is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
 // all between them.
 constexpr double kCoarse = 2.5;
+// Noise of fewer steps leaves its mark in the share of even codes: 0.6 exp(-(pi sigma / step)^2 / 2), 3e-4 at 1.25. Such even light is brought
+// to the real level with all frames, to a part of what chance leaves open; else to that part of the signal.
+constexpr double kSmooth = 1.25, kPartOfError = 0.25, kPartOfSignal = 1e-3;
+constexpr int kExactRounds = 6;
+constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
 constexpr int kRootRounds = 12;
@@ -168,7 +173,7 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
             if (coarse)
                 calibrate_coarse_dark(simulator, effects, *dark, step, own);
             else
-                calibrate_dark(simulator, effects, *dark, own);
+                calibrate_dark(simulator, effects, *dark, step, own);
         });
         result.black_level_dn = levels[0];
         result.read_noise_dn = levels[1];
@@ -181,7 +186,7 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
             on_dark();
             const std::vector<double> levels = part('n', *still, result, [&](CalibratedLevels &own) {
                 Simulator &simulator = simulator_of(*still, kCalibrationSeed);
-                calibrate_signal(simulator, effects, *still, own);
+                calibrate_signal(simulator, effects, *still, step, own);
                 calibrate_coarse_noise(simulator, effects, *still, step, own);
             });
             result.read_noise_dn = levels[1];
@@ -198,7 +203,7 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
             if (is_coarse)
                 calibrate_coarse_signal(simulator, effects, s, step, own);
             else
-                calibrate_signal(simulator, effects, s, own);
+                calibrate_signal(simulator, effects, s, step, own);
         })[2];
     });
     return result;
@@ -294,17 +299,29 @@ SequenceLevel Experiment::simulated_level(Simulator &simulator, const EffectSett
     return sequence_level(layout_, sequence, codes.data(), frame_count);
 }
 
-void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
-    const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[sequence].frame_count);
+void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                CalibratedLevels &levels) {
+    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+    const bool exact = levels.read_noise_dn < kSmooth * step_dn;
+    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
     const double wanted = real_calibration_.read_noise_dn * real_calibration_.read_noise_dn + kQuantizationVariance;
-    for (int round = 0; round < kRounds; ++round) {
+    // Of the codes' variance against that of the read noise: 1 but for coarse steps.
+    double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
+    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const SequenceLevel level = sequence_level(layout_, sequence, codes.data(), frame_count);
         levels.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
         if (frame_count >= 2) {
-            const double variance =
-                levels.read_noise_dn * levels.read_noise_dn + wanted - level.temporal_noise_dn * level.temporal_noise_dn;
-            levels.read_noise_dn = std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, variance));
+            const double noise = levels.read_noise_dn * levels.read_noise_dn;
+            const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
+            if (exact && round > 0 && noise != last_noise) {
+                const double secant = (variance - last_variance) / (noise - last_noise);
+                slope = secant > kLeastSlope && secant < 1.0 / kLeastSlope ? secant : 1.0;
+            }
+            last_noise = noise;
+            last_variance = variance;
+            levels.read_noise_dn =
+                std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, noise + (wanted - variance) / slope));
         }
     }
 }
@@ -321,19 +338,27 @@ SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const Effe
     return level;
 }
 
-void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels) {
-    const double signal = real_levels_[sequence].mean_dn - real_calibration_.black_level_dn;
-    const std::uint32_t frame_count = std::min(kTrialFrames, layout_.sequences[sequence].frame_count);
+void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                  CalibratedLevels &levels) {
+    const SequenceLevel &real = real_levels_[sequence];
+    const double signal = real.mean_dn - real_calibration_.black_level_dn;
+    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+    const bool exact =
+        layout_.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
+    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
+    double tolerance = kPartOfSignal * signal;
+    if (exact)
+        tolerance = std::min(tolerance, kPartOfError * real.temporal_noise_dn / std::sqrt(double(layout_.pixel_count()) * all));
     // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
     double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const double mean = sequence_mean_dn(layout_, sequence, codes.data(), frame_count);
         const double share = levels.signal_share[sequence];
         const double slope = (mean - last_mean) / (share - last_share);
-        if (std::abs(real_levels_[sequence].mean_dn - mean) < 1e-3 * signal || !(slope > 0.05 * signal))
+        if (std::abs(real.mean_dn - mean) < tolerance || !(slope > 0.05 * signal))
             break;
-        levels.signal_share[sequence] = std::clamp(share + (real_levels_[sequence].mean_dn - mean) / slope, 0.25 * share, 4.0 * share);
+        levels.signal_share[sequence] = std::clamp(share + (real.mean_dn - mean) / slope, 0.25 * share, 4.0 * share);
         last_share = share;
         last_mean = mean;
     }

@@ -42,6 +42,10 @@ constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn}
                                          {"ghost_dots", "lattice_direction", 2.0},
                                          {"bayer_mismatch", "green_diagonal", 1.0}};
 
+// What the catalogue's ranges in DN are meant for.
+constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
+constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
+
 // Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
 // knows no mirror. They are looked for, and reported, on the catalogue's side of 0.
 constexpr const char *kEvenEffects[] = {"defocus"};
@@ -183,6 +187,29 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         result.erase(found);
     }
     return result;
+}
+
+void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera) {
+    const double range = camera.maximum_code() / (std::exp2(kCatalogueBits) - 1.0);
+    const double noise = std::max(camera.read_noise_dn, kRoundingDn) / kCatalogueReadNoiseDn;
+    for (Candidate &candidate : candidates) {
+        if (!in_catalogue(candidate.id))
+            continue;
+        for (HypothesisParameter &p : candidate.parameters) {
+            const auto change = [&p](const auto &of) {
+                p.weak = std::clamp(of(p.weak), p.minimum, p.maximum);
+                p.strong = std::clamp(of(p.strong), p.minimum, p.maximum);
+            };
+            if (p.name == "sigma_dn") {
+                change([&](double value) { return value * noise; });
+            } else if (p.unit == "DN" || p.unit == "DN/e") {
+                change([&](double value) { return value * range; });
+            } else if (p.unit == "bits") {
+                p.maximum = std::min(p.maximum, static_cast<double>(camera.bits));
+                change([&](double value) { return value + camera.bits - kCatalogueBits; });
+            }
+        }
+    }
 }
 
 bool before(const Candidate &a, const Candidate &b) {

@@ -152,7 +152,8 @@ CalibrationResult calibration_of(const Experiment &experiment, const CalibratedL
 DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
     const auto start = std::chrono::steady_clock::now();
     const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-    const std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    go_with_camera(pool, given.layout);
     const CaptureSummary summary = summarize_capture(given);
     DiagnosisResult result;
     for (const CaptureWarning &warning : summary.warnings)

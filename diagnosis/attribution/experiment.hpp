@@ -166,11 +166,13 @@ class Experiment {
                                                std::uint64_t seed, std::uint32_t frame_count) const;
     void put(std::size_t sequence, const std::vector<double> &values, FoldStatistics &into) const;
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
-    void calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                        CalibratedLevels &levels);
     // Coarse ones give the level that they end at.
     SequenceLevel calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                         double step_dn, CalibratedLevels &levels);
-    void calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, CalibratedLevels &levels);
+    void calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                          CalibratedLevels &levels);
     SequenceLevel calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                           double step_dn, CalibratedLevels &levels);
     void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,

@@ -78,7 +78,7 @@ bool dots_are_wider(const std::vector<GapPlace> &places, double worst) {
 constexpr double kRowsOverColumns = 5.0, kPartOfMean = 0.25;
 bool light_changes(const CaptureLayout &layout, const std::vector<GapPlace> &places) {
     return std::any_of(layout.sequences.begin(), layout.sequences.end(), [&](const SequenceLayout &sequence) {
-        if (sequence.moving || (sequence.scene != CaptureScene::kBoard && sequence.scene != CaptureScene::kDots))
+        if (sequence.moving || !is_laser(sequence.scene))
             return false;
         const auto find = [&](const char *name) {
             const auto found = std::find_if(places.begin(), places.end(), [&](const GapPlace &place) {
@@ -123,7 +123,7 @@ void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, co
             group.recorded = true;
             group.differs = group.differs || differs;
         };
-        const bool speckle = sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots;
+        const bool speckle = is_laser(sequence.scene);
         see(sequence.scene == CaptureScene::kDark    ? dark
             : sequence.scene == CaptureScene::kFlat  ? flat
             : sequence.scene == CaptureScene::kBoard ? boards

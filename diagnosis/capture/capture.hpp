@@ -14,6 +14,11 @@ namespace clsp {
 
 enum class CaptureScene : std::uint32_t { kDark = 0, kFlat = 1, kBoard = 2, kDots = 3 };
 
+// Speckle, which lamp light has not.
+inline bool is_laser(CaptureScene scene) {
+    return scene == CaptureScene::kBoard || scene == CaptureScene::kDots;
+}
+
 struct CaptureDots {
     double sigma_px = 0.0;
     std::vector<std::array<double, 2>> positions_px; // x, y
@@ -56,11 +61,6 @@ struct Capture {
     // Of the reader: keys that it does not know and the like. What the codes themselves show is capture_warnings().
     std::vector<CaptureWarning> warnings;
 };
-
-// Speckle, which lamp light has not.
-inline bool is_laser(CaptureScene scene) {
-    return scene == CaptureScene::kBoard || scene == CaptureScene::kDots;
-}
 
 // The words of the format.
 inline const char *scene_name(CaptureScene scene) {

@@ -34,7 +34,7 @@ Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary
     std::vector<double> flat_levels, board_levels, dots_levels;
     std::set<double> dark_times, f_numbers;
     for (const SequenceSummary &s : sequences) {
-        const bool speckle = s.scene == CaptureScene::kBoard || s.scene == CaptureScene::kDots;
+        const bool speckle = is_laser(s.scene);
         c.dark |= s.scene == CaptureScene::kDark;
         c.flat |= s.scene == CaptureScene::kFlat;
         c.board |= s.scene == CaptureScene::kBoard;

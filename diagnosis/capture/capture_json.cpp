@@ -205,7 +205,7 @@ void read_sequence(const Parser &parser, const Json &entry, std::size_t index, C
     SequenceLayout sequence;
     sequence.name = parser.text(entry, "name", where, "a name");
     sequence.scene = static_cast<CaptureScene>(parser.word(entry, "scene", where, {"dark", "flat", "board", "dots"}));
-    const bool speckle = sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots;
+    const bool speckle = is_laser(sequence.scene);
     // Nothing in the dark or under an LED shows motion.
     if (speckle || entry.contains("motion"))
         sequence.moving = parser.word(entry, "motion", where, {"static", "moving"}) == 1;
@@ -253,7 +253,7 @@ CaptureDescription read_capture_json(const std::string &path) {
 
     CaptureLayout &layout = result.layout;
     const bool speckle = std::any_of(layout.sequences.begin(), layout.sequences.end(), [](const SequenceLayout &s) {
-        return s.scene == CaptureScene::kBoard || s.scene == CaptureScene::kDots;
+        return is_laser(s.scene);
     });
     if (speckle || root.contains("laser")) {
         const Json &laser = parser.object(root, "laser", "");

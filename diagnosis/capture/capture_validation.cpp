@@ -151,7 +151,7 @@ void validate_layout(const CaptureLayout &layout, const CaptureOrigin &origin) {
     if (layout.dots)
         validate_dots(layout, *layout.dots, origin);
     if (layout.sequences.empty())
-        refuse(origin, "/sequences", "is empty; a capture has at least one sequence");
+        refuse(origin, "/sequences", "is empty; list at least one sequence");
     if (layout.sequences.size() > kMaxCaptureSequences)
         refuse(origin, "/sequences",
                fmt::format("has {} entries; at most {} are taken", layout.sequences.size(), kMaxCaptureSequences));

@@ -97,7 +97,7 @@ std::vector<EffectVisibility> effect_visibilities(const CaptureLayout &layout) {
         visibility.symptom = rule.symptom;
         bool short_one = false;
         for (const SequenceLayout &s : layout.sequences) {
-            const bool speckle = s.scene == CaptureScene::kBoard || s.scene == CaptureScene::kDots;
+            const bool speckle = is_laser(s.scene);
             // Motion is a matter of laser light: dark and flat are as good as static.
             const bool motion = rule.moves == Moves::kAny || s.moving == (rule.moves == Moves::kMoving) || !speckle;
             if (!(rule.scenes & scene_bit(s.scene)) || !motion)

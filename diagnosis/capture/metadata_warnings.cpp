@@ -34,10 +34,6 @@ constexpr std::size_t kLeastBetween = 64;
 constexpr double kUnlistedLight = 0.25;
 constexpr std::size_t kLeastDots = 12; // static speckle makes single dots bright or dark
 
-bool has_speckle(CaptureScene scene) {
-    return scene == CaptureScene::kBoard || scene == CaptureScene::kDots;
-}
-
 // Read noise that dark frames show; none without two of them.
 double measured_noise(const std::vector<SequenceSummary> &summaries) {
     double variance = 0.0, count = 0.0;
@@ -113,7 +109,7 @@ void Warnings::dark_frames() {
     }
     // Without dark frames the noise of any scene at rest is an upper bound.
     for (const SequenceSummary &s : summaries_)
-        if (s.temporal_noise_dn && *s.temporal_noise_dn > 0.0 && !(s.moving && has_speckle(s.scene)) &&
+        if (s.temporal_noise_dn && *s.temporal_noise_dn > 0.0 && !(s.moving && is_laser(s.scene)) &&
             layout_.read_noise_dn > kReadNoiseFactor * *s.temporal_noise_dn)
             warn(s.name,
                  fmt::format(
@@ -123,7 +119,7 @@ void Warnings::dark_frames() {
 }
 
 void Warnings::sequence(const SequenceSummary &s) {
-    if (s.moving && !has_speckle(s.scene))
+    if (s.moving && !is_laser(s.scene))
         warn(s.name, fmt::format("\"motion\" is \"moving\", but {} shows no motion; it is taken as static",
                                  s.scene == CaptureScene::kDark ? "the dark" : "even lamp light"));
     if (s.scene == CaptureScene::kFlat && s.contrast && *s.contrast > kSpeckledFlat && s.saturated_fraction < 0.01)
@@ -164,7 +160,7 @@ void Warnings::motion() {
     std::vector<std::string> changing, staying;
     for (std::size_t i = 0; i < summaries_.size(); ++i) {
         const SequenceSummary &s = summaries_[i];
-        if (!has_speckle(s.scene) || s.frame_count < 2 || s.saturated_fraction > 0.2)
+        if (!is_laser(s.scene) || s.frame_count < 2 || s.saturated_fraction > 0.2)
             continue;
         const FrameChange change = frame_change(layout_, i, capture_.codes[i], s.level_above_dark_dn,
                                                 noise_ > 0.0 ? noise_ : layout_.read_noise_dn);
@@ -357,13 +353,15 @@ void Warnings::border_dots_are_listed() {
             continue;
         double light[2];
         for (int k = 0; k < 2; ++k)
-            light[k] = (sums[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
+            light[k] =
+                (sums[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
         if (light[1] - light[0] > kUnlistedLight)
             warn(s.name,
-                 fmt::format("along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
-                             "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
-                             "those centred outside of it, or mask the border",
-                             light[1], light[0]));
+                 fmt::format(
+                     "along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
+                     "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
+                     "those centred outside of it, or mask the border",
+                     light[1], light[0]));
     }
 }
 

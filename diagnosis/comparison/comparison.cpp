@@ -199,7 +199,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     if (!options.hypotheses.empty())
         throw Error(Status::kInvalidArgument,
                     "a comparison takes no hypotheses: they are functions on frames that our simulator draws");
-    const std::vector<Candidate> all = candidates({}, options.without);
+    std::vector<Candidate> all = candidates({}, options.without);
+    go_with_camera(all, real.layout);
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     auto comparison = std::make_shared<Comparison>();
     check_dark(real, "real");

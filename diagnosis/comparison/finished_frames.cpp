@@ -55,10 +55,6 @@ constexpr Refusal kRefusals[] = {
     {"pupil_obstruction", kField},
 };
 
-bool is_laser(const SequenceLayout &sequence) {
-    return sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots;
-}
-
 } // namespace
 
 std::string finished_frames_refusal(const std::string &effect, const CaptureLayout &layout) {
@@ -69,7 +65,7 @@ std::string finished_frames_refusal(const std::string &effect, const CaptureLayo
         return {};
     if (layout.degree_of_polarization < 1.0)
         return "light that is polarized in part holds two patterns already, and mixing frames would make it four";
-    const auto mixable = [](const SequenceLayout &s) { return is_laser(s) && s.moving && s.frame_count >= 4; };
+    const auto mixable = [](const SequenceLayout &s) { return is_laser(s.scene) && s.moving && s.frame_count >= 4; };
     if (std::none_of(layout.sequences.begin(), layout.sequences.end(), mixable))
         return "a second, independent pattern is a frame of a moving sequence, of which there is none with four frames";
     return {};

@@ -61,8 +61,7 @@ SequenceEvidence sequence_evidence(const Experiment &experiment, std::size_t ind
     result.averaged_px = (layout.width + kPictureWidth - 1) / kPictureWidth;
     // Some 24 squares across: large against a grain of speckle, small against the field.
     result.smooth_px = std::max(result.averaged_px, std::max(4u, layout.width / 24u));
-    const bool is_static_laser =
-        !sequence.moving && (sequence.scene == CaptureScene::kBoard || sequence.scene == CaptureScene::kDots);
+    const bool is_static_laser = !sequence.moving && is_laser(sequence.scene);
     result.fluctuation = is_static_laser || frame_count < 2 ? Fluctuation::kInFrame : Fluctuation::kOverTime;
     const std::size_t bands = evidence::band_count(layout);
     for (std::size_t k = 0; k < bands; ++k)
@@ -155,9 +154,10 @@ std::vector<std::uint16_t> evidence_frames(Experiment &experiment, const Capture
 Evidence collect_evidence(Experiment &experiment, const Capture &real, const FittedModel &baseline,
                           const FittedModel *final, std::uint64_t seed) {
     const FittedModel *models[] = {nullptr, &baseline, final};
-    return collect_evidence(experiment, final ? 3 : 2, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
-        return evidence_frames(experiment, real, models[version], s, frame_count, seed);
-    });
+    return collect_evidence(experiment, final ? 3 : 2,
+                            [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+                                return evidence_frames(experiment, real, models[version], s, frame_count, seed);
+                            });
 }
 
 Evidence collect_evidence(Experiment &experiment, std::size_t version_count, const EvidenceFrames &frames_of) {

@@ -19,11 +19,6 @@ const Hypothesis *find_hypothesis(const std::vector<Hypothesis> &hypotheses, con
     return found == hypotheses.end() ? nullptr : &*found;
 }
 
-bool in_catalogue(const std::string &id) {
-    const auto &catalogue = effect_catalogue();
-    return std::any_of(catalogue.begin(), catalogue.end(), [&](const Effect &effect) { return id == effect.id; });
-}
-
 void check_values(const Hypothesis &hypothesis, const std::vector<double> &values) {
     if (values.size() != hypothesis.parameters.size())
         throw Error(Status::kInvalidArgument,
@@ -195,7 +190,7 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
     result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
     widen_grid(model);
     const PipelineParameters &p = model.pipeline;
-    const bool laser = of.scene == CaptureScene::kBoard || of.scene == CaptureScene::kDots;
+    const bool laser = is_laser(of.scene);
     result.frames_differ = (laser && (of.moving || std::isfinite(p.boiling_correlation_frames) ||
                                       p.airflow.rms_rad > 0.0 || p.vibration_rms_px > 0.0)) ||
                            !result.on_irradiance.empty();

@@ -40,7 +40,7 @@ void measure_levels(const Measurement &m, Sink &sink) {
     const double total = double(m.geometry.frames) * double(m.geometry.used);
     const double full = m.geometry.maximum_code - m.black_level_dn;
     // A bright grain has several pixels, and stays where it is in a scene that rests.
-    const bool speckle = m.geometry.scene == CaptureScene::kBoard || m.geometry.scene == CaptureScene::kDots;
+    const bool speckle = is_laser(m.geometry.scene);
     const double together = speckle ? kGrainPixels * (m.geometry.moving ? 1.0 : double(m.geometry.frames)) : 1.0;
     for (const int percent : {25, 50, 75, 95}) {
         const double level = 0.01 * percent * full;

@@ -31,7 +31,7 @@ struct Geometry {
     Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint32_t frame_count, bool whole = true);
 
     bool is_lit() const { return scene != CaptureScene::kDark; }
-    bool is_laser() const { return scene == CaptureScene::kBoard || scene == CaptureScene::kDots; }
+    bool is_laser() const { return clsp::is_laser(scene); }
     bool is_static_laser() const { return is_laser() && !moving; }
     bool is_masked() const { return !weight.empty(); }
     bool is_used(std::size_t pixel) const { return weight.empty() || weight[pixel] != 0.0f; }

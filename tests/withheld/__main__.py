@@ -135,9 +135,7 @@ def _one(arguments: argparse.Namespace) -> None:
         if name not in EFFECTS:
             raise ValueError(f"no effect is called {name!r}; there are: {', '.join(EFFECTS)}")
         strengths[name] = float(strength) if strength else 0.6
-    plan = Plan(
-        "one", arguments.width, arguments.height, frames=arguments.frames, border_px=arguments.border
-    )
+    plan = Plan("one", arguments.width, arguments.height, frames=arguments.frames, border_px=arguments.border)
     write_drawn(arguments.out, plan, SetPlan("one", strengths, arguments.seed, arguments.seed))
     print(f"{arguments.out}: {json.dumps(SetPlan('one', strengths, 0, 0).effects) if strengths else 'nothing'}")
 

@@ -16,6 +16,14 @@ SPACING_PX = 15.0
 MARGIN_PX = 10.0
 JITTER_PX = 2.0
 DOT_SIGMA_PX = 2.2
+BITS = 10
+# What other cameras have.
+OTHER_BITS = (8, 10, 12)
+OTHER_PITCHES_UM = (1.4, 2.2, 2.9, 3.45, 5.0)
+OTHER_WAVELENGTHS_NM = (850.0, 905.0, 940.0)
+OTHER_F_NUMBERS = (2.0, 2.8, 4.0, 5.6, 8.0, 11.0)
+OTHER_DIAMETERS = (0.22, 0.9)  # cycles per pixel: spots of 5 px to 1 px
+OTHER_SHEET_BLACKS_DN = (16.0, 32.0, 64.0)  # of ten bits
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
@@ -66,7 +74,7 @@ class Camera:
     flat_gain: float  # g of the flat over g of the boards
     black_dn: float
     read_noise_dn: float
-    bits: int = 10
+    bits: int = BITS
     pixel_pitch_um: float = 2.9
     wavelength_nm: float = 940.0
     degree_of_polarization: float = 1.0
@@ -96,6 +104,11 @@ class Camera:
     def full_dn(self) -> float:
         """The converter's maximum code."""
         return float(2**self.bits - 1)
+
+    @property
+    def dn_scale(self) -> float:
+        """What a DN of ten bits is in DN of this converter."""
+        return self.full_dn / (2**BITS - 1)
 
     @property
     def axis_px(self) -> tuple[float, float]:
@@ -143,10 +156,12 @@ class Camera:
         }
 
 
-def draw_lattice(width: int, height: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A lattice of 15 px, each dot moved by up to 2 px along each axis; rounded as capture.json holds it."""
-    x = np.arange(MARGIN_PX, width - MARGIN_PX + JITTER_PX, SPACING_PX)
-    y = np.arange(MARGIN_PX, height - MARGIN_PX + JITTER_PX, SPACING_PX)
+def draw_lattice(
+    width: int, height: int, rng: np.random.Generator, spacing_px: float = SPACING_PX
+) -> NDArray[np.float64]:
+    """A square lattice, each dot moved by up to 2 px along each axis; rounded as capture.json holds it."""
+    x = np.arange(MARGIN_PX, width - MARGIN_PX + JITTER_PX, spacing_px)
+    y = np.arange(MARGIN_PX, height - MARGIN_PX + JITTER_PX, spacing_px)
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     offset = rng.uniform(0.0, 2.0, 2)  # where the lattice begins
     moved = centres + offset + rng.uniform(-JITTER_PX, JITTER_PX, centres.shape)
@@ -176,5 +191,47 @@ def draw_camera(
         positions_px=draw_lattice(width, height, stream(seed, "lattice")) + border_px,
         field=field,
         border_px=border_px,
+    )
+    return replace(camera, **fixed)
+
+
+def draw_other_camera(
+    seed: int,
+    width: int = 192,
+    height: int = 160,
+    field: str = "circular_gaussian",
+    border_px: int = 0,
+    **fixed: Any,
+) -> Camera:
+    """As draw_camera(), but of another data sheet: another converter, pixel, laser, lens, lattice and black level.
+
+    Levels, black level and read noise go with the converter's range; read noise is a third to one and a half of the usual.
+    """
+    usual = draw_camera(seed, width, height, field, border_px)
+    rng = stream(seed, "other camera")
+    bits = int(rng.choice(OTHER_BITS))
+    pitch, wavelength = float(rng.choice(OTHER_PITCHES_UM)), float(rng.choice(OTHER_WAVELENGTHS_NM))
+    low, high = (pitch / (wavelength * 1e-3 * diameter) for diameter in reversed(OTHER_DIAMETERS))
+    f_number = float(rng.choice([f for f in OTHER_F_NUMBERS if low <= f <= high]))
+    scale = (2**bits - 1) / usual.full_dn
+    black = float(np.round(rng.choice(OTHER_SHEET_BLACKS_DN) * scale))
+    noisier = float(rng.uniform(1 / 3, 1.5))
+    spacing = float(rng.uniform(11.0, 22.0))
+    positions = draw_lattice(width, height, stream(seed, "other lattice"), spacing) + border_px
+    camera = replace(
+        usual,
+        bits=bits,
+        pixel_pitch_um=pitch,
+        wavelength_nm=wavelength,
+        f_number=f_number,
+        degree_of_polarization=float(rng.choice((1.0, 1.0, 0.6))),
+        level_dn=usual.level_dn * scale,
+        black_dn=black + (usual.black_dn - usual.sheet_black_dn) * scale,
+        sheet_black_dn=black,
+        read_noise_dn=usual.read_noise_dn * scale * noisier,
+        sheet_read_noise_dn=float(np.round(usual.sheet_read_noise_dn * scale * noisier, 2)),
+        dot_sigma_px=float(np.round(rng.uniform(1.4, 3.0), 2)),
+        spacing_px=spacing,
+        positions_px=positions,
     )
     return replace(camera, **fixed)

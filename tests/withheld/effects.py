@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 
 from .camera import (
     ALL_SEQUENCES,
+    BITS,
     DOT_SEQUENCES,
     LASER_SEQUENCES,
     LIT_SEQUENCES,
     MOVING_LASER_SEQUENCES,
     STATIC_LASER_SEQUENCES,
+    Camera,
 )
 
 Setting = dict[str, float]
@@ -158,6 +160,22 @@ _OUTSIDE = (
     _outside("dead_pixels", "sensor", {"fraction": (0.002, 0.02)}, LIT_SEQUENCES),
     _outside("black_level_drift", "sensor", {"total_dn": (2.0, 10.0)}, ALL_SEQUENCES),
 )
+
+
+def on_camera(effects: Effects, camera: Camera) -> Effects:
+    """The same effects by the camera's data sheet: DN of its converter, polarization beside that of its laser."""
+
+    def value(name: str, parameter: str, of_ten_bits: float) -> float:
+        if parameter.endswith("_dn") or parameter == "dn_per_electron":
+            return of_ten_bits * camera.dn_scale
+        if (name, parameter) == ("adc_bits", "bits"):
+            return of_ten_bits + camera.bits - BITS
+        if parameter == "degree_of_polarization":
+            return of_ten_bits * camera.degree_of_polarization
+        return of_ten_bits
+
+    return {name: {p: value(name, p, v) for p, v in setting.items()} for name, setting in effects.items()}
+
 
 CATALOGUE: dict[str, EffectInfo] = {e.id: e for e in _CATALOGUE}
 OUTSIDE: dict[str, EffectInfo] = {e.id: e for e in _OUTSIDE}

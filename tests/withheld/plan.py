@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .camera import draw_camera, stream
-from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects
+from .camera import Camera, draw_camera, draw_other_camera, stream
+from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects, on_camera
 from .generator import write_capture
 from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
 
@@ -43,6 +43,7 @@ class Plan:
     minimum_strength: float = 0.0
     unit_phasor_share: float = 0.0  # sets whose baseline field is `unit_phasor`
     border_px: int = 0  # simulated on each side, but not recorded: images end where the world goes on
+    other_cameras: bool = False  # each set's camera has a data sheet of its own
     other_readings: bool = False  # each set draws a reading of every line of the catalogue that leaves a choice
 
     def __post_init__(self) -> None:
@@ -91,6 +92,8 @@ PLANS = {
     "nulls": Plan("nulls", width=128, height=96, frames=16, nulls=500),
     # Images cut out of larger ones, as all cameras' are: nothing wraps around at their borders.
     "cut": Plan("cut", nulls=60, singles_each=2, pairs=10, many=10, outside_each=1, border_px=24),
+    # Cameras of other data sheets.
+    "cameras": Plan("cameras", nulls=60, singles_each=2, pairs=10, many=10, outside_each=1, other_cameras=True),
     "full": Plan(
         "full",
         nulls=100,
@@ -194,14 +197,27 @@ def readings_of(plan: Plan, entry: SetPlan) -> Readings:
     return draw_readings(stream(entry.camera_seed, "readings")) if plan.other_readings else AS_CATALOGUED
 
 
+def camera_of(plan: Plan, entry: SetPlan) -> Camera:
+    """The set's camera."""
+    phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
+    draw = draw_other_camera if plan.other_cameras else draw_camera
+    return draw(
+        entry.camera_seed,
+        plan.width,
+        plan.height,
+        "unit_phasor" if phasor else "circular_gaussian",
+        plan.border_px,
+        readings=readings_of(plan, entry),
+    )
+
+
 def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
     """What the diagnosis never sees."""
-    camera = draw_camera(entry.camera_seed, plan.width, plan.height, border_px=plan.border_px)
+    camera = camera_of(plan, entry)
     infos = [EFFECTS[name] for name in entry.strengths]
-    readings = readings_of(plan, entry)
     return {
         "kind": entry.kind,
-        "effects": entry.effects,
+        "effects": on_camera(entry.effects, camera),
         "strength": entry.strengths,
         "nuisance": camera.nuisance(),
         "in_catalogue": all(info.in_catalogue for info in infos),
@@ -210,7 +226,7 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
         "stage": {info.id: info.stage for info in infos},
         "stages": sorted({stage for info in infos for stage in info.stages}),
         "sequences": sorted({name for info in infos for name in info.sequences}),
-        "readings": {name: getattr(readings, name) for name in entry.strengths if name in CHOICES},
+        "readings": {name: getattr(camera.readings, name) for name in entry.strengths if name in CHOICES},
         "frames": plan.frames,
         "seed": entry.seed,
         "camera_seed": entry.camera_seed,
@@ -219,12 +235,8 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
 
 def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
     """The capture set alone."""
-    phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
-    field_kind = "unit_phasor" if phasor else "circular_gaussian"
-    camera = draw_camera(
-        entry.camera_seed, plan.width, plan.height, field_kind, plan.border_px, readings=readings_of(plan, entry)
-    )
-    write_capture(folder, camera, entry.effects, plan.frames, entry.seed)
+    camera = camera_of(plan, entry)
+    write_capture(folder, camera, on_camera(entry.effects, camera), plan.frames, entry.seed)
 
 
 def write_plan(out: Path, plan: Plan) -> list[SetPlan]:

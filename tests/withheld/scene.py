@@ -174,7 +174,11 @@ def ideal_image(camera: Camera, sequence: Sequence, effects: Effects, seed: int)
             image = scipy.fft.irfft(scipy.fft.rfft(image, axis=-1) * smear, n=camera.width, axis=-1)
     if "uneven_illumination" in effects:  # the beam's centre is off the axis
         x, _ = pixel_grid(camera)
-        image = image * (1 + effects["uneven_illumination"]["slope"] * ((x - camera.axis_px[0]) / (camera.axis_px[0] - camera.border_px)))
+        image = image * (
+            1
+            + effects["uneven_illumination"]["slope"]
+            * ((x - camera.axis_px[0]) / (camera.axis_px[0] - camera.border_px))
+        )
     if "albedo_texture" in effects:  # the surface's own reflectance: woven cloth, print; moves far less than a pixel
         texture = smooth_noise(camera.shape, 3.0, stream(seed, "albedo_texture"))[0]
         image = image * np.maximum(1 + effects["albedo_texture"]["sigma"] * texture, 0.05)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
 from scipy.ndimage import gaussian_filter
 
-from withheld.camera import ALL_SEQUENCES, Camera, draw_camera
-from withheld.effects import CATALOGUE, EFFECTS, OUTSIDE
+from withheld.camera import ALL_SEQUENCES, Camera, draw_camera, draw_other_camera
+from withheld.effects import CATALOGUE, EFFECTS, OUTSIDE, on_camera
 from withheld.generator import generate_sequence, write_capture
 from withheld.light import exposure_modes, field_shifts, pupil
+from withheld.plan import Plan, camera_of, draw_sets, set_name, write_drawn, write_plan
 from withheld.scene import dot_image, dot_list, dot_profile, ideal_image, spread, undistort
 from withheld.sensor import compress_blocks, crosstalk, transfer_smear
 from withheld.support import BY_NAME, FRAMES, airy, codes, contrast, correlation, laser
@@ -591,3 +593,64 @@ def test_cut_images_end_where_the_world_goes_on(tmp_path) -> None:
     image = np.load(tmp_path / "cut" / "dots_static.npy").mean(axis=0)
     x, y = np.rint(json.loads((tmp_path / "cut" / "capture.json").read_text())["dots"]["positions_px"][0]).astype(int)
     assert image[y - 4 : y + 5, x - 4 : x + 5].mean() > image.mean()
+
+
+def test_other_cameras_are_what_their_data_sheets_say() -> None:
+    cameras = [draw_other_camera(seed, 96, 80) for seed in range(40)]
+    assert {c.bits for c in cameras} == {8, 10, 12}
+    assert {c.degree_of_polarization for c in cameras} == {1.0, 0.6}
+    for c in cameras:
+        assert 0.22 <= c.diameter <= 0.9
+        assert abs(c.black_dn - c.sheet_black_dn) <= 3.001 * c.dn_scale
+        assert c.read_noise_dn == pytest.approx(c.sheet_read_noise_dn, rel=0.21)
+        assert c.positions_px.min() > 4
+        assert (c.positions_px.max(axis=0) < (96 - 4, 80 - 4)).all()
+        assert draw_other_camera(7, 96, 80).metadata() == draw_other_camera(7, 96, 80).metadata()
+
+    # Codes of 8 bits: 8 frames of 7680 pixels tell a mean to 0.4 % of the noise, and the noise to 0.3 %.
+    coarse = draw_other_camera(3, 96, 80, bits=8, black_dn=16.2, read_noise_dn=1.1)
+    dark = generate_sequence(coarse, BY_NAME["dark"], {}, 8, 5).astype(float)
+    assert dark.mean() == pytest.approx(16.2, abs=0.03)
+    assert dark.std() == pytest.approx(np.hypot(1.1, 12**-0.5), rel=0.02)
+    assert generate_sequence(replace(coarse, level_dn=200.0), BY_NAME["board_static"], {}, 2, 5).max() == 255
+
+    # Two patterns of weights (1 + p) / 2 and (1 - p) / 2.
+    half = replace(draw_camera(3, 128, 128), degree_of_polarization=0.6)
+    assert contrast(laser(half)) == pytest.approx(np.sqrt((1 + 0.6**2) / 2), abs=0.025)
+
+
+def test_effects_go_with_the_data_sheet() -> None:
+    camera = draw_other_camera(1, bits=12, degree_of_polarization=0.6)
+    effects = {
+        name: EFFECTS[name].at(0)
+        for name in ("row_noise", "adc_bits", "depolarization", "glare", "shot_noise", "full_well")
+    }
+    scale = 4095 / 1023
+    assert on_camera(effects, camera) == {
+        "row_noise": {"sigma_dn": pytest.approx(0.8 * scale)},
+        "adc_bits": {"bits": 10.0},
+        "depolarization": {"degree_of_polarization": pytest.approx(0.42)},
+        "glare": effects["glare"],
+        "shot_noise": {"dn_per_electron": pytest.approx(0.08 * scale)},
+        "full_well": {"level_dn": pytest.approx(650 * scale)},
+    }
+    every = {name: info.at(0.5) for name, info in EFFECTS.items()}
+    assert on_camera(every, draw_camera(1)) == every
+
+
+def test_plans_of_other_cameras(tmp_path: Path) -> None:
+    plan = Plan("mine", width=60, height=50, frames=2, singles_each=4, single_effects=("dsnu",), other_cameras=True)
+    sets = write_plan(tmp_path, plan)
+    assert sets == draw_sets(replace(plan, other_cameras=False))  # the same effects on other cameras
+    scales = set()
+    for i, entry in enumerate(sets):
+        drawn, camera = json.loads((tmp_path / "keys" / f"{set_name(i)}.json").read_text()), camera_of(plan, entry)
+        scales.add(camera.dn_scale)
+        assert drawn["effects"]["dsnu"]["sigma_dn"] == pytest.approx(
+            entry.effects["dsnu"]["sigma_dn"] * camera.dn_scale
+        )
+    assert len(scales) > 1
+    write_drawn(tmp_path / "set", plan, sets[0])
+    assert (
+        json.loads((tmp_path / "set" / "capture.json").read_text())["camera"]["bits"] == camera_of(plan, sets[0]).bits
+    )

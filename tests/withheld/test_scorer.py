@@ -311,7 +311,7 @@ def test_plan_files(tmp_path: Path) -> None:
     path.write_text(json.dumps({"single_effects": ["blur"]}))
     with pytest.raises(ValueError, match="no effect is called 'blur'"):
         load_plan(str(path))
-    with pytest.raises(ValueError, match="neither one of small, medium, nulls, cut, full nor a file"):
+    with pytest.raises(ValueError, match="neither one of small, medium, nulls, cut, cameras, full nor a file"):
         load_plan("big")
 
 

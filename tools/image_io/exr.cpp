@@ -73,7 +73,7 @@ ExrFile::ExrFile(std::string path) : impl_(std::make_unique<Impl>()) {
     if (!impl_->data.intersects(impl_->display))
         impl_->fail("the stored pixels (data window) lie outside the image (display window)");
     if (!impl_->file->isComplete())
-        impl_->fail("is truncated: parts of the image are missing");
+        impl_->fail("is truncated: parts of the image are missing; write or copy it again");
     for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel)
         impl_->channels.emplace_back(channel.name());
 }
@@ -141,7 +141,7 @@ void ExrFile::read_rows(const std::vector<std::string> &names, const RowSink &si
         } catch (const std::bad_alloc &) {
             throw;
         } catch (const std::exception &error) {
-            impl_->fail(fmt::format("is truncated or damaged: {}", error.what()));
+            impl_->fail(fmt::format("is truncated or damaged, write or copy it again: {}", error.what()));
         }
         for (int band_y = y; band_y <= y_end; ++band_y) {
             std::fill(row.begin(), row.end(), 0.0f);

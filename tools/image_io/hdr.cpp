@@ -65,7 +65,7 @@ class HdrReader final : public Reader {
         std::string text;
         for (int c = file_.get(); c != '\n'; c = file_.get()) {
             if (c == -1)
-                fail("is truncated: it ends within its header");
+                fail("is truncated: it ends within its header; write or copy it again");
             text.push_back(static_cast<char>(c));
             if (text.size() > 4096)
                 fail("is damaged: a line of its header is longer than 4096 characters");
@@ -78,7 +78,8 @@ class HdrReader final : public Reader {
     unsigned char byte() {
         const int c = file_.get();
         if (c == -1)
-            fail(fmt::format("is truncated: it ends at byte {} within its pixels", file_.size()));
+            fail(fmt::format("is truncated: it ends at byte {} within its pixels; write or copy it again",
+                             file_.size()));
         return static_cast<unsigned char>(c);
     }
 

@@ -210,7 +210,7 @@ InputFile::InputFile(const std::string &path) : path_(path) {
     if (!S_ISREG(status.st_mode))
         throw ReadError(path, "is not a regular file");
     if (status.st_size == 0)
-        throw ReadError(path, "is empty (0 bytes)");
+        throw ReadError(path, "is empty (0 bytes); write or copy it again");
     stream_ = std::fopen(path.c_str(), "rb");
     if (!stream_)
         throw ReadError(path, "cannot be read: " + error_text(errno));
@@ -232,7 +232,8 @@ void InputFile::read(void *data, std::size_t size_bytes) {
         return;
     if (std::ferror(stream_))
         throw ReadError(path_, "cannot be read: " + error_text(errno));
-    throw ReadError(path_, fmt::format("is truncated: it ends at byte {} within its data", size_));
+    throw ReadError(path_,
+                    fmt::format("is truncated: it ends at byte {} within its data; write or copy it again", size_));
 }
 
 } // namespace detail

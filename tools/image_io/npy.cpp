@@ -178,8 +178,8 @@ class NpyReader final : public Reader {
         const std::uint64_t needed =
             info_.frame_count * info_.width * info_.height * info_.channels * type_->size_bytes;
         if (file_.size() - data_offset_ < needed)
-            fail(fmt::format("is truncated: its header claims {} bytes of data, {} are there", needed,
-                             file_.size() - data_offset_));
+            fail(fmt::format("is truncated: its header claims {} bytes of data, {} are there; write or copy it again",
+                             needed, file_.size() - data_offset_));
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {

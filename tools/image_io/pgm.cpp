@@ -26,8 +26,8 @@ class PgmReader final : public Reader {
         // A text sample takes a digit and a separator; the last one needs no separator.
         const std::uint64_t needed = std::uint64_t{width} * height * (text_ ? 2 : sample_bytes_) - (text_ ? 1 : 0);
         if (file_.size() - data_offset_ < needed)
-            fail(fmt::format("is truncated: {} x {} pixels need {} bytes of data, {} are there", width, height, needed,
-                             file_.size() - data_offset_));
+            fail(fmt::format("is truncated: {} x {} pixels need {} bytes of data, {} are there; write or copy it again",
+                             width, height, needed, file_.size() - data_offset_));
         info_.format = "PGM";
         info_.sample = sample_bytes_ == 2 ? "uint16" : "uint8";
         info_.width = width;
@@ -70,7 +70,7 @@ class PgmReader final : public Reader {
                 c = file_.get();
         }
         if (!std::isdigit(c))
-            fail(c == -1 ? fmt::format("is truncated: it ends before its {}", what)
+            fail(c == -1 ? fmt::format("is truncated: it ends before its {}; write or copy it again", what)
                          : fmt::format("is damaged: its {} is not a number", what));
         std::uint32_t value = 0;
         for (; std::isdigit(c); c = file_.get()) {
