@@ -29,7 +29,7 @@ constexpr int kExactRounds = 6;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
-constexpr int kRootRounds = 12;
+constexpr int kRootRounds = 20;
 // Dark and even frames are simulated at so many read noises, their means brought to the real ones'. Between them the
 // variance goes as a polynomial, within the sampling error of 500,000 codes. Further draws tell what that error is.
 constexpr std::size_t kNoisePoints = 5, kNoiseSteps = 600;
@@ -326,11 +326,17 @@ void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effe
     }
 }
 
+double Experiment::mean_tolerance_dn(std::size_t sequence, double step_dn) const {
+    const double codes = double(layout_.pixel_count()) * layout_.sequences[sequence].frame_count;
+    // Where all codes are one, a quarter of one that is another.
+    return kPartOfError * std::max(real_levels_[sequence].temporal_noise_dn / std::sqrt(codes), step_dn / codes);
+}
+
 SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
                                                 std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double centre = real_calibration_.black_level_dn;
     SequenceLevel level;
-    levels.black_level_dn = root(centre - step_dn, centre + step_dn, 1e-3 * step_dn, [&](double black_level_dn) {
+    levels.black_level_dn = root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
         levels.black_level_dn = black_level_dn;
         level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
         return level.mean_dn - centre;
@@ -346,9 +352,8 @@ void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &ef
     const bool exact =
         layout_.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
     const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
-    double tolerance = kPartOfSignal * signal;
-    if (exact)
-        tolerance = std::min(tolerance, kPartOfError * real.temporal_noise_dn / std::sqrt(double(layout_.pixel_count()) * all));
+    const double tolerance =
+        exact ? std::min(kPartOfSignal * signal, mean_tolerance_dn(sequence, step_dn)) : kPartOfSignal * signal;
     // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
     double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
     for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
@@ -371,7 +376,7 @@ SequenceLevel Experiment::calibrate_coarse_signal(Simulator &simulator, const Ef
     double &share = levels.signal_share[sequence];
     const double centre = share, reach = std::min(0.5 * centre, 2.0 * step_dn / signal);
     SequenceLevel level;
-    share = root(centre - reach, centre + reach, 1e-3 * step_dn, [&](double at) {
+    share = root(centre - reach, centre + reach, mean_tolerance_dn(sequence, step_dn), [&](double at) {
         share = at;
         level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
         return level.mean_dn - wanted;

@@ -166,6 +166,8 @@ class Experiment {
                                                std::uint64_t seed, std::uint32_t frame_count) const;
     void put(std::size_t sequence, const std::vector<double> &values, FoldStatistics &into) const;
     // Parts of calibrate(), of one sequence. step_dn: of the converter.
+    // To what the mean of even light is brought to the real one: a part of what chance leaves open.
+    double mean_tolerance_dn(std::size_t sequence, double step_dn) const;
     void calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
                         CalibratedLevels &levels);
     // Coarse ones give the level that they end at.
