@@ -69,14 +69,18 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
 
 // Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same, the middle
 // ones of an odd number of samples, as what lies between samples is not told by an intensity whose band is wider than
-// theirs. What pixels integrate has that band.
+// theirs. What pixels integrate has that band; up to a diameter of 0.6 what one sample folds of it changes the speckle's
+// variance by less than 0.16 %.
 void widen_grid(PipelineModel &model) {
+    constexpr double kFolds = 0.6;
     ApertureParameters &aperture = model.aperture;
     const double diameter = aperture.pixel_pitch_m / (aperture.wavelength_m * aperture.f_number);
-    if (!(diameter > 1.0))
+    const bool integrates = aperture.fill_factor > 0.0;
+    if (!(diameter > (integrates ? kFolds : 1.0)))
         return;
-    const double band = aperture.fill_factor > 0.0 ? 2.0 * diameter : diameter;
-    const double samples = 2.0 * std::ceil((band - 1.0) / 2.0) + 1.0;
+    const double band = integrates ? 2.0 * diameter : diameter;
+    // Two samples hold what pixels integrate up to a diameter of 1, and are less than half the work of three.
+    const double samples = integrates && diameter <= 1.0 ? 2.0 : 2.0 * std::ceil((band - 1.0) / 2.0) + 1.0;
     if (samples > kMaxOversampling)
         throw Error(
             Status::kInvalidArgument,
