@@ -22,7 +22,7 @@ constexpr int kRounds = 3;
 // is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
 // all between them.
 constexpr double kCoarse = 2.5;
-// Noise of fewer steps leaves its mark in the share of even codes: 0.6 exp(-(pi sigma / step)^2 / 2), 3e-4 at 1.25. Such even light is brought
+// Noise of fewer steps leaves its mark in the share of even codes: exp(-(pi sigma / step)^2 / 2) / pi, 1.4e-4 at 1.25. Such even light is brought
 // to the real level with all frames, to a part of what chance leaves open; else to that part of the signal.
 constexpr double kSmooth = 1.25, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;

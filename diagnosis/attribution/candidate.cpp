@@ -190,7 +190,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
 }
 
 void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera) {
-    const double range = camera.maximum_code() / (std::exp2(kCatalogueBits) - 1.0);
+    const double range = camera.dn_of_ten_bits();
     const double noise = std::max(camera.read_noise_dn, kRoundingDn) / kCatalogueReadNoiseDn;
     for (Candidate &candidate : candidates) {
         if (!in_catalogue(candidate.id))

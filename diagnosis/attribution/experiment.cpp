@@ -259,7 +259,7 @@ CalibratedLevels Experiment::drawn_levels(const CalibratedLevels &calibrated, st
     CalibratedLevels result = calibrated;
     const std::array<double, 2> normals = host_normals(seed, 0, kStreamCameraLevels);
     if (!knows_black_level_)
-        result.black_level_error_dn = kSheetBlackLevel * normals[0];
+        result.black_level_error_dn = kSheetBlackLevel * std::max(1.0, layout_.dn_of_ten_bits()) * normals[0];
     if (!knows_read_noise_)
         result.read_noise_ratio = std::exp(kSheetReadNoise * normals[1]);
     return result;

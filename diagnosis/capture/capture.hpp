@@ -46,6 +46,8 @@ struct CaptureLayout {
 
     std::size_t pixel_count() const { return std::size_t{width} * height; }
     double maximum_code() const { return double((std::uint64_t{1} << bits) - 1); }
+    // What one DN of a converter of ten bits, for which figures in DN are meant, is of this one's.
+    double dn_of_ten_bits() const { return maximum_code() / 1023.0; }
 };
 
 // Something that does not stop the diagnosis and that its reader is to know.

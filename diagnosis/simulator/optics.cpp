@@ -25,8 +25,9 @@ bool same_pupil(const ApertureParameters &a, const ApertureParameters &b) {
 
 bool same_dots(const DotsParameters &a, const DotsParameters &b) {
     const auto key = [](const DotsParameters &p) {
-        return std::tuple(p.relative_wavelength_shift, p.beam_skew, p.beam_skew_angle_rad, p.beam_flatness, p.zero_order_relative_intensity,
-                          p.ghost_relative_intensity, p.ghost_direction, p.scatter_fraction);
+        return std::tuple(p.sigma_px, p.relative_wavelength_shift, p.beam_skew, p.beam_skew_angle_rad, p.beam_flatness,
+                          p.zero_order_relative_intensity, p.ghost_relative_intensity, p.ghost_direction,
+                          p.scatter_fraction);
     };
     return key(a) == key(b);
 }

@@ -69,8 +69,8 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
 
 // Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same, the middle
 // ones of an odd number of samples, as what lies between samples is not told by an intensity whose band is wider than
-// theirs. What pixels integrate has that band; up to a diameter of 0.6 what one sample folds of it changes the speckle's
-// variance by less than 0.16 %.
+// theirs. What pixels integrate has that band; up to a diameter of 0.6 what one sample folds of it changes the
+// speckle's variance by less than 0.16 %.
 void widen_grid(PipelineModel &model) {
     constexpr double kFolds = 0.6;
     ApertureParameters &aperture = model.aperture;
@@ -89,6 +89,12 @@ void widen_grid(PipelineModel &model) {
                 "most {} can be simulated, check f_number, pixel_pitch and wavelength",
                 diameter, aperture.f_number, kMaxOversampling));
     model.phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
+    // All samples of a pixel have the ideal light at its centre, which widens dots by a pixel-wide staircase.
+    if (model.dots) {
+        const double square = (1.0 - 1.0 / (samples * samples)) / 12.0,
+                     variance = model.dots->sigma_px * model.dots->sigma_px;
+        model.dots->sigma_px = std::sqrt(std::max(variance - square, 0.25 * variance));
+    }
     constexpr double kPoint = 1e-4; // of a pixel's area
     if (aperture.fill_factor == 0.0)
         aperture.fill_factor = kPoint;
@@ -131,7 +137,8 @@ void check_hypotheses(const std::vector<Hypothesis> &hypotheses) {
                     Status::kInvalidArgument,
                     fmt::format(
                         "parameter \"{}\" of the hypothesis \"{}\" has minimum {}, maximum {}, weak {}, strong {}; "
-                        "it needs a name, a minimum below the maximum, and weak and strong within minimum and maximum, all finite",
+                        "it needs a name, a minimum below the maximum, and weak and strong within minimum and maximum, "
+                        "all finite",
                         p.name, h.id, p.minimum, p.maximum, p.weak, p.strong));
         }
     }

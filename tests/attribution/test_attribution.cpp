@@ -127,6 +127,44 @@ TEST(Candidates, StrengthsRunFromWeakToStrong) {
     }
 }
 
+TEST(Candidates, RangesInDnGoWithTheCamera) {
+    const std::vector<Candidate> catalogue = candidates({}, {});
+    const auto of = [](const std::vector<Candidate> &all, const std::string &id) {
+        return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    };
+    CaptureLayout camera;
+    camera.bits = 10;
+    camera.read_noise_dn = 4.0;
+    std::vector<Candidate> same = catalogue;
+    go_with_camera(same, camera);
+    for (std::size_t i = 0; i < catalogue.size(); ++i)
+        for (std::size_t p = 0; p < catalogue[i].parameters.size(); ++p) {
+            EXPECT_EQ(same[i].parameters[p].weak, catalogue[i].parameters[p].weak) << catalogue[i].id;
+            EXPECT_EQ(same[i].parameters[p].strong, catalogue[i].parameters[p].strong) << catalogue[i].id;
+        }
+    camera.bits = 8;
+    camera.read_noise_dn = 0.5;
+    Hypothesis own;
+    own.id = "own";
+    own.parameters = {{"level_dn", "DN", 0.0, 1000.0, 100.0, 500.0}};
+    std::vector<Candidate> coarse = candidates({own}, {});
+    go_with_camera(coarse, camera);
+    EXPECT_DOUBLE_EQ(of(coarse, "full_well").parameters[0].weak, 650.0 * 255.0 / 1023.0);
+    EXPECT_DOUBLE_EQ(of(coarse, "full_well").parameters[0].strong, 380.0 * 255.0 / 1023.0);
+    EXPECT_DOUBLE_EQ(of(coarse, "shot_noise").parameters[0].weak, 0.08 * 255.0 / 1023.0);
+    EXPECT_DOUBLE_EQ(of(coarse, "row_noise").parameters[0].strong, 4.0 / 8.0);
+    EXPECT_EQ(of(coarse, "adc_bits").parameters[0].weak, 6.0);
+    EXPECT_EQ(of(coarse, "adc_bits").parameters[0].strong, 4.0);
+    EXPECT_EQ(of(coarse, "adc_bits").parameters[0].maximum, 8.0);
+    EXPECT_EQ(of(coarse, "defocus").parameters[0].weak, of(catalogue, "defocus").parameters[0].weak);
+    EXPECT_EQ(of(coarse, "own").parameters[0].weak, 100.0);
+    // A data sheet without read noise: a code's own rounding.
+    camera.read_noise_dn = 0.0;
+    std::vector<Candidate> silent = catalogue;
+    go_with_camera(silent, camera);
+    EXPECT_NEAR(of(silent, "row_noise").parameters[0].strong, 1.0 / std::sqrt(12.0), 1e-12);
+}
+
 TEST(Candidates, WholeNumbersStayWhole) {
     const std::vector<Candidate> all = candidates({}, {});
     const Candidate &bits = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "adc_bits"; });

@@ -205,7 +205,7 @@ def draw_other_camera(
 ) -> Camera:
     """As draw_camera(), but of another data sheet: another converter, pixel, laser, lens, lattice and black level.
 
-    Levels, black level and read noise go with the converter's range; read noise is a third to one and a half of the usual.
+    Levels, black level and read noise go with the converter's range; read noise is 1/3 to 3/2 of the usual.
     """
     usual = draw_camera(seed, width, height, field, border_px)
     rng = stream(seed, "other camera")
