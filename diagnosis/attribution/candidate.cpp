@@ -44,6 +44,7 @@ constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn}
 
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
+constexpr double kSheetFactor = 2.0; // coarse codes, too, show more noise than there is, or none
 constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
 
 // Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
@@ -189,9 +190,10 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
     return result;
 }
 
-void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera) {
+void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn) {
     const double range = camera.dn_of_ten_bits();
-    const double noise = std::max(camera.read_noise_dn, kRoundingDn) / kCatalogueReadNoiseDn;
+    const double stated = dark_noise_dn > kSheetFactor * camera.read_noise_dn ? dark_noise_dn : camera.read_noise_dn;
+    const double noise = std::max(stated, kRoundingDn) / kCatalogueReadNoiseDn;
     for (Candidate &candidate : candidates) {
         if (!in_catalogue(candidate.id))
             continue;

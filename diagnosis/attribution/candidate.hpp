@@ -66,8 +66,9 @@ struct Candidate {
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without);
 // The catalogue's ranges are those of a converter of ten bits and 4 DN of read noise. On another camera levels go with the converter's range,
-// noise in DN with the data sheet's read noise, and the converter's own bits with those that are lost. A user's hypotheses stay as they are.
-void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera);
+// noise in DN with the data sheet's read noise (the dark frames' where that is more than twice it), and the converter's own bits with those
+// that are lost. A user's hypotheses stay as they are.
+void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn);
 // And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
 // An order of candidates that are all different.

@@ -153,7 +153,6 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const auto start = std::chrono::steady_clock::now();
     const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
-    go_with_camera(pool, given.layout);
     const CaptureSummary summary = summarize_capture(given);
     DiagnosisResult result;
     for (const CaptureWarning &warning : summary.warnings)
@@ -177,6 +176,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     note_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
+    go_with_camera(pool, capture.layout, experiment.real_calibration().read_noise_dn);
     std::string doing;
     double fraction = 0.0;
     const auto tell = [&] {

@@ -83,7 +83,8 @@ class Warnings {
 
 void Warnings::dark_frames() {
     const double noise = noise_ > 0.0 ? noise_ : layout_.read_noise_dn;
-    const double tolerance = std::max(kBlackLevelDn, kBlackLevelNoises * noise);
+    const double tolerance =
+        std::max(kBlackLevelDn * std::max(1.0, layout_.dn_of_ten_bits()), kBlackLevelNoises * noise);
     for (const SequenceSummary &s : summaries_) {
         if (s.scene != CaptureScene::kDark || std::abs(s.level_above_dark_dn) <= tolerance)
             continue;

@@ -200,13 +200,13 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         throw Error(Status::kInvalidArgument,
                     "a comparison takes no hypotheses: they are functions on frames that our simulator draws");
     std::vector<Candidate> all = candidates({}, options.without);
-    go_with_camera(all, real.layout);
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     auto comparison = std::make_shared<Comparison>();
     check_dark(real, "real");
     check_dark(sim, "simulated");
     PairedCaptures captures = pair_captures(real, sim);
     comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), first_seed);
+    go_with_camera(all, real.layout, comparison->read_noise.real.read_noise_dn);
     comparison->pairs = captures.pairs;
     comparison->real_alone = captures.real_alone;
     comparison->sim_alone = captures.sim_alone;

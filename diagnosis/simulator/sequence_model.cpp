@@ -89,11 +89,10 @@ void widen_grid(PipelineModel &model) {
                 "most {} can be simulated, check f_number, pixel_pitch and wavelength",
                 diameter, aperture.f_number, kMaxOversampling));
     model.phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
-    // All samples of a pixel have the ideal light at its centre, which widens dots by a pixel-wide staircase.
-    if (model.dots) {
-        const double square = (1.0 - 1.0 / (samples * samples)) / 12.0,
-                     variance = model.dots->sigma_px * model.dots->sigma_px;
-        model.dots->sigma_px = std::sqrt(std::max(variance - square, 0.25 * variance));
+    // Both have the ideal light at the pixel's centre, which widens dots by a staircase of variance 1/16.
+    if (integrates && model.dots && diameter <= 1.0) {
+        const double variance = model.dots->sigma_px * model.dots->sigma_px;
+        model.dots->sigma_px = std::sqrt(std::max(variance - 1.0 / 16.0, 0.25 * variance));
     }
     constexpr double kPoint = 1e-4; // of a pixel's area
     if (aperture.fill_factor == 0.0)

@@ -69,6 +69,19 @@ def test_effects_of_a_camera_with_eight_bits(
     assert report["cause"]["ranking"][0]["parameters"][name] == pytest.approx(setting[name], abs=error)
 
 
+def test_noise_of_two_codes_of_twelve_bits(tmp_path: Path) -> None:
+    """Multiples of 8 codes show even light's level to 0.01 DN, and every trial of a fit had it off by up to 1 DN."""
+    camera = draw_other_camera(
+        70, bits=12, level_dn=480.0, read_noise_dn=2.0, sheet_read_noise_dn=2.0, black_dn=255.0, sheet_black_dn=255.0,
+        degree_of_polarization=1.0,
+    )  # fmt: skip
+    write_capture(tmp_path, camera, {"gamma": {"gamma": 0.85}}, 40, 70)
+    report = diagnosed(tmp_path)
+    assert report["cause"]["effects"] == ["gamma"]
+    assert not report["shrink"]["residual_detected"]
+    assert report["cause"]["ranking"][0]["parameters"]["gamma"] == pytest.approx(0.85, abs=0.006)
+
+
 @pytest.mark.parametrize(
     ("f_number", "pixel_pitch_um", "dot_sigma_px", "seed"), [(2.0, 1.4, 2.8, 500), (4.0, 2.2, 1.85, 503)]
 )

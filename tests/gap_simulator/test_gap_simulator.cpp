@@ -3,8 +3,10 @@
 
 #include "effects/effects.hpp"
 #include "simulator/effect_reach.hpp"
+#include "simulator/sequence_model.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <random>
 #include <set>
@@ -47,6 +49,26 @@ TEST_F(GapSimulator, FramesMoveOrRestAsTheSequenceSays) {
     Simulator same(context, twice);
     EXPECT_NE(draw(same, kDark), draw(same, kFlat));
     EXPECT_NE(draw(same, kBoardStatic, {}, kQuiet), draw(same, kBoardMoving, {}, kQuiet));
+}
+
+// Two samples of a pixel that integrates have its ideal light, a staircase that widens dots; where the middle one of three is a point it does not.
+TEST(SequenceModel, SamplesFollowThePupilAndDotsKeepTheirWidth) {
+    CaptureLayout layout = small_layout();
+    const double pitch_over_wavelength = layout.pixel_pitch_m / layout.wavelength_m, sigma_px = layout.dots->sigma_px;
+    const auto model = [&](double diameter, const std::vector<EffectSetting> &effects) {
+        layout.sequences[kDotsMoving].f_number = pitch_over_wavelength / diameter;
+        return sequence_model(layout, {}, kDotsMoving, effects).model;
+    };
+    const std::vector<EffectSetting> integrates = {{"pixel_integration", {1.0}}};
+    for (const double diameter : {0.3, 0.59, 0.61, 0.99, 1.1, 1.54}) {
+        const PipelineModel points = model(diameter, {}), areas = model(diameter, integrates);
+        EXPECT_EQ(points.aperture.oversampling, diameter <= 1.0 ? 1u : 3u) << diameter;
+        EXPECT_EQ(points.dots->sigma_px, sigma_px) << diameter;
+        EXPECT_EQ(areas.aperture.oversampling, diameter <= 0.6 ? 1u : diameter <= 1.0 ? 2u : diameter <= 1.5 ? 3u : 5u) << diameter;
+        EXPECT_EQ(areas.phase.oversampling, areas.aperture.oversampling);
+        const double widening = areas.aperture.oversampling == 2 ? 1.0 / 16.0 : 0.0;
+        EXPECT_NEAR(areas.dots->sigma_px, std::sqrt(sigma_px * sigma_px - widening), 1e-12) << diameter;
+    }
 }
 
 TEST_F(GapSimulator, MoreFramesBeginWithTheSameOnes) {
