@@ -22,10 +22,10 @@ constexpr int kRounds = 3;
 // is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
 // all between them.
 constexpr double kCoarse = 2.5;
-// The share of codes that are multiples of m goes with the level by (2 / pi) sin(pi / m) exp(-2 (pi sigma / m)^2): 1.1e-4 at sigma 5 for
-// the m of 8 that statistics look at. Of less noise, in steps, even light is brought to the real level with all frames, to a part of what chance leaves
+// The share of codes that are multiples of m goes with the level by (2 / pi) sin(pi / m) exp(-2 (pi sigma / m)^2): 0.05 at sigma 2, 0.012 at 3
+// and 1.8e-3 at 4 for the m of 8 that statistics look at (chance: 3e-4). Of less noise, in steps, even light is brought to the real level with all frames, to a part of what chance leaves
 // open; else to that part of the signal.
-constexpr double kSmooth = 5.0, kPartOfError = 0.25, kPartOfSignal = 1e-3;
+constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
