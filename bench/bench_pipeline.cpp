@@ -1,6 +1,8 @@
 // Whole frames: aperture and sensor over an ideal image, by size, aperture and polarisation.
 #include "bench.hpp"
 
+#include <cmath>
+
 namespace {
 
 // relative_diameter in hundredths, degree of polarization in tenths, refresh 0 (still) or 1 (all new), fill factor in
@@ -56,6 +58,74 @@ BENCHMARK(frame)
     ->Args({1920, 1080, 50, 10, 0, 0})
     ->Args({1920, 1080, 50, 10, 0, 80})
     ->Args({2048, 2048, 50, 10, 0, 0})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
+// From G-buffers to codes: a wall under a pattern of 5303 dots, looked up, speckled, recorded. streamed 1: frames follow
+// each other without a wait.
+void frame_of_dots(benchmark::State &state) {
+    const auto width = static_cast<std::uint32_t>(state.range(0)), height = static_cast<std::uint32_t>(state.range(1));
+    const int frames_per_wait = state.range(2) ? 64 : 1;
+    const clspeckle::Context &context = bench::context();
+    const clspeckle::Queue queue(context);
+
+    // Vogel's spiral: as many dots as one likes, as far apart everywhere.
+    constexpr int kDots = 5303;
+    std::vector<double> directions;
+    for (int i = 0; i < kDots; ++i) {
+        const double radius = 0.45 * std::sqrt((i + 0.5) / kDots), angle = 2.399963229728653 * i;
+        directions.insert(directions.end(), {radius * std::cos(angle), radius * std::sin(angle)});
+    }
+    auto spot_desc = clspeckle::make<ClspSpotPatternDesc>();
+    spot_desc.count = kDots;
+    spot_desc.directions = directions.data();
+    const std::vector<float> texels = clspeckle::DoePattern(context, spot_desc).texels();
+    auto pattern_desc = clspeckle::make<ClspPatternDesc>();
+    pattern_desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    pattern_desc.width = pattern_desc.height = 2048;
+    pattern_desc.texels = texels.data();
+    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+    phase_desc.width = width;
+    phase_desc.height = height;
+    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+    aperture_desc.width = width;
+    aperture_desc.height = height;
+    aperture_desc.relative_diameter = 0.5;
+    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
+    sensor_desc.width = width;
+    sensor_desc.height = height;
+    const clspeckle::Pipeline pipeline(context, clspeckle::Pattern(context, pattern_desc),
+                                       clspeckle::Phase(context, phase_desc),
+                                       clspeckle::Aperture(context, aperture_desc),
+                                       clspeckle::Sensor(context, sensor_desc));
+
+    const std::size_t pixels = std::size_t{width} * height;
+    const clspeckle::Buffer depth(context, queue, std::vector<float>(pixels, 1.0f));
+    const clspeckle::Buffer albedo(context, queue, std::vector<float>(pixels, 0.5f));
+    const clspeckle::Buffer codes(context, pixels * sizeof(std::uint16_t));
+    auto geometry = clspeckle::make<ClspGeometry>();
+    geometry.depth = depth.image(width, height, CLSP_FORMAT_FLOAT32);
+    geometry.albedo = albedo.image(width, height, CLSP_FORMAT_FLOAT32);
+    geometry.fx_px = geometry.fy_px = width;
+    geometry.cx_px = 0.5 * (width - 1);
+    geometry.cy_px = 0.5 * (height - 1);
+    auto description = clspeckle::make<ClspFrame>();
+    description.geometry = &geometry;
+    description.output = codes.image(width, height, CLSP_FORMAT_UINT16);
+    pipeline.warm_up(queue, description);
+    while (state.KeepRunningBatch(frames_per_wait)) {
+        for (int i = 0; i < frames_per_wait; ++i) {
+            pipeline.enqueue_frame(queue, description);
+            ++description.frame_index;
+        }
+        queue.finish();
+    }
+}
+
+BENCHMARK(frame_of_dots)
+    ->ArgNames({"width", "height", "streamed"})
+    ->ArgsProduct({{2048}, {2048}, {0, 1}})
+    ->ArgsProduct({{1920}, {1080}, {0, 1}})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 

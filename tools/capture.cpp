@@ -175,7 +175,8 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
     return plans;
 }
 
-/** Whether an effect shows with dots alone: a wall ends nowhere near the image's border, so that a lens which distorts it leaves it even. */
+/** Whether an effect shows with dots alone: a wall ends nowhere near the image's border, so that a lens which distorts
+ * it leaves it even. */
 bool changes_dots(const std::string &id) {
     if (id == "lens_distortion")
         return true;
@@ -184,13 +185,16 @@ bool changes_dots(const std::string &id) {
     return std::strstr(info->kernel, "dots.cl") != nullptr;
 }
 
-/** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its seed. */
+/** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its
+ * seed. */
 constexpr std::uint64_t camera_seed(std::uint64_t seed) {
     return (seed ^ 0x63616d657261u) * 0x9e3779b97f4a7c15u;
 }
 
 constexpr double kMostSamples = 7.0; // of a pixel, along each axis: an odd number that the library has
-constexpr double kPointArea = 1e-4; // of a pixel
+constexpr double kPointArea = 1e-4;  // of a pixel
+constexpr double kFolds =
+    0.6; // a pupil's diameter from which one sample a pixel folds too much of what pixels integrate
 
 /** Draws all frames of one sequence. A fresh pipeline for each: nothing of one sequence remains in the next. */
 std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan, std::size_t number,
@@ -212,17 +216,27 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     aperture.pixel_pitch_m = a.pixel_pitch_um * 1e-6;
     aperture.wavelength_m = a.wavelength_nm * 1e-9;
     aperture.degree_of_polarization = a.degree_of_polarization;
-    // Pupils wider than the frequency plane of one sample a pixel: the middle ones of as many samples as the intensity's
-    // band needs, an odd number, are the pixels' centres.
+    // Pupils wider than the frequency plane of one sample a pixel: the middle ones of as many samples as the
+    // intensity's band needs, an odd number, are the pixels' centres.
     const double diameter = aperture.pixel_pitch_m / (aperture.wavelength_m * aperture.f_number);
     if (diameter > 1.0) {
         const double samples = 2.0 * std::ceil(diameter - 0.5) + 1.0;
         if (samples > kMostSamples)
-            throw InputError(fmt::format("--f-number: the pupil's diameter is {:.2f} cycles per pixel (pixel pitch over "
-                                         "wavelength times f-number); at most {:g} can be drawn, use a larger one",
-                                         diameter, 0.5 * kMostSamples));
+            throw InputError(
+                fmt::format("--f-number: the pupil's diameter is {:.2f} cycles per pixel (pixel pitch over "
+                            "wavelength times f-number); at most {:g} can be drawn, use a larger one",
+                            diameter, 0.5 * kMostSamples));
         phase.oversampling = aperture.oversampling = static_cast<std::uint32_t>(samples);
         aperture.fill_factor = kPointArea;
+    }
+    // Two samples hold what pixels integrate behind a narrower pupil. Both have the light at the pixel's centre, a
+    // staircase of that variance.
+    const bool integrates =
+        std::any_of(effects.begin(), effects.end(), [](const EffectSetting &e) { return e.id == "pixel_integration"; });
+    double staircase = 0.0;
+    if (integrates && diameter > kFolds && diameter <= 1.0) {
+        phase.oversampling = aperture.oversampling = 2;
+        staircase = 1.0 / 16.0;
     }
     // The same seed in all sequences: one sensor has one fixed pattern.
     auto sensor = clspeckle::make<ClspSensorDesc>();
@@ -249,7 +263,8 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
         pattern.height = a.height;
         pattern.count = dots.positions_px.size() / 2;
         pattern.positions_px = dots.positions_px.data();
-        pattern.sigma_px = dots.sigma_px;
+        pattern.sigma_px =
+            std::sqrt(std::max(dots.sigma_px * dots.sigma_px - staircase, 0.25 * dots.sigma_px * dots.sigma_px));
         dots_stage = clspeckle::Dots(context, pattern);
         desc.dots = dots_stage;
     }
@@ -336,7 +351,8 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
     for (const std::string &text : a.effects) {
         const EffectSetting effect = parse_effect(text);
         if (std::any_of(effects.begin(), effects.end(), [&](const EffectSetting &e) { return e.id == effect.id; }))
-            throw InputError(fmt::format("--effect {}: {} is given twice; a set has one strength of each", text, effect.id));
+            throw InputError(
+                fmt::format("--effect {}: {} is given twice; a set has one strength of each", text, effect.id));
         effects.push_back(effect);
     }
     const std::vector<Plan> plans = plan_sequences(a);
@@ -344,9 +360,10 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
         std::any_of(plans.begin(), plans.end(), [](const Plan &p) { return p.scene == CLSP_SCENE_DOTS; });
     for (const EffectSetting &effect : effects)
         if (changes_dots(effect.id) && !with_dots)
-            throw InputError(fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
-                                         "or dots_moving",
-                                         effect.id));
+            throw InputError(
+                fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
+                            "or dots_moving",
+                            effect.id));
     const Pattern dots = !with_dots ? Pattern{} : a.dots_file.empty() ? jittered_lattice(a) : read_dots(a);
     // Refuses a camera that cannot be before anything is drawn.
     const clspeckle::Capture capture = empty_capture(a, dots, with_dots);

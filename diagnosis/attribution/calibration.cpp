@@ -23,8 +23,8 @@ constexpr int kRounds = 3;
 // all between them.
 constexpr double kCoarse = 2.5;
 // The share of codes that are multiples of m goes with the level by (2 / pi) sin(pi / m) exp(-2 (pi sigma / m)^2): 0.05 at sigma 2, 0.012 at 3
-// and 1.8e-3 at 4 for the m of 8 that statistics look at (chance: 3e-4). Of less noise, in steps, even light is brought to the real level with all frames, to a part of what chance leaves
-// open; else to that part of the signal.
+// and 1.8e-3 at 4 for the m of 8 that statistics look at (chance: 3e-4). Of less noise, in steps, even light is brought to the real level with
+// all frames, to a part of what chance leaves open; else to that part of the signal.
 constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance

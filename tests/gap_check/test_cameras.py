@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from withheld.camera import Camera, draw_other_camera
+from withheld.camera import Camera, draw_camera
 from withheld.generator import write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,8 +32,8 @@ def diagnosed(folder: Path) -> dict[str, Any]:
 
 
 def coarse_camera(seed: int, read_noise_dn: float, black_dn: float) -> Camera:
-    return draw_other_camera(
-        seed, bits=8, level_dn=27.0, read_noise_dn=read_noise_dn, sheet_read_noise_dn=round(1.08 * read_noise_dn, 3),
+    return draw_camera(
+        seed, other=True, bits=8, level_dn=27.0, read_noise_dn=read_noise_dn, sheet_read_noise_dn=round(1.08 * read_noise_dn, 3),
         black_dn=black_dn, sheet_black_dn=round(black_dn), degree_of_polarization=1.0,
     )  # fmt: skip
 
@@ -69,10 +69,21 @@ def test_effects_of_a_camera_with_eight_bits(
     assert report["cause"]["ranking"][0]["parameters"][name] == pytest.approx(setting[name], abs=error)
 
 
+def test_capture_make_samples_as_the_diagnosis_does(tmp_path: Path) -> None:
+    """D = 0.77; one sample a pixel left a residual."""
+    options = ["--f-number", "4", "--dots-sigma", "1.8", "--frames", "40", "--seed", "5", "--quiet"]
+    command = [PROGRAM, "capture", "make", tmp_path / "set", "--effect", "pixel_integration:fill_factor=1", *options]
+    made = subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    report = diagnosed(tmp_path / "set")
+    assert report["cause"]["effects"] == ["pixel_integration"]
+    assert not report["shrink"]["residual_detected"]
+
+
 def test_noise_of_two_codes_of_twelve_bits(tmp_path: Path) -> None:
     """Multiples of 8 codes show even light's level to 0.01 DN, and every trial of a fit had it off by up to 1 DN."""
-    camera = draw_other_camera(
-        70, bits=12, level_dn=480.0, read_noise_dn=2.0, sheet_read_noise_dn=2.0, black_dn=255.0, sheet_black_dn=255.0,
+    camera = draw_camera(
+        70, other=True, bits=12, level_dn=480.0, read_noise_dn=2.0, sheet_read_noise_dn=2.0, black_dn=255.0, sheet_black_dn=255.0,
         degree_of_polarization=1.0,
     )  # fmt: skip
     write_capture(tmp_path, camera, {"gamma": {"gamma": 0.85}}, 40, 70)
@@ -92,8 +103,14 @@ def test_pixels_behind_a_wide_pupil(
 
     Two samples of a pixel have its ideal light: at D = 0.65 narrow dots were too wide by 5 standard deviations.
     """
-    camera = draw_other_camera(
-        82, bits=10, pixel_pitch_um=pixel_pitch_um, wavelength_nm=850.0, f_number=f_number, dot_sigma_px=dot_sigma_px
+    camera = draw_camera(
+        82,
+        other=True,
+        bits=10,
+        pixel_pitch_um=pixel_pitch_um,
+        wavelength_nm=850.0,
+        f_number=f_number,
+        dot_sigma_px=dot_sigma_px,
     )
     write_capture(tmp_path, camera, {"pixel_integration": {"fill_factor": 1.0}}, 40, seed)
     report = diagnosed(tmp_path)

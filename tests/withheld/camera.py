@@ -175,9 +175,14 @@ def draw_camera(
     height: int = 160,
     field: str = "circular_gaussian",
     border_px: int = 0,
+    *,
+    other: bool = False,
     **fixed: Any,
 ) -> Camera:
-    """A camera with its nuisances: what calibration has to find before a gap is spoken of. width, height: of its image."""
+    """A camera with its nuisances: what calibration has to find before a gap is spoken of. width, height: of its image.
+
+    other: of another data sheet (of_other_data_sheet()).
+    """
     rng = stream(seed, "camera")
     camera = Camera(
         width=width + 2 * border_px,
@@ -192,22 +197,14 @@ def draw_camera(
         field=field,
         border_px=border_px,
     )
-    return replace(camera, **fixed)
+    return replace(of_other_data_sheet(camera, seed) if other else camera, **fixed)
 
 
-def draw_other_camera(
-    seed: int,
-    width: int = 192,
-    height: int = 160,
-    field: str = "circular_gaussian",
-    border_px: int = 0,
-    **fixed: Any,
-) -> Camera:
-    """As draw_camera(), but of another data sheet: another converter, pixel, laser, lens, lattice and black level.
+def of_other_data_sheet(usual: Camera, seed: int) -> Camera:
+    """The camera with another converter, pixel, laser, lens, lattice and black level.
 
     Levels, black level and read noise go with the converter's range; read noise is 1/3 to 3/2 of the usual.
     """
-    usual = draw_camera(seed, width, height, field, border_px)
     rng = stream(seed, "other camera")
     bits = int(rng.choice(OTHER_BITS))
     pitch, wavelength = float(rng.choice(OTHER_PITCHES_UM)), float(rng.choice(OTHER_WAVELENGTHS_NM))
@@ -217,8 +214,8 @@ def draw_other_camera(
     black = float(np.round(rng.choice(OTHER_SHEET_BLACKS_DN) * scale))
     noisier = float(rng.uniform(1 / 3, 1.5))
     spacing = float(rng.uniform(11.0, 22.0))
-    positions = draw_lattice(width, height, stream(seed, "other lattice"), spacing) + border_px
-    camera = replace(
+    width, height = (side - 2 * usual.border_px for side in (usual.width, usual.height))
+    return replace(
         usual,
         bits=bits,
         pixel_pitch_um=pitch,
@@ -232,6 +229,5 @@ def draw_other_camera(
         sheet_read_noise_dn=float(np.round(usual.sheet_read_noise_dn * scale * noisier, 2)),
         dot_sigma_px=float(np.round(rng.uniform(1.4, 3.0), 2)),
         spacing_px=spacing,
-        positions_px=positions,
+        positions_px=draw_lattice(width, height, stream(seed, "other lattice"), spacing) + usual.border_px,
     )
-    return replace(camera, **fixed)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .camera import Camera, draw_camera, draw_other_camera, stream
+from .camera import Camera, draw_camera, stream
 from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects, on_camera
 from .generator import write_capture
 from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
@@ -200,13 +200,13 @@ def readings_of(plan: Plan, entry: SetPlan) -> Readings:
 def camera_of(plan: Plan, entry: SetPlan) -> Camera:
     """The set's camera."""
     phasor = stream(entry.camera_seed, "baseline").random() < plan.unit_phasor_share
-    draw = draw_other_camera if plan.other_cameras else draw_camera
-    return draw(
+    return draw_camera(
         entry.camera_seed,
         plan.width,
         plan.height,
         "unit_phasor" if phasor else "circular_gaussian",
         plan.border_px,
+        other=plan.other_cameras,
         readings=readings_of(plan, entry),
     )
 

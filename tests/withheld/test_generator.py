@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.ndimage import gaussian_filter
 
-from withheld.camera import ALL_SEQUENCES, Camera, draw_camera, draw_other_camera
+from withheld.camera import ALL_SEQUENCES, Camera, draw_camera
 from withheld.effects import CATALOGUE, EFFECTS, OUTSIDE, on_camera
 from withheld.generator import generate_sequence, write_capture
 from withheld.light import exposure_modes, field_shifts, pupil
@@ -596,7 +596,7 @@ def test_cut_images_end_where_the_world_goes_on(tmp_path) -> None:
 
 
 def test_other_cameras_are_what_their_data_sheets_say() -> None:
-    cameras = [draw_other_camera(seed, 96, 80) for seed in range(40)]
+    cameras = [draw_camera(seed, 96, 80, other=True) for seed in range(40)]
     assert {c.bits for c in cameras} == {8, 10, 12}
     assert {c.degree_of_polarization for c in cameras} == {1.0, 0.6}
     for c in cameras:
@@ -605,10 +605,10 @@ def test_other_cameras_are_what_their_data_sheets_say() -> None:
         assert c.read_noise_dn == pytest.approx(c.sheet_read_noise_dn, rel=0.21)
         assert c.positions_px.min() > 4
         assert (c.positions_px.max(axis=0) < (96 - 4, 80 - 4)).all()
-        assert draw_other_camera(7, 96, 80).metadata() == draw_other_camera(7, 96, 80).metadata()
+        assert draw_camera(7, 96, 80, other=True).metadata() == draw_camera(7, 96, 80, other=True).metadata()
 
     # Codes of 8 bits: 8 frames of 7680 pixels tell a mean to 0.4 % of the noise, and the noise to 0.3 %.
-    coarse = draw_other_camera(3, 96, 80, bits=8, black_dn=16.2, read_noise_dn=1.1)
+    coarse = draw_camera(3, 96, 80, other=True, bits=8, black_dn=16.2, read_noise_dn=1.1)
     dark = generate_sequence(coarse, BY_NAME["dark"], {}, 8, 5).astype(float)
     assert dark.mean() == pytest.approx(16.2, abs=0.03)
     assert dark.std() == pytest.approx(np.hypot(1.1, 12**-0.5), rel=0.02)
@@ -620,7 +620,7 @@ def test_other_cameras_are_what_their_data_sheets_say() -> None:
 
 
 def test_effects_go_with_the_data_sheet() -> None:
-    camera = draw_other_camera(1, bits=12, degree_of_polarization=0.6)
+    camera = draw_camera(1, other=True, bits=12, degree_of_polarization=0.6)
     effects = {
         name: EFFECTS[name].at(0)
         for name in ("row_noise", "adc_bits", "depolarization", "glare", "shot_noise", "full_well")
