@@ -61,8 +61,8 @@ BENCHMARK(frame)
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 
-// From G-buffers to codes: a wall under a pattern of 5303 dots, looked up, speckled, recorded. streamed 1: frames follow
-// each other without a wait.
+// From G-buffers to codes: a wall under a pattern of 5303 dots, looked up, speckled, recorded. streamed 1: frames
+// follow each other without a wait.
 void frame_of_dots(benchmark::State &state) {
     const auto width = static_cast<std::uint32_t>(state.range(0)), height = static_cast<std::uint32_t>(state.range(1));
     const int frames_per_wait = state.range(2) ? 64 : 1;
@@ -94,10 +94,9 @@ void frame_of_dots(benchmark::State &state) {
     auto sensor_desc = clspeckle::make<ClspSensorDesc>();
     sensor_desc.width = width;
     sensor_desc.height = height;
-    const clspeckle::Pipeline pipeline(context, clspeckle::Pattern(context, pattern_desc),
-                                       clspeckle::Phase(context, phase_desc),
-                                       clspeckle::Aperture(context, aperture_desc),
-                                       clspeckle::Sensor(context, sensor_desc));
+    const clspeckle::Pipeline pipeline(
+        context, clspeckle::Pattern(context, pattern_desc), clspeckle::Phase(context, phase_desc),
+        clspeckle::Aperture(context, aperture_desc), clspeckle::Sensor(context, sensor_desc));
 
     const std::size_t pixels = std::size_t{width} * height;
     const clspeckle::Buffer depth(context, queue, std::vector<float>(pixels, 1.0f));

@@ -1,7 +1,9 @@
 // The fused engine's shape for GPUs: a work-group has FFT_LINES columns or rows in local memory, and FFT_ITEMS work-items share each of them
 // (core/runtime/fused_group_codelets.hpp). The codelets' values are numbers here, not vectors of several lines.
 //
-// Kept lines lie one after the other, each from left to right: point x of line k is lines[k grid_width + x].
+// Rows first: pass A transforms the rows and keeps of each the frequencies that the pupil lets through, pass B transforms what is kept along
+// the columns, pass C takes it back along the rows. So images are read and written along their rows, and only pass B, whose points are 8 bytes
+// long, goes across them. Frequency k of those kept (a line along the columns), row y, is lines[y * pitch + k].
 #ifndef CLSP_FUSED_GROUPS_H
 #define CLSP_FUSED_GROUPS_H
 
@@ -25,6 +27,16 @@ typedef float lanes_f;
 #define GROUP_LINE ((uint)get_local_id(0) / FFT_ITEMS)
 #define GROUP_T ((uint)get_local_id(0) % FFT_ITEMS)
 #endif
+
+// Which lines the pupil keeps is mostly known when a kernel is generated, in FFT_LAST_RADIX runs of positions: all of a run, nothing of it
+// (FFT_LAST_NEVER), or what the table of slots says. What is never kept is neither transformed nor stored.
+#define last_is_never(q) (FFT_LAST_NEVER >> (q) & 1u)
+#define last_is_always(q) (FFT_LAST_ALWAYS >> (q) & 1u)
+#define last_slot(slots, b, q)                                                                                                             \
+    (last_is_always(q) ? (size_t)(b) + popcount(FFT_LAST_ALWAYS & ((1u << (q)) - 1u)) * FFT_LAST_BUTTERFLIES : slots[last_entry(b, q)])
+
+// Points are numbers of 64 bits where memory is read or written by them: sums of fewer bits may wrap around, so that compilers cannot take
+// a base and constants behind it.
 
 // Tables over the positions of the last stage are in this order, so that neighbouring work-items read neighbouring entries.
 #define last_entry(b, q) ((q) * FFT_LAST_BUTTERFLIES + (b))

@@ -44,7 +44,7 @@ static inline ALWAYS_INLINE void store_complex(__global state_word *words, ulong
 // z of sample i of one polarization. first: polarization * samples.
 static inline ALWAYS_INLINE complex_float unit_field(__global const state_word *state, ulong samples, ulong first, ulong i) {
 #if FIELD_UNIT_PHASOR
-    return phasor_from_word(state[first + i]);
+    return phasor_from_word((state + first)[i]);
 #elif PHASE_CONTINUOUS
     // A quarter of a turn from A to B: exp(2 pi i (t / 4)).
     const complex_float turn = phasor_from_word(load_path(state, i) >> 2);
@@ -53,7 +53,9 @@ static inline ALWAYS_INLINE complex_float unit_field(__global const state_word *
     const complex_float z = {fma(turn.im, b.re, turn.re * a.re), fma(turn.im, b.im, turn.re * a.im)};
     return z;
 #else
-    return load_complex(state + knot_offset(samples, first, 0), i);
+    const float2 v = ((__global const float2 *)state + first)[i]; // both parts in one read
+    const complex_float z = {v.x, v.y};
+    return z;
 #endif
 }
 

@@ -34,9 +34,10 @@ DiskCache environment_disk_cache() {
         return DiskCache::kOff;
     if (choice == "on")
         return DiskCache::kOn;
-    throw Error(Status::kInvalidArgument,
-                fmt::format("the environment variable CLSPECKLE_DISK_CACHE is \"{}\"; set it to auto, off or on, or unset it",
-                            choice));
+    throw Error(
+        Status::kInvalidArgument,
+        fmt::format("the environment variable CLSPECKLE_DISK_CACHE is \"{}\"; set it to auto, off or on, or unset it",
+                    choice));
 }
 
 constexpr const char *kNoRecords = "off"; // value of CLSPECKLE_TUNING
@@ -63,10 +64,11 @@ FftChoice environment_fft_choice() {
         return FftChoice::kFusedLanes;
     if (choice == "fused-groups")
         return FftChoice::kFusedGroups;
-    throw Error(Status::kInvalidArgument,
-                fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft, fused, fused-lanes or "
-                            "fused-groups, or unset it",
-                            choice));
+    throw Error(
+        Status::kInvalidArgument,
+        fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft, fused, fused-lanes or "
+                    "fused-groups, or unset it",
+                    choice));
 }
 
 // clFFT keeps every program that it has compiled, and with it the cl_context, until the process ends; its only way to
@@ -127,9 +129,11 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
 
     ProgramCache::Parameters cache;
     cache.kernel_dir = parameters.kernel_dir.empty() ? environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
-    // PoCL keeps compiled kernels on disk by itself, but goes through the source again at every start: 25 to 60 ms a program. To hand out a
-    // program for our own cache it compiles all its kernels once more, which makes a first start twice as long: the user's choice.
-    const DiskCache disk_cache = parameters.disk_cache == DiskCache::kAuto ? environment_disk_cache() : parameters.disk_cache;
+    // PoCL keeps compiled kernels on disk by itself, but goes through the source again at every start: 25 to 60 ms a
+    // program. To hand out a program for our own cache it compiles all its kernels once more, which makes a first start
+    // twice as long: the user's choice.
+    const DiskCache disk_cache =
+        parameters.disk_cache == DiskCache::kAuto ? environment_disk_cache() : parameters.disk_cache;
     if (disk_cache == DiskCache::kOn || (disk_cache == DiskCache::kAuto && !is_pocl))
         cache.cache_dir = parameters.cache_dir.empty() ? default_cache_dir() : parameters.cache_dir;
     context->programs_ = std::make_unique<ProgramCache>(context->context_, context->device_, cache);
@@ -214,10 +218,18 @@ std::vector<EngineChoice> Context::engine_choices(std::uint32_t width, std::uint
                                                                 fmt::format("the shipped tuning record {}", name)))
                     choices.push_back(choice);
         }
-        add(default_engine(*this), default_engine(*this) == Engine::kClfft
-                                       ? "the device is no CPU, and others keep clFFT until they are told; "
-                                         "CLSPECKLE_FFT=fused takes the fused engine"
-                                       : "the default for CPUs");
+        switch (default_engine(*this)) {
+        case Engine::kFusedLanes:
+            add(Engine::kFusedLanes, "the default for CPUs");
+            break;
+        case Engine::kFusedGroups:
+            add(Engine::kFusedGroups, "the default for GPUs");
+            break;
+        case Engine::kClfft:
+            add(Engine::kClfft, "the device is neither CPU nor GPU, and others keep clFFT until they are told; "
+                                "CLSPECKLE_FFT=fused takes the fused engine");
+            break;
+        }
         break;
     }
     add(Engine::kClfft, "it takes every grid");

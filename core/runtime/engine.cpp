@@ -9,8 +9,8 @@ namespace {
 
 constexpr Engine kEngines[] = {Engine::kClfft, Engine::kFusedLanes, Engine::kFusedGroups};
 
-bool is_cpu(const Context &context) {
-    return (context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
+bool is_of_type(const Context &context, cl_device_type type) {
+    return (context.device().getInfo<CL_DEVICE_TYPE>() & type) != 0;
 }
 
 } // namespace
@@ -44,11 +44,13 @@ std::string describe(const EngineSpec &spec) {
 }
 
 Engine default_engine(const Context &context) {
-    return is_cpu(context) ? Engine::kFusedLanes : Engine::kClfft;
+    return is_of_type(context, CL_DEVICE_TYPE_CPU)   ? Engine::kFusedLanes
+           : is_of_type(context, CL_DEVICE_TYPE_GPU) ? Engine::kFusedGroups
+                                                     : Engine::kClfft;
 }
 
 Engine fused_engine_for(const Context &context) {
-    return is_cpu(context) ? Engine::kFusedLanes : Engine::kFusedGroups;
+    return is_of_type(context, CL_DEVICE_TYPE_CPU) ? Engine::kFusedLanes : Engine::kFusedGroups;
 }
 
 } // namespace clsp

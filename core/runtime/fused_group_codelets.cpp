@@ -12,6 +12,22 @@ namespace {
 // What the rule takes: larger groups wait longer at their barriers and leave fewer of them to a processor.
 constexpr std::uint32_t kMostGroupItems = 512;
 
+// Of a butterfly's twiddle factors w^k, k = 1 .. radix - 1, those with k below 4 and the multiples of 4 are read; the
+// others are products of two of them, where that saves reads: they wait for memory, and hold registers while they do. A
+// product has half an ulp more of error.
+constexpr std::uint32_t kTwiddleBase = 4, kLeastRadixOfProducts = 8;
+
+bool is_read(std::uint32_t k, std::uint32_t radix) {
+    return radix < kLeastRadixOfProducts || k < kTwiddleBase || k % kTwiddleBase == 0;
+}
+
+std::uint32_t reads_below(std::uint32_t k, std::uint32_t radix) {
+    std::uint32_t count = 0;
+    for (std::uint32_t i = 1; i < k; ++i)
+        count += is_read(i, radix) ? 1 : 0;
+    return count;
+}
+
 std::uint32_t rounds(std::uint32_t count, std::uint32_t items) {
     return (count + items - 1) / items;
 }
@@ -30,8 +46,13 @@ std::uint32_t tile_points(const FusedPlan &plan) {
 // Code of one stage: the butterflies b = t, t + items, .. of a line.
 class GroupStage {
   public:
-    GroupStage(const FusedPlan &plan, const FusedStage &stage, std::size_t number, std::uint32_t items)
-        : plan_(plan), stage_(stage), number_(number), items_(items), butterflies_(plan.length / stage.radix) {}
+    GroupStage(const FusedPlan &plan, const FusedStage &stage, std::size_t number, std::uint32_t items,
+               std::uint32_t first_twiddle, const GroupBand &band)
+        : plan_(plan), stage_(stage), number_(number), items_(items), first_twiddle_(first_twiddle),
+          butterflies_(plan.length / stage.radix), band_(band) {}
+
+    // How many of the table are its own.
+    std::uint32_t twiddles() const { return stage_.m > 1 ? reads_below(stage_.radix, stage_.radix) * stage_.m : 0; }
 
     // The numbers of its butterflies, and where their points are.
     std::string defines(const char *name, const char *small_name) const {
@@ -49,16 +70,27 @@ class GroupStage {
         Butterfly::Values values;
         std::string body;
         for (std::uint32_t q = 0; q < stage_.radix; ++q) {
+            if (inverse && stage_.m == 1 && (band_.never >> q & 1u)) {
+                values.emplace_back(); // zero: neither read nor added
+                continue;
+            }
             body += fmt::format("        const lanes_f x{0}r = re[{1}], x{0}i = im[{1}];\n", q, held(q));
             values.push_back({fmt::format("x{}r", q), fmt::format("x{}i", q)});
         }
         std::string factors;
         if (stage_.m > 1) {
-            factors += fmt::format("        const uint j = {};\n",
+            factors += fmt::format("        __global const float2 *w = twiddles + {};\n",
                                    butterflies_ == stage_.m ? "b" : fmt::format("b % {}u", stage_.m));
-            for (std::uint32_t k = 1; k < stage_.radix; ++k)
-                factors += fmt::format("        const float2 w{} = twiddles[{}u + j];\n", k,
-                                       stage_.twiddles / 2 + (k - 1) * stage_.m);
+            for (std::uint32_t k = 1; k < stage_.radix; ++k) {
+                const std::uint32_t high = k / kTwiddleBase * kTwiddleBase, low = k - high;
+                factors +=
+                    is_read(k, stage_.radix)
+                        ? fmt::format("        const float2 w{} = w[{}u];\n", k,
+                                      first_twiddle_ + reads_below(k, stage_.radix) * stage_.m)
+                        : fmt::format("        const float2 w{0} = (float2)(fma(-w{1}.y, w{2}.y, w{1}.x * w{2}.x), "
+                                      "fma(w{1}.y, w{2}.x, w{1}.x * w{2}.y));\n",
+                                      k, high, low);
+            }
         }
         if (inverse)
             twiddle(butterfly, values);
@@ -66,9 +98,10 @@ class GroupStage {
         if (!inverse)
             twiddle(butterfly, values);
         body += factors + butterfly.text();
-        for (std::uint32_t q = 0; q < stage_.radix; ++q)
-            body +=
-                fmt::format("        re[{0}] = {1};\n        im[{0}] = {2};\n", held(q), values[q].re, values[q].im);
+        for (std::uint32_t q = 0; q < stage_.radix; ++q) {
+            const Butterfly::Value value = values[q].is_zero() ? Butterfly::Value{"0.0f", "0.0f"} : values[q];
+            body += fmt::format("        re[{0}] = {1};\n        im[{0}] = {2};\n", held(q), value.re, value.im);
+        }
         return function(fmt::format("fft_{}_{}", inverse ? "inverse" : "forward", number_),
                         "lanes_f *re, lanes_f *im, __global const float2 *twiddles", body);
     }
@@ -89,9 +122,11 @@ class GroupStage {
             at = (one_block ? std::string() : fmt::format("b / {}u * {}u + ", stage_.m, span + room)) + j +
                  (every ? fmt::format(" + {} / {}u", j, every) : std::string());
         }
-        std::string put = fmt::format("        const uint at = {};\n", at), take = put;
+        // A pointer and constants behind it: a sum of numbers may wrap around, so that compilers keep each by itself.
+        std::string put = fmt::format("        __local lanes_f *points = tile + FFT_TILE_STRIDE * ({});\n", at),
+                    take = fmt::format("        __local const lanes_f *points = tile + FFT_TILE_STRIDE * ({});\n", at);
         for (std::uint32_t q = 0; q < stage_.radix; ++q) {
-            const std::string place = fmt::format("tile[FFT_TILE_STRIDE * (at + {}u)]", q * apart);
+            const std::string place = fmt::format("points[FFT_TILE_STRIDE * {}u]", q * apart);
             put += fmt::format("        {} = v[{}];\n", place, held(q));
             take += fmt::format("        v[{}] = {};\n", held(q), place);
         }
@@ -130,7 +165,8 @@ class GroupStage {
     const FusedPlan &plan_;
     FusedStage stage_;
     std::size_t number_;
-    std::uint32_t items_, butterflies_;
+    std::uint32_t items_, first_twiddle_, butterflies_;
+    GroupBand band_;
 };
 
 // Points go from one stage's work-items to another's. What a work-item puts down it has read itself, so that nobody
@@ -151,6 +187,15 @@ std::string exchange(std::size_t from, std::size_t to, bool split) {
 }
 
 } // namespace
+
+GroupBand group_band(const FusedPlan &plan, const std::vector<bool> &passes) {
+    const std::uint32_t radix = plan.radices.back();
+    GroupBand band{0, (1u << radix) - 1u};
+    band.always = band.never;
+    for (std::uint32_t position = 0; position < plan.length; ++position)
+        (passes[plan.frequencies[position]] ? band.never : band.always) &= ~(1u << position % radix);
+    return band;
+}
 
 std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
     std::uint32_t most = 0;
@@ -281,7 +326,7 @@ std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const Group
     return {};
 }
 
-std::string group_codelets(const FusedPlan &plan, const GroupShape &shape) {
+std::string group_codelets(const FusedPlan &plan, const GroupShape &shape, const GroupBand &band) {
     const std::vector<FusedStage> stages = stages_of(plan);
     std::string text = fmt::format("// {} points =", plan.length);
     for (const FusedStage &stage : stages)
@@ -290,14 +335,17 @@ std::string group_codelets(const FusedPlan &plan, const GroupShape &shape) {
     text += fmt::format(
         "\n#define FFT_LENGTH {}u\n#define FFT_LINES {}u\n#define FFT_ITEMS {}u\n#define FFT_GROUP_ITEMS {}\n"
         "#define FFT_ACROSS {}\n#define FFT_HELD {}\n#define FFT_TILE_STRIDE {}u\n#define FFT_LINE_STRIDE {}u\n"
-        "#define FFT_PLANE {}u\n#define fft_tile_at(p) ({})\n",
+        "#define FFT_PLANE {}u\n#define fft_tile_at(p) ({})\n#define FFT_LAST_ALWAYS {:#x}u\n#define FFT_LAST_NEVER "
+        "{:#x}u\n",
         plan.length, shape.lines, shape.items, shape.group_items(), shape.across ? 1 : 0,
         held_points(plan, shape.items), shape.across ? shape.lines : 1, shape.across ? 1 : points, points * shape.lines,
-        every ? fmt::format("(p) + (p) / {}u", every) : std::string("(p)"));
+        every ? fmt::format("(p) + (p) / {}u", every) : std::string("(p)"), band.always, band.never);
     std::string forward, inverse;
     const std::size_t count = stages.size();
+    std::uint32_t twiddles = 0;
     for (std::size_t s = 0; s < count; ++s) {
-        const GroupStage stage(plan, stages[s], s, shape.items);
+        const GroupStage stage(plan, stages[s], s, shape.items, twiddles, band);
+        twiddles += stage.twiddles();
         if (s == 0)
             text += stage.defines("FFT_FIRST", "fft_first");
         if (s + 1 == count)
@@ -326,7 +374,7 @@ std::vector<float> group_twiddles(const FusedPlan &plan) {
     for (const FusedStage &stage : stages_of(plan))
         if (stage.m > 1)
             for (std::uint32_t k = 1; k < stage.radix; ++k)
-                for (std::uint32_t j = 0; j < stage.m; ++j)
+                for (std::uint32_t j = 0; is_read(k, stage.radix) && j < stage.m; ++j)
                     for (std::uint32_t part = 0; part < 2; ++part)
                         result.push_back(plan.twiddles[stage.twiddles + 2 * (j * (stage.radix - 1) + k - 1) + part]);
     return result;

@@ -31,6 +31,15 @@ struct GroupLimits {
     std::uint64_t local_bytes;
 };
 
+// Which positions of a plan the pupil lets through. Those of the last stage's butterflies' q-th points make up run q
+// (q = 0 .. last radix - 1), neighbouring frequencies: most runs pass whole or not at all.
+struct GroupBand {
+    std::uint32_t always = 0; // bit q: all of run q passes
+    std::uint32_t never = 0;  // bit q: nothing of it
+};
+// passes: of each frequency of the transform.
+GroupBand group_band(const FusedPlan &plan, const std::vector<bool> &passes);
+
 // The most points that a work-item holds.
 std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items);
 // Work-items for each line, at most `limit`, such that the fewest stand idle and none holds more than `held` points; 0
@@ -38,9 +47,9 @@ std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items);
 std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held);
 std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape);
 
-// A shape that fits the limits; none if a line alone does not. Lines across: eight side by side fill a cache line of
-// every row, four fill the sectors that GPUs fetch; fewer only where memory allows no more. Lines along: as few as make
-// up a wavefront.
+// A shape that fits the limits; none if a line alone does not. Lines across (of complex points): eight side by side
+// fill half a cache line of every row, four fill the sectors that GPUs fetch; fewer only where memory allows no more.
+// Lines along: as few as make up a wavefront.
 std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across);
 
 // The shape with those lines and work-items, if it fits the limits and no work-item would stand idle throughout.
@@ -66,13 +75,14 @@ constexpr const char *kFusedGroupCodeletsName = "fused_group_codelets.h";
 //                   of the first stage: work-item t takes butterflies b = t + c FFT_ITEMS, c below FFT_FIRST_COUNT,
 //                   where fft_first_takes(b); point q of that is held as number c FFT_FIRST_RADIX + q
 //   FFT_LAST_..     the same of the last stage, whose points are positions of the plan
+//   FFT_LAST_ALWAYS, FFT_LAST_NEVER  the band's runs
 //   fft_forward(t, re, im, tile, twiddles)   from the first stage's points to the last one's; all work-items call it
-//   fft_inverse(t, re, im, tile, twiddles)   back
+//   fft_inverse(t, re, im, tile, twiddles)   back; points of runs that never pass are not asked for
 // tile: of the work-item's line. After either, a work-item may write the tile's points that it holds without a barrier.
-std::string group_codelets(const FusedPlan &plan, const GroupShape &shape);
+std::string group_codelets(const FusedPlan &plan, const GroupShape &shape, const GroupBand &band = {});
 
-// The plan's twiddle factors in the order in which neighbouring work-items read them: stage after stage, for each k = 1
-// .. r - 1 those of all j.
+// The plan's twiddle factors that are read, in the order in which neighbouring work-items do: stage after stage, for
+// each such k those of all j.
 std::vector<float> group_twiddles(const FusedPlan &plan);
 
 } // namespace clsp

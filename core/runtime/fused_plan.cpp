@@ -108,7 +108,9 @@ FusedPlan make_fused_plan(std::uint32_t length) {
 
 FusedPlan make_group_plan(std::uint32_t length) {
     check_length(length);
-    return plan_of(length, cheapest_radices(length, kLargestGroupRadix));
+    std::vector<std::uint32_t> radices = cheapest_radices(length, kLargestGroupRadix);
+    std::reverse(radices.begin(), radices.end());
+    return plan_of(length, radices);
 }
 
 } // namespace clsp

@@ -79,8 +79,10 @@ double Field::turns_per_height(const LaserLine &line) const {
 }
 
 std::string Field::state_options(const Phase &phase) const {
-    return fmt::format("{} -DMATERIALS={} -DCOHERENT={}", phase.state_options(), table_ ? 1 : 0,
-                       !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
+    const bool padded =
+        grid_.samples() > std::uint64_t{grid_.width} * grid_.height * grid_.oversampling * grid_.oversampling;
+    return fmt::format("{} -DPADDED={} -DMATERIALS={} -DCOHERENT={}", phase.state_options(), padded ? 1 : 0,
+                       table_ ? 1 : 0, !table_ && parameters_.coherent_fraction > 0.0 ? 1 : 0);
 }
 
 std::string Field::options(const Phase &phase, const LaserLine &line, bool with_screen) const {

@@ -1,10 +1,9 @@
 // The fused, pruned speckle engine: field, transform, pupil, transform back and intensity in three passes over the
 // frame, of which only lines that the pupil lets through are ever stored.
-//   A  one axis: field, forward transform; the kept lines
-//   B  kept lines, along the other axis: forward transform, pupil, inverse transform, in place
-//   C  the first axis: inverse transform of the kept lines, |V|^2
-// It has two shapes: lanes for CPUs, rows first (fused_lanes.cpp), and work-groups for GPUs, columns first
-// (fused_groups.cpp).
+//   A  rows: field, forward transform; the kept lines
+//   B  kept lines, along the columns: forward transform, pupil, inverse transform, in place
+//   C  rows: inverse transform of the kept lines, |V|^2
+// It has two shapes: lanes for CPUs (fused_lanes.cpp), and work-groups for GPUs (fused_groups.cpp).
 #pragma once
 
 #include "runtime/command_chain.hpp"

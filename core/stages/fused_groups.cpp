@@ -1,6 +1,6 @@
-// The fused engine in work-groups, for GPUs: a work-group has several columns or kept lines in local memory and shares
-// out their butterflies (kernels/fused_groups_columns_forward.cl, fused_groups_rows.cl,
-// fused_groups_columns_inverse.cl).
+// The fused engine in work-groups, for GPUs, rows first: a work-group has some rows or neighbouring kept lines in local
+// memory and shares out their butterflies (kernels/fused_groups_rows_forward.cl, fused_groups_columns.cl,
+// fused_groups_rows_inverse.cl).
 #include "stages/fused_engine.hpp"
 
 #include "runtime/device_buffer.hpp"
@@ -18,6 +18,8 @@ namespace clsp {
 namespace {
 
 constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fused_groups.h
+// Rows of kept lines begin at whole cache lines, or neighbouring lines' points would straddle what a GPU fetches.
+constexpr std::uint32_t kPitch = 16;
 
 [[noreturn]] void throw_no_room(std::uint32_t length, std::uint64_t needed, std::uint64_t local) {
     throw Error(Status::kUnsupported, fmt::format("lines of {} points need {} bytes of local memory, the device has {}",
@@ -55,11 +57,13 @@ struct GroupKernel {
 
 // A kernel may need more registers or local memory than its work-groups leave it; then these become smaller. Lines stay
 // a multiple of `lines_of`.
-GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const char *name,
+GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const GroupBand &band, const char *name,
                   const std::string &options, std::uint32_t lines_of = 1) {
     for (;;) {
-        const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape)};
-        const cl::Kernel kernel = context.kernel(fmt::format("{}.cl", name), name, options, &codelets);
+        const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape, band)};
+        // Denormal numbers mean nothing here, and cost GPUs a test at each root.
+        const cl::Kernel kernel =
+            context.kernel(fmt::format("{}.cl", name), name, "-cl-denorms-are-zero " + options, &codelets);
         const std::uint64_t own_bytes = kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
                             tile_bytes = group_tile_bytes(plan, shape),
                             local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
@@ -86,7 +90,7 @@ class FusedGroups final : public FusedEngine {
                 const FusedRequest &request, EngineSpec &spec);
 
     std::uint64_t lines_bytes() const override {
-        return std::uint64_t{capacity_} * grid_.grid_width * sizeof(cl_float2);
+        return std::uint64_t{capacity_} * grid_.grid_height * sizeof(cl_float2);
     }
     bool leaves_sample_powers() const override { return sample_powers_; }
     bool exposes(const Sensor &sensor) const override { return !sample_powers_ && sensor.exposes_pixels(); }
@@ -103,9 +107,12 @@ class FusedGroups final : public FusedEngine {
                          const ExposedFrame &exposed) override;
 
   private:
-    GroupKernel &columns_kernel(const std::string &field_options);
-    GroupKernel &rows_kernel(bool shifted);
+    GroupKernel &field_kernel(const std::string &field_options);
+    GroupKernel &columns_kernel(bool shifted);
     GroupKernel &exposed_kernel(const ExposedFrame &exposed);
+    // Rows of the image in a work-group of `lines` lines; none if they do not fit.
+    std::optional<GroupShape> row_shape(std::uint32_t lines) const;
+    GroupKernel build_inverse(const GroupShape &shape, const std::string &options, std::uint32_t lines_of) const;
     // Those of pass C up to the image before it, and the last ones.
     KernelArguments inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before) const;
@@ -116,16 +123,18 @@ class FusedGroups final : public FusedEngine {
     FieldGrid grid_;
     FusedPlan row_plan_, column_plan_;
     GroupShape row_shape_, column_shape_;
-    bool sample_powers_;
-    std::uint32_t pixel_samples_; // along each axis, of what pass C writes
+    std::optional<GroupShape> inverse_shape_; // a pixel's samples lie in one work-group
+    bool sample_powers_;                      // or pass C leaves them to another kernel
+    std::uint32_t pixel_samples_;             // along each axis, of what pass C writes
     bool complex_pupil_;
-    std::uint32_t kept_ = 0, capacity_ = 0; // lines
+    GroupBand row_band_, column_band_;
+    std::uint32_t kept_ = 0, pitch_ = 0, capacity_ = 0; // lines
     DeviceBuffer row_twiddles_, column_twiddles_;
     DeviceBuffer slots_;
     DeviceBuffer pupil_;
     DeviceBuffer frequencies_, line_frequencies_;
-    std::map<std::string, GroupKernel> columns_, exposed_; // by their options
-    GroupKernel rows_, shifted_rows_, inverse_;
+    std::map<std::string, GroupKernel> fields_, exposed_; // by their options
+    GroupKernel columns_, shifted_columns_, inverse_;
 };
 
 FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
@@ -133,51 +142,77 @@ FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid
     : context_(std::move(context)), grid_(grid), row_plan_(make_group_plan(grid.grid_width)),
       column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false, spec.rows)),
       column_shape_(shape_for(*context_, column_plan_, true, spec.columns)),
-      // A pixel's samples lie in one work-group, or pass C leaves them to another kernel.
-      sample_powers_(request.sample_powers || column_shape_.lines % grid.oversampling != 0),
-      pixel_samples_(sample_powers_ ? 1 : grid.oversampling), complex_pupil_(!pupil.phase_turns.empty()) {
-    inverse_ = build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
-                     fmt::format("-DOVERSAMPLING={} -DSENSOR=0", pixel_samples_), pixel_samples_);
-    rows_kernel(false);
+      inverse_shape_(row_shape_.lines % grid.oversampling == 0 ? row_shape_ : row_shape(grid.oversampling)),
+      sample_powers_(request.sample_powers || !inverse_shape_), pixel_samples_(sample_powers_ ? 1 : grid.oversampling),
+      complex_pupil_(!pupil.phase_turns.empty()) {
     make_tables(pupil, request.every_line);
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+    inverse_ = build_inverse(sample_powers_ ? row_shape_ : *inverse_shape_, "-DSENSOR=0 -DQUARTERS=0", pixel_samples_);
+    columns_kernel(false);
+}
+
+std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
+    const GroupLimits limits = group_limits(*context_);
+    const auto same_items = picked_group_shape(row_plan_, limits, false, {lines, row_shape_.items});
+    return same_items ? same_items : picked_group_shape(row_plan_, limits, false, {lines, 0});
+}
+
+GroupKernel FusedGroups::build_inverse(const GroupShape &shape, const std::string &options,
+                                       std::uint32_t lines_of) const {
+    return build(*context_, row_plan_, shape, row_band_, "fused_groups_rows_inverse",
+                 fmt::format("-DOVERSAMPLING={} -DPADDED={} {}", pixel_samples_,
+                             grid_.width * pixel_samples_ < grid_.grid_width ? 1 : 0, options),
+                 lines_of);
 }
 
 void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
+    std::vector<bool> column_is_kept(width), row_is_kept(height);
+    for (std::uint32_t column = 0; column < width; ++column)
+        column_is_kept[column] = column_passes(pupil, grid_, column);
+    for (std::uint32_t row = 0; row < height; ++row)
+        row_is_kept[row] = row_passes(pupil, grid_, row);
+    row_band_ = group_band(row_plan_, column_is_kept);
+    column_band_ = group_band(column_plan_, row_is_kept);
     // Tables over the positions are in the order in which neighbouring work-items read them (last_entry() of
     // kernels/fused_groups.h).
     const auto entry = [](const FusedPlan &plan, std::uint32_t position) {
         const std::uint32_t radix = plan.radices.back();
         return position % radix * (plan.length / radix) + position / radix;
     };
-    std::vector<cl_uint> slots(height, kNoSlot), rows;
-    for (std::uint32_t position = 0; position < height; ++position) {
-        const std::uint32_t row = column_plan_.frequencies[position];
-        if (!row_passes(pupil, grid_, row))
-            continue;
-        slots[entry(column_plan_, position)] = static_cast<cl_uint>(rows.size());
-        rows.push_back(row);
-    }
-    kept_ = static_cast<std::uint32_t>(rows.size());
-    capacity_ = every_line ? height : kept_;
+    // Slots run by run, those first that are kept whole (last_slot() there).
+    const std::uint32_t radix = row_plan_.radices.back();
+    std::vector<cl_uint> slots(width, kNoSlot), columns;
+    for (const bool whole : {true, false})
+        for (std::uint32_t q = 0; q < radix; ++q)
+            for (std::uint32_t position = q; position < width; position += radix) {
+                const std::uint32_t column = row_plan_.frequencies[position];
+                if (((row_band_.always >> q & 1u) != 0) != whole || !column_is_kept[column])
+                    continue;
+                slots[entry(row_plan_, position)] = static_cast<cl_uint>(columns.size());
+                columns.push_back(column);
+            }
+    kept_ = static_cast<std::uint32_t>(columns.size());
+    pitch_ = (kept_ + kPitch - 1) / kPitch * kPitch;
+    capacity_ = every_line ? (width + kPitch - 1) / kPitch * kPitch : pitch_;
 
     const std::size_t parts = complex_pupil_ ? 2 : 1;
-    std::vector<float> amplitudes(parts * width * kept_), line_frequencies, frequencies(width);
-    for (std::uint32_t k = 0; k < kept_; ++k) {
-        line_frequencies.push_back(signed_frequency(rows[k], height));
-        for (std::uint32_t position = 0; position < width; ++position) {
-            float *to = &amplitudes[parts * (std::size_t{k} * width + entry(row_plan_, position))];
-            const std::complex<float> t = scaled_amplitude(pupil, grid_, rows[k], row_plan_.frequencies[position]);
+    std::vector<float> amplitudes(parts * pitch_ * height), line_frequencies, frequencies(height);
+    for (std::uint32_t position = 0; position < height; ++position) {
+        const std::uint32_t row = column_plan_.frequencies[position];
+        frequencies[entry(column_plan_, position)] = signed_frequency(row, height);
+        for (std::uint32_t k = 0; k < kept_; ++k) {
+            float *to = &amplitudes[parts * (std::size_t{entry(column_plan_, position)} * pitch_ + k)];
+            const std::complex<float> t = scaled_amplitude(pupil, grid_, row, columns[k]);
             to[0] = t.real();
             if (complex_pupil_)
                 to[1] = t.imag();
         }
     }
-    for (std::uint32_t position = 0; position < width; ++position)
-        frequencies[entry(row_plan_, position)] = signed_frequency(row_plan_.frequencies[position], width);
+    for (const std::uint32_t column : columns)
+        line_frequencies.push_back(signed_frequency(column, width));
     slots_ = device_table(context_, slots);
     pupil_ = device_table(context_, amplitudes);
     row_twiddles_ = device_table(context_, group_twiddles(row_plan_));
@@ -186,33 +221,42 @@ void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
     line_frequencies_ = device_table(context_, line_frequencies);
 }
 
-GroupKernel &FusedGroups::columns_kernel(const std::string &field_options) {
-    const auto found = columns_.find(field_options);
-    if (found != columns_.end())
+GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
+    const auto found = fields_.find(field_options);
+    if (found != fields_.end())
         return found->second;
-    return columns_
-        .emplace(field_options, build(*context_, column_plan_, column_shape_, "fused_groups_columns_forward",
+    return fields_
+        .emplace(field_options, build(*context_, row_plan_, row_shape_, row_band_, "fused_groups_rows_forward",
                                       fmt::format("{} -DOVERSAMPLING={}", field_options, grid_.oversampling)))
         .first->second;
 }
 
-GroupKernel &FusedGroups::rows_kernel(bool shifted) {
-    GroupKernel &rows = shifted ? shifted_rows_ : rows_;
-    if (!rows.kernel())
-        rows = build(*context_, row_plan_, row_shape_, "fused_groups_rows",
-                     fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT={}", complex_pupil_ ? 1 : 0, shifted ? 1 : 0));
-    return rows;
+GroupKernel &FusedGroups::columns_kernel(bool shifted) {
+    GroupKernel &columns = shifted ? shifted_columns_ : columns_;
+    if (!columns.kernel())
+        columns = build(*context_, column_plan_, column_shape_, column_band_, "fused_groups_columns",
+                        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT={}", complex_pupil_ ? 1 : 0, shifted ? 1 : 0));
+    return columns;
 }
 
+// With a row in each quarter of the image if they fit, since these share blocks of random numbers.
 GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
     const std::string options = exposed.sensor->pixel_options(exposed.output.format);
     const auto found = exposed_.find(options);
     if (found != exposed_.end())
         return found->second;
+    const std::uint32_t lines = 4 * pixel_samples_;
+    if (const std::optional<GroupShape> shape = row_shape(lines)) {
+        try {
+            return exposed_.emplace(options, build_inverse(*shape, "-DSENSOR=1 -DQUARTERS=1 " + options, lines))
+                .first->second;
+        } catch (const Error &error) {
+            if (error.status() != Status::kUnsupported)
+                throw;
+        }
+    }
     return exposed_
-        .emplace(options,
-                 build(*context_, column_plan_, column_shape_, "fused_groups_columns_inverse",
-                       fmt::format("-DOVERSAMPLING={} -DSENSOR=1 {}", pixel_samples_, options), pixel_samples_))
+        .emplace(options, build_inverse(*inverse_shape_, "-DSENSOR=1 -DQUARTERS=0 " + options, pixel_samples_))
         .first->second;
 }
 
@@ -221,44 +265,53 @@ void FusedGroups::prepare(const Phase &phase, Field &field, const std::vector<La
     if (exposed)
         exposed_kernel(*exposed);
     for (const LaserLine &line : laser_lines)
-        columns_kernel(field.options(phase, line, with_screen));
-    rows_kernel(shifted);
+        field_kernel(field.options(phase, line, with_screen));
+    columns_kernel(shifted);
 }
 
 void FusedGroups::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
                                 std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
                                 const cl::Buffer &bad_pixels) {
-    GroupKernel &columns = columns_kernel(field.options(phase, line, input.screen != nullptr));
-    KernelArguments arguments(columns.kernel);
+    GroupKernel &rows = field_kernel(field.options(phase, line, input.screen != nullptr));
+    KernelArguments arguments(rows.kernel);
     field.add_arguments(arguments, phase, input, polarization, line);
     arguments.add(lines)
+        .add(cl_uint{pitch_})
         .add(bad_pixels)
-        .add(column_twiddles_.get())
+        .add(row_twiddles_.get())
         .add(slots_.get())
-        .add(cl::Local(columns.tile_bytes));
-    columns.enqueue(chain, "fft", grid_.grid_width);
+        .add(cl::Local(rows.tile_bytes));
+    rows.enqueue(chain, "fft", grid_.grid_height);
 }
 
 void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
                                 const std::optional<std::array<double, 2>> &shift) {
-    GroupKernel &rows = rows_kernel(shift.has_value());
-    KernelArguments arguments(rows.kernel);
-    arguments.add(lines).add(cl_uint{kept_}).add(row_twiddles_.get()).add(pupil_.get());
+    GroupKernel &columns = columns_kernel(shift.has_value());
+    KernelArguments arguments(columns.kernel);
+    arguments.add(lines)
+        .add(lines)
+        .add(cl_uint{kept_})
+        .add(cl_uint{pitch_})
+        .add(cl_uint{pitch_})
+        .add(column_twiddles_.get())
+        .add(column_twiddles_.get())
+        .add(pupil_.get());
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>((*shift)[0]))
             .add(static_cast<cl_float>((*shift)[1]));
-    arguments.add(cl::Local(rows.tile_bytes));
-    rows.enqueue(chain, "pupil", kept_);
+    arguments.add(cl::Local(columns.tile_bytes));
+    columns.enqueue(chain, "pupil", kept_);
 }
 
 KernelArguments FusedGroups::inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights,
                                                bool adds, const ImageView &before) const {
     KernelArguments arguments(inverse.kernel);
     arguments.add(lines)
-        .add(cl_uint{grid_.grid_width})
-        .add(column_twiddles_.get())
+        .add(cl_uint{pitch_})
+        .add(cl_uint{grid_.grid_height})
+        .add(row_twiddles_.get())
         .add(slots_.get())
         .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
         .add(cl_uint{adds ? 1u : 0u})
@@ -268,7 +321,7 @@ KernelArguments FusedGroups::inverse_arguments(GroupKernel &inverse, const cl::B
 
 void FusedGroups::enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const {
     arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(inverse.tile_bytes));
-    inverse.enqueue(chain, "inverse_fft", grid_.width * pixel_samples_);
+    inverse.enqueue(chain, "inverse_fft", grid_.height * pixel_samples_);
 }
 
 void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,

@@ -349,15 +349,15 @@ def test_what_the_engine_does_not_take_goes_to_clfft(fused):
 
 
 def test_both_shapes_keep_the_same_lines(monkeypatch):
-    """Lanes fill up their last group of lines; work-groups keep the 255 lines of 512 inside the pupil as such."""
+    """Both fill up the 255 lines of 512 inside the pupil: lanes their last group, work-groups the last cache line of a row."""
     sizes = {}
     for choice in ("fused-lanes", "fused-groups"):
         monkeypatch.setenv("CLSPECKLE_FFT", choice)
         with clspeckle.Context() as context:
             info = clspeckle.Aperture((512, 512), relative_diameter=0.5, context=context).info()
             sizes[choice] = info.workspace_bytes
-    assert sizes["fused-groups"] == 8 * 512 * 255
-    assert sizes["fused-groups"] < sizes["fused-lanes"] <= 8 * 512 * (255 + 15)
+    assert sizes["fused-groups"] == 8 * 512 * 256
+    assert 8 * 512 * 255 < sizes["fused-lanes"] <= 8 * 512 * (255 + 15)
 
 
 SMALL_DEVICE = """
@@ -394,18 +394,19 @@ def test_groups_fit_the_device_or_leave_it_to_clfft(shape, options, expected):
 
 
 @pytest.mark.parametrize("choice", ["auto", "", "fused"])
-def test_cpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
+def test_cpus_and_gpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
     monkeypatch.setenv("CLSPECKLE_FFT", choice)
     with clspeckle.Context() as context:
         info = clspeckle.Aperture((32, 32), relative_diameter=0.5, context=context).info()
         (device,) = {d.type for d in clspeckle.devices() if d.name == context.info().device_name}
-        if "cpu" in device:
+        if "cpu" in device or "gpu" in device:
             assert (info.fft_backend, info.fft_reason) == ("fused", "")
+            assert info.fft_engine.startswith("fused-lanes" if "cpu" in device else "fused-groups")
         elif choice == "fused":
             assert info.fft_backend == "fused"
         else:
             assert info.fft_backend == "clFFT"
-            assert "the device is no CPU" in info.fft_reason
+            assert "neither CPU nor GPU" in info.fft_reason
 
 
 def test_the_choice_must_be_one(monkeypatch):

@@ -59,19 +59,20 @@ __kernel void forward(__global float2 *lines, __global const float2 *twiddles, _
     fft_forward(t, re, im, tile, twiddles);
     EACH(FFT_LAST, fft_last, lines[p] = (float2)(re[i], im[i]))
 }
-// Positions p % 3 == 1 are stopped.
+// Positions p % 3 == 1 are stopped, and runs that never pass are not asked for.
 __kernel void filter(__global float2 *lines, __global const float2 *twiddles, __local float *tiles) {
     BEGIN
     EACH(FFT_FIRST, fft_first, re[i] = lines[p].x; im[i] = lines[p].y)
     fft_forward(t, re, im, tile, twiddles);
-    EACH(FFT_LAST, fft_last, if (p % 3u == 1u) re[i] = im[i] = 0.0f)
+    EACH(FFT_LAST, fft_last, if (FFT_LAST_NEVER >> q & 1u) re[i] = im[i] = NAN; else if (p % 3u == 1u) re[i] = im[i] = 0.0f)
     fft_inverse(t, re, im, tile, twiddles);
-    // By way of the tile, into points that another work-item wrote.
+    // By way of the tile, into points that another work-item wrote. As floats: a member of a vector is stored with the others.
+    __global float *parts = (__global float *)lines;
     EACH(FFT_FIRST, fft_first, tile[FFT_TILE_STRIDE * (fft_tile_at(p))] = re[i])
     barrier(CLK_LOCAL_MEM_FENCE);
     for (uint p = t; p < FFT_LENGTH; p += FFT_ITEMS)
-        lines[p].x = tile[FFT_TILE_STRIDE * (fft_tile_at(p))];
-    EACH(FFT_FIRST, fft_first, lines[p].y = im[i])
+        parts[2 * p] = tile[FFT_TILE_STRIDE * (fft_tile_at(p))];
+    EACH(FFT_FIRST, fft_first, parts[2 * p + 1] = im[i])
 }
 )";
 
@@ -96,14 +97,22 @@ double relative_error(const std::vector<Complex> &got, const std::vector<Complex
     return std::sqrt(error / power);
 }
 
-void check(std::uint32_t n, const GroupShape &shape) {
+// never: runs of the last stage that the pupil stops.
+void check(std::uint32_t n, const GroupShape &shape, std::uint32_t never) {
     SCOPED_TRACE(std::to_string(n) + " points, " + std::to_string(shape.lines) + " lines, " +
                  std::to_string(shape.items) + " work-items each, " + (shape.split ? "split, " : "") +
-                 (shape.across ? "across" : "along"));
+                 (shape.across ? "across" : "along") + ", without the runs " + std::to_string(never));
     const FusedPlan plan = clsp::make_group_plan(n);
+    std::vector<bool> passes(n, true);
+    for (std::uint32_t p = 0; p < n; ++p)
+        if (never >> p % plan.radices.back() & 1u)
+            passes[plan.frequencies[p]] = false;
+    const clsp::GroupBand band = clsp::group_band(plan, passes);
+    EXPECT_EQ(never, band.never);
+    EXPECT_EQ((1u << plan.radices.back()) - 1u - never, band.always);
     std::string source = kKernels;
     const std::string mark = "CODELETS";
-    source.replace(source.find(mark), mark.size(), clsp::group_codelets(plan, shape));
+    source.replace(source.find(mark), mark.size(), clsp::group_codelets(plan, shape, band));
     const cl::Program program(context().cl_context(), source);
     try {
         program.build({context().device()}, "-cl-std=CL1.2");
@@ -147,8 +156,9 @@ void check(std::uint32_t n, const GroupShape &shape) {
         }
         std::vector<Complex> expected = transform(points, -1.0);
         EXPECT_LT(relative_error(got_spectrum, expected), 4e-7) << "forward, line " << line;
-        for (std::uint32_t p = 1; p < n; p += 3)
-            expected[plan.frequencies[p]] = 0;
+        for (std::uint32_t p = 0; p < n; ++p)
+            if (p % 3 == 1 || !passes[plan.frequencies[p]])
+                expected[plan.frequencies[p]] = 0;
         EXPECT_LT(relative_error(got_filtered, transform(expected, 1.0)), 5e-7) << "filter, line " << line;
     }
 }
@@ -163,12 +173,36 @@ TEST_P(Group, AgreesWithTheSumInDoublePrecision) {
     const std::uint32_t items = clsp::items_for(plan, 64, 32);
     ASSERT_GT(items, 0u);
     const bool even = n % 2 == 0;
-    check(n, {4, items, even, true});
-    check(n, {even ? 1u : 3u, std::max(1u, items - 1), !even, false});
+    // A band around frequency 0, as a pupil has it: the middle runs are stopped.
+    const std::uint32_t radix = plan.radices.back();
+    std::uint32_t middle = 0;
+    for (std::uint32_t q = 0; q < radix; ++q)
+        if (4 * q > radix && 4 * q < 3 * radix)
+            middle |= 1u << q;
+    check(n, {4, items, even, true}, 0);
+    check(n, {even ? 1u : 3u, std::max(1u, items - 1), !even, false}, middle);
+    check(n, {2, items, !even, true}, middle);
 }
 
 INSTANTIATE_TEST_SUITE_P(Lengths, Group,
                          testing::Values(2u, 3u, 4u, 5u, 13u, 14u, 22u, 42u, 64u, 128u, 143u, 225u, 720u, 1080u));
+
+TEST(GroupBand, KnowsWhichRunsPass) {
+    // 16 points in one stage: run q is frequency q. 48 = 6 * 8: run q is frequencies 6 q to 6 q + 5.
+    std::vector<bool> passes(16, false);
+    passes[0] = passes[1] = passes[15] = true;
+    clsp::GroupBand band = clsp::group_band(clsp::make_group_plan(16), passes);
+    EXPECT_EQ(0x8003u, band.always);
+    EXPECT_EQ(0x7ffcu, band.never);
+    const FusedPlan plan = clsp::make_group_plan(48);
+    ASSERT_EQ((std::vector<std::uint32_t>{6, 8}), plan.radices);
+    passes.assign(48, false);
+    for (std::uint32_t f = 0; f < 48; ++f)
+        passes[f] = f < 10 || f > 39;
+    band = clsp::group_band(plan, passes);
+    EXPECT_EQ(0x81u, band.always); // 0 to 5, 42 to 47
+    EXPECT_EQ(0x3cu, band.never);  // 12 to 35
+}
 
 TEST(GroupShapes, FitTheirDevices) {
     struct Case {
@@ -203,11 +237,11 @@ TEST(GroupShapes, FitTheirDevices) {
 
 TEST(GroupPlan, HasFewStages) {
     using Radices = std::vector<std::uint32_t>;
-    EXPECT_EQ((Radices{16, 16, 8}), clsp::make_group_plan(2048).radices);
-    EXPECT_EQ((Radices{12, 10, 9}), clsp::make_group_plan(1080).radices);
-    EXPECT_EQ((Radices{10, 9, 8}), clsp::make_group_plan(720).radices);
+    EXPECT_EQ((Radices{8, 16, 16}), clsp::make_group_plan(2048).radices);
+    EXPECT_EQ((Radices{9, 10, 12}), clsp::make_group_plan(1080).radices);
+    EXPECT_EQ((Radices{8, 9, 10}), clsp::make_group_plan(720).radices);
     EXPECT_EQ((Radices{13}), clsp::make_group_plan(13).radices);
-    EXPECT_EQ((Radices{11, 10, 9, 8}), clsp::make_group_plan(7920).radices);
+    EXPECT_EQ((Radices{8, 9, 10, 11}), clsp::make_group_plan(7920).radices);
 }
 
 } // namespace

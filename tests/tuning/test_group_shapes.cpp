@@ -184,7 +184,7 @@ TEST_F(GroupShapes, NoRoomIsFoundWhenTheApertureIsMade) {
 }
 
 TEST_F(GroupShapes, OversampledPixelsStayInOneGroup) {
-    // Pass C sums a pixel's samples, which are two columns: groups of one would not hold them.
+    // Pass C sums a pixel's samples, which are in two rows: groups of one would not hold them.
     ApertureParameters p = parameters(48, 30, kGroups);
     p.oversampling = 2;
     most_work_items = 1;
@@ -226,8 +226,7 @@ TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
     const GroupLimits limits = group_limits(*context);
     EXPECT_GE(columns + 1, group_picks(make_group_plan(16), limits, true).size());
     EXPECT_GE(rows + 1, group_picks(make_group_plan(24), limits, false).size());
-    EXPECT_EQ(fused_engine_for(*context) == Engine::kFusedLanes ? Engine::kFusedLanes : Engine::kClfft,
-              size.candidates[0].spec.engine); // the default is the first
+    EXPECT_EQ(default_engine(*context), size.candidates[0].spec.engine); // the default is the first
 }
 
 TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
