@@ -168,8 +168,10 @@ class SizeTuning {
     TunedSize run() {
         // The reference of the pictures comes first; the order of preference is made at the end.
         const Engine preferred = default_engine(*context_);
-        std::vector<EngineSpec> specs = {
-            {Engine::kClfft, {}, {}}, {Engine::kFusedLanes, {}, {}}, {Engine::kFusedGroups, {}, {}}};
+        std::vector<EngineSpec> specs = {{Engine::kClfft, {}, {}}, {Engine::kFusedGroups, {}, {}}};
+        // Lanes are work-groups of one work-item: on GPUs they would only take the time to compile them.
+        if (preferred != Engine::kFusedGroups)
+            specs.insert(specs.begin() + 1, {Engine::kFusedLanes, {}, {}});
         const bool shapes = parameters_.group_shapes.value_or(preferred != Engine::kFusedLanes) &&
                             fused_plan_exists(grid_.grid_width) && fused_plan_exists(grid_.grid_height);
         const GroupLimits limits = group_limits(*context_);

@@ -9,7 +9,7 @@
  *   1. CLSPECKLE_FFT, where it forces an engine;
  *   2. the user's record, for this device and driver: CLSPECKLE_TUNING, else tuning.json in the cache folder (ClspContextDesc::cache_dir);
  *   3. a record that came with the library, for devices of this name;
- *   4. lanes on CPUs, clFFT elsewhere.
+ *   4. lanes on CPUs, work-groups on GPUs, clFFT elsewhere.
  *
  * CLSPECKLE_TUNING=off leaves 2 and 3 out. Of a record the size itself counts, else the one with the nearest area. What an engine cannot
  * do goes to the next; ClspApertureInfo and the log (ClspContextDesc::log) say which was taken and why. A record that cannot be read
