@@ -3,6 +3,7 @@
 #include "convert.hpp"
 #include "handles.hpp"
 #include "runtime/buffer_memory.hpp"
+#include "runtime/command_chain.hpp"
 #include "runtime/device.hpp"
 #include "texts.hpp"
 
@@ -265,7 +266,7 @@ CLSP_API ClspStatus clspEventWait(uint32_t num_events, const cl_event *events) {
         for (std::uint32_t i = 0; i < num_events; ++i)
             if (!events[i])
                 throw Error(Status::kInvalidArgument, fmt::format("events[{}] is NULL", i));
-        check_opencl(clWaitForEvents(num_events, events), "clWaitForEvents");
+        wait_for_events(num_events, events);
     });
 }
 

@@ -31,11 +31,12 @@ typedef CLSP_JOIN(uint, LANES) lanes_u;
 typedef CLSP_JOIN(ulong, HALF_LANES) half_ul;
 #define as_half_ul CLSP_JOIN(as_ulong, HALF_LANES)
 #define SPREAD(value) ((lanes_f)(value))
-// LANES numbers side by side, wherever they begin, and elements of two vectors. PoCL's built-ins go through large vectors in parts.
+// LANES numbers side by side, wherever they begin, and elements of two vectors: `places` names a macro that lists their numbers, as
+// OpenCL C has no variadic macros. PoCL's built-ins go through large vectors in parts.
 #ifdef __clang__
 typedef lanes_f unaligned_lanes_f __attribute__((aligned(4)));
 typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
-#define shuffle_lanes(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#define shuffle_lanes(a, b, places) __builtin_shufflevector(a, b, places)
 #define load_lanes_f(from) (*(__global const unaligned_lanes_f *)(from))
 #define load_lanes_u(from) (*(__global const unaligned_lanes_u *)(from))
 #define load_local_f(from) (*(__local const unaligned_lanes_f *)(from))
@@ -43,7 +44,7 @@ typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
 #define store_local_f(values, to) (*(__local unaligned_lanes_f *)(to) = (values))
 #define store_lanes_u(values, to) (*(__global unaligned_lanes_u *)(to) = (values))
 #else
-#define shuffle_lanes(a, b, ...) shuffle2(a, b, (lanes_u)(__VA_ARGS__))
+#define shuffle_lanes(a, b, places) shuffle2(a, b, (lanes_u)(places))
 #define load_lanes_f(from) vload_lanes(0, from)
 #define load_lanes_u(from) vload_lanes(0, from)
 #define load_local_f(from) vload_lanes(0, from)

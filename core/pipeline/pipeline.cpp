@@ -771,7 +771,7 @@ std::vector<StageTiming> Pipeline::timings() {
         throw Error(Status::kInvalidState,
                     "the last frame's queue had no profiling; make it with CLSP_QUEUE_PROFILING or "
                     "CL_QUEUE_PROFILING_ENABLE");
-    profile_.entries.back().event.wait();
+    wait_for_events(1, &profile_.entries.back().event());
     std::vector<StageTiming> timings;
     cl_ulong previous_end = 0;
     for (const ChainProfile::Entry &entry : profile_.entries) {

@@ -83,4 +83,15 @@ void check_wait_list(::cl_context context, cl_uint num_waits, const cl_event *wa
     }
 }
 
+void wait_for_events(cl_uint count, const cl_event *events) {
+    check_opencl(clWaitForEvents(count, events), "clWaitForEvents");
+    for (cl_uint i = 0; i < count; ++i) {
+        cl_int status = CL_COMPLETE;
+        check_opencl(clGetEventInfo(events[i], CL_EVENT_COMMAND_EXECUTION_STATUS, sizeof status, &status, nullptr),
+                     "clGetEventInfo");
+        if (status < 0)
+            throw from_opencl(CL_EXEC_STATUS_ERROR_FOR_EVENTS_IN_WAIT_LIST, "clWaitForEvents");
+    }
+}
+
 } // namespace clsp

@@ -68,4 +68,8 @@ class CommandChain {
 // event belongs to another context.
 void check_wait_list(::cl_context context, cl_uint num_waits, const cl_event *waits);
 
+// Waits for all events. Throws kOpenCl if one of them ended with an error, also where the driver's clWaitForEvents()
+// takes that for success, as NVIDIA's does.
+void wait_for_events(cl_uint count, const cl_event *events);
+
 } // namespace clsp

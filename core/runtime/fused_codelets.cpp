@@ -173,27 +173,29 @@ std::string transpose(std::uint32_t lanes) {
     const auto pick = [&](std::uint32_t distance, std::uint32_t l) {
         return distance == 1 ? within_pairs(l) : distance == 2 ? pairs(l) : quarters(l);
     };
-    std::string text = "// v[i] lane l becomes v[l] lane i.\nstatic inline void transpose_lanes(lanes_f *v) {\n";
-    for (std::uint32_t distance = 1; distance < lanes; distance *= 2)
-        for (std::uint32_t i = 0; i < lanes; ++i) {
-            if (i & distance)
-                continue;
-            std::vector<std::uint32_t> low, high;
-            for (std::uint32_t l = 0; l < lanes; ++l) {
-                low.push_back(pick(distance, l));
-                high.push_back(low.back() + (distance < 4 ? 2 : 4));
-            }
-            text += fmt::format("    {{\n        const lanes_f a = v[{0}], b = v[{1}];\n"
-                                "        v[{0}] = shuffle_lanes(a, b, {2});\n"
-                                "        v[{1}] = shuffle_lanes(a, b, {3});\n    }}\n",
-                                i, i + distance, fmt::join(low, ", "), fmt::join(high, ", "));
+    std::string text = "// v[i] lane l becomes v[l] lane i.\nstatic inline void transpose_lanes(lanes_f *v) {\n",
+                places;
+    for (std::uint32_t distance = 1; distance < lanes; distance *= 2) {
+        std::vector<std::uint32_t> low, high;
+        for (std::uint32_t l = 0; l < lanes; ++l) {
+            low.push_back(pick(distance, l));
+            high.push_back(low.back() + (distance < 4 ? 2 : 4));
         }
+        places += fmt::format("#define FFT_LOW_PLACES_{0} {1}\n#define FFT_HIGH_PLACES_{0} {2}\n", distance,
+                              fmt::join(low, ", "), fmt::join(high, ", "));
+        for (std::uint32_t i = 0; i < lanes; ++i)
+            if (!(i & distance))
+                text += fmt::format("    {{\n        const lanes_f a = v[{0}], b = v[{1}];\n"
+                                    "        v[{0}] = shuffle_lanes(a, b, FFT_LOW_PLACES_{2});\n"
+                                    "        v[{1}] = shuffle_lanes(a, b, FFT_HIGH_PLACES_{2});\n    }}\n",
+                                    i, i + distance, distance);
+    }
     // Columns 4 c + 1 and 4 c + 2 have ended in each other's places.
     for (std::uint32_t i = 0; i < lanes; i += 4)
         text += fmt::format(
             "    {{\n        const lanes_f a = v[{0}];\n        v[{0}] = v[{1}];\n        v[{1}] = a;\n    }}\n", i + 1,
             i + 2);
-    return text + "}\n";
+    return places + text + "}\n";
 }
 
 } // namespace

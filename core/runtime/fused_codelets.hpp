@@ -30,7 +30,8 @@ constexpr const char *kFusedCodeletsName = "fused_codelets.h";
 //   fft_inverse_block(b, tile, twiddles FFT_ENDS_ARGUMENT), fft_inverse_last  the same backwards
 //   fft_filter_block(b, tile, twiddles FFT_ENDS_ARGUMENT ..)  fft_forward_block, pupil, fft_inverse_block in one
 //   transpose_lanes(v)                             LANES vectors
-// and of the including file shuffle_lanes(a, b, ..), elements of two vectors by their constant numbers.
+// and of the including file shuffle_lanes(a, b, places), elements of two vectors; places is a macro that lists their
+// constant numbers.
 std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes);
 
 // Of a low-pass only some frequencies count. Behind the last stage those that a butterfly leaves lie a last radix's

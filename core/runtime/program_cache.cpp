@@ -1,5 +1,6 @@
 #include "runtime/program_cache.hpp"
 
+#include "runtime/build_log.hpp"
 #include "runtime/embedded_kernels.hpp"
 #include "runtime/error.hpp"
 #include "runtime/whole_file.hpp"
@@ -119,7 +120,7 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
         } catch (const cl::Error &error) {
             std::string log;
             try {
-                log = program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_);
+                log = with_files_and_lines(program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_), text);
             } catch (const cl::Error &) {
                 log = "(the driver gave no build log)";
             }

@@ -34,7 +34,7 @@ const char *const kKernels = R"(
 #define JOIN(a, b) JOIN_(a, b)
 typedef JOIN(float, LANES) lanes_f;
 typedef JOIN(uint, LANES) lanes_u;
-#define shuffle_lanes(a, b, ...) shuffle2(a, b, (lanes_u)(__VA_ARGS__))
+#define shuffle_lanes(a, b, places) shuffle2(a, b, (lanes_u)(places))
 #define SPREAD(value) ((lanes_f)(value))
 #define FFT_TILE __local
 #define FFT_STRIPS 1

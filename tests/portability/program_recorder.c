@@ -1,5 +1,6 @@
 // Preloaded, it writes every OpenCL program that a process builds into the folder CLSP_RECORDED_PROGRAMS: NNNN.cl, and its options in
-// NNNN.options. tests/portability compiles them for devices that are not at hand.
+// NNNN.options. tests/portability compiles them for devices that are not at hand. CLSP_RECORDED_VECTOR_WIDTH, if set, is the width of floats
+// that every device says its vectors have: programs are made as for that.
 #define _GNU_SOURCE
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
@@ -61,4 +62,17 @@ cl_int clBuildProgram(cl_program program, cl_uint count, const cl_device_id *dev
     }
     pthread_mutex_unlock(&guard);
     return build(program, count, devices, options, notify, user_data);
+}
+
+cl_int clGetDeviceInfo(cl_device_id device, cl_device_info what, size_t size, void *value, size_t *size_ret) {
+    static cl_int (*get)(cl_device_id, cl_device_info, size_t, void *, size_t *);
+    pthread_mutex_lock(&guard);
+    if (!get)
+        *(void **)&get = dlsym(RTLD_NEXT, "clGetDeviceInfo");
+    pthread_mutex_unlock(&guard);
+    const cl_int status = get(device, what, size, value, size_ret);
+    const char *width = getenv("CLSP_RECORDED_VECTOR_WIDTH");
+    if (status == CL_SUCCESS && value && what == CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT && width)
+        *(cl_uint *)value = (cl_uint)atoi(width);
+    return status;
 }
