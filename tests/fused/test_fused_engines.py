@@ -373,7 +373,7 @@ print(info.fft_backend, info.fft_reason, sep="|")
         (
             (2, 8192),
             ["--local-mem-size", "16384"],
-            "clFFT|lines of 8192 points need 36864 bytes of local memory, the device has 16384",
+            "clFFT|lines of 8192 points need 34816 bytes of local memory, the device has 16384",
         ),
         ((4, 1080), ["--local-mem-size", "16384"], "fused|"),
         ((64, 64), ["--max-wgsize", "16"], "fused|"),
