@@ -146,8 +146,9 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double st
         const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
         Strength &s = model.strengths[p];
         const ModelEffect &effect = model.effects[s.effect];
+        const double end = std::max(strongest, s.reach);
         s.strength =
-            effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, strongest), effect.sign);
+            effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, end), effect.sign);
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;

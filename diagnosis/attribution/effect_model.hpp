@@ -38,6 +38,7 @@ struct Strength {
     std::size_t effect;    // of the model's effects
     std::size_t parameter; // of the effect
     double strength;
+    double reach = kWeakest; // how far it may go where the search ends before (ModelFit::go_on)
 };
 
 struct ModelEffect {
@@ -66,6 +67,11 @@ struct EffectModel {
         return effects[strengths[static_cast<std::size_t>(strength)].effect].candidate->id;
     }
 };
+
+// Whether a strength stands where a search ends, or within a step of the grid that it begins with.
+inline bool is_at(double strength, double end) {
+    return strength > end - kStrengthStep;
+}
 
 // Moves a strength as far as a finite difference needs, the other way where its range ends; how far that is.
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);

@@ -27,6 +27,8 @@ constexpr double kStepped = 0.8;
 // Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
 constexpr int kSecantRounds = 4;
 constexpr double kFar = 0.15;
+// A strength at which every parameter's range has ended.
+constexpr double kAnyFar = 1e3;
 // Captures on either side of a strength by which a slope is measured in the end.
 constexpr std::size_t kSlopeSeeds = 4;
 // Captures that tell what the image's border does, if there are as many replicates of the baseline. Means that differ by
@@ -222,6 +224,33 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     return fitted;
 }
 
+double ModelFit::worth_replacing(const FittedModel &fitted) const {
+    const double now = square_by(fitted.model.full(), fitted);
+    return now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
+}
+
+bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    EffectModel onward = model;
+    bool goes_on = false;
+    for (std::size_t p = 0; p < onward.strengths.size(); ++p) {
+        Strength &s = onward.strengths[p];
+        const ModelEffect &effect = onward.effects[s.effect];
+        if (s.reach > kWeakest || effect.candidate->parameters[s.parameter].whole || !is_at(s.strength, kStrongest) ||
+            fitted.step[static_cast<Eigen::Index>(p)] < kNear)
+            continue;
+        const double end = effect.candidate->snapped(s.parameter, kAnyFar, effect.sign);
+        if (end > s.strength) {
+            s.reach = end;
+            goes_on = true;
+        }
+    }
+    FitOptions options;
+    options.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+    options.from = options.to = at;
+    options.worth = worth_replacing(fitted);
+    return goes_on && replace(model, pool, fitted, std::move(onward), options);
+}
+
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
     EffectModel moved = model;
     if (move_strengths(moved, fitted.step, strongest_) < kNothingMoved)
@@ -231,8 +260,7 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     fine.from = fine.to = at;
     fine.near = true;
     fine.part = kFine;
-    const double now = square_by(fitted.model.full(), fitted);
-    fine.worth = now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
+    fine.worth = worth_replacing(fitted);
     replace(model, pool, fitted, std::move(moved), fine);
 }
 

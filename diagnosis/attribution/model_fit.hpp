@@ -76,6 +76,9 @@ class ModelFit {
     // Takes whole numbers one further where that leaves less: what differs between two of them says little of the next,
     // and a number that was chosen while other effects were missing does not come back by slopes.
     void step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
+    // Where strengths stand at the search's end, though their parameters' ranges go on and the last step leads there,
+    // the fit goes on, up to the ends of these ranges. The better of both stays; false if that is the one before.
+    bool go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
@@ -123,6 +126,8 @@ class ModelFit {
     // uncertain of and by what the sides differ. part: of the usual finite differences.
     Eigen::VectorXd measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
                                    double part) const;
+    // The squared distance that another fit may leave at the most to take this one's place.
+    double worth_replacing(const FittedModel &fitted) const;
     // A fit that starts from another's pool takes its place, with model and pool, if it is better.
     bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, const FitOptions &options);
     // Draws replicates until there are `count`.

@@ -94,6 +94,9 @@ class Search {
     void finish(Path &path, const FittedModel &baseline);
     // An effect is far beyond its range.
     static bool goes_far(const Path &path);
+    // A strength stands at the end of the common range, its last step leads out of it, and the wide search found it
+    // there.
+    static bool leads_out(const Path &common, const Path &wide);
     bool is_explained(Path &path) {
         if (path.models.empty())
             return false;
@@ -418,9 +421,13 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     if (fits.empty())
         return false;
     const std::size_t best = best_of(fits, margin, from + share);
+    fits_.go_on(models[best], pools[best], fits[best], from + share);
     if (nearly_explained(fits[best])) {
         fits_.step_whole_numbers(models[best], pools[best], fits[best], from + share);
         fits_.polish(models[best], pools[best], fits[best], from + share);
+        // Which may be what led to the search's end.
+        if (fits_.go_on(models[best], pools[best], fits[best], from + share))
+            fits_.polish(models[best], pools[best], fits[best], from + share);
     }
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
@@ -438,11 +445,30 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     return true;
 }
 
+bool is_far(const EffectModel &model, const Strength &s) {
+    const HypothesisParameter &p = model.effects[s.effect].candidate->parameters[s.parameter];
+    return p.weak != p.strong && s.strength > kCommon;
+}
+
 bool Search::goes_far(const Path &path) {
-    return std::any_of(path.model.strengths.begin(), path.model.strengths.end(), [&](const Strength &s) {
-        const HypothesisParameter &p = path.model.effects[s.effect].candidate->parameters[s.parameter];
-        return p.weak != p.strong && s.strength > kCommon;
-    });
+    return std::any_of(path.model.strengths.begin(), path.model.strengths.end(),
+                       [&](const Strength &s) { return is_far(path.model, s); });
+}
+
+bool Search::leads_out(const Path &common, const Path &wide) {
+    for (std::size_t k = 0; k < common.model.strengths.size(); ++k) {
+        const Strength &s = common.model.strengths[k];
+        const ModelEffect &effect = common.model.effects[s.effect];
+        if (!is_at(s.strength, kCommon) || common.models.back().step[static_cast<Eigen::Index>(k)] <= 0.0)
+            continue;
+        for (const Strength &other : wide.model.strengths) {
+            const ModelEffect &found = wide.model.effects[other.effect];
+            if (found.candidate->id == effect.candidate->id && found.sign == effect.sign &&
+                other.parameter == s.parameter && is_far(wide.model, other))
+                return true;
+        }
+    }
+    return false;
 }
 
 bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
@@ -479,25 +505,32 @@ void Search::finish(Path &path, const FittedModel &baseline) {
 }
 
 Path Search::explain(const FittedModel &baseline) {
-    // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier.
+    // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier. But one
+    // that the common range only holds back is not within it: the last step makes up for what is missing, or goes too
+    // far, or another effect does.
     Path common;
-    const auto common_explains = [&] {
+    bool held_back = false;
+    const auto common_explains = [&](const Path &wide) {
         fits_.set_strongest(kCommon);
         common = empty_path(kSecond, kEnd);
         grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
         fits_.set_strongest(kStrongest);
-        return is_explained(common);
+        const bool explained = is_explained(common);
+        held_back = explained && leads_out(common, wide);
+        return explained && !held_back;
     };
     Path path = empty_path(kBegin, kSecond);
     const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
-    if (far && fits_.may_go_on() && common_explains())
+    if (far && fits_.may_go_on() && common_explains(path))
         return common;
     if (!grown)
         grow_all(path, baseline, Until::kDone);
     finish(path, baseline);
-    if (!far && goes_far(path) && fits_.may_go_on() && common_explains())
+    if (!far && goes_far(path) && fits_.may_go_on() && common_explains(path))
         return common;
+    if (held_back)
+        return is_explained(path) ? path : common;
     // Neither need explain the gap, and either may have come farther.
     const bool common_is_better =
         !common.models.empty() && (path.models.empty() || common.models.back().score < path.models.back().score);

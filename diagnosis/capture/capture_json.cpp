@@ -42,6 +42,46 @@ Json::parser_callback_t refuse_double_keys(const std::string &path) {
     };
 }
 
+// In one line; bytes that are no text (another encoding) are not shown.
+std::string legible(const std::string &text) {
+    std::string result;
+    for (const char c : text) {
+        if (c != '\n' && c != '\r' && c != '\t' && c != ' ')
+            result += static_cast<unsigned char>(c) < 32 || static_cast<unsigned char>(c) > 126 ? '?' : c;
+        else if (!result.empty() && result.back() != ' ')
+            result += ' ';
+    }
+    return result;
+}
+
+// What the parser says, without its own number of the error.
+std::string reason_of(const Json::exception &error) {
+    std::string what = error.what();
+    if (const std::size_t bracket = what.find("] "); bracket != std::string::npos)
+        what = what.substr(bracket + 2);
+    return legible(what);
+}
+
+// Where to look and for what. byte: where the parser noticed, from 1.
+std::string advice_on_syntax(const std::string &text, std::size_t byte, const std::string &reason) {
+    if (text.find('\0') != std::string::npos)
+        return "; the file is no text in UTF-8: save it in that encoding";
+    if (reason.find("end of input") != std::string::npos)
+        return "; the file ends before it is complete: copy it again, or close what is open with ] or }";
+    const std::size_t at = std::min(byte > 0 ? byte - 1 : 0, text.size());
+    const auto around = [&](std::size_t before, std::size_t after) {
+        const std::size_t begin = at - std::min(before, at);
+        return text.substr(begin, at + after - begin);
+    };
+    const std::string near = around(10, 10);
+    if (near.find("NaN") != std::string::npos || near.find("Inf") != std::string::npos)
+        return " (JSON has neither NaN nor Infinity; leave what is not known out)";
+    // What is wrong lies before what no longer fits it.
+    return fmt::format("; correct it there, at ... {} ...: keys and texts are in double quotes, a comma is between "
+                       "two entries and none behind the last, and there are no comments",
+                       legible(around(40, 10)));
+}
+
 Json parse(const std::string &path) {
     std::string text;
     try {
@@ -56,14 +96,15 @@ Json parse(const std::string &path) {
     }
     try {
         return Json::parse(text, refuse_double_keys(path));
+    } catch (const Json::parse_error &error) {
+        const std::string reason = reason_of(error);
+        throw Error(Status::kInvalidArgument, fmt::format("{}: is not valid JSON: {}{}", path, reason,
+                                                          advice_on_syntax(text, error.byte, reason)));
     } catch (const Json::exception &error) {
-        std::string what = error.what();
-        if (const std::size_t bracket = what.find("] "); bracket != std::string::npos)
-            what = what.substr(bracket + 2);
-        const bool not_finite = text.find("NaN") != std::string::npos || text.find("Infinity") != std::string::npos;
         throw Error(Status::kInvalidArgument,
-                    fmt::format("{}: is not valid JSON: {}{}", path, what,
-                                not_finite ? " (JSON has neither NaN nor Infinity; leave what is not known out)" : ""));
+                    fmt::format("{}: is not valid JSON: {}; expected a number below 1.8e308: correct it, or leave it "
+                                "out",
+                                path, reason_of(error)));
     }
 }
 
@@ -76,10 +117,13 @@ class Parser {
         throw Error(Status::kInvalidArgument, fmt::format("{}: {} {}", path_, field, what));
     }
 
-    const Json &object(const Json &parent, const char *key, const std::string &where) const {
-        const Json &value = member(parent, key, where, "an object {...}");
+    // expected: an example of it.
+    const Json &object(const Json &parent, const char *key, const std::string &where,
+                       const std::string &expected) const {
+        const std::string an_object = "an object, for example " + expected;
+        const Json &value = member(parent, key, where, an_object.c_str());
         if (!value.is_object())
-            refuse(where + "/" + key, fmt::format("is {}; expected an object {{...}}", shown(value)));
+            refuse(where + "/" + key, fmt::format("is {}; expected {}", shown(value), an_object));
         return value;
     }
     double number(const Json &parent, const char *key, const std::string &where, const char *expected) const {
@@ -163,7 +207,10 @@ class Parser {
 };
 
 void read_camera(const Parser &parser, const Json &root, CaptureDescription &result) {
-    const Json &camera = parser.object(root, "camera", "");
+    const Json &camera = parser.object(
+        root, "camera", "",
+        R"({"width": 192, "height": 160, "bits": 10, "pixel_pitch_um": 2.9, "f_number": 5.6, "black_level_dn": 64.0, )"
+        R"("read_noise_dn": 4.0} with the values of your camera)");
     CaptureLayout &layout = result.layout;
     layout.width = parser.integer(camera, "width", "/camera", "the number of columns");
     layout.height = parser.integer(camera, "height", "/camera", "the number of rows");
@@ -185,7 +232,7 @@ void read_camera(const Parser &parser, const Json &root, CaptureDescription &res
 void read_dots(const Parser &parser, const Json &root, CaptureDescription &result) {
     if (!root.contains("dots") || root["dots"].is_null())
         return;
-    const Json &dots = parser.object(root, "dots", "");
+    const Json &dots = parser.object(root, "dots", "", R"({"sigma_px": 2.2, "positions_px": [[10.7, 11.2]]})");
     CaptureDots value;
     value.sigma_px = parser.number(dots, "sigma_px", "/dots", "the width of a dot in pixels");
     const auto positions = dots.find("positions_px");
@@ -247,16 +294,20 @@ CaptureDescription read_capture_json(const std::string &path) {
     read_dots(parser, root, result);
     const auto sequences = root.find("sequences");
     if (sequences == root.end() || !sequences->is_array() || sequences->empty())
-        parser.refuse("/sequences", "is missing or empty; expected a list of at least one sequence");
+        parser.refuse("/sequences", "is missing or empty; expected a list of at least one sequence, for example "
+                                    R"([{"name": "dark", "file": "dark.npy", "scene": "dark"}])");
     for (std::size_t i = 0; i < sequences->size(); ++i)
         read_sequence(parser, (*sequences)[i], i, result);
 
     CaptureLayout &layout = result.layout;
-    const bool speckle = std::any_of(layout.sequences.begin(), layout.sequences.end(), [](const SequenceLayout &s) {
-        return is_laser(s.scene);
-    });
-    if (speckle || root.contains("laser")) {
-        const Json &laser = parser.object(root, "laser", "");
+    const auto speckle = std::find_if(layout.sequences.begin(), layout.sequences.end(),
+                                      [](const SequenceLayout &s) { return is_laser(s.scene); });
+    if (speckle != layout.sequences.end() || root.contains("laser")) {
+        std::string example =
+            R"({"wavelength_nm": 940.0, "degree_of_polarization": 1.0} with the values of your laser)";
+        if (speckle != layout.sequences.end())
+            example += fmt::format(": the sequence \"{}\" shows its light", speckle->name);
+        const Json &laser = parser.object(root, "laser", "", example);
         layout.wavelength_m = parser.number(laser, "wavelength_nm", "/laser", "the wavelength in nm") * 1e-9;
         if (laser.contains("degree_of_polarization"))
             layout.degree_of_polarization = parser.number(laser, "degree_of_polarization", "/laser", "0 to 1");
@@ -267,7 +318,7 @@ CaptureDescription read_capture_json(const std::string &path) {
             {"", fmt::format("{}: /laser is missing; nothing in this set depends on it, 940 nm is assumed", path)});
     }
     if (root.contains("baseline")) {
-        const Json &baseline = parser.object(root, "baseline", "");
+        const Json &baseline = parser.object(root, "baseline", "", R"({"field": "circular_gaussian"})");
         layout.field =
             static_cast<FieldKind>(parser.word(baseline, "field", "/baseline", {"circular_gaussian", "unit_phasor"}));
         parser.note_unknown(baseline, "/baseline", {"field"}, "", result.warnings);

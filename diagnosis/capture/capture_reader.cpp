@@ -53,7 +53,8 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress)
             capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity)});
         total += frames;
         if (!described.masks[i].empty())
-            capture.layout.sequences[i].mask = read_mask((root / described.masks[i]).string(), capture.layout);
+            capture.layout.sequences[i].mask = read_mask((root / described.masks[i]).string(), capture.layout,
+                                                         origin.description, fmt::format("/sequences/{}/mask", i));
     }
     validate_layout(capture.layout, origin);
 

@@ -130,8 +130,8 @@ void validate_sequence(const CaptureLayout &layout, std::size_t sequence, const 
                    *s.exposure_ms > 0.0 && *s.exposure_ms <= 1e9, "a time above 0 ms, at most 1e9");
     if (!s.mask.empty() && s.mask.size() != layout.pixel_count())
         refuse(origin, sequence_field(sequence, "mask"),
-               fmt::format("of \"{}\" has {} pixels; the image has {} x {} = {}", s.name, s.mask.size(), layout.width,
-                           layout.height, layout.pixel_count()));
+               fmt::format("of \"{}\" has {} pixels; the image has {} x {} = {}: give a mask of that size, or none",
+                           s.name, s.mask.size(), layout.width, layout.height, layout.pixel_count()));
     if (!s.mask.empty() && std::all_of(s.mask.begin(), s.mask.end(), [](std::uint8_t m) { return m == 0; }))
         refuse(origin, sequence_field(sequence, "mask"),
                fmt::format("of \"{}\" is 0 everywhere, so that no pixel counts; pixels that count are not 0", s.name));

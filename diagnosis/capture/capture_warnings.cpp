@@ -80,8 +80,9 @@ void warn_of_pupil(const CaptureLayout &layout, const SequenceLayout &s, std::ve
                          s.f_number, diameter)});
 }
 
+// noise_dn: of one pixel in the dark.
 void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceSummary &summary, const DarkLevel &dark,
-                   std::vector<CaptureWarning> &warnings) {
+                   double noise_dn, std::vector<CaptureWarning> &warnings) {
     const CaptureLayout &layout = capture.layout;
     const SequenceLayout &s = layout.sequences[sequence];
     const std::vector<std::uint16_t> &codes = capture.codes[sequence];
@@ -121,7 +122,7 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
                                "their black level are "
                                "needed"));
     // A quarter of the noise of one pixel, but no less than half a code.
-    if (lit && summary.level_above_dark_dn < std::max(0.5, 0.25 * layout.read_noise_dn))
+    if (lit && summary.level_above_dark_dn < std::max(0.5, 0.25 * noise_dn))
         warn(fmt::format(
             "its mean, {:.2f} DN, is not above the dark level, {:.2f} DN ({}): there is hardly any light in it",
             summary.mean_dn, dark.level_dn, dark.measured ? "of the dark sequences" : "the data sheet's black level"));
@@ -133,9 +134,11 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkL
                                              const std::vector<SequenceSummary> &summaries) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
+    // A data sheet may say 0, or the noise of another gain.
+    const double measured = measured_noise(summaries), noise = measured > 0.0 ? measured : capture.layout.read_noise_dn;
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
-        warn_of_codes(capture, i, summaries[i], dark, warnings);
+        warn_of_codes(capture, i, summaries[i], dark, noise, warnings);
     }
     for (CaptureWarning &warning : metadata_warnings(capture, summaries, dark))
         warnings.push_back(std::move(warning));

@@ -34,17 +34,6 @@ constexpr std::size_t kLeastBetween = 64;
 constexpr double kUnlistedLight = 0.25;
 constexpr std::size_t kLeastDots = 12; // static speckle makes single dots bright or dark
 
-// Read noise that dark frames show; none without two of them.
-double measured_noise(const std::vector<SequenceSummary> &summaries) {
-    double variance = 0.0, count = 0.0;
-    for (const SequenceSummary &s : summaries)
-        if (s.scene == CaptureScene::kDark && s.temporal_noise_dn && *s.temporal_noise_dn > 0.0) {
-            variance += *s.temporal_noise_dn * *s.temporal_noise_dn;
-            ++count;
-        }
-    return count > 0.0 ? std::sqrt(variance / count) : 0.0;
-}
-
 class Warnings {
   public:
     Warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries, const DarkLevel &dark)
@@ -367,6 +356,16 @@ void Warnings::border_dots_are_listed() {
 }
 
 } // namespace
+
+double measured_noise(const std::vector<SequenceSummary> &summaries) {
+    double variance = 0.0, count = 0.0;
+    for (const SequenceSummary &s : summaries)
+        if (s.scene == CaptureScene::kDark && s.temporal_noise_dn && *s.temporal_noise_dn > 0.0) {
+            variance += *s.temporal_noise_dn * *s.temporal_noise_dn;
+            ++count;
+        }
+    return count > 0.0 ? std::sqrt(variance / count) : 0.0;
+}
 
 FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, const std::vector<std::uint16_t> &codes,
                          double level_above_dark_dn, double noise_dn) {

@@ -14,6 +14,9 @@ constexpr double kDotReach = 4.0;
 std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
                                               const DarkLevel &dark);
 
+// Read noise that dark frames show, in DN; 0 without two of them, or where their codes never change.
+double measured_noise(const std::vector<SequenceSummary> &summaries);
+
 // How much of a sequence's spatial variance is new in the next frame, sensor noise taken out of both: near 1 where a
 // board's speckle is new in each frame, near 0 where it stays.
 struct FrameChange {

@@ -27,12 +27,13 @@ std::string extension(const std::string &path) {
     return text == ".tif" ? ".tiff" : text;
 }
 
-// What image_io says, as an error of the library.
-template <typename Body> auto reading(Body &&body) -> decltype(body()) {
+// What image_io says, as an error of the library. advice: what it cannot know, where the file is named and what is
+// needed there.
+template <typename Body> auto reading(Body &&body, const std::string &advice = {}) -> decltype(body()) {
     try {
         return body();
     } catch (const image_io::ReadError &error) {
-        throw Error(Status::kIo, error.what());
+        throw Error(Status::kIo, error.what() + advice);
     }
 }
 
@@ -170,8 +171,13 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
         single_ = false;
     }
     std::sort(files.begin(), files.end(), natural_less);
+    const std::string advice =
+        fmt::format(". {}: {} names it; expected there is an .npy stack of (frames, height, width), uint16, or gray "
+                    "16-bit PNG or TIFF frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
+                    "a stack), or take the sequence out",
+                    description, field);
     for (const std::string &one : files)
-        parts_.push_back(Part{one, reading([&] { return image_io::open_without_exr(one)->info(); })});
+        parts_.push_back(Part{one, reading([&] { return image_io::open_without_exr(one)->info(); }, advice)});
 }
 
 std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
@@ -204,7 +210,7 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
                                info.height, layout.width, layout.height,
                                info.width == layout.height && info.height == layout.width
                                    ? "; the two sides are exchanged: an array is (frames, height, width)"
-                                   : ""));
+                                   : ": correct /camera/width and /camera/height, or name frames of that size"));
         frames += info.frame_count;
         if (frames > kMaxCaptureFrames)
             throw Error(Status::kInvalidData,
@@ -283,19 +289,27 @@ std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
     return codes;
 }
 
-std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout) {
-    return reading([&] {
+std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
+                                    const std::string &description, const std::string &field) {
+    const std::string advice = fmt::format(
+        ". {}: {} names it; expected there is one 8-bit gray image of {} x {} pixels (width x height), 0 where a pixel "
+        "is not to count: replace it, or take \"mask\" out so that every pixel counts",
+        description, field, layout.width, layout.height);
+    const auto read = [&] {
         const auto reader = image_io::open_without_exr(path);
         const image_io::Info &info = reader->info();
         if (info.channels != 1 || (info.sample != "uint8" && info.sample != "bool") || info.frame_count != 1)
             throw Error(Status::kInvalidData,
-                        fmt::format("{}: is {} of {} with {} channel{}; a mask is one 8-bit gray image, 0 where a "
-                                    "pixel is not to count",
-                                    path, info.frame_count == 1 ? "one image" : "a stack", info.sample, info.channels,
-                                    info.channels == 1 ? "" : "s"));
+                        fmt::format("{}: is {} of {} with {} channel{}; a mask is one 8-bit gray image{}", path,
+                                    info.frame_count == 1 ? "one image" : "a stack", info.sample, info.channels,
+                                    info.channels == 1 ? "" : "s", advice));
         if (info.width != layout.width || info.height != layout.height)
-            throw Error(Status::kInvalidData, fmt::format("{}: the mask has {} x {} pixels; /camera says {} x {}", path,
-                                                          info.width, info.height, layout.width, layout.height));
+            throw Error(Status::kInvalidData, fmt::format("{}: the mask has {} x {} pixels; /camera says {} x {}{}{}",
+                                                          path, info.width, info.height, layout.width, layout.height,
+                                                          info.width == layout.height && info.height == layout.width
+                                                              ? "; the two sides are exchanged"
+                                                              : "",
+                                                          advice));
         std::vector<std::uint8_t> mask;
         mask.reserve(layout.pixel_count());
         reader->read_rows(0, [&](const float *row) {
@@ -303,7 +317,8 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
                 mask.push_back(static_cast<std::uint8_t>(row[x]));
         });
         return mask;
-    });
+    };
+    return reading(read, advice);
 }
 
 } // namespace clsp

@@ -42,7 +42,9 @@ class SequenceFiles {
     std::vector<Part> parts_;
 };
 
-// height * width values of an 8-bit image; throws kIo or kInvalidData naming the file.
-std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout);
+// height * width values of an 8-bit image; throws kIo or kInvalidData naming the file. description, field: where
+// capture.json names it, for messages.
+std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
+                                    const std::string &description, const std::string &field);
 
 } // namespace clsp

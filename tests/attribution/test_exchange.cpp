@@ -301,6 +301,42 @@ TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
     EXPECT_LE(fitted.score, polished);
 }
 
+// A display's gamma lies beyond where the search for one ends (0.57).
+TEST_F(Exchange, AFitGoesOnWhereTheSearchEnds) {
+    Experiment experiment(context(), simulated({{"gamma", {0.48}}}, kCaptureSeed + 11), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    EffectModel model;
+    model.add(candidate("gamma"), 1.0, 1.6);
+    Pool pool;
+    FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
+    EXPECT_EQ(model.strengths.front().strength, kStrongest);
+    const double score = fitted.score;
+    EXPECT_TRUE(fits.go_on(model, pool, fitted, 0.0));
+    EXPECT_LT(fitted.score, score);
+    EXPECT_EQ(pool.effects, fitted.effects);
+    fits.measure_parameters(fitted, model, 0.0);
+    EXPECT_LE(fitted.parameters.front().low, 0.48);
+    EXPECT_GE(fitted.parameters.front().high, 0.48);
+    EXPECT_NEAR(fitted.parameters.front().value, 0.48, 0.02);
+    // No later step takes it back, and none takes it out of the parameter's own range.
+    EffectModel moved = model;
+    move_strengths(moved, Eigen::VectorXd::Zero(1));
+    EXPECT_EQ(moved.strengths.front().strength, model.strengths.front().strength);
+    for (int i = 0; i < 30; ++i)
+        move_strengths(moved, Eigen::VectorXd::Ones(1));
+    EXPECT_NEAR(moved.settings().front().values.front(), candidate("gamma").parameters.front().minimum, 1e-12);
+    // What ends within the search's range stays as it is.
+    EXPECT_FALSE(fits.go_on(model, pool, fitted, 0.0));
+    fits.set_strongest(kCommon);
+    EffectModel common;
+    common.add(candidate("gamma"), 1.0, 1.0);
+    Pool own;
+    FittedModel held = fits.fit(common, own, all_replicates(fits));
+    EXPECT_EQ(common.strengths.front().strength, kCommon);
+    EXPECT_FALSE(fits.go_on(common, own, held, 0.0));
+}
+
 // Strengths far from where they begin: rounds with secants lead there at one simulation each.
 TEST_F(Exchange, SecantsReachStrengthsThatAreFar) {
     Experiment experiment(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 2);

@@ -348,13 +348,35 @@ TEST_F(CaptureFolder, RefusesDescriptionsThatCannotBe) {
         {"\"file\": \"dark.npy\"", "\"file\": 3", {"/sequences/0/file is 3"}},
         {"\"exposure_ms\": 12.5", "\"exposure_ms\": 0", {"/sequences/1/exposure_ms is 0"}},
         {"\"f_number\": 4.0", "\"f_number\": -1", {"/sequences/1/f_number is -1"}},
-        {"\"format\"", "\"format", {"not valid JSON"}},
+        {"\"format\"", "\"format", {"not valid JSON", "line 2", "correct it there, at ...", "double quotes"}},
+        {",\n  \"read_noise_dn\": 4.0",
+         "\n  \"read_noise_dn\": 4.0",
+         {"not valid JSON: parse error at line 11", "\"black_level_dn\": 64.0 \"read_noise_dn\"", "a comma"}},
+        {"\"bits\": 10", "\"bits\": 0x0a", {"not valid JSON", "at ... ", "\"bits\": 0x"}},
+        {"\"laser\"",
+         "\"lazer\"",
+         {"/laser is missing", "\"wavelength_nm\": 940.0", "\"board_moving\" shows its light"}},
+        {"\"camera\"", "\"kamera\"", {"/camera is missing", "\"pixel_pitch_um\": 2.9"}},
+        {"\"sequences\"", "\"sequence\"", {"/sequences is missing", "\"file\": \"dark.npy\""}},
     };
     for (const Case &c : cases) {
         SCOPED_TRACE(c.to);
         written_with(c.from, c.to);
         expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, c.words);
     }
+    // Cut off within, and in another encoding, whose bytes no message repeats.
+    small_capture().write(path("set"), true);
+    const std::string json = text("set/capture.json");
+    put("set/capture.json", json.substr(0, json.size() / 2));
+    expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "copy it again"});
+    std::string wide = "\xff\xfe";
+    for (const char c : json)
+        wide += {c, '\0'};
+    put("set/capture.json", wide);
+    expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "save it in that encoding"});
+    auto info = clspeckle::make<ClspErrorInfo>();
+    ASSERT_EQ(clspGetLastError(&info), CLSP_SUCCESS);
+    EXPECT_EQ(std::string(info.message).find('\xff'), std::string::npos) << info.message;
 }
 
 TEST_F(CaptureFolder, RefusesArraysThatCannotBe) {
@@ -381,7 +403,28 @@ TEST_F(CaptureFolder, RefusesArraysThatCannotBe) {
            {"16 x 24", "24 x 16", "exchanged"});
     refuse("dark.npy", npy("<u2", "(16, 24, 3)", 2 * 3 * kPixels), CLSP_ERROR_INVALID_DATA,
            {"3 channels", "(frames, height, width)"});
-    refuse("dark.npy", npy("<u2", "(0, 16, 24)", 0), CLSP_ERROR_IO, {"dark.npy", "empty array"});
+    const std::string field = "capture.json: /sequences/0/file names it", expected = "(frames, height, width), uint16";
+    refuse("dark.npy", npy("<u2", "(0, 16, 24)", 0), CLSP_ERROR_IO,
+           {"dark.npy: holds an empty array (0 x 16 x 24)", "at least one frame", field, expected});
+    refuse("dark.npy", npy("|O", "(3, 16, 24)", 100), CLSP_ERROR_IO,
+           {"dark.npy: its numbers are of type '|O', Python objects", "numpy.stack(frames)", field, expected});
+    refuse("dark.npy", npy("<u2", "(3, sixteen)", 100), CLSP_ERROR_IO,
+           {"dark.npy: is damaged: 'shape'", "write or copy it again", field, expected});
+    refuse("dark.npy", npy("<u2", "(3, 16, 24)", 2 * 3 * kPixels).replace(10, 1, "("), CLSP_ERROR_IO,
+           {"dark.npy: is damaged: its header is not a dictionary", field, "take the sequence out"});
+    // Masks.
+    const auto refuse_mask = [&](const std::string &content, ClspStatus status, std::vector<std::string> words) {
+        SCOPED_TRACE(words.front());
+        written_with("\"file\": \"dark.npy\"", "\"file\": \"dark.npy\", \"mask\": \"mask.npy\"");
+        put("set/mask.npy", content);
+        words.insert(words.end(), {"capture.json: /sequences/0/mask names it", "24 x 16 pixels (width x height)",
+                                   "take \"mask\" out"});
+        expect_open_refused(status, words);
+    };
+    refuse_mask(npy("|u1", "(8, 8)", 64), CLSP_ERROR_INVALID_DATA, {"mask.npy: the mask has 8 x 8 pixels"});
+    refuse_mask(npy("|u1", "(24, 16)", kPixels), CLSP_ERROR_INVALID_DATA, {"the two sides are exchanged"});
+    refuse_mask(npy("<u2", "(16, 24)", 2 * kPixels), CLSP_ERROR_INVALID_DATA, {"one image of uint16"});
+    refuse_mask("no image", CLSP_ERROR_IO, {"mask.npy", "not a PNG"});
     refuse("dark.npy", npy("<u2", "(900000, 16, 24)", 100), CLSP_ERROR_IO, {"dark.npy", "truncated"});
     refuse("dark.npy", npy("<u2", "(3, 16, 24)", 2 * 3 * kPixels, 9), CLSP_ERROR_INVALID_DATA,
            {"dark.npy: frame 0, pixel (0, 0): the code is 2313", "/camera/bits is 10", "1023", "12"});

@@ -153,3 +153,35 @@ def test_bad_input(cli: Cli, tmp_path: Path) -> None:
     assert "name a file" in cli("capture", "check", "there", "--json", "", code=1).stderr
     assert "no capture.json" in cli("capture", "check", "there", code=1).stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there"], "something was left behind"
+
+
+def test_a_bad_set_says_what_to_do(cli: Cli, tmp_path: Path) -> None:
+    """What was wrong, what was expected and what to do, with file and field, in one line."""
+    cli("capture", "make", "set", *SMALL, "--sequences", "dark,board_static")
+    text = (tmp_path / "set" / "capture.json").read_text()
+    description = json.loads(text)
+    number = [sequence["name"] for sequence in description["sequences"]].index("dark")
+    dark = np.load(tmp_path / "set" / "dark.npy")
+    objects = np.empty(2, dtype=object)
+    objects[:] = [dark[0], dark[1, :-1]]
+
+    def said(*words: str) -> None:
+        shown = cli("capture", "check", "set", code=1).stderr
+        for word in words:
+            assert word in shown, f"{word} is not in: {shown}"
+        assert shown.count("\n") == 1, shown
+
+    field = f"capture.json: /sequences/{number}/file names it; expected there is an .npy stack of (frames, height, width)"
+    for array, words in ((objects, "Python objects"), (dark[:0], "empty array")):
+        np.save(tmp_path / "set" / "dark.npy", array, allow_pickle=True)
+        said("dark.npy: ", words, field, "or take the sequence out")
+    np.save(tmp_path / "set" / "dark.npy", dark)
+    np.save(tmp_path / "set" / "mask.npy", np.ones(dark.shape[:0:-1], np.uint8))
+    description["sequences"][number]["mask"] = "mask.npy"
+    (tmp_path / "set" / "capture.json").write_text(json.dumps(description))
+    said("mask.npy: the mask has", "exchanged", f"/sequences/{number}/mask names it", "replace it, or take")
+    del description["laser"]
+    (tmp_path / "set" / "capture.json").write_text(json.dumps(description))
+    said("/laser is missing", '{"wavelength_nm": 940.0', '"board_static" shows its light')
+    (tmp_path / "set" / "capture.json").write_text(text.replace('"bits": 10,', '"bits": 10'))
+    said("is not valid JSON: parse error at line", '"bits": 10', "a comma is between two entries")

@@ -258,6 +258,8 @@ def test_bad_arguments(codes: Draw) -> None:
         make({})
     with pytest.raises(errors.InvalidFormatError, match="float64"):
         make({"dark": codes(2, 64) / 2.0})
+    with pytest.raises(errors.InvalidArgumentError, match=r"shape \(0, 16, 24\), expected .* it is empty, give at least"):
+        make({"dark": codes(2, 64)[:0]})
     with pytest.raises(errors.InvalidArgumentError, match="shape"):
         make({"dark": codes(2, 64)[0, 0]})
     with pytest.raises(errors.InvalidFormatError, match="expected uint16: codes are whole numbers.*NaN"):

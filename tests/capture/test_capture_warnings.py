@@ -124,6 +124,26 @@ def test_read_noise_without_dark_frames(recorded: dict[str, Array]) -> None:
     assert "less than /camera/read_noise_dn, 20 DN, alone would give" in found[0]
 
 
+def test_light_is_measured_by_the_dark_frames_noise(recorded: dict[str, Array]) -> None:
+    """A quarter of a pixel's noise, 1 DN here, is the least light; a sheet that is far off changes nothing."""
+    random = np.random.default_rng(12)
+
+    def lit(light: float) -> Array:
+        return np.rint(random.normal(BLACK + light, NOISE, (FRAMES, HEIGHT, WIDTH))).astype(np.uint16)
+
+    def says_so(arrays: dict[str, Any], sheet: float) -> bool:
+        found = warnings(arrays, dots=None, sigma=None, read_noise_dn=sheet)  # type: ignore[arg-type]
+        return any("there is hardly any light in it" in text for text in found)
+
+    for sheet in (0.0, 1.0, NOISE, 40.0):
+        assert says_so({"dark": recorded["dark"], "flat": lit(0.8)}, sheet), sheet
+        assert not says_so({"dark": recorded["dark"], "flat": lit(3.0)}, sheet), sheet
+    # Without dark frames, or with one alone, the sheet is all there is.
+    for dark in ({}, {"dark": recorded["dark"][:1]}):
+        assert says_so({**dark, "flat": lit(3.0)}, 40.0)
+        assert not says_so({**dark, "flat": lit(3.0)}, NOISE)
+
+
 def test_codes_in_the_upper_bits(recorded: dict[str, Array]) -> None:
     shifted = {name: codes * 64 for name, codes in recorded.items()}
     found = warnings(shifted, bits=16, black_level_dn=BLACK * 64, read_noise_dn=NOISE * 64)

@@ -180,11 +180,11 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "one_row.npy": (lambda p: np.save(p, np.ones(5)), "1 axes"),
     "number.npy": (lambda p: np.save(p, np.float32(5)), "one number"),
     "five_axes.npy": (lambda p: np.save(p, np.ones((2, 3, 4, 5, 6))), "5 axes"),
-    "no_pixels.npy": (lambda p: np.save(p, np.ones((0, 5))), "empty array"),
+    "no_pixels.npy": (lambda p: np.save(p, np.ones((0, 5))), "empty array (0 x 5), no side may be 0"),
     "complex.npy": (lambda p: np.save(p, np.ones((5, 5), complex)), "'<c16'"),
     "text.npy": (lambda p: np.save(p, np.array([["a", "b"], ["c", "d"]])), "type '<U1'"),
     "records.npy": (record_npy, "named fields"),
-    "objects.npy": (object_npy, "type '|O'"),
+    "objects.npy": (object_npy, "type '|O', Python objects"),
     "signed.tiff": (lambda p: tifffile.imwrite(p, images.gray8().astype(np.int16)), "signed of 16 bits"),
     "one_bit.tiff": (lambda p: iio.imwrite(p, images.gray8() > 128, plugin="pillow"), "of 1 bits"),
     "palette.tiff": (

@@ -44,7 +44,9 @@ class HeaderParser {
     std::vector<std::uint64_t> shape;
 
   private:
-    [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, "is damaged: " + what); }
+    [[noreturn]] void fail(const std::string &what) const {
+        throw ReadError(path_, "is damaged: " + what + "; write or copy it again");
+    }
     void skip() {
         while (at_ < text_.size() && std::isspace(static_cast<unsigned char>(text_[at_])))
             ++at_;
@@ -196,6 +198,11 @@ class NpyReader final : public Reader {
         for (const SampleType &type : sample_types)
             if (code == type.code)
                 type_ = &type;
+        if (code.substr(0, 1) == "O")
+            fail(fmt::format(
+                "its numbers are of type '{}', Python objects, as NumPy makes of frames that are not all of "
+                "one size; an array of numbers is needed: save numpy.stack(frames) of frames of one size",
+                descr.substr(0, 40)));
         if (!type_)
             fail(fmt::format(
                 "its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken",
@@ -212,7 +219,7 @@ class NpyReader final : public Reader {
             text += (text.empty() ? "" : " x ") + std::to_string(side);
         for (const std::uint64_t side : shape)
             if (side == 0)
-                fail(fmt::format("holds an empty array ({})", text));
+                fail(fmt::format("holds an empty array ({}), no side may be 0; save it with at least one frame", text));
         info_.axes = static_cast<std::uint32_t>(shape.size());
         // A stack of frames that are 1 to 4 pixels wide makes no sense, so a short last axis is the channels.
         const bool colored =

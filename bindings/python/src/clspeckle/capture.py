@@ -84,7 +84,8 @@ def _codes(value: npt.ArrayLike, name: str, bits: object) -> npt.NDArray[np.uint
     if given.ndim == 2:
         given = given[np.newaxis]
     if given.ndim != 3 or given.size == 0:
-        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width)")
+        empty = "; it is empty, give at least one frame" if given.size == 0 else ""
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width){empty}")
     return np.ascontiguousarray(given, dtype=np.uint16)
 
 
