@@ -282,10 +282,8 @@ __kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
         }
         any_moved |= moved[j];
     }
-#if !HAS_SHIFT
-    if (!(any_crossed | any_boiled | any_moved))
+    if (!HAS_SHIFT && !(any_crossed | any_boiled | any_moved))
         return;
-#endif
     const uint stream = substep << 8;
     words4 phase = {0, 0, 0, 0};
 #if !FIELD_UNIT_PHASOR

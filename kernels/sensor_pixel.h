@@ -53,7 +53,7 @@ static inline ALWAYS_INLINE float read_normal(uint word, uint row) {
 
 static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, uint x, uint row) {
     const uint2 key = (uint2)(s->key_low, s->key_high);
-    pixel_noise_t noise;
+    pixel_noise_t noise = {.column = 0.0f}; // a camera may draw nothing
 #if READ_NOISE
     const words4 words = image_block(x, row >> 1, s->frame_low, s->frame_high, STREAM_READ_NOISE, key);
     noise.read.n0 = read_normal(words.w0, row);
