@@ -30,41 +30,51 @@ FUSED_BYTES = (12.0, 32.0)
 Times = dict[tuple[str, int, int, int], float]  # what, width, height, diameter: us
 
 
-def program_times(program: Path, sizes: list[tuple[int, int]], seconds: float) -> tuple[Times, dict[str, float]]:
-    names = []
-    for width, height in sizes:
-        at = f"/width:{width}/height:{height}/D%:"
-        names += [f"intensity/fused_streamed{at}{d}/" for d in DIAMETERS]
-        names += [
-            f"intensity/{engine}{at}50/"
-            for engine in ("fused", "fused_unpolarized_streamed", "fused_sensor_streamed", "clfft_streamed")
-        ]
-    pattern = "|".join([*names, "frame_of_dots/", "copy_on_device/"])
-    command = [str(program), f"--benchmark_filter=^({pattern})", f"--benchmark_min_time={seconds}"]
-    run = subprocess.run([*command, "--benchmark_format=json"], capture_output=True, text=True, check=False)
-    if run.returncode:
-        sys.exit(f"{program} failed: {run.stderr.strip()}")
+def names_of(sizes: list[tuple[int, int]]) -> list[str]:
+    """Of the program's benchmarks, those that start fast first: clFFT compiles its kernels anew at every start."""
+    names = [f"intensity/fused_streamed/width:{w}/height:{h}/D%:{d}/" for w, h in sizes for d in DIAMETERS]
+    for engine in ("fused_sensor_streamed", "fused_unpolarized_streamed", "fused"):
+        names += [f"intensity/{engine}/width:{w}/height:{h}/D%:50/" for w, h in sizes]
+    names += ["frame_of_dots/", "copy_on_device/"]
+    return names + [f"intensity/clfft_streamed/width:{w}/height:{h}/D%:50/" for w, h in sizes]
+
+
+def program_times(program: Path, names: list[str], seconds: float) -> tuple[Times, dict[str, float]]:
+    """One process for each, so that what was measured is kept when a run is stopped."""
     times: Times = {}
     extra: dict[str, float] = {}
-    report = json.loads(run.stdout)
-    print(f"{report['context']['opencl_device']}, {report['context']['opencl_platform']}\n")
-    for result in report["benchmarks"]:
-        if result.get("error_occurred"):
-            print(f"{result['name']}: {result['error_message']}", file=sys.stderr)
-            continue
-        name, *parts = result["name"].replace("intensity/", "intensity+").split("/")
-        if name == "copy_on_device":
-            extra["bytes_per_second"] = result["bytes_per_second"]
-            continue
-        arguments = dict(part.split(":") for part in parts if ":" in part)
-        us = 1e3 * result["real_time"]  # benchmarks are in ms
-        if name == "frame_of_dots":
-            streamed = "streamed" if arguments["streamed"] == "1" else "waited for"
-            extra[f"dots {arguments['width']} x {arguments['height']}, {streamed}"] = us
-            continue
-        what = name.replace("intensity+", "")
-        times[(what, int(arguments["width"]), int(arguments["height"]), int(arguments["D%"]))] = us
+    for index, name in enumerate(names):
+        command = [str(program), f"--benchmark_filter=^{name}", f"--benchmark_min_time={seconds}"]
+        run = subprocess.run([*command, "--benchmark_format=json"], capture_output=True, text=True, check=False)
+        if run.returncode:
+            sys.exit(f"{program} failed: {run.stderr.strip()}")
+        report = json.loads(run.stdout)
+        if index == 0:
+            print(f"{report['context']['opencl_device']}, {report['context']['opencl_platform']}\n", flush=True)
+        for result in report["benchmarks"]:
+            add_result(result, times, extra)
     return times, extra
+
+
+def add_result(result: dict[str, Any], times: Times, extra: dict[str, float]) -> None:
+    if result.get("error_occurred"):
+        print(f"{result['name']}: {result['error_message']}", file=sys.stderr)
+        return
+    name, *parts = result["name"].replace("intensity/", "intensity+").split("/")
+    if name == "copy_on_device":
+        extra["bytes_per_second"] = result["bytes_per_second"]
+        return
+    arguments = dict(part.split(":") for part in parts if ":" in part)
+    width, height = int(arguments["width"]), int(arguments["height"])
+    us = 1e3 * result["real_time"]  # benchmarks are in ms
+    if name == "frame_of_dots":
+        what = f"dots {width} x {height}, {'streamed' if arguments['streamed'] == '1' else 'waited for'}"
+        extra[what] = us
+    else:
+        what = name.replace("intensity+", "")
+        times[(what, width, height, int(arguments["D%"]))] = us
+        what += f" {width} x {height}, D = {0.01 * int(arguments['D%']):g}"
+    print(f"{what}: {us:.1f} us", file=sys.stderr, flush=True)
 
 
 def cupy_frame(cupy: Any, width: int, height: int, own_kernels: bool) -> Callable[[], Any]:
@@ -166,13 +176,18 @@ def main() -> None:
         "--seconds", type=float, default=0.1, help="least time of each benchmark (default: %(default)s)"
     )
     parser.add_argument("--largest", type=int, default=4096, help="widest image (default: %(default)s)")
+    parser.add_argument(
+        "--no-clfft", dest="clfft", action="store_false", help="leave clFFT out: it takes long to start"
+    )
     parser.add_argument("--json", type=Path, help="all times, in us")
     arguments = parser.parse_args()
     if not arguments.program.is_file():
         parser.error(f"{arguments.program} is not there; build it with -DCLSP_BUILD_BENCH=ON")
     sizes = [s for s in SIZES if s[0] <= arguments.largest]
-    times, extra = program_times(arguments.program, sizes, arguments.seconds)
-    times.update(cupy_times(sizes))
+    names = [n for n in names_of(sizes) if arguments.clfft or "clfft" not in n]
+    times = cupy_times(sizes)
+    measured, extra = program_times(arguments.program, names, arguments.seconds)
+    times.update(measured)
     print_tables(times, extra, sizes)
     if arguments.json:
         partial = arguments.json.with_suffix(arguments.json.suffix + ".part")
