@@ -80,7 +80,7 @@ static inline ALWAYS_INLINE field_input_t field_input(FIELD_PARAMETERS, size_t x
 // Neither negative nor infinite nor NaN: the bits of those are larger, once -0 is 0.
 static inline ALWAYS_INLINE bool is_irradiance(float value) { return as_uint(value + 0.0f) < 0x7f800000u; }
 
-// Its square root, to 3 ulp. A root that rounds right is a branch on GPUs, and so a wait between two reads.
+// Its square root, to 3 ulp from 1e-35 on; below that it falls short. A root that rounds right is a branch on GPUs, and so a wait between two reads.
 static inline ALWAYS_INLINE float root_of(float irradiance) { return irradiance * rsqrt(fmax(irradiance, 1e-37f)); }
 
 // U of sample (x, y). *wrong becomes 1 if a pixel was no irradiance, or its material not in the table: field_report() then tells.

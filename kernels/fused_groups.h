@@ -3,7 +3,7 @@
 //
 // Rows first: pass A transforms the rows and keeps of each the frequencies that the pupil lets through, pass B transforms what is kept along
 // the columns, pass C takes it back along the rows. So images are read and written along their rows, and only pass B, whose points are 8 bytes
-// long, goes across them. Frequency k of those kept (a line along the columns), row y, is lines[y * pitch + k].
+// long, goes across them. Frequency k of those kept (a line along the columns), row y, is lines[y * pitch + k]. The pitch is larger than the number of lines: what lies behind them nobody writes.
 #ifndef CLSP_FUSED_GROUPS_H
 #define CLSP_FUSED_GROUPS_H
 

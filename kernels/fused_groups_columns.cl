@@ -23,7 +23,8 @@ __kernel GROUP_SIZE void fused_groups_columns(__global const float2 *lines, __gl
 #endif
                                               __local float *tiles) {
     const uint line = GROUP_LINE, t = GROUP_T, k = (uint)get_group_id(0) * FFT_LINES + line;
-    const uint column = min(k, kept - 1u); // work-items beyond the last line do what those of that line do, and store nothing
+    // Work-items beyond the last line read what lies behind it in each row, and store nothing.
+    const uint column = min(k, pitch - 1u);
     __local float *tile = tiles + line * FFT_LINE_STRIDE;
     float re[FFT_HELD], im[FFT_HELD];
 #pragma unroll

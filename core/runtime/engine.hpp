@@ -20,7 +20,7 @@ struct GroupPick {
     bool operator==(const GroupPick &other) const { return lines == other.lines && items == other.items; }
 };
 
-// An engine; in groups with the work-groups of both column passes and of the row pass. None: what
+// An engine; in groups with the work-groups of the column pass and of both row passes. None: what
 // choose_group_shape() takes.
 struct EngineSpec {
     Engine engine = Engine::kClfft;

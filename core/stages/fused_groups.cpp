@@ -18,8 +18,13 @@ namespace clsp {
 namespace {
 
 constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fused_groups.h
-// Rows of kept lines begin at whole cache lines, or neighbouring lines' points would straddle what a GPU fetches.
+// Rows of kept lines begin at whole cache lines, or neighbouring lines' points would straddle what a GPU fetches, and
+// have room for a line more, which is nobody's.
 constexpr std::uint32_t kPitch = 16;
+
+std::uint32_t pitch_for(std::uint32_t lines) {
+    return (lines / kPitch + 1) * kPitch;
+}
 
 [[noreturn]] void throw_no_room(std::uint32_t length, std::uint64_t needed, std::uint64_t local) {
     throw Error(Status::kUnsupported, fmt::format("lines of {} points need {} bytes of local memory, the device has {}",
@@ -195,8 +200,8 @@ void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
                 columns.push_back(column);
             }
     kept_ = static_cast<std::uint32_t>(columns.size());
-    pitch_ = (kept_ + kPitch - 1) / kPitch * kPitch;
-    capacity_ = every_line ? (width + kPitch - 1) / kPitch * kPitch : pitch_;
+    pitch_ = pitch_for(kept_);
+    capacity_ = every_line ? pitch_for(width) : pitch_;
 
     const std::size_t parts = complex_pupil_ ? 2 : 1;
     std::vector<float> amplitudes(parts * pitch_ * height), line_frequencies, frequencies(height);

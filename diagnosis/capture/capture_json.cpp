@@ -64,9 +64,10 @@ std::string reason_of(const Json::exception &error) {
 
 // Where to look and for what. byte: where the parser noticed, from 1.
 std::string advice_on_syntax(const std::string &text, std::size_t byte, const std::string &reason) {
-    if (text.find('\0') != std::string::npos)
+    if (text.find('\0') != std::string::npos || reason.find("ill-formed UTF-8") != std::string::npos)
         return "; the file is no text in UTF-8: save it in that encoding";
-    if (reason.find("end of input") != std::string::npos)
+    if (reason.find("end of input") != std::string::npos ||
+        (reason.find("missing closing quote") != std::string::npos && byte >= text.size()))
         return "; the file ends before it is complete: copy it again, or close what is open with ] or }";
     const std::size_t at = std::min(byte > 0 ? byte - 1 : 0, text.size());
     const auto around = [&](std::size_t before, std::size_t after) {
@@ -74,7 +75,7 @@ std::string advice_on_syntax(const std::string &text, std::size_t byte, const st
         return text.substr(begin, at + after - begin);
     };
     const std::string near = around(10, 10);
-    if (near.find("NaN") != std::string::npos || near.find("Inf") != std::string::npos)
+    if (near.find("NaN") != std::string::npos || near.find("Infinity") != std::string::npos)
         return " (JSON has neither NaN nor Infinity; leave what is not known out)";
     // What is wrong lies before what no longer fits it.
     return fmt::format("; correct it there, at ... {} ...: keys and texts are in double quotes, a comma is between "

@@ -369,6 +369,10 @@ TEST_F(CaptureFolder, RefusesDescriptionsThatCannotBe) {
     const std::string json = text("set/capture.json");
     put("set/capture.json", json.substr(0, json.size() / 2));
     expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "copy it again"});
+    put("set/capture.json", json.substr(0, json.find("clspeckle-capture") + 4));
+    expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "ends before it is complete"});
+    put("set/capture.json", "{\"name\": \"Pr\xfc" "fstand\"}"); // Latin-1
+    expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "save it in that encoding"});
     std::string wide = "\xff\xfe";
     for (const char c : json)
         wide += {c, '\0'};
