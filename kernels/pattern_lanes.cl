@@ -7,6 +7,20 @@ typedef struct {
     lanes_f x, y, z;
 } lanes_3;
 
+// Whether a comparison holds in any lane. PoCL's any() and all() look at two lanes after the other.
+static inline bool holds_anywhere(lanes_i comparison) {
+#if LANES == 16
+    const int8 eight = comparison.lo | comparison.hi;
+    const int4 four = eight.lo | eight.hi;
+#elif LANES == 8
+    const int4 four = comparison.lo | comparison.hi;
+#else
+    const int4 four = comparison;
+#endif
+    const int2 two = four.lo | four.hi;
+    return (two.x | two.y) != 0;
+}
+
 static inline lanes_f dots_of(lanes_f ax, lanes_f ay, lanes_f az, const lanes_3 *b) { return ax * b->x + ay * b->y + az * b->z; }
 
 // pose times a vector, without its translation.
@@ -67,8 +81,7 @@ static inline lanes_i are_finite(lanes_f a) { return fabs(a) <= FLT_MAX; }
 #if HAS_ALBEDO || VISIBILITY_FORMAT == FORMAT_FLOAT32
 // sanitized().
 static inline lanes_f sanitized_lanes(lanes_f values, __global uint *bad, uint index) {
-    const lanes_i are_good = (values >= 0.0f) & (values <= FLT_MAX);
-    if (all(are_good))
+    if (!holds_anywhere(~((values >= 0.0f) & (values <= FLT_MAX))))
         return values;
     float each[LANES];
     vstore_lanes(values, 0, each);
@@ -91,7 +104,7 @@ static inline lanes_f load_some_bytes(__global const uchar *from, uint count) {
 // bilinear(), 0 in lanes that are not lit or lie outside of the pattern.
 static inline lanes_f bilinears(__global const float *texels, int width, int height, lanes_f x, lanes_f y, lanes_i lit) {
     const lanes_i inside = lit & (x >= -0.5f) & (y >= -0.5f) & (x <= (float)width - 0.5f) & (y <= (float)height - 0.5f);
-    if (!any(inside))
+    if (!holds_anywhere(inside))
         return SPREAD(0.0f);
     // Of lanes outside the first texels are read, and dropped.
     const lanes_f last_x = SPREAD((float)(width - 1)), last_y = SPREAD((float)(height - 1));
@@ -115,6 +128,22 @@ static inline lanes_f bilinears(__global const float *texels, int width, int hei
     const lanes_f top = a0 + (a1 - a0) * ax, bottom = b0 + (b1 - b0) * ax;
     return select(SPREAD(0.0f), top + (bottom - top) * ay, inside);
 }
+
+// Vectors whose points are all found before the first is looked up: where a texel lies is one long chain of roots and quotients, and what is read
+// there another; side by side they fill the time in which each waits for itself.
+#define STRIPS 8
+
+// What the lookup needs to know of LANES pixels.
+typedef struct {
+    lanes_i lit; // whether there is a surface before the laser
+    lanes_f texel_x, texel_y, inverse_d;
+#if PLANE_IRRADIANCE
+    lanes_f axis_cosine;
+#endif
+#if HAS_NORMAL
+    lanes_f cosine;
+#endif
+} strip_t;
 
 #if HAS_POSITION
 #define GEOMETRY_PARAMETERS __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
@@ -143,68 +172,78 @@ __kernel void pattern_lookup_lanes(__global const float *texels, int texels_widt
 #if !HAS_POSITION
     const float ray_y = (convert_float(y) - intrinsics.w) / intrinsics.y;
 #endif
-    for (uint x = 0; x < width; x += LANES) {
-        const uint count = min((uint)LANES, width - x);
-        lanes_3 point, at; // `at`: in the laser's frame
+    for (uint block = 0; block < width; block += STRIPS * LANES) {
+        const uint end = min(block + STRIPS * LANES, width);
+        strip_t strips[STRIPS];
+        for (uint x = block, k = 0; x < end; x += LANES, ++k) {
+            const uint count = min((uint)LANES, width - x);
+            lanes_3 point, at; // `at`: in the laser's frame
 #if HAS_POSITION
-        load_vectors(position + position_offset + (ulong)y * position_pitch + x * position_stride, position_stride, count, &point);
-        const lanes_i surface = are_finite(point.x) & are_finite(point.y) & are_finite(point.z);
+            load_vectors(position + position_offset + (ulong)y * position_pitch + x * position_stride, position_stride, count, &point);
+            const lanes_i surface = are_finite(point.x) & are_finite(point.y) & are_finite(point.z);
 #else
-        const lanes_f depths = load_some(depth + depth_offset + (ulong)y * depth_pitch + x, count);
-        const lanes_f ray_x = (convert_lanes_f(x + lane_numbers()) - intrinsics.z) / intrinsics.x;
+            const lanes_f depths = load_some(depth + depth_offset + (ulong)y * depth_pitch + x, count);
+            const lanes_f ray_x = (convert_lanes_f(x + lane_numbers()) - intrinsics.z) / intrinsics.x;
 #if DEPTH_ALONG_RAY
-        const lanes_f along_axis = depths / sqrt(ray_x * ray_x + ray_y * ray_y + 1.0f);
+            const lanes_f along_axis = depths / sqrt(ray_x * ray_x + ray_y * ray_y + 1.0f);
 #else
-        const lanes_f along_axis = depths;
+            const lanes_f along_axis = depths;
 #endif
-        point.x = ray_x * along_axis;
-        point.y = ray_y * along_axis;
-        point.z = along_axis;
-        const lanes_i surface = (depths > 0.0f) & (depths <= FLT_MAX);
+            point.x = ray_x * along_axis;
+            point.y = ray_y * along_axis;
+            point.z = along_axis;
+            const lanes_i surface = (depths > 0.0f) & (depths <= FLT_MAX);
 #endif
-        turned(pose, &point, &at);
-        at.x += pose.s3;
-        at.y += pose.s7;
-        at.z += pose.sb;
-        const lanes_i lit = surface & (at.z > 0.0f);
-
-        // Albedo and visibility are checked where there is no surface, too.
-#if HAS_ALBEDO
-        const lanes_f a = sanitized_lanes(load_some(albedo + albedo_offset + (ulong)y * albedo_pitch + x, count), bad, y * width + x);
-#endif
-#if VISIBILITY_FORMAT == FORMAT_UINT8
-        const lanes_f v = load_some_bytes(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count) / 255.0f;
-#elif VISIBILITY_FORMAT == FORMAT_FLOAT32
-        const lanes_f v = sanitized_lanes(load_some(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count), bad, y * width + x);
-#endif
-
-        const lanes_f inverse_d = 1.0f / sqrt(dots_of(at.x, at.y, at.z, &at));
+            turned(pose, &point, &at);
+            at.x += pose.s3;
+            at.y += pose.s7;
+            at.z += pose.sb;
+            strip_t *strip = &strips[k];
+            strip->lit = surface & (at.z > 0.0f);
+            strip->inverse_d = 1.0f / sqrt(dots_of(at.x, at.y, at.z, &at));
 #if DIRECTION_COSINES
-        const lanes_f direction_x = at.x * inverse_d, direction_y = at.y * inverse_d;
+            const lanes_f direction_x = at.x * strip->inverse_d, direction_y = at.y * strip->inverse_d;
 #else
-        const lanes_f direction_x = at.x / at.z, direction_y = at.y / at.z;
+            const lanes_f direction_x = at.x / at.z, direction_y = at.y / at.z;
 #endif
-        const lanes_f texel_x = (direction_x / extent.x + 1.0f) * 0.5f * convert_float(texels_width) - 0.5f;
-        const lanes_f texel_y = (direction_y / extent.y + 1.0f) * 0.5f * convert_float(texels_height) - 0.5f;
-        lanes_f value = extent.z * bilinears(texels, texels_width, texels_height, texel_x, texel_y, lit);
+            strip->texel_x = (direction_x / extent.x + 1.0f) * 0.5f * convert_float(texels_width) - 0.5f;
+            strip->texel_y = (direction_y / extent.y + 1.0f) * 0.5f * convert_float(texels_height) - 0.5f;
 #if PLANE_IRRADIANCE
-        const lanes_f axis_cosine = at.z * inverse_d;
-        value /= axis_cosine * axis_cosine * axis_cosine;
+            strip->axis_cosine = at.z * strip->inverse_d;
 #endif
 #if HAS_NORMAL
-        lanes_3 n, laser_normal;
-        load_vectors(normal + normal_offset + (ulong)y * normal_pitch + x * normal_stride, normal_stride, count, &n);
-        turned(pose, &n, &laser_normal);
-        const lanes_f cosine = -dots_of(at.x, at.y, at.z, &laser_normal) * inverse_d;
-        value *= select(SPREAD(0.0f), cosine, cosine > 0.0f); // a normal that is not a number counts as turned away
+            lanes_3 n, laser_normal;
+            load_vectors(normal + normal_offset + (ulong)y * normal_pitch + x * normal_stride, normal_stride, count, &n);
+            turned(pose, &n, &laser_normal);
+            const lanes_f cosine = -dots_of(at.x, at.y, at.z, &laser_normal) * strip->inverse_d;
+            strip->cosine = select(SPREAD(0.0f), cosine, cosine > 0.0f); // a normal that is not a number counts as turned away
 #endif
-        value = value * inverse_d * inverse_d;
-#if VISIBILITY_FORMAT
-        value *= v;
+        }
+        for (uint x = block, k = 0; x < end; x += LANES, ++k) {
+            const uint count = min((uint)LANES, width - x);
+            const strip_t *strip = &strips[k];
+            lanes_f value = extent.z * bilinears(texels, texels_width, texels_height, strip->texel_x, strip->texel_y, strip->lit);
+#if PLANE_IRRADIANCE
+            value /= strip->axis_cosine * strip->axis_cosine * strip->axis_cosine;
+#endif
+#if HAS_NORMAL
+            value *= strip->cosine;
+#endif
+            value = value * strip->inverse_d * strip->inverse_d;
+            // Albedo and visibility are checked where there is no surface, too.
+#if HAS_ALBEDO
+            const lanes_f a = sanitized_lanes(load_some(albedo + albedo_offset + (ulong)y * albedo_pitch + x, count), bad, y * width + x);
+#endif
+#if VISIBILITY_FORMAT == FORMAT_UINT8
+            value *= load_some_bytes(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count) / 255.0f;
+#elif VISIBILITY_FORMAT == FORMAT_FLOAT32
+            value *= sanitized_lanes(load_some(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count), bad, y * width + x);
 #endif
 #if HAS_ALBEDO
-        value *= a;
+            value *= a;
 #endif
-        store_some(select(SPREAD(0.0f), value * M_1_PI_F, lit), irradiance + irradiance_offset + (ulong)y * irradiance_pitch + x, count);
+            store_some(select(SPREAD(0.0f), value * M_1_PI_F, strip->lit), irradiance + irradiance_offset + (ulong)y * irradiance_pitch + x,
+                       count);
+        }
     }
 }
