@@ -2,6 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
+#include "runtime/fused_device.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "runtime/pose.hpp"
 
@@ -77,6 +78,7 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     check_not_negative(p.power_scale, "power_scale");
     extent_ = {{static_cast<float>(p.half_extent_x), static_cast<float>(p.half_extent_y),
                 static_cast<float>(p.power_scale), 0.0f}};
+    in_lanes_ = filter_ == PatternFilter::kBilinear && works_in_lanes(*context_);
     set_pose(p.laser_from_geometry);
     const auto good = [](float value) { return value >= 0.0f && std::isfinite(value); };
     const std::vector<float> texels =
@@ -110,7 +112,10 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
                     quantity_ == PatternQuantity::kPlaneIrradiance ? 1 : 0, position ? 1 : 0, depth_along_ray ? 1 : 0,
                     normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility),
                     filter_ == PatternFilter::kArea ? 1 : 0, filter_taps_);
-    return kernels_.emplace(inputs, context_->kernel("pattern.cl", "pattern_lookup", options)).first->second;
+    cl::Kernel kernel = in_lanes_ ? context_->kernel("pattern_lanes.cl", "pattern_lookup_lanes",
+                                                     fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
+                                  : context_->kernel("pattern.cl", "pattern_lookup", options);
+    return kernels_.emplace(inputs, std::move(kernel)).first->second;
 }
 
 void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const ImageView &irradiance) {
@@ -164,7 +169,10 @@ void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const Image
     if (visibility)
         arguments.add(visibility);
     arguments.add(irradiance).add(bad_pixels_.buffer());
-    chain.run("pattern", kernel, size.width, size.height);
+    if (in_lanes_)
+        chain.run("pattern", kernel, size.height, 1, 1, 1);
+    else
+        chain.run("pattern", kernel, size.width, size.height);
 }
 
 } // namespace clsp

@@ -62,6 +62,7 @@ class Pattern {
     PatternQuantity quantity_;
     PatternFilter filter_;
     std::uint32_t filter_taps_;
+    bool in_lanes_ = false; // whether lookups go in vectors, a row in a work-item
     cl_int width_, height_;
     cl_float4 extent_;
     cl_float16 pose_{};

@@ -162,6 +162,54 @@ void run() {
         throw std::runtime_error("the uniforms are not uniform");
 }
 
+// The pattern's lookup with every kind of image, in whole vectors and what is left of a row, and bad pixels in either.
+void run_lookups() {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const std::vector<float> texels(33 * 21, 1.0f);
+    auto desc = clspeckle::make<ClspPatternDesc>();
+    desc.width = 33;
+    desc.height = 21;
+    desc.texels = texels.data();
+    const clspeckle::Pattern pattern(context, desc);
+    desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
+    desc.quantity = CLSP_QUANTITY_PLANE_IRRADIANCE;
+    const clspeckle::Pattern cosines(context, desc);
+    Image depth(context, CLSP_FORMAT_FLOAT32), three(context, CLSP_FORMAT_FLOAT32X3),
+        four(context, CLSP_FORMAT_FLOAT32X4), factor(context, CLSP_FORMAT_FLOAT32), bytes(context, CLSP_FORMAT_UINT8),
+        result(context, CLSP_FORMAT_FLOAT32);
+    fill(depth, queue, 1.5f);
+    fill(three, queue, 0.7f);
+    fill(four, queue, -0.5f);
+    fill(bytes, queue, std::uint8_t{200});
+    std::vector<float> factors(factor.buffer.size_bytes() / sizeof(float), 0.5f);
+    for (std::size_t i = 0; i < factors.size(); i += 31)
+        factors[i] = -1.0f;
+    factor.buffer.write(queue, factors);
+    for (const std::uint32_t width : {side, 37u, 3u}) {
+        for (Image *image : {&depth, &three, &four, &factor, &bytes, &result}) {
+            image->view.width = width;
+            image->view.height = 9;
+        }
+        auto geometry = clspeckle::make<ClspGeometry>();
+        geometry.position = three.view;
+        geometry.normal = four.view;
+        geometry.albedo = geometry.visibility = factor.view;
+        cosines.enqueue_lookup(queue, geometry, result.view);
+        geometry.position = four.view;
+        geometry.normal = three.view;
+        cosines.enqueue_lookup(queue, geometry, result.view);
+        geometry = clspeckle::make<ClspGeometry>();
+        geometry.depth = depth.view;
+        geometry.depth_kind = CLSP_DEPTH_ALONG_RAY;
+        geometry.fx_px = geometry.fy_px = 60;
+        geometry.cx_px = geometry.cy_px = 31.5;
+        geometry.visibility = bytes.view;
+        pattern.enqueue_lookup(queue, geometry, result.view);
+    }
+    queue.finish();
+}
+
 // Airflow on a grid of odd width, whose screens take a transform of the whole width.
 void run_odd_airflow() {
     constexpr std::uint32_t width = 15, height = 12;
@@ -528,6 +576,7 @@ int main(int argc, char **argv) {
         run_doe_design();
         setenv("CLSPECKLE_FFT", "fused-lanes", 1);
         run_effects();
+        run_lookups();
         run_odd_airflow();
         run_doe_design();
         std::vector<ApertureCase> apertures{{18, 15, 1, 0, 0.5, 0.0, 0.2, CLSP_FIELD_UNIT_PHASOR},
