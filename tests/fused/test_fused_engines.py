@@ -393,6 +393,36 @@ def test_groups_fit_the_device_or_leave_it_to_clfft(shape, options, expected):
     assert expected in done.stdout.splitlines(), done.stdout + done.stderr
 
 
+SMALL_CAMERA = """
+import sys, clspeckle, numpy as np
+shape, oversampling = (int(sys.argv[1]), int(sys.argv[2])), int(sys.argv[3])
+phase = clspeckle.Phase(shape, oversampling=oversampling, seed=3)
+aperture = clspeckle.Aperture(shape, oversampling=oversampling, relative_diameter=0.6)
+sensors = [clspeckle.Sensor(shape, seed=4, read_noise_dn=20.0, bits=12) for _ in range(2)]
+ideal = np.random.default_rng(5).exponential(5000.0, shape).astype(np.float32)
+codes = clspeckle.Pipeline(phase=phase, aperture=aperture, sensor=sensors[0]).render(ideal, frame_index=7)
+intensity = clspeckle.Pipeline(phase=phase, aperture=aperture).render(ideal, frame_index=7)
+same = np.array_equal(codes, sensors[1].expose(intensity, frame_index=7))
+print(aperture.info().fft_engine, same, codes.std() > 100)
+"""
+
+
+@pytest.mark.parametrize(("height", "oversampling"), [(6, 1), (5, 2)])
+def test_the_sensor_takes_rows_alone_where_four_do_not_fit(height, oversampling):
+    """Rows of all four quarters share random numbers if local memory has room for them; the codes are the same without."""
+    for bytes_of_local in ("32768", "16384"):
+        done = subprocess.run(
+            ["oclgrind", "--local-mem-size", bytes_of_local, sys.executable, "-c", SMALL_CAMERA]
+            + [str(height), str(1024 // oversampling), str(oversampling)],
+            env={**os.environ, "CLSPECKLE_FFT": "fused-groups", "CLSPECKLE_DEVICE": "oclgrind"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "fused-groups True True" in done.stdout.splitlines(), done.stdout + done.stderr
+
+
 @pytest.mark.parametrize("choice", ["auto", "", "fused"])
 def test_cpus_and_gpus_take_the_engine_unless_told_otherwise(monkeypatch, choice):
     monkeypatch.setenv("CLSPECKLE_FFT", choice)
