@@ -226,9 +226,9 @@ Examples:
 constexpr const char *tune_examples =
     R"(An aperture's Fourier transforms are made by clFFT or by the library's own engine, in vector lanes or in work-groups.
 This measures all of them on a device (lanes not on GPUs), in turn, and keeps medians and choice in the tuning record,
-a JSON file that later runs of the program and the library follow (docs/runtime.md). Whatever runs beside it spoils the
-measurement. The fastest is chosen, or the device's default where that is not slower by more than the noise. Ctrl-C stops without
-writing. CLSPECKLE_FFT overrides the record; CLSPECKLE_TUNING names another one, or is off.
+a JSON file that later runs of the program and the library follow (docs/runtime.md). Whatever runs beside it spoils
+the measurement. The fastest is chosen, or the device's default where that is not slower by more than the noise.
+Ctrl-C stops without writing. CLSPECKLE_FFT overrides the record; CLSPECKLE_TUNING names another one, or is off.
 
 Examples:
   clspeckle tune
