@@ -5,6 +5,14 @@
 
 namespace {
 
+// A stage's description for images of that size.
+template <typename Desc> Desc sized(std::uint32_t width, std::uint32_t height) {
+    auto desc = clspeckle::make<Desc>();
+    desc.width = width;
+    desc.height = height;
+    return desc;
+}
+
 // relative_diameter in hundredths, degree of polarization in tenths, refresh 0 (still) or 1 (all new), fill factor in
 // hundredths (0: a pixel is a point).
 void frame(benchmark::State &state) {
@@ -12,22 +20,13 @@ void frame(benchmark::State &state) {
     const clspeckle::Context &context = bench::context();
     const clspeckle::Queue queue(context);
 
-    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
-    phase_desc.width = width;
-    phase_desc.height = height;
-    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
-    aperture_desc.width = width;
-    aperture_desc.height = height;
+    auto aperture_desc = sized<ClspApertureDesc>(width, height);
     aperture_desc.relative_diameter = 0.01 * double(state.range(2));
     aperture_desc.degree_of_polarization = 0.1 * double(state.range(3));
     aperture_desc.fill_factor = 0.01 * double(state.range(5));
-    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
-    sensor_desc.width = width;
-    sensor_desc.height = height;
-    const clspeckle::Phase phase(context, phase_desc);
-    const clspeckle::Aperture aperture(context, aperture_desc);
-    const clspeckle::Sensor sensor(context, sensor_desc);
-    const clspeckle::Pipeline pipeline(context, phase, aperture, sensor);
+    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, sized<ClspPhaseDesc>(width, height)),
+                                       clspeckle::Aperture(context, aperture_desc),
+                                       clspeckle::Sensor(context, sized<ClspSensorDesc>(width, height)));
 
     const std::size_t pixels = std::size_t{width} * height;
     const clspeckle::Buffer irradiance(context, queue, std::vector<float>(pixels, 1.0f));
@@ -84,19 +83,12 @@ void frame_of_dots(benchmark::State &state) {
     pattern_desc.projection = CLSP_PROJECTION_DIRECTION_COSINES;
     pattern_desc.width = pattern_desc.height = 2048;
     pattern_desc.texels = texels.data();
-    auto phase_desc = clspeckle::make<ClspPhaseDesc>();
-    phase_desc.width = width;
-    phase_desc.height = height;
-    auto aperture_desc = clspeckle::make<ClspApertureDesc>();
-    aperture_desc.width = width;
-    aperture_desc.height = height;
+    auto aperture_desc = sized<ClspApertureDesc>(width, height);
     aperture_desc.relative_diameter = 0.5;
-    auto sensor_desc = clspeckle::make<ClspSensorDesc>();
-    sensor_desc.width = width;
-    sensor_desc.height = height;
-    const clspeckle::Pipeline pipeline(
-        context, clspeckle::Pattern(context, pattern_desc), clspeckle::Phase(context, phase_desc),
-        clspeckle::Aperture(context, aperture_desc), clspeckle::Sensor(context, sensor_desc));
+    const clspeckle::Pipeline pipeline(context, clspeckle::Pattern(context, pattern_desc),
+                                       clspeckle::Phase(context, sized<ClspPhaseDesc>(width, height)),
+                                       clspeckle::Aperture(context, aperture_desc),
+                                       clspeckle::Sensor(context, sized<ClspSensorDesc>(width, height)));
 
     const std::size_t pixels = std::size_t{width} * height;
     const clspeckle::Buffer depth(context, queue, std::vector<float>(pixels, 1.0f));
