@@ -3,7 +3,7 @@
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
 //   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is read once
-//   PREFETCH n    how many samples of each row are asked for ahead; 0 for none
+//   PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which cache, as __builtin_prefetch() has it
 //
 // Kept lines lie in groups of LANES, in the order in which the transform leaves them: point y of group g is a pair of vectors (re, im) at
 // lines[2 (g grid_height + y)], lane l the l-th line of the group.
@@ -97,8 +97,7 @@ static void report_rows(const source_t *s) {
 }
 
 #if PREFETCH
-// Into the second-level cache: rows whose distance is a power of two share few sets of the first.
-#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, 2)
+#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, PREFETCH_LOCALITY)
 
 // What unit_fields() reads.
 static inline void prefetch_state(const source_t *s, ulong i) {

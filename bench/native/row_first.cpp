@@ -58,8 +58,8 @@ void vectors_forward(const RowFirstTables &tables, const float *phase, const flo
         for (unsigned q = 0; q < R; ++q) {
             // The next row, while this one is computed.
             const std::size_t i = (j + q * M) * kLanes;
-            __builtin_prefetch(phase + i + P::kLength * kLanes, 0, 2);
-            __builtin_prefetch(ideal + i + P::kLength * kLanes, 0, 2);
+            __builtin_prefetch(phase + i + P::kLength * kLanes, 0, 0);
+            __builtin_prefetch(ideal + i + P::kLength * kLanes, 0, 0);
             u[q] = phasor(load(phase + i), square_root(load(ideal + i)));
         }
         Butterfly<R>::forward(u);

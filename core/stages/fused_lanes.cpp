@@ -25,10 +25,15 @@ std::uint64_t row_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t
     return fused_tile_bytes(length, lanes) + (polarizations - 1) * points * lanes * sizeof(float);
 }
 
-// How many samples of a row pass A asks for ahead, four cache lines of numbers. The builtin of OpenCL does nothing on
-// PoCL, its compiler's own does.
-std::uint32_t prefetch_samples(const Context &context) {
-    return context.is_pocl_cpu() ? 64 : 0;
+// What pass A asks for ahead: how many samples of a row, four cache lines of numbers, and into which cache. The builtin
+// of OpenCL does nothing on PoCL, its compiler's own does. Rows whose distance is a power of two share few sets of the
+// first cache, so that samples wait in the second one. An AMD processor leaves what is read past the outer caches
+// (0) there, too, but does not pass it on to the third one, which stays the kept lines'; others have it in the first
+// cache alone.
+std::string prefetch_options(const Context &context) {
+    if (!context.is_pocl_cpu())
+        return "-DPREFETCH=0";
+    return fmt::format("-DPREFETCH=64 -DPREFETCH_LOCALITY={}", context.tuned_device().vendor == "AuthenticAMD" ? 0 : 2);
 }
 
 std::size_t row_items(std::uint32_t rows, std::uint32_t of_each) {
@@ -204,11 +209,10 @@ cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
     if (found != fields_.end())
         return found->second;
     return fields_
-        .emplace(field_options,
-                 context_->kernel("fused_rows_forward.cl", "fused_rows_forward",
-                                  fmt::format("{} {} -DPREFETCH={} -DOVERSAMPLING={}", field_options, row_options(),
-                                              prefetch_samples(*context_), grid_.oversampling),
-                                  &row_codelets_))
+        .emplace(field_options, context_->kernel("fused_rows_forward.cl", "fused_rows_forward",
+                                                 fmt::format("{} {} {} -DOVERSAMPLING={}", field_options, row_options(),
+                                                             prefetch_options(*context_), grid_.oversampling),
+                                                 &row_codelets_))
         .first->second;
 }
 
