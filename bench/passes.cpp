@@ -1,5 +1,5 @@
-// Device times of the fused engine's three passes in work-groups, by the work-groups that they have: what a whole
-// frame's time (clspeckle tune) does not show. Medians over frames, by the events of a profiling queue.
+// Device times of the fused engine's three passes, in lanes on CPUs, in work-groups by the work-groups that they have:
+// what a whole frame's time (clspeckle tune) does not show. Medians over frames, by the events of a profiling queue.
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/fused_group_codelets.hpp"
@@ -20,7 +20,7 @@ namespace {
 
 struct Arguments {
     std::uint32_t width = 2048, height = 2048, frames = 50;
-    double diameter = 0.5;
+    double diameter = 0.5, degree_of_polarization = 1.0;
     bool gaussian = false;
 };
 
@@ -44,11 +44,16 @@ class Passes {
     }
 
     void run() {
-        fmt::print("{}: {} x {}, D = {}\n", context_->device().getInfo<CL_DEVICE_NAME>(), arguments_.width,
-                   arguments_.height, arguments_.diameter);
+        fmt::print("{}: {} x {}, D = {}, p = {}\n", context_->device().getInfo<CL_DEVICE_NAME>(), arguments_.width,
+                   arguments_.height, arguments_.diameter, arguments_.degree_of_polarization);
+        if (clsp::default_engine(*context_) == clsp::Engine::kFusedLanes) {
+            heading();
+            row({clsp::Engine::kFusedLanes, {}, {}});
+            return;
+        }
         const clsp::GroupLimits limits = clsp::group_limits(*context_);
         fmt::print("largest work-group {}, local memory {}\n", limits.group_items, limits.local_bytes);
-        fmt::print("{:<52} {:>7} {:>7} {:>7} {:>9} {:>9}\n", "us", "A", "B", "C", "A + B + C", "a frame");
+        heading();
         row({clsp::Engine::kFusedGroups, {}, {}});
         for (const clsp::GroupPick &pick : clsp::group_picks(clsp::make_group_plan(grid_.grid_height), limits, true))
             row({clsp::Engine::kFusedGroups, pick, {}});
@@ -58,11 +63,14 @@ class Passes {
     }
 
   private:
+    static void heading() {
+        fmt::print("{:<52} {:>7} {:>7} {:>7} {:>9} {:>9}\n", "us", "A", "B", "C", "A + B + C", "a frame");
+    }
     static clsp::PhaseParameters phase_parameters(const Arguments &a) {
         clsp::PhaseParameters p;
         p.width = a.width;
         p.height = a.height;
-        p.polarization_count = 1;
+        p.polarization_count = a.degree_of_polarization < 1.0 ? 2 : 1;
         p.field = a.gaussian ? clsp::FieldKind::kCircularGaussian : clsp::FieldKind::kUnitPhasor;
         return p;
     }
@@ -78,6 +86,7 @@ class Passes {
         parameters.width = arguments_.width;
         parameters.height = arguments_.height;
         parameters.relative_diameter = arguments_.diameter;
+        parameters.degree_of_polarization = arguments_.degree_of_polarization;
         parameters.engine = spec;
         clsp::Aperture aperture(context_, parameters);
         const clsp::ImageView from = view(ideal_), to = view(intensity_);
@@ -135,10 +144,12 @@ class Passes {
 
 int main(int argc, char **argv) {
     Arguments arguments;
-    CLI::App app{"Device times of the fused engine's passes, by their work-groups"};
+    CLI::App app{"Device times of the fused engine's passes, by their work-groups where it has such"};
     app.add_option("--width", arguments.width, "of the image, in pixels")->capture_default_str();
     app.add_option("--height", arguments.height, "of the image, in pixels")->capture_default_str();
     app.add_option("--diameter", arguments.diameter, "D, relative to the sampling frequency")->capture_default_str();
+    app.add_option("--degree-of-polarization", arguments.degree_of_polarization, "0 to 1; below 1 two fields are made")
+        ->capture_default_str();
     app.add_option("--frames", arguments.frames, "of which medians are taken")
         ->capture_default_str()
         ->check(CLI::Range(1, 100000));
