@@ -49,8 +49,8 @@ constexpr double kLeastLightDn = 0.5;
 // Of a sequence, without those that its mask takes out: as the statistics ask for.
 constexpr int kLeastPixels = 64;
 // Captures of common random numbers that fits go by. What two of them say of a change holds for others only as far as
-// they are large: of 8 frames of 96 x 80 pixels two took an aperture of 0.62 times the f-number for 0.65, and a gap remained.
-// As many as make up for fewer pixels, at the cost of the usual ones.
+// they are large: of 8 frames of 96 x 80 pixels two took an aperture of 0.62 times the f-number for 0.65, and a gap
+// remained. As many as make up for fewer pixels, at the cost of the usual ones.
 constexpr double kUsualPixels = 2.0 * 40 * 192 * 160;
 constexpr double kLeastSeeds = 2.0, kMostSeeds = 12.0;
 std::uint32_t pool_seeds_of(const Capture &capture) {
@@ -89,7 +89,8 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
             reason = fmt::format("all its codes are {}: no camera records light without noise", seen.minimum);
         // Coarse steps may hide the noise of a dark sequence, which light then shows.
         else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
-            reason = fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
+            reason =
+                fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
         if (!reason.empty()) {
             result.left_out.push_back(sequence.name);
             result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));
@@ -104,9 +105,10 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
 }
 
 // What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in
-// them.
-void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences,
-                   const std::vector<Candidate> &pool, DiagnosisResult &result) {
+// them. Such effects leave the pool: what they do to the few statistics that there are, others do as well, and a
+// verdict would name what the same report says to be out of sight.
+void leave_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences,
+                    std::vector<Candidate> &pool, DiagnosisResult &result) {
     for (const CaptureAbility &ability : capture_abilities(layout, sequences))
         if (!ability.can) {
             result.untested_topics.push_back(ability.topic);
@@ -114,10 +116,11 @@ void note_untested(const CaptureLayout &layout, const std::vector<SequenceSummar
         }
     std::string unseen;
     for (const EffectVisibility &effect : effect_visibilities(layout)) {
-        const bool candidate =
-            std::any_of(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
-        if (!candidate || !effect.sequences.empty())
+        const auto candidate =
+            std::find_if(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
+        if (candidate == pool.end() || !effect.sequences.empty())
             continue;
+        pool.erase(candidate);
         result.untested_effects.push_back(effect.id);
         unseen += (unseen.empty() ? "" : ", ") + effect.id;
     }
@@ -174,7 +177,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                            [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
     };
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
-    note_untested(capture.layout, kept, pool, result);
+    leave_untested(capture.layout, kept, pool, result);
     Experiment experiment(std::move(context), capture, options.hypotheses, threads);
     go_with_camera(pool, capture.layout, experiment.real_calibration().read_noise_dn);
     std::string doing;

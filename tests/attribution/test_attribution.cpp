@@ -563,6 +563,28 @@ TEST(Diagnosis, LookAlikesOfOneSequenceAreFittedToo) {
     EXPECT_GE(held, 5);
 }
 
+// One frame of speckle: rows that differ may be the surface's, and the coverage says that row noise cannot be told
+// there. A verdict that named it all the same (it had, of a published image of ground glass) would contradict its own
+// report.
+TEST(Diagnosis, NamesNothingThatCannotShow) {
+    CaptureLayout layout = larger_layout();
+    layout.sequences.erase(layout.sequences.begin(), layout.sequences.end() - 1);
+    layout.sequences.front().scene = CaptureScene::kBoard;
+    layout.sequences.front().moving = false;
+    layout.sequences.front().frame_count = 1;
+    const DiagnosisResult result =
+        diagnose(context(), simulated({{"row_noise", {25.0}}}, kCaptureSeed + 370, {}, layout), quick(1));
+    const auto has = [](const std::vector<std::string> &effects, const std::string &id) {
+        return std::find(effects.begin(), effects.end(), id) != effects.end();
+    };
+    EXPECT_TRUE(result.detected);
+    EXPECT_TRUE(has(result.untested_effects, "row_noise"));
+    EXPECT_FALSE(has(result.effects, "row_noise"));
+    EXPECT_FALSE(has(result.equivalent, "row_noise"));
+    for (const RankedEffect &ranked : result.ranking)
+        EXPECT_FALSE(has(result.untested_effects, ranked.effect)) << ranked.effect;
+}
+
 // Hot pixels scatter in each channel of a mosaic alike: by the covariance of a camera with the mosaic they weigh more than
 // before, so that either effect alone seemed to make the gap wider, and neither was named.
 TEST(Diagnosis, LargeGapsAreExplainedPartByPart) {
