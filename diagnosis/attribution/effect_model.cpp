@@ -30,6 +30,14 @@ void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayou
     }
 }
 
+// Photons come by Poisson's law, which is lopsided; many a simulator has the variance alone, by a Gaussian law.
+void add_photon_readings(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change,
+                         Eigen::VectorXd &tolerance) {
+    for (std::size_t k = 0; k < list.size(); ++k)
+        if (list[k].name == "noise_skewness")
+            tolerance[static_cast<Eigen::Index>(k)] += std::abs(change[static_cast<Eigen::Index>(k)]);
+}
+
 // Where dots lie.
 bool is_of_positions(const std::string &name) {
     for (const char *of_positions : {"dot_shift_x", "dot_shift_y", "dot_radial_displacement", "dot_cubic_displacement",
@@ -39,8 +47,8 @@ bool is_of_positions(const std::string &name) {
     return false;
 }
 
-// The camera's lens stretches the dots with the picture, the projector's only moves them. change: of the statistics, by a
-// whole unit of strength.
+// The camera's lens stretches the dots with the picture, the projector's only moves them. change: of the statistics, by
+// a whole unit of strength.
 void add_distortion_readings(const std::vector<StatisticInfo> &list, double k1, const Eigen::VectorXd &change,
                              Eigen::VectorXd &tolerance) {
     const EffectParameter &parameter = find_effect("lens_distortion").parameters.front();
@@ -78,7 +86,8 @@ std::size_t EffectModel::slight_count(const Eigen::VectorXd &step) const {
 }
 
 bool EffectModel::has(const Candidate &candidate) const {
-    return std::any_of(effects.begin(), effects.end(), [&](const ModelEffect &e) { return e.candidate->id == candidate.id; });
+    return std::any_of(effects.begin(), effects.end(),
+                       [&](const ModelEffect &e) { return e.candidate->id == candidate.id; });
 }
 
 void EffectModel::add(const Candidate &candidate, double sign, double strength) {
@@ -86,9 +95,8 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
     for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
         if (!candidate.is_choice(p))
             strengths.push_back({effects.size() - 1, p,
-                                 candidate.is_varied(p)
-                                     ? candidate.snapped(p, strength, sign)
-                                     : candidate.strength(p, candidate.usual(p, sign), sign)});
+                                 candidate.is_varied(p) ? candidate.snapped(p, strength, sign)
+                                                        : candidate.strength(p, candidate.usual(p, sign), sign)});
 }
 
 EffectModel EffectModel::without(std::size_t effect) const {
@@ -170,7 +178,8 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
         for (std::size_t p = 0; p < effect.candidate->parameters.size(); ++p)
             if (effect.candidate->is_choice(p)) {
                 const HypothesisParameter &parameter = effect.candidate->parameters[p];
-                result.push_back({effect.candidate->id, parameter.name, parameter.weak, parameter.weak, parameter.weak});
+                result.push_back(
+                    {effect.candidate->id, parameter.name, parameter.weak, parameter.weak, parameter.weak});
             }
     return result;
 }
@@ -212,6 +221,8 @@ Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const 
         const EffectSetting &effect = effects[columns[p].effect];
         if (effect.id == "image_lag")
             add_lag_readings(list, layout, effect.values.front(), change, result);
+        if (effect.id == "shot_noise")
+            add_photon_readings(list, change, result);
         if (effect.id == "lens_distortion")
             add_distortion_readings(list, effect.values.front(), jacobian.col(static_cast<Eigen::Index>(p)), result);
     }

@@ -105,6 +105,7 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
 // frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not
 // at all or by f^2; and the first frame had one before it, which nobody recorded, or none. And distortion may be that of
 // the camera's lens, which stretches dots as it moves them, or that of the projector's, which leaves them as they are.
+// Photon noise may be Poisson's or Gaussian, whose third moment is 0.
 // change: of the mean statistics by the effects; jacobian: by a unit of each of the strengths, `columns`.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
                                   const EffectSettings &effects, const std::vector<Strength> &columns,

@@ -369,4 +369,20 @@ TEST(Reading, DistortionOfTheLensOrOfTheProjector) {
     EXPECT_EQ(tolerance[2], 0.0);
 }
 
+TEST(Reading, PhotonsByPoissonsLawOrAGaussianOne) {
+    CaptureLayout layout;
+    layout.sequences.resize(1);
+    layout.sequences[0].name = "flat";
+    std::vector<StatisticInfo> list(2);
+    list[0].name = "noise_skewness";
+    list[1].name = "temporal_variance";
+    list[0].sequence = list[1].sequence = "flat";
+    const Eigen::VectorXd change = (Eigen::VectorXd(2) << -0.03, 1.2).finished();
+    const Eigen::MatrixXd jacobian = Eigen::MatrixXd::Ones(2, 1);
+    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, {{"shot_noise", {0.3}}}, {{0, 0, 0.5}}, change, jacobian);
+    EXPECT_NEAR(tolerance[0], 0.03, 1e-15);
+    EXPECT_EQ(tolerance[1], 0.0); // both laws have the variance
+    EXPECT_EQ(reading_tolerance(list, layout, {{"row_noise", {2.0}}}, {{0, 0, 0.5}}, change, jacobian).norm(), 0.0);
+}
+
 } // namespace
