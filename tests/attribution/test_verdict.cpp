@@ -85,6 +85,21 @@ TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
     places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.012, "laser")};
     place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "motion");
+    // Six times worse, 34 deviations would be less than 6, and 4 are no sign that they are not there.
+    places = {place("board_moving", 34.0, 0.01, "laser"), place("board_static", 4.0, 0.06, "laser")};
+    place_stages(layout, places, {});
+    EXPECT_EQ(places[0].statistic.stage, "laser");
+    places[1].z = 1.0;
+    places[1].real = 1.06;
+    place_stages(layout, places, {});
+    EXPECT_EQ(places[0].statistic.stage, "motion");
+    // One statistic that ought to be off at rest and is not, of two, is no majority.
+    places.push_back(place("board_moving", 9.0, 0.01, "laser"));
+    places.push_back(place("board_static", 1.0, 0.05, "laser"));
+    places[2].statistic.name = places[3].statistic.name = "contrast";
+    places[0].statistic.stage = "laser";
+    place_stages(layout, places, {});
+    EXPECT_EQ(places[0].statistic.stage, "laser");
     // Frames are repeated where the scene moves, and nowhere else: it stood still.
     places = {place("board_moving", 900.0, 0.01, "sensor"), place("board_static", 0.5, 0.01, "sensor")};
     place_stages(layout, places, {});
