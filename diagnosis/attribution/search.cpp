@@ -35,10 +35,14 @@ constexpr int kMostExchanges = 3;
 // Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
 // covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
 constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
-// Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are looked at
-// again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one of 1.
+// Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are
+// looked at again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one
+// of 1.
 constexpr double kPoorLook = 0.5;
 constexpr double kSecondLooks[] = {0.5, 1.0};
+// A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
+// f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
+constexpr double kPatientLook = 0.25;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -53,7 +57,9 @@ struct Refined {
     Response response;
 };
 
-double ratio_of(double part, double whole) { return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0; }
+double ratio_of(double part, double whole) {
+    return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
+}
 
 // The best first; of an effect that may begin in several places (with_alternatives) the best alone.
 void sort_by_gain(std::vector<Refined> &refined) {
@@ -97,6 +103,9 @@ class Search {
     // A strength stands at the end of the common range, its last step leads out of it, and the wide search found it
     // there.
     static bool leads_out(const Path &common, const Path &wide);
+    static bool begins_elsewhere(const Path &a, const Path &b) {
+        return a.steps.empty() || b.steps.empty() || a.steps.front().added != b.steps.front().added;
+    }
     bool is_explained(Path &path) {
         if (path.models.empty())
             return false;
@@ -110,7 +119,11 @@ class Search {
     }
 
     ModelFit &fits_;
+    // The baseline's excess is so large that effects bend on their way to it.
+    bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(experiment_.count()); }
+
     double baseline_excess_ = 0.0;
+    bool patient_ = false; // first effects get second looks in any case, and more of them a fit
     std::vector<FirstLook> looks_;
     Experiment &experiment_;
     const std::vector<Candidate> &candidates_;
@@ -193,7 +206,8 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
     }
     const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
     const auto best = std::max_element(result.begin(), result.end(), promised);
-    if (best != result.end() && best->gain < kPoorLook * target.squaredNorm() &&
+    const bool poor = best != result.end() && best->gain < kPoorLook * target.squaredNorm();
+    if ((poor || (patient_ && model.effects.empty())) &&
         fits_.excess_square(fitted) > kLarge * static_cast<double>(experiment_.count()))
         look_again(result, path, fitted);
     sort_by_gain(result);
@@ -230,7 +244,8 @@ void Search::look_again(std::vector<Refined> &refined, const Path &path, const F
                 look.response.add(strength, simulate_change(experiment_, path.pool, with.settings(), of.concerned,
                                                             fits_.options().seed, kSearchSeeds));
             }
-            look.gain = 0.5 * (before - fits_.held_out(fitted, &look.response)); // of two halves, a promise is of their mean
+            look.gain =
+                0.5 * (before - fits_.held_out(fitted, &look.response)); // of two halves, a promise is of their mean
         });
     });
     for (Look &look : looks) {
@@ -319,11 +334,12 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
     // The best gain of a fit, and at the first look the best gain that a fit bore out.
     double explained = 0.0, borne_out = 0.0;
     std::uint32_t tried = 0;
+    const double least_look = kLeastLook * (patient_ ? kPatientLook : 1.0);
     for (Refined &candidate : refined) {
         const double look = candidate.gain;
         candidate.gain = 0.0;
-        if (look <= 0.0 || look < kLeastLook * borne_out ||
-            tried >= fits_.options().refined * (borne_out > 0.0 ? 1 : kMorePatient))
+        if (look <= 0.0 || look < least_look * borne_out ||
+            tried >= fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient))
             continue;
         // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
         if (explained > kNearlyAll * excess && look < kFirstLook * first_look)
@@ -433,8 +449,8 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
     const double least_share = little ? kLeastShareOfLittle : kLeastShare;
-    const bool is_large_part = excess > kLarge * static_cast<double>(experiment_.count()) &&
-                               finalists[best]->gain > kMostOfLarge * excess;
+    const bool is_large_part =
+        excess > kLarge * static_cast<double>(experiment_.count()) && finalists[best]->gain > kMostOfLarge * excess;
     if ((gain < kLeastGain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
@@ -544,6 +560,15 @@ SearchResult Search::run() {
     baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
         Path path = explain(baseline);
+        if (is_large() && fits_.may_go_on() && !is_explained(path)) {
+            patient_ = true;
+            Path first = empty_path(kSecond, kEnd);
+            if (grow(first, baseline, kSecond, kEnd - kSecond) && begins_elsewhere(first, path)) {
+                Path again = explain(baseline);
+                if (is_explained(again))
+                    path = std::move(again);
+            }
+        }
         if (!path.models.empty()) {
             fits_.set_strongest(path.strongest);
             fits_.complete(path, baseline, path.progress);
