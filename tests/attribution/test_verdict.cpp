@@ -205,6 +205,11 @@ TEST_F(Stages, WhereTheLightOfAPatternLies) {
         between{"dots_moving", "light_between_dots", "doe", 40.0}, little{"dots_moving", "light_between_dots", "doe", 9.0};
     EXPECT_EQ(stages({contrast, {"dots_moving", "contrast", "surface", -70.0}}, "laser"), (Names{"laser", "laser"}));
     EXPECT_EQ(stages({contrast, between}, "laser"), (Names{"optics", "optics"}));
+    // Faint copies of the dots, too: the image is there twice. What lies on the axis alone is the pattern's.
+    const Deviation copies{"dots_moving", "peak_point_reflections", "optics", 15.0}, axis{"dots_moving", "peak_on_axis", "doe", 15.0};
+    EXPECT_EQ(stages({contrast, copies}, "laser"), (Names{"optics", "optics"}));
+    EXPECT_EQ(stages({contrast, axis}, "laser"), (Names{"laser", "laser"}));
+    EXPECT_EQ(stages({contrast, {"dots_moving", "peak_point_reflections", "optics", 9.0}}, "laser"), (Names{"laser", "laser"}));
     EXPECT_EQ(stages({contrast, little}, "laser"), (Names{"laser", "laser"}));
     EXPECT_EQ(stages({contrast, {"dots_moving", "light_between_dots", "doe", -40.0}}, "laser"), (Names{"laser", "laser"}));
     // Dots without light have no width; dots that are spread lack light, too, but it lies beside them.
