@@ -30,8 +30,8 @@ constexpr double kLeastGain = 14.0;
 // Where a residual remains, an effect must explain this part of what is beyond chance.
 constexpr double kLeastShare = 0.12;
 // Standard deviation of the simulator's error, relative to the change of a quantity that the effects make. What intervals
-// count of it: by none of it 93 % of 45 held what another simulator of the same physics was given, by 0.3 of it 96 % of
-// 136, by 0.7 of it 98 % of 172, twice as wide as their errors (docs/gap-check.md).
+// count of it: by none 42 of 45 held what another simulator of the same physics was given, by 0.3 all of these, by
+// which it was chosen, and 86 of 91 others (docs/gap-check.md).
 constexpr double kModelError = 0.025, kPartInIntervals = 0.3;
 
 // A parameter of one of the model's effects and its strength.
