@@ -33,6 +33,7 @@ ClspPipelineDesc pipeline_defaults() {
     desc.airflow_correlation_frames = p.airflow.correlation_frames;
     desc.vibration_rms_px = p.vibration_rms_px;
     desc.shutter_fraction = p.shutter_fraction;
+    desc.exposure_correlation = static_cast<std::uint32_t>(p.exposure_correlation);
     return desc;
 }
 
@@ -92,6 +93,7 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         required(pipeline, "pipeline");
         const ClspPipelineDesc d = read_struct(desc, pipeline_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
+        check_reserved(d.reserved_exposure, "desc->reserved_exposure");
         PipelineStages stages;
         stages.pattern = optional_object(d.pattern);
         stages.dots = optional_object(d.dots);
@@ -117,6 +119,7 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         p.airflow.correlation_frames = d.airflow_correlation_frames;
         p.vibration_rms_px = d.vibration_rms_px;
         p.shutter_fraction = d.shutter_fraction;
+        p.exposure_correlation = static_cast<ExposureCorrelation>(d.exposure_correlation);
         give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), p));
     });
 }

@@ -94,8 +94,11 @@ std::vector<Effect> make_catalogue() {
     {"motion_decorrelation", "motion",
      "the speckle changes while the shutter is open, in frames drawn anew: path over correlation length",
      "phase.cl: phase_advance", kSetsPipeline,
-     {{"lags", "1", 0.0, 16.0, 0.4, 2.5}},
-     [](Model &m, Values v) { m.pipeline.exposure_path = v[0]; }},
+     {{"lags", "1", 0.0, 16.0, 0.4, 2.5}, {"correlation_law", "1", 0.0, 1.0, 0.0, 0.0, true}},
+     [](Model &m, Values v) {
+         m.pipeline.exposure_path = v[0];
+         m.pipeline.exposure_correlation = v[1] == 0.0 ? ExposureCorrelation::kField : ExposureCorrelation::kGaussian;
+     }},
     {"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
      "phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},

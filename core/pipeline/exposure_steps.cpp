@@ -24,13 +24,13 @@ double intensity_correlation(double path, Dynamics dynamics) {
 }
 
 // C^2 of the continuous exposure, by Simpson's rule.
-double squared_contrast(double length, Dynamics dynamics) {
+template <typename Correlation> double squared_contrast(double length, const Correlation &intensity_correlation) {
     constexpr int kIntervals = 2048;
     double sum = 0.0;
     for (int i = 0; i <= kIntervals; ++i) {
         const double l = length * i / kIntervals;
         const double weight = i == 0 || i == kIntervals ? 1.0 : i % 2 == 1 ? 4.0 : 2.0;
-        sum += weight * (length - l) * intensity_correlation(l, dynamics);
+        sum += weight * (length - l) * intensity_correlation(l);
     }
     return 2.0 / (length * length) * sum * (length / kIntervals / 3.0);
 }
@@ -44,13 +44,17 @@ double squared_contrast_of_steps(std::uint32_t count, double step, Dynamics dyna
 
 } // namespace
 
-ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, Dynamics dynamics) {
+ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, Dynamics dynamics,
+                             ExposureCorrelation correlation) {
     ExposureSteps steps;
     if (exposure_path == 0.0) {
         steps.count = std::max(1u, sub_exposures);
         return steps;
     }
-    const double wanted = squared_contrast(exposure_path, dynamics);
+    const double wanted = squared_contrast(exposure_path, [&](double path) {
+        return correlation == ExposureCorrelation::kGaussian ? std::exp(-2.0 * path * path)
+                                                             : intensity_correlation(path, dynamics);
+    });
     const double enough = std::max(double(kLeastSteps), std::ceil(2.0 / wanted));
     const double count = sub_exposures == 0 ? enough : double(sub_exposures);
     if (count > kMaxSubstep || count * wanted <= 1.0)

@@ -26,6 +26,12 @@ void check_parameters(const PipelineParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("sub_exposures is {}, it must be 0 (automatic) to {}", p.sub_exposures, kMaxSubstep));
     check_not_negative(p.exposure_path, "exposure_path");
+    if (p.exposure_correlation != ExposureCorrelation::kField &&
+        p.exposure_correlation != ExposureCorrelation::kGaussian)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("exposure_correlation is {}, it must be 0 (CLSP_EXPOSURE_CORRELATION_FIELD) or 1 "
+                                "(CLSP_EXPOSURE_CORRELATION_GAUSSIAN)",
+                                static_cast<std::uint32_t>(p.exposure_correlation)));
     check_fraction(p.shutter_fraction, "shutter_fraction");
     if (!(p.boiling_correlation_frames > 0.0))
         throw Error(Status::kInvalidArgument,
@@ -146,7 +152,8 @@ void Pipeline::apply_stages(const PipelineModel &model, unsigned sets, unsigned 
 void Pipeline::apply_own(const PipelineModel &model) {
     const PipelineParameters &p = model.pipeline;
     check_parameters(p);
-    const ExposureSteps steps = exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics);
+    const ExposureSteps steps =
+        exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics, p.exposure_correlation);
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(
             Status::kInvalidArgument,

@@ -48,6 +48,7 @@ struct PipelineParameters {
     double subsurface_length_px = 0.0, subsurface_fraction = 0.0;
     std::uint32_t sub_exposures = 0; // exposure; 0: as many as exposure_path takes
     double exposure_path = 0.0;
+    ExposureCorrelation exposure_correlation = ExposureCorrelation::kField;
     double shutter_fraction = 0.0; // of the motion between two frames
     double boiling_correlation_frames = std::numeric_limits<double>::infinity();
     AirflowParameters airflow;

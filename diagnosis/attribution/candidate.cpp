@@ -33,6 +33,7 @@ constexpr double kNoneOfThem = 0.25;
 struct Alternative {
     const char *effect, *parameter;
     double usual;
+    bool alike = false;
 };
 constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
 constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
@@ -40,7 +41,8 @@ constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn}
                                          {"beam_skew", "angle_rad", 3.0 * kEighthTurn},
                                          {"ghost_dots", "lattice_direction", 1.0},
                                          {"ghost_dots", "lattice_direction", 2.0},
-                                         {"bayer_mismatch", "green_diagonal", 1.0}};
+                                         {"bayer_mismatch", "green_diagonal", 1.0},
+                                         {"motion_decorrelation", "correlation_law", 1.0, true}};
 
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
@@ -171,7 +173,7 @@ HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without) {
     std::vector<Candidate> result;
     for (const Effect &effect : effect_catalogue()) {
-        Candidate candidate{effect.id, effect.stage, effect.summary, {}};
+        Candidate candidate{effect.id, effect.stage, effect.summary, {}, false};
         for (const EffectParameter &p : effect.parameters)
             candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong, p.whole});
         if (std::find(std::begin(kEvenEffects), std::end(kEvenEffects), candidate.id) != std::end(kEvenEffects))
@@ -179,7 +181,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         result.push_back(std::move(candidate));
     }
     for (const Hypothesis &hypothesis : hypotheses)
-        result.push_back({hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.parameters});
+        result.push_back({hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.parameters, false});
     for (const std::string &id : without) {
         const auto found = std::find_if(result.begin(), result.end(), [&](const Candidate &c) { return c.id == id; });
         if (found == result.end())
@@ -227,6 +229,7 @@ std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
         if (found == candidates.end())
             continue;
         Candidate other = *found;
+        other.alike = alternative.alike;
         for (HypothesisParameter &p : other.parameters)
             if (p.name == alternative.parameter)
                 p.weak = p.strong = alternative.usual;

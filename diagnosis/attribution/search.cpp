@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <numeric>
 #include <string>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -43,6 +44,9 @@ constexpr double kSecondLooks[] = {0.5, 1.0};
 // A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
 // f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
 constexpr double kPatientLook = 0.25;
+// Of the squared distance: what a fit of another form of an effect must be better than that of the catalogue's own to be taken, as
+// a parameter means something else in each.
+constexpr double kFormMargin = 20.0;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -61,11 +65,29 @@ double ratio_of(double part, double whole) {
     return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
 }
 
-// The best first; of an effect that may begin in several places (with_alternatives) the best alone.
+// The best first; of an effect that may begin in several places (with_alternatives) the best alone, beside forms that are alike.
 void sort_by_gain(std::vector<Refined> &refined) {
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
-    keep_one_of_each(refined, [](const Refined &one) { return one.candidate->id; });
+    keep_one_of_each(refined, [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->alike); });
+}
+
+// Leaves one form of each effect, by their fits.
+void decide_forms(std::vector<Refined> &refined) {
+    std::vector<const Candidate *> out;
+    for (const Refined &form : refined) {
+        if (!form.candidate->alike)
+            continue;
+        const auto own = std::find_if(refined.begin(), refined.end(), [&](const Refined &other) {
+            return other.candidate->id == form.candidate->id && !other.candidate->alike;
+        });
+        if (own != refined.end())
+            out.push_back(form.fitted && form.gain > own->gain + kFormMargin ? own->candidate : form.candidate);
+    }
+    const auto is_out = [&](const Refined &one) {
+        return std::find(out.begin(), out.end(), one.candidate) != out.end();
+    };
+    refined.erase(std::remove_if(refined.begin(), refined.end(), is_out), refined.end());
 }
 
 class Search {
@@ -350,11 +372,12 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
             candidate.gain = 0.0;
             continue;
         }
-        ++tried;
+        tried += candidate.candidate->alike ? 0 : 1;
         explained = std::max(explained, candidate.gain);
         if (candidate.gain >= kLeastGain)
             borne_out = std::max(borne_out, look);
     }
+    decide_forms(refined);
     return borne_out > 0.0;
 }
 

@@ -19,11 +19,13 @@ struct Modes {
 };
 
 // The integral equation on the midpoints of equal intervals.
-Modes solve(double path) {
+Modes solve(double path, ExposureCorrelation correlation) {
     Eigen::MatrixXd kernel(kPoints, kPoints);
     for (Eigen::Index i = 0; i < kPoints; ++i)
-        for (Eigen::Index j = 0; j < kPoints; ++j)
-            kernel(i, j) = std::exp(-path * std::abs(static_cast<double>(i - j)) / kPoints) / kPoints;
+        for (Eigen::Index j = 0; j < kPoints; ++j) {
+            const double lag = path * std::abs(static_cast<double>(i - j)) / kPoints;
+            kernel(i, j) = std::exp(correlation == ExposureCorrelation::kGaussian ? -lag * lag : -lag) / kPoints;
+        }
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(kernel);
     return {solver.eigenvalues().reverse(),
             solver.eigenvectors().colwise().sum().transpose().reverse().array().abs() / std::sqrt(double(kPoints))};
@@ -31,8 +33,8 @@ Modes solve(double path) {
 
 } // namespace
 
-std::vector<ExposureMode> exposure_modes(double path) {
-    const auto [values, integrals] = solve(path);
+std::vector<ExposureMode> exposure_modes(double path, ExposureCorrelation correlation) {
+    const auto [values, integrals] = solve(path, correlation);
     const double cube = values.cube().sum();
     Eigen::Index best_kept = 0, best_equal = kPoints;
     double best_next = 1.0;

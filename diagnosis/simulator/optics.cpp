@@ -87,11 +87,13 @@ Optics::Stages &Optics::stages_for(const PipelineModel &model, std::uint64_t see
 }
 
 void Optics::prepare_exposure(const PipelineParameters &p) {
-    if (p.exposure_path == exposure_path_ && p.line_count == line_count_ && p.dephasing_rad == dephasing_rad_)
+    const bool same_exposure = p.exposure_path == exposure_path_ && p.exposure_correlation == exposure_correlation_;
+    if (same_exposure && p.line_count == line_count_ && p.dephasing_rad == dephasing_rad_)
         return;
-    if (p.exposure_path != exposure_path_)
-        exposure_modes_ = exposure_modes(p.exposure_path);
+    if (!same_exposure)
+        exposure_modes_ = exposure_modes(p.exposure_path, p.exposure_correlation);
     exposure_path_ = p.exposure_path;
+    exposure_correlation_ = p.exposure_correlation;
     line_count_ = p.line_count;
     dephasing_rad_ = p.dephasing_rad;
     double variance = 0.0;

@@ -63,6 +63,7 @@ class Optics {
     std::vector<ExposureMode> exposure_modes_{{1.0, 1.0}};
     std::vector<std::vector<LaserLine>> lines_of_modes_{equal_lines(1)};
     double exposure_path_ = 0.0, dephasing_rad_ = 0.0;
+    ExposureCorrelation exposure_correlation_ = ExposureCorrelation::kField;
     std::uint32_t line_count_ = 1;
     cl::Kernel dark_;
 };

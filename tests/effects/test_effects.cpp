@@ -23,7 +23,7 @@ const std::map<std::string, std::pair<std::string, std::vector<std::string>>> ex
     {"depolarization", {"surface", {"degree_of_polarization"}}},
     {"low_roughness", {"surface", {"coherent_fraction"}}},
     {"subsurface_scattering", {"surface", {"length_px", "fraction"}}},
-    {"motion_decorrelation", {"motion", {"lags"}}},
+    {"motion_decorrelation", {"motion", {"lags", "correlation_law"}}},
     {"surface_boiling", {"motion", {"correlation_frames"}}},
     {"airflow", {"motion", {"rms_rad", "scale_px", "correlation_frames"}}},
     {"vibration", {"motion", {"rms_px"}}},

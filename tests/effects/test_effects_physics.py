@@ -198,8 +198,14 @@ def test_subsurface_scattering(context, measured):
     expected = expected_mean(pipeline, spread)
 
     def spot(image):
-        return np.mean([image[24 + 48 * j - 12 : 24 + 48 * j + 13, 24 + 48 * i - 12 : 24 + 48 * i + 13]
-                        for j in range(1, 4) for i in range(1, 4)], axis=0)
+        return np.mean(
+            [
+                image[24 + 48 * j - 12 : 24 + 48 * j + 13, 24 + 48 * i - 12 : 24 + 48 * i + 13]
+                for j in range(1, 4)
+                for i in range(1, 4)
+            ],
+            axis=0,
+        )
 
     error = np.abs(spot(average) - spot(expected)).max() / spot(expected).max()
     measured("largest error over the peak", error)
@@ -220,7 +226,8 @@ def test_subsurface_fraction_of_a_material_keeps_the_light(context):
     material[:, SIZE // 2 :] = 1
     frames = np.mean(
         [pipeline.render(scene, refresh="all", material=material, frame_index=i) for i in range(100)],
-        axis=0, dtype=np.float64,
+        axis=0,
+        dtype=np.float64,
     )
     assert frames.mean() == pytest.approx(scene.mean(), rel=0.02)
     # Away from the border between them, spots of the first material are as they were, those of the second flat.
@@ -241,6 +248,17 @@ def test_exposure_path(context, measured, path, dynamics):
     frames = moving(camera(context, exposure_path=path, dynamics=dynamics))
     measured("relative error", abs(contrast(frames) / expected - 1))
     assert contrast(frames) == pytest.approx(expected, rel=BOUND)
+    assert frames.mean() == pytest.approx(1, abs=BOUND)
+
+
+@pytest.mark.parametrize("path", [0.4, 1.4, 2.5, 6.0])
+@pytest.mark.parametrize("dynamics", ["replace", "continuous"])
+def test_exposure_of_a_gaussian_correlation(context, measured, path, dynamics):
+    expected = theory.exposure_contrast(path, lambda lags: np.exp(-(lags**2)))
+    frames = moving(camera(context, exposure_path=path, exposure_correlation="gaussian", dynamics=dynamics))
+    measured("relative error", abs(contrast(frames) / expected - 1))
+    assert contrast(frames) == pytest.approx(expected, rel=BOUND)
+    assert abs(expected / theory.exposure_contrast(path, lambda lags: np.exp(-lags)) - 1) > 0.05
     assert frames.mean() == pytest.approx(1, abs=BOUND)
 
 
@@ -290,9 +308,7 @@ def test_vibration_shifts_the_picture(context, measured):
         a = np.stack([fx, fy], axis=1) * (-2 * np.pi)
         shift = np.linalg.solve(a.T @ (a * weight[:, None]), a.T @ (weight * cross[low]))
         shifts.append(shift)
-        moved = np.fft.ifft2(
-            spectrum * np.exp(-2j * np.pi * (f[None, :] * shift[0] + f[:, None] * shift[1]))
-        ).real
+        moved = np.fft.ifft2(spectrum * np.exp(-2j * np.pi * (f[None, :] * shift[0] + f[:, None] * shift[1]))).real
         error = np.abs(moved - frame).max() / still.max()
         measured("error against a Fourier shift, over the peak", error)
         assert error < 1e-4
@@ -336,8 +352,14 @@ def test_pixel_integration_does_not_depend_on_the_oversampling(context):
     ]
 
     def spot(image):
-        return np.mean([image[24 + 48 * j - 8 : 24 + 48 * j + 9, 24 + 48 * i - 8 : 24 + 48 * i + 9]
-                        for j in range(5) for i in range(5)], axis=0)
+        return np.mean(
+            [
+                image[24 + 48 * j - 8 : 24 + 48 * j + 9, 24 + 48 * i - 8 : 24 + 48 * i + 9]
+                for j in range(5)
+                for i in range(5)
+            ],
+            axis=0,
+        )
 
     assert np.abs(spot(means[0]) - spot(means[1])).max() < 0.12 * spot(means[0]).max()
 
@@ -422,13 +444,17 @@ def test_incoherent_light_has_no_speckle(context):
     through = camera(context, normalization="transmission")
     np.testing.assert_allclose(
         through.render(scene, illumination="incoherent"),
-        scene * through.aperture.info().mean_transmission, rtol=1e-6,
+        scene * through.aperture.info().mean_transmission,
+        rtol=1e-6,
     )
 
 
 def test_dark_frames_have_no_light(context):
     pipeline = clspeckle.Pipeline.from_parameters(
-        SHAPE, context=context, black_level_dn=64.0, read_noise_dn=0.0,
+        SHAPE,
+        context=context,
+        black_level_dn=64.0,
+        read_noise_dn=0.0,
         effects={"ambient_light": {"level_dn": 40.0}, "vignetting": {}, "glare": {}},
     )
     flat = np.ones(SHAPE, np.float32)
@@ -444,8 +470,13 @@ def test_averaging_frames_of_a_scene_at_rest(context, measured):
     """Thesis 3.2.3: sigma = 0.015 of full scale, 0.005 after 9 frames. 65,536 pixels: standard errors of 0.3 %."""
     full = 1023
     pipeline = clspeckle.Pipeline.from_parameters(
-        SHAPE, context=context, f_number=8.0, normalization="unit_mean", exposure_gain_dn=150.0,
-        read_noise_dn=0.015 * full, seed=8,
+        SHAPE,
+        context=context,
+        f_number=8.0,
+        normalization="unit_mean",
+        exposure_gain_dn=150.0,
+        read_noise_dn=0.015 * full,
+        seed=8,
     )
     flat = np.ones(SHAPE, np.float32)
     frames = np.stack([pipeline.render(flat, frame_index=i) for i in range(180)]).astype(np.float64) / full
@@ -533,7 +564,9 @@ def test_other_effects_leave_lag_and_air_alone(context):
         pipeline = clspeckle.Pipeline.from_parameters(
             SHAPE, context=context, f_number=8.0, seed=9, lag_fraction=0.5, airflow_rms_rad=0.5, read_noise_dn=0.0
         )
-        result = [pipeline.render(np.full(SHAPE, level, np.float32), frame_index=i) for i, level in enumerate((0.1, 1.5))]
+        result = [
+            pipeline.render(np.full(SHAPE, level, np.float32), frame_index=i) for i, level in enumerate((0.1, 1.5))
+        ]
         disturb(pipeline)
         return [*result, pipeline.render(np.full(SHAPE, 0.1, np.float32), frame_index=2)]
 

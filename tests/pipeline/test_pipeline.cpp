@@ -730,6 +730,9 @@ TEST_F(Pipeline, CreateRefusesBadArguments) {
     fails(CLSP_ERROR_INVALID_ARGUMENT, "phase", [](ClspPipelineDesc &d) { d.phase = nullptr; });
     fails(CLSP_ERROR_INVALID_ARGUMENT, "aperture", [](ClspPipelineDesc &d) { d.aperture = nullptr; });
     fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved", [](ClspPipelineDesc &d) { d.reserved = 1; });
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved_exposure", [](ClspPipelineDesc &d) { d.reserved_exposure = 1; });
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "exposure_correlation is 2",
+          [](ClspPipelineDesc &d) { d.exposure_correlation = 2; });
     ClspSensor released = clspeckle::Sensor(context, sensor_desc()).get(); // the temporary is gone after this line
     fails(CLSP_ERROR_INVALID_HANDLE, "sensor", [&](ClspPipelineDesc &d) { d.sensor = released; });
     ClspPattern no_pattern = reinterpret_cast<ClspPattern>(sensor.get());

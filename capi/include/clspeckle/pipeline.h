@@ -24,7 +24,8 @@
  *     sensor       sensor.h
  *
  * Airflow, vibration and boiling disturb a scene at rest: frames with CLSP_REFRESH_ALL have none. An exposure_path L is for those: while the
- * shutter is open the field's correlation falls, as R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else as exp(-path). The frame is the mean of
+ * shutter is open the field's correlation falls, as R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else as exp(-path), or, if exposure_correlation
+ * says so, as exp(-path^2), that of a Gaussian spot of light carried over a surface. The frame is the mean of
  * sub-exposures, whose steps are such that the contrast is that of the continuous exposure (Goodman, Statistical Optics, 6.2):
  *     C^2 = 2 / L^2 int_0^L (L - l) rho(l)^2 dl
  * Where a motion stage says how far each pixel's surface went, shutter_fraction of that path is gone during the exposure.
@@ -45,6 +46,9 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+#define CLSP_EXPOSURE_CORRELATION_FIELD 0u    /**< The field's own: R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else exp(-path). */
+#define CLSP_EXPOSURE_CORRELATION_GAUSSIAN 1u /**< exp(-path^2). The sub-exposures give its contrast; their steps are the field's own. */
 
 /** Which stages a pipeline runs; it retains them. All must come from the same context and have the same image size. Stages may be shared
  *  by several pipelines, which then count as one handle for the thread rule, and whose frames must run one after the other. */
@@ -78,6 +82,8 @@ typedef struct ClspPipelineDesc {
                                       CLSP_MOTION_CORRELATE) happens in the exposure, over sub_exposures (automatic: 8). That many patterns are averaged at
                                       most, so a path of more than half as many correlation lengths needs more of them. What is new in a frame is
                                       drawn once for its exposure. The light itself does not blur. */
+    uint32_t exposure_correlation; /**< CLSP_EXPOSURE_CORRELATION_*, with an exposure_path; default FIELD. */
+    uint32_t reserved_exposure;    /**< 0. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */

@@ -323,7 +323,11 @@ def test_defaults_and_types(context: clspeckle.Context) -> None:
     np.testing.assert_array_equal(intensity_camera(context, **given).render(ideal, refresh="all"), plain)
     for name in defaults:
         with pytest.raises(TypeError, match=name):
-            intensity_camera(context, **{name: "1"})
+            intensity_camera(context, **{name: b"1"})
+    with pytest.raises(
+        errors.InvalidArgumentError, match='exposure_correlation is \'linear\', expected "field" or "gaussian"'
+    ):
+        intensity_camera(context, exposure_correlation="linear")
 
 
 # --- The aperture's shapes ---

@@ -116,6 +116,12 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
         {"subsurface_length_px": 2.0, "subsurface_fraction": 0.5},
     ),
     ("power_flicker", {"sigma": 0.1}, {"power_flicker": 0.1}),
+    ("motion_decorrelation", {"lags": 1.5, "correlation_law": 0.0}, {"exposure_path": 1.5}),
+    (
+        "motion_decorrelation",
+        {"lags": 1.5, "correlation_law": 1.0},
+        {"exposure_path": 1.5, "exposure_correlation": "gaussian"},
+    ),
     ("surface_boiling", {"correlation_frames": 3.0}, {"boiling_correlation_frames": 3.0}),
     (
         "airflow",

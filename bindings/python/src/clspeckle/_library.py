@@ -115,6 +115,8 @@ CLSP_BAYER_GBRG = 4
 
 CLSP_REFRESH_MASK = 0
 CLSP_REFRESH_ALL = 1
+CLSP_EXPOSURE_CORRELATION_FIELD = 0
+CLSP_EXPOSURE_CORRELATION_GAUSSIAN = 1
 CLSP_ILLUMINATION_LASER = 0
 CLSP_ILLUMINATION_INCOHERENT = 1
 CLSP_ILLUMINATION_DARK = 2
@@ -765,6 +767,8 @@ class ClspPipelineDesc(ctypes.Structure):
         ("airflow_correlation_frames", c_double),
         ("vibration_rms_px", c_double),
         ("shutter_fraction", c_double),
+        ("exposure_correlation", c_uint32),
+        ("reserved_exposure", c_uint32),
     ]
 
 

@@ -168,6 +168,7 @@ class PipelineParameters(TypedDict, total=False):
     airflow_correlation_frames: float | None
     vibration_rms_px: float | None
     shutter_fraction: float | None
+    exposure_correlation: str | None
     effects: Mapping[str, Mapping[str, float] | None] | None
 
 
@@ -257,7 +258,12 @@ _PIPELINE_REALS = (
     "vibration_rms_px",
     "shutter_fraction",
 )
-_PIPELINE = (*_PIPELINE_INTEGERS, *_PIPELINE_REALS)
+_PIPELINE = (*_PIPELINE_INTEGERS, *_PIPELINE_REALS, "exposure_correlation")
+
+_EXPOSURE_CORRELATION = {
+    "field": _library.CLSP_EXPOSURE_CORRELATION_FIELD,
+    "gaussian": _library.CLSP_EXPOSURE_CORRELATION_GAUSSIAN,
+}
 
 _ILLUMINATION = {
     "laser": _library.CLSP_ILLUMINATION_LASER,
@@ -295,6 +301,8 @@ class Pipeline(Handle):
         vibration_rms_px: standard deviation of the picture's shift along each axis.
         shutter_fraction: part of the time between two frames that the shutter is open, 0 to 1; of the motion between
             them so much happens in the exposure.
+        exposure_correlation: of the field over an exposure_path: "field": its own, exp(-path) unless it is continuous;
+            "gaussian": exp(-path^2).
         context: None: the phase's.
 
     What is None has the C library's default, see :meth:`defaults`. All stages must come from the same context and have
@@ -334,6 +342,7 @@ class Pipeline(Handle):
         airflow_correlation_frames: float | None = None,
         vibration_rms_px: float | None = None,
         shutter_fraction: float | None = None,
+        exposure_correlation: str | None = None,
         context: Context | None = None,
     ) -> None:
         given = {name: value for name, value in locals().items() if name in _PIPELINE}
@@ -353,6 +362,10 @@ class Pipeline(Handle):
         stages: list[Handle] = [stage for stage, _ in parts.values() if stage is not None]
         desc = _library.initialized(_library.ClspPipelineDesc)
         _check.assign(desc, given, _PIPELINE_INTEGERS, _PIPELINE_REALS)
+        if exposure_correlation is not None:
+            desc.exposure_correlation = _check.choice(
+                exposure_correlation, "exposure_correlation", _EXPOSURE_CORRELATION
+            )
         with exclusive(*stages):
             for name, (stage, _) in parts.items():
                 setattr(desc, name, None if stage is None else stage._get())
@@ -378,7 +391,8 @@ class Pipeline(Handle):
     @staticmethod
     def defaults() -> dict[str, Any]:
         """The C library's defaults of the numbers among the keyword arguments."""
-        return _check.defaults(_library.initialized(_library.ClspPipelineDesc), {}, _PIPELINE)
+        words = {"exposure_correlation": _EXPOSURE_CORRELATION}
+        return _check.defaults(_library.initialized(_library.ClspPipelineDesc), words, _PIPELINE)
 
     @classmethod
     def from_parameters(
