@@ -1,10 +1,14 @@
 // What the diagnosis spends on simulated captures: time for a frame of 160 x 192 by scene and motion, from new speckle
-// and from intensities that are kept. Linked with the engine's own objects.
+// and from intensities that are kept; and on their statistics, by the host's threads and by the device. Linked with the
+// engine's own objects.
 #include "simulator/simulator.hpp"
+#include "statistics/device_sums.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include <benchmark/benchmark.h>
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -63,6 +67,25 @@ void BM_GapSimulator(benchmark::State &state, const std::vector<EffectSetting> &
     state.counters["frames"] = benchmark::Counter(double(state.iterations()) * kFrames, benchmark::Counter::kIsRate);
 }
 
+// Half of a sequence's frames, as a diagnosis measures them.
+void BM_GapStatistics(benchmark::State &state, bool on_device) {
+    const auto sequence = static_cast<std::size_t>(state.range(0));
+    constexpr std::uint32_t kHalf = kFrames / 2;
+    std::vector<std::uint16_t> codes(kHalf * simulator().layout().pixel_count());
+    simulator().codes(sequence, {}, {130.0, 64.0, 4.0}, 1, kHalf, codes.data());
+    const SequenceStatistics statistics(camera(), sequence, kHalf);
+    std::vector<double> values(statistics.list().size());
+    std::unique_ptr<statistics::DeviceSums> device;
+    if (on_device)
+        device = std::make_unique<statistics::DeviceSums>(Context::create({}));
+    for (auto _ : state) {
+        statistics.compute(codes.data(), {64.0, 4.0}, values.data(), 1, device.get());
+        benchmark::ClobberMemory();
+    }
+    state.SetLabel(kNames[sequence]);
+    state.counters["frames"] = benchmark::Counter(double(state.iterations()) * kHalf, benchmark::Counter::kIsRate);
+}
+
 void sequences(benchmark::internal::Benchmark *b) {
     b->ArgName("sequence")->DenseRange(0, 5)->Unit(benchmark::kMillisecond)->UseRealTime()->MeasureProcessCPUTime();
 }
@@ -77,5 +100,7 @@ BENCHMARK_CAPTURE(BM_GapSimulator, motion_decorrelation, {{"motion_decorrelation
 BENCHMARK_CAPTURE(BM_GapSimulator, depolarization, {{"depolarization", {}}}, false)->Apply(moving);
 BENCHMARK_CAPTURE(BM_GapSimulator, glare, {{"glare", {}}}, false)->Apply(moving);
 BENCHMARK_CAPTURE(BM_GapSimulator, pixel_integration, {{"pixel_integration", {}}}, false)->Apply(moving);
+BENCHMARK_CAPTURE(BM_GapStatistics, host, false)->Apply(sequences);
+BENCHMARK_CAPTURE(BM_GapStatistics, device, true)->Apply(sequences);
 
 } // namespace

@@ -92,6 +92,8 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     for (std::size_t lane = 0; lane < lanes; ++lane) {
         simulators_.push_back(std::make_unique<Simulator>(context_, real.layout, hypotheses));
         simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
+        if (statistics::DeviceSums::serves(*context_))
+            device_sums_.push_back(std::make_unique<statistics::DeviceSums>(context_));
     }
     sort_by_work();
     const auto spare_residuals = std::make_shared<SpareBuffers<float>>();
@@ -297,12 +299,12 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < seeds.size(); ++i)
         tasks.push_back({i, by_work_.back(), seeds[i]}); // all dark sequences; the last one is one if any is
-    run_tasks(tasks, {}, [&](const Task &task, Simulator &simulator, unsigned threads) {
+    run_tasks(tasks, {}, [&](const Task &task, const Lane &lane) {
         const std::size_t i = task.seed_index;
         std::vector<SpareBuffers<std::uint16_t>::Buffer> codes(sequences);
         const auto codes_of = [&](std::size_t s) {
             if (codes[s].empty())
-                codes[s] = frames(simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
+                codes[s] = frames(lane.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
             return codes[s].data();
         };
         std::vector<SequenceLevel> levels(sequences);
@@ -320,7 +322,7 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         for (std::size_t s = 0; s < sequences; ++s)
             if (dark[s] && concerned[s])
                 take(i, s, memo_.value(statistics_key(i, s), [&] {
-                    return measured(s, folds, codes_of(s), calibrations[i], threads);
+                    return measured(s, folds, codes_of(s), calibrations[i], lane);
                 }));
     });
     tasks.clear();
@@ -328,11 +330,11 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         for (const std::size_t s : by_work_)
             if (!dark[s] && concerned[s])
                 tasks.push_back({i, s, seeds[i]});
-    run_tasks(tasks, before_each, [&](const Task &task, Simulator &simulator, unsigned threads) {
+    run_tasks(tasks, before_each, [&](const Task &task, const Lane &lane) {
         const std::size_t i = task.seed_index, s = task.sequence;
         take(i, s, memo_.value(statistics_key(i, s), [&] {
-            const auto codes = frames(simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
-            return measured(s, folds, codes.data(), calibrations[i], threads);
+            const auto codes = frames(lane.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
+            return measured(s, folds, codes.data(), calibrations[i], lane);
         }));
     });
 }
@@ -343,7 +345,7 @@ void Experiment::run_tasks(const std::vector<Task> &tasks, const std::function<v
         place->tasks.run(tasks.size(), [&](std::size_t t) {
             const Inside &helper = *inside(); // perhaps another lane
             helper.checkpoint();
-            work(tasks[t], *simulators_[helper.lane], 1);
+            work(tasks[t], lane(helper.lane, 1));
         });
         return;
     }
@@ -351,20 +353,20 @@ void Experiment::run_tasks(const std::vector<Task> &tasks, const std::function<v
     // A lane with company measures on its own thread: starting others for so little takes longer.
     const unsigned threads = std::max(1u, threads_ / static_cast<unsigned>(busy));
     std::vector<std::atomic<bool>> begun(tasks.size());
-    run_lanes(lanes, checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
+    run_lanes(lanes, checkpoint, [&](std::size_t number, const std::function<void()> &lane_checkpoint) {
         std::size_t seed_index = 0;
         const auto run = [&](std::size_t t) {
             if (begun[t].exchange(true))
                 return;
-            if (lane == 0 && before_each && tasks[t].seed_index >= seed_index) {
+            if (number == 0 && before_each && tasks[t].seed_index >= seed_index) {
                 before_each(tasks[t].seed_index);
                 seed_index = tasks[t].seed_index + 1;
             }
             lane_checkpoint();
-            work(tasks[t], *simulators_[lane], threads);
+            work(tasks[t], lane(number, threads));
         };
         for (std::size_t t = 0; t < tasks.size(); ++t)
-            if (lane_of(tasks[t].sequence, tasks[t].seed) == lane)
+            if (lane_of(tasks[t].sequence, tasks[t].seed) == number)
                 run(t);
         for (std::size_t t = tasks.size(); t-- > 0;)
             run(t);
@@ -467,13 +469,14 @@ Calibration Experiment::calibration_of(const Codes &codes) const {
 
 std::vector<double> Experiment::measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
                                          const std::uint16_t *codes, const Calibration &calibration,
-                                         unsigned threads) const {
+                                         const Lane &lane) const {
     const std::size_t values = end(sequence) - begin(sequence);
     std::vector<double> result(static_cast<std::size_t>(folds) * values);
-    statistics.compute(codes, calibration, result.data(), threads);
+    statistics.compute(codes, calibration, result.data(), lane.threads, lane.device);
     if (folds == Folds::kBoth) {
         const std::size_t step = frame_count(sequence, folds) - half_count(sequence);
-        statistics.compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, threads);
+        statistics.compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, lane.threads,
+                           lane.device);
     }
     return result;
 }
@@ -487,7 +490,10 @@ void Experiment::put(std::size_t sequence, const std::vector<double> &values, Fo
 void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const Calibration &calibration,
                          FoldStatistics &into) const {
     const SequenceStatistics &statistics = elsewhere_.empty() ? statistics_[sequence] : elsewhere_[sequence];
-    put(sequence, measured(statistics, sequence, Folds::kBoth, codes, calibration, threads_), into);
+    const Inside *place = inside();
+    put(sequence,
+        measured(statistics, sequence, Folds::kBoth, codes, calibration, lane(place ? place->lane : 0, threads_)),
+        into);
 }
 
 bool Experiment::measure_dots_at(const std::vector<std::array<double, 2>> &positions_px) {

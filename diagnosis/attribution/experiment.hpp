@@ -3,6 +3,7 @@
 
 #include "attribution/memo.hpp"
 #include "simulator/simulator.hpp"
+#include "statistics/device_sums.hpp"
 #include "statistics/sequence_statistics.hpp"
 
 #include <Eigen/Core>
@@ -121,13 +122,22 @@ class Experiment {
     enum class Folds : std::uint32_t { kFirst = 1, kBoth = 2 };
     std::uint32_t half_count(std::size_t sequence) const;
     std::uint32_t frame_count(std::size_t sequence, Folds folds) const;
+    // What simulates and measures, used by one thread at a time.
+    struct Lane {
+        Simulator &simulator;
+        statistics::DeviceSums *device; // nullptr: the host sums over pixels
+        unsigned threads;               // that measuring may use
+    };
+    Lane lane(std::size_t number, unsigned threads) const {
+        return {*simulators_[number], device_sums_.empty() ? nullptr : device_sums_[number].get(), threads};
+    }
     // Statistics of the halves of a sequence that are asked for, one after the other.
     std::vector<double> measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
-                                 const Calibration &calibration, unsigned threads) const {
-        return measured(statistics_[sequence], sequence, folds, codes, calibration, threads);
+                                 const Calibration &calibration, const Lane &lane) const {
+        return measured(statistics_[sequence], sequence, folds, codes, calibration, lane);
     }
     std::vector<double> measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
-                                 const std::uint16_t *codes, const Calibration &calibration, unsigned threads) const;
+                                 const std::uint16_t *codes, const Calibration &calibration, const Lane &lane) const;
     // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, lanes side by side;
     // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated again.
     using TakeValues =
@@ -144,9 +154,9 @@ class Experiment {
         std::size_t seed_index, sequence;
         std::uint64_t seed;
     };
-    // Lanes side by side: each does its own tasks, then what the others have not begun. threads: how many a task may
-    // use. before_each: called with the seed_index of tasks as they come (may be empty).
-    using DoTask = std::function<void(const Task &task, Simulator &simulator, unsigned threads)>;
+    // Lanes side by side: each does its own tasks, then what the others have not begun. before_each: called with the
+    // seed_index of tasks as they come (may be empty).
+    using DoTask = std::function<void(const Task &task, const Lane &lane)>;
     void run_tasks(const std::vector<Task> &tasks, const std::function<void(std::size_t)> &before_each,
                    const DoTask &work);
     // The simulator that draws a sequence unless another one helps out: the same for the same random numbers, as it
@@ -203,6 +213,7 @@ class Experiment {
     unsigned threads_;
     // Sequences are simulated and measured side by side, each lane by a simulator of its own.
     std::vector<std::unique_ptr<Simulator>> simulators_;
+    std::vector<std::unique_ptr<statistics::DeviceSums>> device_sums_; // one for each, or none
     Memo memo_;
     mutable SpareBuffers<std::uint16_t> spare_codes_;
     std::vector<std::size_t> by_work_, places_; // sequences that take long first; the place of each

@@ -1,9 +1,6 @@
 #include "statistics/measures.hpp"
 
-#include "statistics/parallel_for.hpp"
-
 #include <cmath>
-#include <cstdlib>
 
 namespace clsp::statistics {
 
@@ -18,49 +15,10 @@ struct EdgeSums {
 EdgeSums sum_edges(const Measurement &m) {
     const Geometry &geometry = m.geometry;
     const std::size_t width = geometry.width, height = geometry.height;
-    struct Part {
-        std::vector<std::uint64_t> columns, rows;
-    };
-    std::vector<Part> parts(geometry.frames);
-    parallel_for(geometry.frames, m.threads, [&](std::size_t t) {
-        const std::uint16_t *codes = m.codes + t * geometry.pixels;
-        Part &part = parts[t];
-        part.columns.assign(width - 1, 0);
-        part.rows.assign(height - 1, 0);
-        std::vector<std::uint32_t> columns(width - 1);
-        for (std::size_t y = 0; y < height; ++y) {
-            const std::uint16_t *row = codes + y * width;
-            const float *weight = geometry.is_masked() ? geometry.weight.data() + y * width : nullptr;
-            if (weight) {
-                for (std::size_t x = 0; x + 1 < width; ++x)
-                    part.columns[x] +=
-                        weight[x] * weight[x + 1] != 0.0f ? std::uint64_t(std::abs(int(row[x + 1]) - int(row[x]))) : 0u;
-            } else {
-                for (std::size_t x = 0; x + 1 < width; ++x)
-                    columns[x] += std::uint32_t(std::abs(int(row[x + 1]) - int(row[x])));
-            }
-            if (y + 1 == height)
-                break;
-            std::uint32_t total = 0;
-            if (weight) {
-                for (std::size_t x = 0; x < width; ++x)
-                    total += weight[x] * weight[x + width] != 0.0f
-                                 ? std::uint32_t(std::abs(int(row[x + width]) - int(row[x])))
-                                 : 0u;
-            } else {
-                for (std::size_t x = 0; x < width; ++x)
-                    total += std::uint32_t(std::abs(int(row[x + width]) - int(row[x])));
-            }
-            part.rows[y] = total;
-        }
-        if (!geometry.is_masked())
-            for (std::size_t x = 0; x + 1 < width; ++x)
-                part.columns[x] = columns[x];
-    });
     EdgeSums sums;
     sums.columns.assign(width - 1, 0.0);
     sums.rows.assign(height - 1, 0.0);
-    for (const Part &part : parts) {
+    for (const EdgeFrameSums &part : m.sums.sum_edges(geometry)) {
         for (std::size_t x = 0; x + 1 < width; ++x)
             sums.columns[x] += double(part.columns[x]) / double(geometry.frames);
         for (std::size_t y = 0; y + 1 < height; ++y)

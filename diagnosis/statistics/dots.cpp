@@ -2,7 +2,6 @@
 
 #include "statistics/dot_shape.hpp"
 #include "statistics/parallel_for.hpp"
-#include "statistics/speckle_sums.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -83,7 +82,8 @@ void put_shape(const Geometry &geometry, const DotShape &shape, double visible, 
     }
     for (std::size_t ring = 0; ring < 3; ++ring)
         if (exists[ring])
-            sink.put("optics", "dot_width", "ring" + std::to_string(ring), "px", seen_width(ratio(width[ring], count[ring])));
+            sink.put("optics", "dot_width", "ring" + std::to_string(ring), "px",
+                     seen_width(ratio(width[ring], count[ring])));
 }
 
 // least: that the dots' mean light is taken to be, as that of dots out of focus may be next to nothing.
@@ -216,19 +216,11 @@ void put_grain(const Measurement &m, Sink &sink) {
     const Geometry &geometry = m.geometry;
     if (!geometry.moving || geometry.frames < 2)
         return;
-    constexpr std::array<Lag, 8> kLags{{{1, 0}, {2, 0}, {4, 0}, {0, 1}, {0, 2}, {0, 4}, {1, 1}, {-1, 1}}};
-    std::vector<std::array<double, kLags.size() + 1>> parts(geometry.frames);
-    parallel_for(geometry.frames, m.threads, [&](std::size_t t) {
-        const float *residual = m.frames.residual_of(geometry, t);
-        for (std::size_t k = 0; k < kLags.size(); ++k)
-            parts[t][k] = lag_sum(residual, residual, geometry.width, geometry.height, kLags[k]);
-        parts[t][kLags.size()] = lag_sum(residual, residual, geometry.width, geometry.height, {0, 0});
-    });
-    std::array<double, kLags.size() + 1> total{};
-    for (const auto &part : parts)
+    GrainFrameSums total{};
+    for (const GrainFrameSums &part : m.sums.sum_grain(geometry, m.frames))
         for (std::size_t k = 0; k < total.size(); ++k)
             total[k] += part[k];
-    const auto correlation = [&](std::size_t k) { return ratio(total[k], total[kLags.size()]); };
+    const auto correlation = [&](std::size_t k) { return ratio(total[k], total.back()); };
     const char *names[] = {"grain_correlation_x1", "grain_correlation_x2", "grain_correlation_x4",
                            "grain_correlation_y1", "grain_correlation_y2", "grain_correlation_y4"};
     for (std::size_t k = 0; k < 6; ++k)

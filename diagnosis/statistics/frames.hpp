@@ -22,8 +22,8 @@ struct Frames {
     double read_variance = 1.0; // calibrated, at least that of rounding
     std::vector<float> mean;    // image, DN above the black level; masked pixels 0
     // Frame minus mean image, zero on average over the frame; the mean of each frame of a static laser scene is first
-    // scaled to that of all, so that flicker of the laser is out. There a code that clips has no residual, and the mean image goes
-    // without it if it can. Masked pixels 0. Empty for a single frame.
+    // scaled to that of all, so that flicker of the laser is out. There a code that clips has no residual, and the mean
+    // image goes without it if it can. Masked pixels 0. Empty for a single frame, and where the device has it.
     SpareBuffers<float>::Buffer residual;
     std::vector<double> row_mean;         // of the residual: frames x height
     std::vector<float> variance;          // of each pixel over time, unbiased; masked pixels 0
@@ -35,9 +35,10 @@ struct Frames {
     }
 };
 
-// spare: outlives the frames.
+class FrameSums;
+// sums: takes the sums over pixels, here and from here on.
 Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-                   unsigned threads, SpareBuffers<float> &spare);
+                   FrameSums &sums);
 
 // Sums over the residuals of all frames, in the order of the frames.
 struct ResidualSums {
@@ -55,6 +56,6 @@ struct ResidualSums {
     std::array<Motion, 4> motions; // right, down, turn, breathing
 };
 
-ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, unsigned threads);
+ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, FrameSums &sums);
 
 } // namespace clsp::statistics

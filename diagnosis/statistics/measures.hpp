@@ -1,7 +1,7 @@
 // The groups of statistics. Each writes its own to the sink, always the same ones for the same geometry.
 #pragma once
 
-#include "statistics/frames.hpp"
+#include "statistics/frame_sums.hpp"
 #include "statistics/sink.hpp"
 
 namespace clsp::statistics {
@@ -10,6 +10,7 @@ struct Measurement {
     const Geometry &geometry;
     const Frames &frames;
     const ResidualSums &residual;
+    FrameSums &sums;
     const std::uint16_t *codes;
     double black_level_dn;
     unsigned threads;

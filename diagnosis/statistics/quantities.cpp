@@ -230,9 +230,10 @@ std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size
                     "quantities of a sequence: codes is NULL; give frame_count * height * width codes.");
     const Geometry geometry(layout, sequence, frame_count);
     SpareBuffers<float> spare;
-    const Frames frames = make_frames(geometry, codes, calibration, threads, spare);
-    const ResidualSums residual = sum_residuals(geometry, frames, threads);
-    const Measurement m{geometry, frames, residual, codes, calibration.black_level_dn, threads};
+    const auto sums = make_host_sums(threads, spare);
+    const Frames frames = make_frames(geometry, codes, calibration, *sums);
+    const ResidualSums residual = sum_residuals(geometry, frames, *sums);
+    const Measurement m{geometry, frames, residual, *sums, codes, calibration.black_level_dn, threads};
     List list;
     if (geometry.is_lit())
         list.put("mean_signal", "DN", frames.mean_signal);

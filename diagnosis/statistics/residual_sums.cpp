@@ -1,7 +1,5 @@
 // Sums over the residuals: moments, correlations between pixels and between frames, motion of the image.
-#include "statistics/frames.hpp"
-
-#include "statistics/parallel_for.hpp"
+#include "statistics/frame_sums.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -48,15 +46,6 @@ Image brightness_weight(const Frames &frames) {
     return weight;
 }
 
-struct FrameSums {
-    Powers powers;
-    double column_variance = 0.0;
-    std::array<double, kNoiseLags.size()> noise{};
-    double square = 0.0; // weighted
-    std::vector<double> temporal;
-    std::array<double, 4> motion{};
-};
-
 } // namespace
 
 std::vector<std::size_t> temporal_lags(const Geometry &geometry) {
@@ -77,60 +66,29 @@ std::vector<std::size_t> temporal_lags(const Geometry &geometry) {
     return lags;
 }
 
-ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, unsigned threads) {
+ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, FrameSums &frame_sums) {
     ResidualSums sums;
     if (geometry.frames < 2)
         return sums;
     const std::vector<std::size_t> lags = temporal_lags(geometry);
-    const bool is_static_laser = geometry.is_static_laser(), is_moving = geometry.moving;
-    std::array<Image, 4> derivatives;
-    Image weight;
-    if (is_static_laser) {
-        derivatives = motion_derivatives(geometry, frames.mean);
-        for (std::size_t k = 0; k < derivatives.size(); ++k)
+    ResidualWeights weights;
+    if (geometry.is_static_laser()) {
+        weights.derivatives = motion_derivatives(geometry, frames.mean);
+        for (std::size_t k = 0; k < weights.derivatives.size(); ++k)
             for (std::size_t y = 0; y < geometry.height; ++y) {
-                const float *row = derivatives[k].data() + y * geometry.width;
+                const float *row = weights.derivatives[k].data() + y * geometry.width;
                 sums.motions[k].information += dot(row, row, geometry.width);
             }
-        weight = brightness_weight(frames);
+        weights.brightness = brightness_weight(frames);
     }
-    std::vector<FrameSums> parts(geometry.frames);
-    parallel_for(geometry.frames, threads, [&](std::size_t t) {
-        FrameSums &part = parts[t];
-        const std::size_t width = geometry.width, height = geometry.height;
-        const float *residual = frames.residual_of(geometry, t);
-        std::vector<float> columns(width), weighted(width);
-        part.temporal.assign(lags.size(), 0.0);
-        for (std::size_t y = 0; y < height; ++y) {
-            const std::size_t start = y * width;
-            const float *row = residual + start;
-            part.powers.add(row, width);
-            add(columns.data(), row, width);
-            const float *left = row;
-            if (is_static_laser) {
-                multiply(weighted.data(), row, weight.data() + start, width);
-                left = weighted.data();
-                for (std::size_t k = 0; k < derivatives.size(); ++k)
-                    part.motion[k] += dot(row, derivatives[k].data() + start, width);
-            }
-            part.square += dot(left, row, width);
-            for (std::size_t k = 0; k < lags.size(); ++k)
-                if (t + lags[k] < geometry.frames)
-                    part.temporal[k] += dot(left, frames.residual_of(geometry, t + lags[k]) + start, width);
-        }
-        for (std::size_t x = 0; x < width; ++x)
-            part.column_variance += ratio(double(columns[x]) * columns[x], geometry.column_used[x]) / double(width);
-        if (!is_moving)
-            for (std::size_t k = 0; k < kNoiseLags.size(); ++k)
-                part.noise[k] = lag_sum(residual, residual, width, height, kNoiseLags[k]);
-    });
+    const std::vector<ResidualFrameSums> parts = frame_sums.sum_residuals(geometry, frames, weights, lags);
 
     const double count = double(geometry.frames);
     double square = 0.0;
     sums.temporal.assign(lags.size(), 0.0);
     for (auto &motion : sums.motions)
         motion.amount.reserve(geometry.frames);
-    for (const FrameSums &part : parts) {
+    for (const ResidualFrameSums &part : parts) {
         sums.powers.add(part.powers);
         sums.column_variance += part.column_variance / count;
         square += part.square / count;

@@ -1,6 +1,7 @@
 #include "statistics/sequence_statistics.hpp"
 
 #include "runtime/error.hpp"
+#include "statistics/device_sums.hpp"
 #include "statistics/measures.hpp"
 
 #include <fmt/format.h>
@@ -13,11 +14,11 @@ namespace clsp {
 namespace {
 
 void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-             unsigned threads, SpareBuffers<float> &spare, statistics::Sink &sink) {
+             unsigned threads, statistics::FrameSums &sums, statistics::Sink &sink) {
     using namespace statistics;
-    const Frames frames = make_frames(geometry, codes, calibration, threads, spare);
-    const ResidualSums residual = sum_residuals(geometry, frames, threads);
-    const Measurement m{geometry, frames, residual, codes, calibration.black_level_dn, threads};
+    const Frames frames = make_frames(geometry, codes, calibration, sums);
+    const ResidualSums residual = sum_residuals(geometry, frames, sums);
+    const Measurement m{geometry, frames, residual, sums, codes, calibration.black_level_dn, threads};
     measure_temporal_noise(m, sink);
     measure_repetition(m, sink);
     measure_code_lattice(m, sink);
@@ -51,11 +52,11 @@ SequenceStatistics::SequenceStatistics(const CaptureLayout &layout, std::size_t 
     // The list is what measuring black frames writes.
     const std::vector<std::uint16_t> black(geometry_->frames * geometry_->pixels);
     statistics::Sink sink(layout.sequences[sequence].name, &list_, nullptr);
-    measure(*geometry_, black.data(), {}, 1, *spare_, sink);
+    measure(*geometry_, black.data(), {}, 1, *statistics::make_host_sums(1, *spare_), sink);
 }
 
 void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &calibration, double *values,
-                                 unsigned threads) const {
+                                 unsigned threads, statistics::DeviceSums *device) const {
     if (!codes || !values)
         throw Error(Status::kInvalidArgument,
                     fmt::format("statistics: {} is NULL; give {} numbers.", codes ? "values" : "codes",
@@ -68,7 +69,10 @@ void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &
                 "statistics: black level {} DN, read noise {} DN; both must be finite and the noise not negative.",
                 calibration.black_level_dn, calibration.read_noise_dn));
     statistics::Sink sink({}, nullptr, values);
-    measure(*geometry_, codes, calibration, threads, *spare_, sink);
+    if (device && device->takes(*geometry_))
+        measure(*geometry_, codes, calibration, threads, *device, sink);
+    else
+        measure(*geometry_, codes, calibration, threads, *statistics::make_host_sums(threads, *spare_), sink);
     if (sink.count() != list_.size())
         throw Error(Status::kInternal, fmt::format("statistics: {} values for a list of {}; please report this.",
                                                    sink.count(), list_.size()));

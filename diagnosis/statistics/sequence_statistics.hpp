@@ -13,6 +13,7 @@ namespace clsp {
 
 namespace statistics {
 struct Geometry;
+class DeviceSums;
 }
 
 // The stages of the report: laser, doe, surface, motion, optics, sensor. A statistic belongs to the stage whose effects
@@ -48,8 +49,10 @@ class SequenceStatistics {
 
     const std::vector<StatisticInfo> &list() const { return list_; }
     // codes: frame_count * height * width. values: list().size() numbers, all finite. Thread-safe; uses `threads`
-    // threads.
-    void compute(const std::uint16_t *codes, const Calibration &calibration, double *values, unsigned threads) const;
+    // threads, and for sums over pixels the device, if there is one that takes the sequence: the numbers are the same. device: used by one
+    // thread at a time.
+    void compute(const std::uint16_t *codes, const Calibration &calibration, double *values, unsigned threads,
+                 statistics::DeviceSums *device = nullptr) const;
 
   private:
     std::shared_ptr<const statistics::Geometry> geometry_;

@@ -113,27 +113,29 @@ void measure_speckle(const Measurement &m, Sink &sink) {
     const Geometry &geometry = m.geometry;
     // A moving scene shows new speckle in each frame: its residuals from the mean image, which falls off with the
     // light. A static scene shows one, whatever the frames; only the smooth field can be taken out of it.
-    std::vector<const float *> images, spectra;
+    std::vector<SpeckleFrameSums> parts;
+    std::vector<const float *> spectra;
     std::vector<float> still;
     double gain = 1.0, noise = m.frames.read_variance;
     if (geometry.moving && geometry.frames > 1) {
-        for (std::size_t t = 0; t < geometry.frames; ++t)
-            images.push_back(m.frames.residual_of(geometry, t));
+        parts = m.sums.sum_speckle(geometry, m.frames);
         const std::size_t count = std::min<std::size_t>(geometry.frames, 4);
+        std::vector<std::size_t> which;
         for (std::size_t k = 0; k < count; ++k)
-            spectra.push_back(images[k * geometry.frames / count]);
+            which.push_back(k * geometry.frames / count);
+        spectra = m.sums.residual_images(geometry, m.frames, which);
         gain = double(geometry.frames) / double(geometry.frames - 1);
     } else {
         still = without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, 4));
-        images.push_back(still.data());
-        spectra = images;
+        parts.push_back(sum_speckle_image(geometry, still.data()));
+        spectra.push_back(still.data());
         noise /= double(geometry.frames);
     }
-    const SpeckleSums sums = sum_speckle(geometry, images, m.threads);
+    const SpeckleSums sums = combine_speckle(geometry, parts);
     const double light = m.frames.light;
     sink.put("surface", "contrast", "log", 0.5 * log_ratio((gain * sums.variance - noise) / (light * light), 1.0));
     // The residuals of two frames are each other's negative: their odd moments are 0.
-    put_correlation(sums, images.size() != 2, sink);
+    put_correlation(sums, parts.size() != 2, sink);
     if (geometry.moving)
         put_regions(geometry, m.frames, sums, sink); // one pattern is too few for nine regions
     put_spectrum(geometry, sum_spectrum(geometry, std::max(geometry.cutoff, 0.02), spectra, m.threads), sink);

@@ -1,6 +1,5 @@
 #include "statistics/speckle_sums.hpp"
 
-#include "statistics/parallel_for.hpp"
 #include "statistics/sink.hpp"
 
 #include <cmath>
@@ -9,16 +8,8 @@ namespace clsp::statistics {
 
 namespace {
 
-struct ImageSums {
-    double square = 0.0, lopsided_x = 0.0, lopsided_y = 0.0;
-    std::array<double, kSpeckleLags.size()> lag{};
-    std::array<double, kRings.size()> ring{};
-    Powers bins;
-    std::array<double, 9> region_square{}, region_neighbour{};
-};
-
 // Lags of a ring, half of the plane: the other half is its mirror image.
-std::vector<Lag> ring_lags(const std::array<int, 2> &edges) {
+std::vector<Lag> lags_of_ring(const std::array<int, 2> &edges) {
     std::vector<Lag> lags;
     for (int dy = 0; dy <= edges[1]; ++dy)
         for (int dx = dy == 0 ? 1 : -edges[1]; dx <= edges[1]; ++dx) {
@@ -43,7 +34,7 @@ std::vector<float> bin_image(const Geometry &geometry, const float *image) {
     return bins;
 }
 
-void sum_regions(const Geometry &geometry, const float *image, ImageSums &sums) {
+void sum_regions(const Geometry &geometry, const float *image, SpeckleFrameSums &sums) {
     const std::size_t width = geometry.width, height = geometry.height;
     for (std::size_t y = 0; y < height; ++y)
         for (std::size_t c = 0; c < 3; ++c) {
@@ -57,10 +48,18 @@ void sum_regions(const Geometry &geometry, const float *image, ImageSums &sums) 
         }
 }
 
-ImageSums sum_image(const Geometry &geometry, const float *image,
-                    const std::array<std::vector<Lag>, kRings.size()> &rings) {
+} // namespace
+
+const std::array<std::vector<Lag>, kRings.size()> &ring_lags() {
+    static const std::array<std::vector<Lag>, kRings.size()> rings{lags_of_ring(kRings[0]), lags_of_ring(kRings[1]),
+                                                                   lags_of_ring(kRings[2])};
+    return rings;
+}
+
+SpeckleFrameSums sum_speckle_image(const Geometry &geometry, const float *image) {
     const std::size_t width = geometry.width, height = geometry.height;
-    ImageSums sums;
+    const auto &rings = ring_lags();
+    SpeckleFrameSums sums;
     for (std::size_t y = 0; y < height; ++y) {
         const float *row = image + y * width;
         sums.square += dot(row, row, width);
@@ -80,21 +79,15 @@ ImageSums sum_image(const Geometry &geometry, const float *image,
     return sums;
 }
 
-} // namespace
-
-SpeckleSums sum_speckle(const Geometry &geometry, const std::vector<const float *> &images, unsigned threads) {
-    std::array<std::vector<Lag>, kRings.size()> rings;
+SpeckleSums combine_speckle(const Geometry &geometry, const std::vector<SpeckleFrameSums> &parts) {
+    const auto &rings = ring_lags();
     std::array<double, kRings.size()> ring_pairs{};
     const std::size_t bins_x = geometry.width / kBin, bins_y = geometry.height / kBin;
-    for (std::size_t k = 0; k < rings.size(); ++k) {
-        rings[k] = ring_lags(kRings[k]);
+    for (std::size_t k = 0; k < rings.size(); ++k)
         for (const Lag &lag : rings[k])
             ring_pairs[k] += lag_sum(geometry.bin_used.data(), geometry.bin_used.data(), bins_x, bins_y, lag);
-    }
-    std::vector<ImageSums> parts(images.size());
-    parallel_for(images.size(), threads, [&](std::size_t t) { parts[t] = sum_image(geometry, images[t], rings); });
-    ImageSums total;
-    for (const ImageSums &part : parts) {
+    SpeckleFrameSums total;
+    for (const SpeckleFrameSums &part : parts) {
         total.square += part.square;
         total.lopsided_x += part.lopsided_x;
         total.lopsided_y += part.lopsided_y;
@@ -110,7 +103,7 @@ SpeckleSums sum_speckle(const Geometry &geometry, const std::vector<const float 
     }
 
     SpeckleSums sums;
-    const double count = double(images.size());
+    const double count = double(parts.size());
     sums.variance = ratio(total.square, count * double(geometry.used));
     const double cubed = std::pow(sums.variance, 1.5);
     for (std::size_t k = 0; k < total.lag.size(); ++k)

@@ -23,8 +23,19 @@ struct SpeckleSums {
         region_neighbour{}; // variance, correlation of neighbours (mean of x and y)
 };
 
-// images: each of geometry.pixels, zero on average, masked pixels 0.
-SpeckleSums sum_speckle(const Geometry &geometry, const std::vector<const float *> &images, unsigned threads);
+// Of one image.
+struct SpeckleFrameSums {
+    double square = 0.0, lopsided_x = 0.0, lopsided_y = 0.0;
+    std::array<double, kSpeckleLags.size()> lag{};
+    std::array<double, kRings.size()> ring{};
+    Powers bins;
+    std::array<double, 9> region_square{}, region_neighbour{};
+};
+// Lags of each ring in bins, half of the plane: the other half is its mirror image.
+const std::array<std::vector<Lag>, kRings.size()> &ring_lags();
+// image: of geometry.pixels, zero on average, masked pixels 0.
+SpeckleFrameSums sum_speckle_image(const Geometry &geometry, const float *image);
+SpeckleSums combine_speckle(const Geometry &geometry, const std::vector<SpeckleFrameSums> &parts);
 
 // Power of the images by spatial frequency, under a Hann window. Mean densities over the total power's.
 constexpr std::size_t kBands = 6; // of |f| up to the optical cutoff

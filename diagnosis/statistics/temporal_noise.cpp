@@ -1,7 +1,5 @@
 #include "statistics/measures.hpp"
 
-#include "statistics/parallel_for.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -101,23 +99,9 @@ void measure_repetition(const Measurement &m, Sink &sink) {
     const Geometry &geometry = m.geometry;
     if (geometry.frames < 3)
         return;
-    // Mean squared differences of pairs up to eight frames apart, on every eighth row. Their harmonic mean falls far
-    // below the mean as soon as one of them nearly vanishes, and unlike the smallest it has a narrow law otherwise.
-    const std::size_t farthest = std::min<std::size_t>(8, geometry.frames - 1), width = geometry.width;
-    std::vector<std::vector<double>> parts(geometry.frames);
-    parallel_for(geometry.frames, m.threads, [&](std::size_t t) {
-        for (std::size_t lag = 1; lag <= farthest && t + lag < geometry.frames; ++lag) {
-            double aa = 0.0, ab = 0.0, bb = 0.0;
-            for (std::size_t y = 0; y < geometry.height; y += 8) {
-                const float *a = m.frames.residual_of(geometry, t) + y * width,
-                            *b = m.frames.residual_of(geometry, t + lag) + y * width;
-                aa += dot(a, a, width);
-                ab += dot(a, b, width);
-                bb += dot(b, b, width);
-            }
-            parts[t].push_back(std::max(aa - 2.0 * ab + bb, 0.0));
-        }
-    });
+    // The harmonic mean of the squared differences falls far below their mean as soon as one of them nearly vanishes,
+    // and unlike the smallest it has a narrow law otherwise.
+    const std::vector<std::vector<double>> parts = m.sums.frame_differences(geometry, m.frames);
     double mean = 0.0, inverse = 0.0, pairs = 0.0;
     for (const auto &part : parts)
         for (const double difference : part) {

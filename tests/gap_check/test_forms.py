@@ -20,7 +20,7 @@ PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeck
     ("law", "lags", "seed"), [("gaussian", 1.4, 511), ("gaussian", 2.5, 512), ("exponential", 1.4, 513)]
 )
 def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float, seed: int) -> None:
-    """Gaussian correlations over the exposure were `unknown` from 1.4 on: no exponential one has their contrast and skewness."""
+    """Gaussian ones were `unknown` from 1.4 on: no exponential one has their contrast and skewness."""
     camera = draw_camera(seed)
     camera = dataclasses.replace(camera, readings=dataclasses.replace(camera.readings, motion_decorrelation=law))
     write_capture(tmp_path, camera, {"motion_decorrelation": {"lags": lags}}, 40, seed)

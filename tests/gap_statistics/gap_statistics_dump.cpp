@@ -1,8 +1,11 @@
 // Prints the statistics of a capture set as lines of sequence,stage,name,region,unit,value.
 //   gap_statistics_dump FOLDER [--frames FIRST COUNT] [--calibration BLACK READ] [--threads N] [--time REPEATS]
-// Black level and read noise come from the dark sequence, or from the data sheet if there is none.
+//   [--device]
+// Black level and read noise come from the dark sequence, or from the data sheet if there is none. --device: the
+// device takes the sums over pixels.
 #include "capture/capture_reader.hpp"
 #include "runtime/error.hpp"
+#include "statistics/device_sums.hpp"
 #include "statistics/sequence_statistics.hpp"
 
 #include <algorithm>
@@ -10,6 +13,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,6 +24,7 @@ struct Options {
     std::size_t first = 0, count = 0, repeats = 0;
     double black = NAN, read = NAN;
     unsigned threads = 1;
+    bool on_device = false;
 };
 
 Options parse(const std::vector<std::string> &words) {
@@ -35,6 +40,8 @@ Options parse(const std::vector<std::string> &words) {
             options.threads = unsigned(std::stoul(words[++i]));
         } else if (words[i] == "--time" && i + 1 < words.size()) {
             options.repeats = std::stoul(words[++i]);
+        } else if (words[i] == "--device") {
+            options.on_device = true;
         } else {
             options.folder = words[i];
         }
@@ -61,12 +68,15 @@ int run(const Options &options) {
         }
     if (std::isfinite(options.black))
         calibration = {options.black, options.read};
+    std::unique_ptr<clsp::statistics::DeviceSums> device;
+    if (options.on_device)
+        device = std::make_unique<clsp::statistics::DeviceSums>(clsp::Context::create({}));
     for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
         const auto [first, count] = part(s);
         const clsp::SequenceStatistics statistics(layout, s, std::uint32_t(count));
         std::vector<double> values(statistics.list().size());
         const std::uint16_t *codes = capture.codes[s].data() + first * layout.pixel_count();
-        statistics.compute(codes, calibration, values.data(), options.threads);
+        statistics.compute(codes, calibration, values.data(), options.threads, device.get());
         for (std::size_t k = 0; k < values.size(); ++k) {
             const clsp::StatisticInfo &info = statistics.list()[k];
             std::printf("%s,%s,%s,%s,%s,%.12g\n", info.sequence.c_str(), info.stage.c_str(), info.name.c_str(),
@@ -75,7 +85,7 @@ int run(const Options &options) {
         double best = 1e9;
         for (std::size_t k = 0; k < options.repeats; ++k) {
             const auto start = std::chrono::steady_clock::now();
-            statistics.compute(codes, calibration, values.data(), options.threads);
+            statistics.compute(codes, calibration, values.data(), options.threads, device.get());
             best = std::min(
                 best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
         }
