@@ -31,6 +31,7 @@ ClspPipelineDesc pipeline_defaults() {
     desc.airflow_rms_rad = p.airflow.rms_rad;
     desc.airflow_scale_px = p.airflow.scale_px;
     desc.airflow_correlation_frames = p.airflow.correlation_frames;
+    desc.airflow_wind_px = p.airflow.wind_px;
     desc.vibration_rms_px = p.vibration_rms_px;
     desc.shutter_fraction = p.shutter_fraction;
     desc.exposure_correlation = static_cast<std::uint32_t>(p.exposure_correlation);
@@ -117,6 +118,7 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         p.airflow.rms_rad = d.airflow_rms_rad;
         p.airflow.scale_px = d.airflow_scale_px;
         p.airflow.correlation_frames = d.airflow_correlation_frames;
+        p.airflow.wind_px = d.airflow_wind_px;
         p.vibration_rms_px = d.vibration_rms_px;
         p.shutter_fraction = d.shutter_fraction;
         p.exposure_correlation = static_cast<ExposureCorrelation>(d.exposure_correlation);

@@ -2,14 +2,17 @@
 #include "philox.h"
 
 // The state: a complex number for each frequency of a box around 0, columns and rows from the lowest frequency to the highest. One
-// work-item a Philox block: four rows of the box. state <- keep * state + draw * w, w with independent standard normal parts.
+// work-item a Philox block: four rows of the box. state <- keep * state turned by -k wind + draw * w, w with independent standard normal parts,
+// k the column's frequency bin, wind the part of the grid's width that the screen moves to the right.
 __kernel void airflow_advance(__global complex_float *state, uint box_width, uint box_height, uint quarter, uint2 key,
-                              uint frame_low, uint frame_high, uint substep, float keep, float draw) {
+                              uint frame_low, uint frame_high, uint substep, float keep, float draw, float wind) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= box_width || row >= quarter)
         return;
     // Words of 16 bits for the stream: the substep is its upper half.
     const uint stream = STREAM_AIRFLOW | substep << 8;
+    const float angle = -2.0f * wind * ((float)x - (float)(box_width / 2u)); // half turns
+    const float turn_re = wind == 0.0f ? keep : keep * cospi(angle), turn_im = wind == 0.0f ? 0.0f : keep * sinpi(angle);
     const normals4 re = normals_from_block(image_block(x, row, frame_low, frame_high, stream, key));
     const normals4 im = normals_from_block(image_block(x, row, frame_low, frame_high, stream + 1u, key));
 #define ADVANCE(j, a, b)                                                                                               \
@@ -17,8 +20,9 @@ __kernel void airflow_advance(__global complex_float *state, uint box_width, uin
         const ulong i = (ulong)(row + j * quarter) * box_width + x;                                                    \
         complex_float next = {draw * a, draw * b};                                                                     \
         if (keep > 0.0f) {                                                                                             \
-            next.re = fma(keep, state[i].re, next.re);                                                                 \
-            next.im = fma(keep, state[i].im, next.im);                                                                 \
+            const complex_float last = state[i];                                                                       \
+            next.re = fma(turn_re, last.re, fma(-turn_im, last.im, next.re));                                          \
+            next.im = fma(turn_re, last.im, fma(turn_im, last.re, next.im));                                           \
         }                                                                                                              \
         state[i] = next;                                                                                               \
     }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <limits>
 
 namespace clsp {
 namespace {
@@ -107,11 +108,14 @@ std::vector<Effect> make_catalogue() {
      "airflow.cl, field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
-      {"correlation_frames", "frames", 0.01, 1e6, 3.0, 3.0}},
+      {"correlation_frames", "frames", 0.01, 1e6, 3.0, 3.0},
+      {"correlation_law", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          m.pipeline.airflow.rms_rad = v[0];
          m.pipeline.airflow.scale_px = v[1];
-         m.pipeline.airflow.correlation_frames = v[2];
+         // A frozen screen that goes on by its scale in that time leaves a pixel with exp(-(t / correlation_frames)^2).
+         m.pipeline.airflow.correlation_frames = v[3] == 0.0 ? v[2] : std::numeric_limits<double>::infinity();
+         m.pipeline.airflow.wind_px = v[3] == 0.0 ? 0.0 : v[1] / v[2];
      }},
     {"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
      "aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,

@@ -59,6 +59,9 @@ void check_airflow(const AirflowParameters &p) {
             Status::kInvalidArgument,
             fmt::format("airflow correlation_frames is {}, it must be above 0 (infinity for a screen that stays)",
                         p.correlation_frames));
+    if (!(std::abs(p.wind_px) <= kLargestScale))
+        throw Error(Status::kInvalidArgument, fmt::format("airflow wind_px is {}, it must be {} to {}", p.wind_px,
+                                                          -kLargestScale, kLargestScale));
 }
 
 Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const AirflowParameters &p)
@@ -100,7 +103,9 @@ void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, do
         throw Error(Status::kInvalidArgument,
                     fmt::format("the airflow's substep is {}, it must be below {}", substep, kMostSubsteps));
     const double time = frames / parameters_.correlation_frames;
-    if (drawn_ && time == 0.0)
+    // A whole width of the grid brings the screen back.
+    const double wind = drawn_ ? std::fmod(parameters_.wind_px * frames * grid_.oversampling / grid_.grid_width, 1.0) : 0.0;
+    if (drawn_ && time == 0.0 && wind == 0.0)
         return;
     // sqrt(1 - r^2) without cancellation where r is near 1.
     const double keep = drawn_ ? std::exp(-time) : 0.0, draw = drawn_ ? std::sqrt(-std::expm1(-2.0 * time)) : 1.0;
@@ -115,7 +120,8 @@ void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, do
         .add(frame_high(frame_index))
         .add(cl_uint{substep})
         .add(static_cast<cl_float>(keep))
-        .add(static_cast<cl_float>(draw));
+        .add(static_cast<cl_float>(draw))
+        .add(static_cast<cl_float>(wind));
     chain.run("airflow", advance_, box_width_, quarter);
     const cl::Buffer &field = halves_ ? screen_.get() : field_.get();
     KernelArguments arguments(spectrum_);

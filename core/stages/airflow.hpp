@@ -1,10 +1,12 @@
 // Smooth random phase screens, correlated in time: moving air, or anything else that bends wavefronts gently.
 //
 //     screen = Re IFFT2( G S ),   G(f) = g exp(-(pi f L)^2 / 2),   f in cycles per pixel, L = scale_px
-//     S <- r S + sqrt(1 - r^2) W,   r = exp(-frames / correlation_frames)
+//     S <- r S exp(-2 pi i f_x v frames) + sqrt(1 - r^2) W,   r = exp(-frames / correlation_frames),   v = wind_px
 // W are independent complex numbers with independent standard normal parts; S is drawn from the same law first, so the
 // process is stationary from the start. The screen is then Gaussian, has the autocorrelation exp(-(d/L)^2) at distance
-// d (1/e at scale_px) and exp(-t / correlation_frames) after t frames. g makes its standard deviation over the ensemble
+// d (1/e at scale_px), and after t frames exp(-t / correlation_frames) where the wind v has carried it along the rows: air that
+// changes on its way, or, with correlation_frames infinite, a frozen screen (Taylor 1938), which leaves a pixel with the correlation
+// exp(-(v t / L)^2) over time. g makes its standard deviation over the ensemble
 // exactly rms_rad at every sample (the mean of one screen, random too, counts: DC is a sample of the spectrum like all
 // others). It is periodic on the field grid. Frequencies at which G is below 2e-8 of its peak are left out.
 #pragma once
@@ -22,12 +24,13 @@ namespace clsp {
 struct AirflowParameters {
     double rms_rad = 0.0;            // standard deviation of the phase; 0: off
     double scale_px = 6.0;           // image pixels, whatever the oversampling
-    double correlation_frames = 3.0; // > 0; infinity: a screen that stays
+    double correlation_frames = 3.0; // > 0; infinity: a screen that stays as it is
+    double wind_px = 0.0;            // to the right, image pixels a frame
     std::uint64_t seed = 0;
 
     bool operator==(const AirflowParameters &other) const {
         return rms_rad == other.rms_rad && scale_px == other.scale_px &&
-               correlation_frames == other.correlation_frames && seed == other.seed;
+               correlation_frames == other.correlation_frames && wind_px == other.wind_px && seed == other.seed;
     }
 };
 

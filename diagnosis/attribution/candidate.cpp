@@ -42,7 +42,8 @@ constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn}
                                          {"ghost_dots", "lattice_direction", 1.0},
                                          {"ghost_dots", "lattice_direction", 2.0},
                                          {"bayer_mismatch", "green_diagonal", 1.0},
-                                         {"motion_decorrelation", "correlation_law", 1.0, true}};
+                                         {"motion_decorrelation", "correlation_law", 1.0, true},
+                                         {"airflow", "correlation_law", 1.0, true}};
 
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;

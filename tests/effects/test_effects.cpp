@@ -25,7 +25,7 @@ const std::map<std::string, std::pair<std::string, std::vector<std::string>>> ex
     {"subsurface_scattering", {"surface", {"length_px", "fraction"}}},
     {"motion_decorrelation", {"motion", {"lags", "correlation_law"}}},
     {"surface_boiling", {"motion", {"correlation_frames"}}},
-    {"airflow", {"motion", {"rms_rad", "scale_px", "correlation_frames"}}},
+    {"airflow", {"motion", {"rms_rad", "scale_px", "correlation_frames", "correlation_law"}}},
     {"vibration", {"motion", {"rms_px"}}},
     {"defocus", {"optics", {"waves"}}},
     {"vignetting", {"optics", {"corner_loss"}}},

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from withheld.camera import draw_camera
@@ -16,22 +17,43 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
 
 
-@pytest.mark.parametrize(
-    ("law", "lags", "seed"), [("gaussian", 1.4, 511), ("gaussian", 2.5, 512), ("exponential", 1.4, 513)]
-)
-def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float, seed: int) -> None:
-    """Gaussian ones were `unknown` from 1.4 on: no exponential one has their contrast and skewness."""
+def first_of(tmp_path: Path, effect: str, reading: str, values: dict[str, float], seed: int) -> dict[str, Any]:
+    """What the diagnosis says of the one effect, which it is to name alone."""
     camera = draw_camera(seed)
-    camera = dataclasses.replace(camera, readings=dataclasses.replace(camera.readings, motion_decorrelation=law))
-    write_capture(tmp_path, camera, {"motion_decorrelation": {"lags": lags}}, 40, seed)
+    camera = dataclasses.replace(camera, readings=dataclasses.replace(camera.readings, **{effect: reading}))
+    write_capture(tmp_path, camera, {effect: values}, 40, seed)
     command = [PROGRAM, "diagnose", tmp_path, "--json", tmp_path / "report.json", "--quiet"]
     done = subprocess.run([str(word) for word in command], env={**os.environ, "CLSPECKLE_FFT": "fused"}, check=False,
                           capture_output=True, text=True)  # fmt: skip
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
-    assert (report["cause"]["verdict"], report["cause"]["effects"]) == ("named", ["motion_decorrelation"])
+    assert (report["cause"]["verdict"], report["cause"]["effects"]) == ("named", [effect])
     assert not report["shrink"]["residual_detected"]
-    first = report["cause"]["ranking"][0]
+    first: dict[str, Any] = report["cause"]["ranking"][0]
+    return first
+
+
+@pytest.mark.parametrize(
+    ("law", "lags", "seed"), [("gaussian", 1.4, 511), ("gaussian", 2.5, 512), ("exponential", 1.4, 513)]
+)
+def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float, seed: int) -> None:
+    """Gaussian ones were `unknown` from 1.4 on: no exponential one has their contrast and skewness."""
+    first = first_of(tmp_path, "motion_decorrelation", law, {"lags": lags}, seed)
     assert first["parameters"]["correlation_law"] == (1 if law == "gaussian" else 0)
     low, high = first["intervals"]["lags"]
     assert 0.9 * lags < low < lags < high < 1.1 * lags
+
+
+@pytest.mark.parametrize(("reading", "seed"), [("wind", 521), ("near", 522)])
+def test_the_law_of_moving_air(tmp_path: Path, reading: str, seed: int) -> None:
+    """A frozen screen that the wind carries along was `unknown`: no autoregression forgets as fast after as little at first.
+
+    The generator's scale s is that of exp(-r^2 / (2 s^2)), sqrt(2) of it is ours; the wind goes s / 2 a frame.
+    """
+    scale = 6.0
+    first = first_of(tmp_path, "airflow", reading, {"rms_rad": 0.5, "scale_px": scale}, seed)
+    found = first["parameters"]
+    assert found["correlation_law"] == (1 if reading == "wind" else 0)
+    assert found["rms_rad"] == pytest.approx(0.5, rel=0.15)  # of one draw, whose cells of air are some hundreds
+    assert found["scale_px"] == pytest.approx(2**0.5 * scale, rel=0.2)
+    assert found["correlation_frames"] == pytest.approx(2**0.5 * 2 if reading == "wind" else 5, rel=0.2)

@@ -172,6 +172,55 @@ TEST_F(AirflowTest, HasTheStatedTemporalCorrelation) {
     }
 }
 
+// A frozen screen is carried along as it is, by parts of a pixel too: against the screen of the frame before, shifted by whole pixels.
+TEST_F(AirflowTest, TheWindCarriesAFrozenScreen) {
+    for (const std::uint32_t oversampling : {1u, 2u}) {
+        AirflowParameters p = parameters();
+        p.correlation_frames = std::numeric_limits<double>::infinity();
+        p.wind_px = 1.5;
+        Airflow airflow(context(), make_field_grid(96, 80, oversampling, 0), p);
+        const auto first = advance(airflow, 0);
+        advance(airflow, 1);
+        const auto second = advance(airflow, 2); // 3 pixels to the right
+        const std::uint32_t width = airflow.grid().grid_width, shift = 3 * oversampling;
+        for (std::size_t i = 0; i < first.size(); ++i) {
+            const std::size_t x = i % width, from = i - x + (x + width - shift) % width;
+            ASSERT_NEAR(second[i], first[from], 2e-5) << i;
+        }
+        // Against the wind, and at once.
+        EXPECT_EQ(second, advance(airflow, 2, 0.0));
+        p.wind_px = -3.0;
+        Airflow back(context(), make_field_grid(96, 80, oversampling, 0), p);
+        advance(back, 0);
+        const auto left = advance(back, 1);
+        for (std::size_t i = 0; i < first.size(); ++i) {
+            const std::size_t x = i % width, from = i - x + (x + shift) % width;
+            ASSERT_NEAR(left[i], first[from], 2e-5) << i;
+        }
+    }
+}
+
+// Air that changes on its way: 400 frames as above, a correlation exp(-t / 3) where it has been carried to, and that times
+// exp(-(v t / L)^2) where it was.
+TEST_F(AirflowTest, TheWindCarriesWhatChanges) {
+    AirflowParameters p = parameters();
+    p.wind_px = 2.0;
+    Airflow airflow(context(), make_field_grid(96, 80, 1, 0), p);
+    std::vector<std::vector<double>> screens;
+    for (std::uint64_t frame = 0; frame < 400; ++frame)
+        screens.push_back(advance(airflow, frame));
+    for (const std::size_t lag : {1u, 2u, 3u, 6u}) {
+        double here = 0.0, there = 0.0;
+        for (std::size_t i = 0; i + lag < screens.size(); ++i) {
+            here += product(airflow.grid(), screens[i], screens[i + lag]) / double(screens.size() - lag);
+            there += product(airflow.grid(), screens[i], screens[i + lag], std::uint32_t(2 * lag)) / double(screens.size() - lag);
+        }
+        const double kept = std::exp(-double(lag) / 3.0), moved = 2.0 * double(lag) / 6.0;
+        EXPECT_NEAR(kept, there / 0.25, 5 * 0.011) << "lag " << lag;
+        EXPECT_NEAR(kept * std::exp(-moved * moved), here / 0.25, 5 * 0.011) << "lag " << lag;
+    }
+}
+
 // Six frames at once are six frames: 60 pairs of screens have 8160 independent products, a standard error of 1.6 %.
 TEST_F(AirflowTest, LongStepsAndShortOnes) {
     Airflow airflow(context(), make_field_grid(96, 80, 1, 0), parameters());
@@ -267,6 +316,8 @@ TEST_F(AirflowTest, RefusesBadParameters) {
         fails([&](AirflowParameters &p) { p.scale_px = bad; }, "scale_px");
     for (const double bad : {0.0, -1.0, std::nan("")})
         fails([&](AirflowParameters &p) { p.correlation_frames = bad; }, "correlation_frames");
+    for (const double bad : {2e6, -2e6, std::nan(""), std::numeric_limits<double>::infinity()})
+        fails([&](AirflowParameters &p) { p.wind_px = bad; }, "wind_px");
     Airflow airflow(context(), grid, parameters());
     CommandChain chain(queue(), 0, nullptr);
     EXPECT_THROW(airflow.enqueue_advance(chain, std::uint64_t{1} << 48), Error);

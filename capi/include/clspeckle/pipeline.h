@@ -84,6 +84,8 @@ typedef struct ClspPipelineDesc {
                                       drawn once for its exposure. The light itself does not blur. */
     uint32_t exposure_correlation; /**< CLSP_EXPOSURE_CORRELATION_*, with an exposure_path; default FIELD. */
     uint32_t reserved_exposure;    /**< 0. */
+    double airflow_wind_px;        /**< How far the wind carries the phase screen in a frame, in pixels to the right, -1e6 to 1e6; default 0. Frozen air has an infinite
+                                        airflow_correlation_frames, too. The screen is periodic on the field grid. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */

@@ -304,6 +304,7 @@ def test_closed_foreign_and_wrong_stages(context: clspeckle.Context, name: str) 
         ({"airflow_rms_rad": -1.0}, "airflow"),
         ({"airflow_rms_rad": 1.0, "airflow_scale_px": 0.0}, "airflow"),
         ({"airflow_rms_rad": 1.0, "airflow_correlation_frames": 0.0}, "airflow"),
+        ({"airflow_rms_rad": 1.0, "airflow_wind_px": math.nan}, "airflow wind_px"),
         ({"vibration_rms_px": math.inf}, "vibration_rms_px"),
     ],
     ids=str,

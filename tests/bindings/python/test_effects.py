@@ -125,8 +125,18 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
     ("surface_boiling", {"correlation_frames": 3.0}, {"boiling_correlation_frames": 3.0}),
     (
         "airflow",
-        {"rms_rad": 0.7, "scale_px": 5.0, "correlation_frames": 8.0},
+        {"rms_rad": 0.7, "scale_px": 5.0, "correlation_frames": 8.0, "correlation_law": 0.0},
         {"airflow_rms_rad": 0.7, "airflow_scale_px": 5.0, "airflow_correlation_frames": 8.0},
+    ),
+    (
+        "airflow",
+        {"rms_rad": 0.7, "scale_px": 5.0, "correlation_frames": 8.0, "correlation_law": 1.0},
+        {
+            "airflow_rms_rad": 0.7,
+            "airflow_scale_px": 5.0,
+            "airflow_correlation_frames": math.inf,
+            "airflow_wind_px": 0.625,
+        },
     ),
     ("vibration", {"rms_px": 0.2}, {"vibration_rms_px": 0.2}),
     ("glare", {"fraction": 0.2, "scale_px": 4.0}, {"glare_fraction": 0.2, "glare_scale_px": 4.0}),

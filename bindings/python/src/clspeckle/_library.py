@@ -769,6 +769,7 @@ class ClspPipelineDesc(ctypes.Structure):
         ("shutter_fraction", c_double),
         ("exposure_correlation", c_uint32),
         ("reserved_exposure", c_uint32),
+        ("airflow_wind_px", c_double),
     ]
 
 

@@ -166,6 +166,7 @@ class PipelineParameters(TypedDict, total=False):
     airflow_rms_rad: float | None
     airflow_scale_px: float | None
     airflow_correlation_frames: float | None
+    airflow_wind_px: float | None
     vibration_rms_px: float | None
     shutter_fraction: float | None
     exposure_correlation: str | None
@@ -255,6 +256,7 @@ _PIPELINE_REALS = (
     "airflow_rms_rad",
     "airflow_scale_px",
     "airflow_correlation_frames",
+    "airflow_wind_px",
     "vibration_rms_px",
     "shutter_fraction",
 )
@@ -298,6 +300,7 @@ class Pipeline(Handle):
         airflow_rms_rad: standard deviation of the air's phase screen.
         airflow_scale_px: distance at which its correlation is 1/e.
         airflow_correlation_frames: frames after which its correlation is 1/e.
+        airflow_wind_px: how far the wind carries it in a frame, to the right.
         vibration_rms_px: standard deviation of the picture's shift along each axis.
         shutter_fraction: part of the time between two frames that the shutter is open, 0 to 1; of the motion between
             them so much happens in the exposure.
@@ -340,6 +343,7 @@ class Pipeline(Handle):
         airflow_rms_rad: float | None = None,
         airflow_scale_px: float | None = None,
         airflow_correlation_frames: float | None = None,
+        airflow_wind_px: float | None = None,
         vibration_rms_px: float | None = None,
         shutter_fraction: float | None = None,
         exposure_correlation: str | None = None,
