@@ -89,12 +89,16 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
                                         [](const Hypothesis &hypothesis) { return bool(hypothesis.apply); });
     const std::size_t lanes =
         !calls_back && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
+    const statistics::StatisticsChoice statistics_choice = statistics::environment_statistics_choice();
     for (std::size_t lane = 0; lane < lanes; ++lane) {
         simulators_.push_back(std::make_unique<Simulator>(context_, real.layout, hypotheses));
         simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
-        if (statistics::DeviceSums::serves(*context_))
-            device_sums_.push_back(std::make_unique<statistics::DeviceSums>(context_));
+        if (lane == device_sums_.size()) // none is made after one that could not be
+            if (auto sums = statistics::make_device_sums(context_, statistics_choice))
+                device_sums_.push_back(std::move(sums));
     }
+    if (device_sums_.size() < lanes)
+        device_sums_.clear();
     sort_by_work();
     const auto spare_residuals = std::make_shared<SpareBuffers<float>>();
     offsets_.push_back(0);

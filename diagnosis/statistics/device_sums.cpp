@@ -64,28 +64,6 @@ RowProduct lagged(std::size_t width, std::size_t height, std::size_t frames, Lag
 
 } // namespace
 
-bool DeviceSums::serves(const Context &context) {
-    const char *set = std::getenv("CLSPECKLE_STATISTICS");
-    const std::string choice = set ? set : "";
-    if (choice == "host")
-        return false;
-    if (choice == "device" && !has_double_precision(context))
-        throw Error(
-            Status::kUnsupported,
-            fmt::format("the environment variable CLSPECKLE_STATISTICS is \"device\", but the device {} has no double "
-                        "precision, which the sums over pixels take; set it to auto or host, or unset it",
-                        context.device_name()));
-    if (choice == "device")
-        return true;
-    if (!choice.empty() && choice != "auto")
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("the environment variable CLSPECKLE_STATISTICS is \"{}\"; set it to auto, host or device, or "
-                        "unset it",
-                        choice));
-    return (context.device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0 && has_double_precision(context);
-}
-
 DeviceSums::DeviceSums(std::shared_ptr<Context> context)
     : context_(std::move(context)), queue_(context_->cl_context(), context_->device()), guard_(*context_, queue_) {
     const std::string defines = fmt::format("-DBIN={}", kBin);
@@ -103,6 +81,48 @@ DeviceSums::DeviceSums(std::shared_ptr<Context> context)
 }
 
 DeviceSums::~DeviceSums() = default;
+
+StatisticsChoice environment_statistics_choice() {
+    const char *set = std::getenv("CLSPECKLE_STATISTICS");
+    const std::string choice = set ? set : "";
+    if (choice.empty() || choice == "auto")
+        return StatisticsChoice::kAuto;
+    if (choice == "host")
+        return StatisticsChoice::kHost;
+    if (choice == "device")
+        return StatisticsChoice::kDevice;
+    throw Error(
+        Status::kInvalidArgument,
+        fmt::format("the environment variable CLSPECKLE_STATISTICS is \"{}\"; set it to auto, host or device, or "
+                    "unset it",
+                    choice));
+}
+
+std::unique_ptr<DeviceSums> make_device_sums(const std::shared_ptr<Context> &context, StatisticsChoice choice) {
+    const bool is_gpu = (context->device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
+    if (choice == StatisticsChoice::kHost || (choice == StatisticsChoice::kAuto && !is_gpu))
+        return nullptr;
+    const auto refuse = [&](const std::string &why) {
+        context->log(LogLevel::kWarning, fmt::format("the host takes the statistics' sums: {}", why));
+    };
+    try {
+        if (!has_double_precision(*context))
+            throw Error(Status::kUnsupported,
+                        fmt::format("the device {} has no double precision, which the sums over pixels take; set "
+                                    "CLSPECKLE_STATISTICS to auto or host, or unset it",
+                                    context->device_name()));
+        return std::make_unique<DeviceSums>(context);
+    } catch (const Error &error) {
+        if (choice == StatisticsChoice::kDevice)
+            throw;
+        refuse(error.what());
+    } catch (const cl::Error &error) {
+        if (choice == StatisticsChoice::kDevice)
+            throw;
+        refuse(fmt::format("{} failed with {}", error.what(), error.err()));
+    }
+    return nullptr;
+}
 
 bool DeviceSums::takes(const Geometry &geometry) const {
     // A code counts in 32 bits, and the images that the residuals are multiplied with come behind them.

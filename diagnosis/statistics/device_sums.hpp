@@ -18,10 +18,6 @@ struct RowProduct; // as in frame_sums.cl
 // of a sequence and four bytes for each besides.
 class DeviceSums final : public FrameSums {
   public:
-    // Whether a context's device takes the sums unless CLSPECKLE_STATISTICS says otherwise ("host", "device"; "auto" is
-    // the default): GPUs with double precision do. Throws kInvalidArgument for another word there, kUnsupported where
-    // "device" cannot be.
-    static bool serves(const Context &context);
     explicit DeviceSums(std::shared_ptr<Context> context);
     ~DeviceSums() override;
 
@@ -70,5 +66,14 @@ class DeviceSums final : public FrameSums {
     std::size_t most_frames_ = 0, most_rows_ = 0;
     std::vector<std::vector<float>> host_images_;
 };
+
+// What CLSPECKLE_STATISTICS says: "host", "device", or "auto", the default. Throws kInvalidArgument for another word.
+enum class StatisticsChoice { kAuto, kHost, kDevice };
+StatisticsChoice environment_statistics_choice();
+
+// The device's sums, if it is to take them: by default GPUs with double precision do, and where such a one does not
+// build the kernels, the host sums, after a warning in the context's log. nullptr: the host does. Throws, where the
+// device is forced, for what it cannot.
+std::unique_ptr<DeviceSums> make_device_sums(const std::shared_ptr<Context> &context, StatisticsChoice choice);
 
 } // namespace clsp::statistics

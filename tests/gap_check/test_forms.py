@@ -46,7 +46,7 @@ def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float
 
 @pytest.mark.parametrize(("reading", "seed"), [("wind", 521), ("near", 522)])
 def test_the_law_of_moving_air(tmp_path: Path, reading: str, seed: int) -> None:
-    """A frozen screen that the wind carries along was `unknown`: no autoregression forgets as fast after as little at first.
+    """A frozen screen that the wind carries along was `unknown`: no autoregression forgets so little at first.
 
     The generator's scale s is that of exp(-r^2 / (2 s^2)), sqrt(2) of it is ours; the wind goes s / 2 a frame.
     """

@@ -142,17 +142,18 @@ TEST(DeviceSums, TinyImagesAreTheHosts) {
 }
 
 TEST(DeviceSums, TheVariableChooses) {
+    using namespace clsp::statistics;
     const auto with = [](const char *value) {
         setenv("CLSPECKLE_STATISTICS", value, 1);
-        const bool serves = DeviceSums::serves(*context());
+        const StatisticsChoice choice = environment_statistics_choice();
         unsetenv("CLSPECKLE_STATISTICS");
-        return serves;
+        return choice;
     };
-    EXPECT_TRUE(with("device"));
-    EXPECT_FALSE(with("host"));
-    const bool is_gpu = (context()->device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
-    EXPECT_EQ(with("auto"), is_gpu);
-    EXPECT_EQ(with(""), is_gpu);
+    EXPECT_EQ(with("device"), StatisticsChoice::kDevice);
+    EXPECT_EQ(with("host"), StatisticsChoice::kHost);
+    EXPECT_EQ(with("auto"), StatisticsChoice::kAuto);
+    EXPECT_EQ(with(""), StatisticsChoice::kAuto);
+    EXPECT_EQ(environment_statistics_choice(), StatisticsChoice::kAuto);
     try {
         with("gpu");
         FAIL();
@@ -161,4 +162,8 @@ TEST(DeviceSums, TheVariableChooses) {
         EXPECT_EQ(error.status(), clsp::Status::kInvalidArgument);
         EXPECT_NE(std::string(error.what()).find("auto, host or device"), std::string::npos);
     }
+    const bool is_gpu = (context()->device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
+    EXPECT_EQ(make_device_sums(context(), StatisticsChoice::kAuto) != nullptr, is_gpu);
+    EXPECT_EQ(make_device_sums(context(), StatisticsChoice::kHost), nullptr);
+    EXPECT_NE(make_device_sums(context(), StatisticsChoice::kDevice), nullptr);
 }
