@@ -25,7 +25,7 @@ namespace {
 constexpr std::size_t kLanes = 16, kGroup = 64; // of frame_sums.cl
 constexpr const char *kStage = "frame sums";
 // What is narrower leaves nothing to vectors, and shifts of rows would leave the image.
-constexpr std::size_t kLeastSide = 48;
+constexpr std::size_t kLeastSide = 12;
 
 cl_uint as_uint(std::size_t value) {
     return static_cast<cl_uint>(value);

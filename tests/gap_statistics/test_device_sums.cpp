@@ -42,8 +42,8 @@ CaptureLayout layout_of(const Kind &kind) {
     layout.principal_point_px = {0.5 * (kind.width - 1), 0.5 * (kind.height - 1)};
     clsp::CaptureDots dots;
     dots.sigma_px = 2.1;
-    for (double y = 9.2; y < kind.height - 6.0; y += 15.3)
-        for (double x = 8.7; x < kind.width - 6.0; x += 14.9)
+    for (double y = 9.2; y < kind.height - 2.0; y += 15.3)
+        for (double x = 8.7; x < kind.width - 2.0; x += 14.9)
             dots.positions_px.push_back({x + std::sin(y), y + std::cos(2.0 * x)});
     layout.dots = dots;
     clsp::SequenceLayout sequence;
@@ -103,7 +103,7 @@ TEST_P(OfEveryKind, TheDeviceHasTheHostsBits) {
                                                               {101, 67, 5, 8},
                                                               {51, 120, 2, 12},
                                                               {64, 64, 1, 10},
-                                                              {67, 49, 3, 16}}) {
+                                                              {67, 49, 3, 16}, {13, 12, 4, 10}}) {
                 const Kind kind{GetParam(), moving, width, height, frames, bits, masked};
                 const CaptureLayout layout = layout_of(kind);
                 const Codes codes = codes_of(kind, ++seed);
@@ -122,7 +122,7 @@ TEST_P(OfEveryKind, TheDeviceHasTheHostsBits) {
 
 TEST(DeviceSums, TinyImagesAreTheHosts) {
     const DeviceSums device(context());
-    const Kind tiny{CaptureScene::kBoard, true, 16, 16, 4, 10, false},
+    const Kind tiny{CaptureScene::kBoard, true, 11, 40, 4, 10, false},
         good{CaptureScene::kBoard, true, 64, 64, 4, 10, false};
     EXPECT_FALSE(device.takes(clsp::statistics::Geometry(layout_of(tiny), 0, 4)));
     EXPECT_TRUE(device.takes(clsp::statistics::Geometry(layout_of(good), 0, 4)));

@@ -3,6 +3,8 @@
 #include <clspeckle/clspeckle.hpp>
 
 #include "simulator/simulator.hpp"
+#include "statistics/device_sums.hpp"
+#include "statistics/sequence_statistics.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -474,7 +476,8 @@ void run_simulator() {
     rows.opencl_source = "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {\n"
                          "    return hypothesis_pixel(frame, x + 1, y - 1) + values.sigma *\n"
                          "        (hypothesis_normal(frame, 0, y, 0) + hypothesis_fixed_normal(frame, x, y, 1));\n}\n";
-    clsp::Simulator simulator(clsp::Context::create({}), layout, {rows});
+    const std::shared_ptr<clsp::Context> context = clsp::Context::create({});
+    clsp::Simulator simulator(context, layout, {rows});
     const std::vector<clsp::EffectSetting> effects{
         {"vignetting", {0.4}}, {"power_flicker", {0.1}}, {"ambient_light", {20.0}}, {"rows", {2.0}}};
     const std::vector<clsp::SimulationLevels> levels(2, {200.0, 64.0, 3.0});
@@ -484,6 +487,18 @@ void run_simulator() {
         if (std::abs(mean - 264.0) > 80.0)
             throw std::runtime_error("the simulated frames have a mean of " + std::to_string(mean) +
                                      " DN, expected about 264");
+    }
+
+    // What is measured on the device is what is measured on the host.
+    clsp::statistics::DeviceSums device(context);
+    for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
+        const clsp::SequenceStatistics statistics(layout, s, layout.sequences[s].frame_count);
+        std::vector<double> host(statistics.list().size()), there = host;
+        statistics.compute(capture.codes[s].data(), {64.0, 3.0}, host.data(), 1);
+        statistics.compute(capture.codes[s].data(), {64.0, 3.0}, there.data(), 1, &device);
+        if (host != there)
+            throw std::runtime_error("the statistics of \"" + layout.sequences[s].name +
+                                     "\" on the device are not the host's");
     }
 }
 
