@@ -104,7 +104,8 @@ void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, do
                     fmt::format("the airflow's substep is {}, it must be below {}", substep, kMostSubsteps));
     const double time = frames / parameters_.correlation_frames;
     // A whole width of the grid brings the screen back.
-    const double wind = drawn_ ? std::fmod(parameters_.wind_px * frames * grid_.oversampling / grid_.grid_width, 1.0) : 0.0;
+    const double wind =
+        drawn_ ? std::fmod(parameters_.wind_px * frames * grid_.oversampling / grid_.grid_width, 1.0) : 0.0;
     if (drawn_ && time == 0.0 && wind == 0.0)
         return;
     // sqrt(1 - r^2) without cancellation where r is near 1.

@@ -4,11 +4,11 @@
 //     S <- r S exp(-2 pi i f_x v frames) + sqrt(1 - r^2) W,   r = exp(-frames / correlation_frames),   v = wind_px
 // W are independent complex numbers with independent standard normal parts; S is drawn from the same law first, so the
 // process is stationary from the start. The screen is then Gaussian, has the autocorrelation exp(-(d/L)^2) at distance
-// d (1/e at scale_px), and after t frames exp(-t / correlation_frames) where the wind v has carried it along the rows: air that
-// changes on its way, or, with correlation_frames infinite, a frozen screen (Taylor 1938), which leaves a pixel with the correlation
-// exp(-(v t / L)^2) over time. g makes its standard deviation over the ensemble
-// exactly rms_rad at every sample (the mean of one screen, random too, counts: DC is a sample of the spectrum like all
-// others). It is periodic on the field grid. Frequencies at which G is below 2e-8 of its peak are left out.
+// d (1/e at scale_px), and after t frames exp(-t / correlation_frames) where the wind v has carried it along the rows:
+// air that changes on its way, or, with correlation_frames infinite, a frozen screen (Taylor 1938), which leaves a
+// pixel with the correlation exp(-(v t / L)^2) over time. g makes its standard deviation over the ensemble exactly
+// rms_rad at every sample (the mean of one screen, random too, counts: DC is a sample of the spectrum like all others).
+// It is periodic on the field grid. Frequencies at which G is below 2e-8 of its peak are left out.
 #pragma once
 
 #include "runtime/command_chain.hpp"

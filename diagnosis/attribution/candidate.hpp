@@ -13,7 +13,8 @@ namespace clsp {
 struct Candidate {
     std::string id, stage, summary;
     std::vector<HypothesisParameter> parameters;
-    // Another form of the effect whose change is nearly that of the catalogue's own: no look tells which of them it is, fits do.
+    // Another form of the effect whose change is nearly that of the catalogue's own: no look tells which of them it is,
+    // fits do.
     bool alike = false;
 
     // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range.

@@ -44,8 +44,8 @@ constexpr double kSecondLooks[] = {0.5, 1.0};
 // A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
 // f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
 constexpr double kPatientLook = 0.25;
-// Of the squared distance: what a fit of another form of an effect must be better than that of the catalogue's own to be taken, as
-// a parameter means something else in each.
+// Of the squared distance: what a fit of another form of an effect must be better than that of the catalogue's own to
+// be taken, as a parameter means something else in each.
 constexpr double kFormMargin = 20.0;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
@@ -65,7 +65,8 @@ double ratio_of(double part, double whole) {
     return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
 }
 
-// The best first; of an effect that may begin in several places (with_alternatives) the best alone, beside forms that are alike.
+// The best first; of an effect that may begin in several places (with_alternatives) the best alone, beside forms that
+// are alike.
 void sort_by_gain(std::vector<Refined> &refined) {
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });

@@ -127,9 +127,12 @@ std::unique_ptr<DeviceSums> make_device_sums(const std::shared_ptr<Context> &con
 bool DeviceSums::takes(const Geometry &geometry) const {
     // A code counts in 32 bits, and the images that the residuals are multiplied with come behind them.
     constexpr std::size_t kMostCodes = std::size_t{1} << 31, kFurther = 5;
+    // At most so many sums are taken of a row at once, by sum_speckle() of its rows or of those of its bins.
+    constexpr std::size_t kMostSums = 32;
     const std::uint64_t most = context_->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
     return std::min(geometry.width, geometry.height) >= kLeastSide && geometry.frames * geometry.pixels < kMostCodes &&
-           (geometry.frames + kFurther) * geometry.pixels * sizeof(float) <= most;
+           (geometry.frames + kFurther) * geometry.pixels * sizeof(float) <= most &&
+           geometry.frames * geometry.height * kMostSums * sizeof(double) <= most;
 }
 
 const cl::Buffer &DeviceSums::reserve(DeviceBuffer &buffer, std::size_t bytes) {

@@ -172,7 +172,8 @@ TEST_F(AirflowTest, HasTheStatedTemporalCorrelation) {
     }
 }
 
-// A frozen screen is carried along as it is, by parts of a pixel too: against the screen of the frame before, shifted by whole pixels.
+// A frozen screen is carried along as it is, by parts of a pixel too: against the screen of the frame before, shifted
+// by whole pixels.
 TEST_F(AirflowTest, TheWindCarriesAFrozenScreen) {
     for (const std::uint32_t oversampling : {1u, 2u}) {
         AirflowParameters p = parameters();
@@ -200,8 +201,8 @@ TEST_F(AirflowTest, TheWindCarriesAFrozenScreen) {
     }
 }
 
-// Air that changes on its way: 400 frames as above, a correlation exp(-t / 3) where it has been carried to, and that times
-// exp(-(v t / L)^2) where it was.
+// Air that changes on its way: 400 frames as above, a correlation exp(-t / 3) where it has been carried to, and that
+// times exp(-(v t / L)^2) where it was.
 TEST_F(AirflowTest, TheWindCarriesWhatChanges) {
     AirflowParameters p = parameters();
     p.wind_px = 2.0;
@@ -213,7 +214,8 @@ TEST_F(AirflowTest, TheWindCarriesWhatChanges) {
         double here = 0.0, there = 0.0;
         for (std::size_t i = 0; i + lag < screens.size(); ++i) {
             here += product(airflow.grid(), screens[i], screens[i + lag]) / double(screens.size() - lag);
-            there += product(airflow.grid(), screens[i], screens[i + lag], std::uint32_t(2 * lag)) / double(screens.size() - lag);
+            there += product(airflow.grid(), screens[i], screens[i + lag], std::uint32_t(2 * lag)) /
+                     double(screens.size() - lag);
         }
         const double kept = std::exp(-double(lag) / 3.0), moved = 2.0 * double(lag) / 6.0;
         EXPECT_NEAR(kept, there / 0.25, 5 * 0.011) << "lag " << lag;
