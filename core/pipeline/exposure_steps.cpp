@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint32_t kLeastSteps = 4;
+constexpr double kLongestPath = 32.0; // of exposure_modes()
 
 // Correlation of the intensity over a path.
 double intensity_correlation(double path, Dynamics dynamics) {
@@ -24,13 +25,13 @@ double intensity_correlation(double path, Dynamics dynamics) {
 }
 
 // C^2 of the continuous exposure, by Simpson's rule.
-template <typename Correlation> double squared_contrast(double length, const Correlation &intensity_correlation) {
+double squared_contrast(double length, Dynamics dynamics) {
     constexpr int kIntervals = 2048;
     double sum = 0.0;
     for (int i = 0; i <= kIntervals; ++i) {
         const double l = length * i / kIntervals;
         const double weight = i == 0 || i == kIntervals ? 1.0 : i % 2 == 1 ? 4.0 : 2.0;
-        sum += weight * (length - l) * intensity_correlation(l);
+        sum += weight * (length - l) * intensity_correlation(l, dynamics);
     }
     return 2.0 / (length * length) * sum * (length / kIntervals / 3.0);
 }
@@ -51,10 +52,27 @@ ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, 
         steps.count = std::max(1u, sub_exposures);
         return steps;
     }
-    const double wanted = squared_contrast(exposure_path, [&](double path) {
-        return correlation == ExposureCorrelation::kGaussian ? std::exp(-2.0 * path * path)
-                                                             : intensity_correlation(path, dynamics);
-    });
+    if (correlation == ExposureCorrelation::kGaussian) {
+        if (sub_exposures != 0)
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("sub_exposures is {}, but an exposure_correlation of CLSP_EXPOSURE_CORRELATION_GAUSSIAN "
+                            "says itself how many there are; leave it 0",
+                            sub_exposures));
+        if (exposure_path > kLongestPath)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("exposure_path is {}, with CLSP_EXPOSURE_CORRELATION_GAUSSIAN it must be 0 to {}",
+                                    exposure_path, kLongestPath));
+        steps.modes = exposure_modes(exposure_path, correlation);
+        steps.count = static_cast<std::uint32_t>(steps.modes.size());
+        // So far that nothing is left of the field.
+        if (dynamics == Dynamics::kContinuous)
+            steps.path = 2.0 / kKnotsPerPath;
+        else
+            steps.correlation = 0.0;
+        return steps;
+    }
+    const double wanted = squared_contrast(exposure_path, dynamics);
     const double enough = std::max(double(kLeastSteps), std::ceil(2.0 / wanted));
     const double count = sub_exposures == 0 ? enough : double(sub_exposures);
     if (count > kMaxSubstep || count * wanted <= 1.0)

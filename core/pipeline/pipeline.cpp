@@ -605,8 +605,14 @@ void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Chec
             exposure.moves_image = true;
         }
     }
-    exposure.gain /= count;
+    const double gain = exposure.gain;
+    exposure.gain = gain / count;
+    const bool has_modes = !blurred && count > 1 && !exposure_steps_.modes.empty();
     for (std::uint32_t i = 0; i < count; ++i) {
+        if (has_modes) {
+            exposure.gain = gain * exposure_steps_.modes[i].weight;
+            exposure.coherent_gain = exposure_steps_.modes[i].coherent_gain;
+        }
         if (i > 0) {
             PhaseAdvance step;
             if (blurred) {

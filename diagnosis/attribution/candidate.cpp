@@ -33,7 +33,7 @@ constexpr double kNoneOfThem = 0.25;
 struct Alternative {
     const char *effect, *parameter;
     double usual;
-    bool alike = false;
+    bool told_by_fit = false;
 };
 constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
 constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
@@ -230,7 +230,7 @@ std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
         if (found == candidates.end())
             continue;
         Candidate other = *found;
-        other.alike = alternative.alike;
+        other.told_by_fit = alternative.told_by_fit;
         for (HypothesisParameter &p : other.parameters)
             if (p.name == alternative.parameter)
                 p.weak = p.strong = alternative.usual;

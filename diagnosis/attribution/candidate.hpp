@@ -15,7 +15,7 @@ struct Candidate {
     std::vector<HypothesisParameter> parameters;
     // Another form of the effect whose change is nearly that of the catalogue's own: no look tells which of them it is,
     // fits do.
-    bool alike = false;
+    bool told_by_fit = false;
 
     // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range.
     // sign -1, of an effect that has a direction, here and below: the other one, where the first parameter is below

@@ -62,9 +62,9 @@ void add_rivals(const Path &path, std::size_t place, std::vector<Move> &moves) {
         const auto look = std::find_if(path.looks.begin(), path.looks.end(),
                                        [&](const auto &entry) { return entry.first->id == ranked.effect; });
         if (added == kMostRivals || ranked.gain < kLeastRival * best || look == path.looks.end() ||
-            path.model.has(*look->first) ||
-            std::any_of(moves.begin(), moves.end(),
-                        [&](const Move &move) { return move.candidate->id == ranked.effect; }))
+            path.model.has(*look->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
+                return move.candidate->id == ranked.effect;
+            }))
             continue;
         moves.push_back({place, look->first, 1.0, 0.0, false});
         ++added;
@@ -175,12 +175,12 @@ void halve(EffectModel &model, std::size_t effect) {
             s.strength = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
             continue;
         }
-        // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no measure of it.
+        // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no
+        // measure of it.
         const double value = candidate.value(s.parameter, s.strength, sign);
         const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
-                            : parameter.weak < parameter.strong
-                                ? candidate.strength(s.parameter, 0.5 * value, sign)
-                                : 0.5 * (s.strength + kNothing);
+                            : parameter.weak < parameter.strong ? candidate.strength(s.parameter, 0.5 * value, sign)
+                                                                : 0.5 * (s.strength + kNothing);
         s.strength = std::max(kWeakest, half);
         s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
@@ -252,6 +252,7 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     const FittedModel &whole = path.models.back();
     Path other;
     other.looks = path.looks;
+    other.other_forms = path.other_forms;
     other.progress = path.progress;
     other.progress_end = path.progress_end;
     other.strongest = path.strongest;
@@ -342,6 +343,52 @@ bool exchange(ModelFit &fits, Path &path, double at) {
         tried.insert(tried.end(), additions.begin(), additions.end());
     }
     return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
+}
+
+bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {
+    bool changed = false;
+    for (std::size_t place = 0; place < path.model.effects.size(); ++place)
+        for (const Candidate &form : candidates) {
+            const Candidate &now = *path.model.effects[place].candidate;
+            if (form.id != now.id || form.told_by_fit == now.told_by_fit)
+                continue;
+            fits.report(at, "another form of " + form.id);
+            FittedModel &whole = path.models.back();
+            EffectModel model = path.model;
+            model.effects[place].candidate = &form;
+            Pool pool;
+            FittedModel fitted;
+            const Origin origin{whole.model.full(), path.pool};
+            FitOptions options;
+            options.replicates = fits.options().model_replicates;
+            options.from = options.to = at;
+            options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
+            if (!possible([&] { fitted = fits.fit(model, pool, options, &origin); }) || fitted.effects.empty())
+                continue;
+            if (fitted.residual.p_value <= kSeldom)
+                fits.polish(model, pool, fitted, at);
+            // A score depends on how many replicates there are.
+            const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+            fits.judge(whole, whole.model.replicates(), count, at, at);
+            // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
+            path.other_forms.erase(form.id);
+            const bool is_taken = fitted.score <= whole.score - (form.told_by_fit ? kFormMargin : -kFormMargin);
+            if (std::abs(fitted.score - whole.score) < kFormMargin)
+                path.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
+            if (!is_taken)
+                continue;
+            for (RankedEffect &ranked : path.steps[place].ranking)
+                if (ranked.effect == form.id)
+                    ranked.values = fitted.effects[place].values;
+            path.model = std::move(model);
+            path.pool = std::move(pool);
+            path.models = models_until(path, place, path.models.size());
+            path.steps.back().residual = fitted.residual;
+            path.models.back() = std::move(fitted);
+            changed = true;
+            break;
+        }
+    return changed;
 }
 
 void prune(ModelFit &fits, Path &path, double at) {

@@ -11,6 +11,9 @@ namespace clsp {
 // half of its strength. All strengths are fitted anew. `path` becomes the better model; false if nothing is better. at:
 // the part of the search that is done.
 bool exchange(ModelFit &fits, Path &path, double at);
+// Exchanges effects' forms that fits tell apart (Candidate::told_by_fit), one after the other, for another that is better
+// beside all effects that are there. False if none is. candidates: with all forms.
+bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at);
 // Leaves out effects that others have made needless: an effect is chosen without those that come after it.
 void prune(ModelFit &fits, Path &path, double at);
 

@@ -99,6 +99,8 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     }
     if (device_sums_.size() < lanes)
         device_sums_.clear();
+    if (!device_sums_.empty())
+        context_->log(LogLevel::kInfo, "the device takes the statistics' sums over pixels");
     sort_by_work();
     const auto spare_residuals = std::make_shared<SpareBuffers<float>>();
     offsets_.push_back(0);

@@ -21,6 +21,10 @@ constexpr std::uint32_t kSearchSeeds = 1;
 // of chance.
 constexpr double kSeldom = 0.05;
 
+// Of the squared distance: what a fit of another form of an effect (Candidate::told_by_fit) must be better than that of
+// the catalogue's own to be taken, as a parameter means something else in each.
+constexpr double kFormMargin = 20.0;
+
 // Effects in the order in which they were found.
 struct Path {
     EffectModel model;
@@ -29,8 +33,10 @@ struct Path {
         looks; // each other effect's change of the statistics when it was last looked at
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
+    // Of effects whose form the capture does not tell (exchange_forms): the values of the other one.
+    std::map<std::string, std::vector<double>> other_forms;
     double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
-    double strongest = kStrongest; // how far its strengths may go
+    double strongest = kStrongest;             // how far its strengths may go
 };
 
 // The two halves' differences from a model.
@@ -82,8 +88,8 @@ class ModelFit {
     // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
     // The better of both stays.
     void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
-    // Twice as many replicates for a fit whose residual is in doubt by those that it has: what is left of a path of light
-    // that the model lacks is to be seen, and what few replicates make of chance is not.
+    // Twice as many replicates for a fit whose residual is in doubt by those that it has: what is left of a path of
+    // light that the model lacks is to be seen, and what few replicates make of chance is not.
     void confirm(FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
@@ -108,8 +114,8 @@ class ModelFit {
     // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
     // two models differ by chance, too.
     double square_by(const Covariance &covariance, const FittedModel &fitted) const;
-    // What was asked for beside the baseline's (Experiment::work). No search goes on for ever: after so much of it no step
-    // begins, and what is not explained by then is unknown.
+    // What was asked for beside the baseline's (Experiment::work). No search goes on for ever: after so much of it no
+    // step begins, and what is not explained by then is unknown.
     double work() const { return experiment_.work() - baseline_work_; }
     bool may_go_on() {
         ended_early_ = ended_early_ || work() >= options_.most_work;
@@ -122,8 +128,8 @@ class ModelFit {
     }
 
   private:
-    // A column of the Jacobian, on both sides of a strength and by the replicates' own random numbers: less by what it is
-    // uncertain of and by what the sides differ. part: of the usual finite differences.
+    // A column of the Jacobian, on both sides of a strength and by the replicates' own random numbers: less by what it
+    // is uncertain of and by what the sides differ. part: of the usual finite differences.
     Eigen::VectorXd measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
                                    double part) const;
     // The squared distance that another fit may leave at the most to take this one's place.

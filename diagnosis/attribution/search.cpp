@@ -44,9 +44,6 @@ constexpr double kSecondLooks[] = {0.5, 1.0};
 // A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
 // f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
 constexpr double kPatientLook = 0.25;
-// Of the squared distance: what a fit of another form of an effect must be better than that of the catalogue's own to
-// be taken, as a parameter means something else in each.
-constexpr double kFormMargin = 20.0;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -65,23 +62,39 @@ double ratio_of(double part, double whole) {
     return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
 }
 
-// The best first; of an effect that may begin in several places (with_alternatives) the best alone, beside forms that
-// are alike.
+bool are_forms(const Refined &a, const Refined &b) {
+    return a.candidate != b.candidate && a.candidate->id == b.candidate->id;
+}
+
+// The best first; of an effect that may begin in several places (with_alternatives) the best alone, but that forms
+// which fits tell apart stay.
 void sort_by_gain(std::vector<Refined> &refined) {
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
-    keep_one_of_each(refined, [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->alike); });
+    keep_one_of_each(refined,
+                     [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->told_by_fit); });
 }
 
-// Leaves one form of each effect, by their fits.
+// The first entries, so many effects; forms of one count once.
+void keep_effects(std::vector<Refined> &refined, std::size_t most) {
+    std::size_t kept = 0, effects = 0;
+    for (; kept < refined.size(); ++kept) {
+        const auto is_form = [&](const Refined &before) { return are_forms(before, refined[kept]); };
+        const auto here = refined.begin() + static_cast<std::ptrdiff_t>(kept);
+        if (std::none_of(refined.begin(), here, is_form) && ++effects > most)
+            break;
+    }
+    refined.resize(kept);
+}
+
+// Leaves one form of each effect, by their fits: the catalogue's own unless the other is clearly better.
 void decide_forms(std::vector<Refined> &refined) {
     std::vector<const Candidate *> out;
     for (const Refined &form : refined) {
-        if (!form.candidate->alike)
+        if (!form.candidate->told_by_fit)
             continue;
-        const auto own = std::find_if(refined.begin(), refined.end(), [&](const Refined &other) {
-            return other.candidate->id == form.candidate->id && !other.candidate->alike;
-        });
+        const auto own =
+            std::find_if(refined.begin(), refined.end(), [&](const Refined &other) { return are_forms(form, other); });
         if (own != refined.end())
             out.push_back(form.fitted && form.gain > own->gain + kFormMargin ? own->candidate : form.candidate);
     }
@@ -89,6 +102,23 @@ void decide_forms(std::vector<Refined> &refined) {
         return std::find(out.begin(), out.end(), one.candidate) != out.end();
     };
     refined.erase(std::remove_if(refined.begin(), refined.end(), is_out), refined.end());
+}
+
+// Where the capture does not tell which form an effect has, each of its parameters may be what it is in the other one,
+// too.
+void include_other_forms(Path &path) {
+    for (std::size_t k = 0; k < path.model.effects.size(); ++k) {
+        const Candidate &candidate = *path.model.effects[k].candidate;
+        const auto other = path.other_forms.find(candidate.id);
+        if (other == path.other_forms.end())
+            continue;
+        for (FittedParameter &parameter : path.models.back().parameters)
+            for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+                if (parameter.effect == candidate.id && parameter.name == candidate.parameters[p].name) {
+                    parameter.low = std::min(parameter.low, other->second[p]);
+                    parameter.high = std::max(parameter.high, other->second[p]);
+                }
+    }
 }
 
 class Search {
@@ -178,7 +208,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
     }
     if (!path.looks.empty() && !fresh) {
         sort_by_gain(result);
-        result.resize(std::min(result.size(), kMostLooks));
+        keep_effects(result, kMostLooks);
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
     std::vector<double> looked(result.size());
@@ -361,11 +391,16 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
     for (Refined &candidate : refined) {
         const double look = candidate.gain;
         candidate.gain = 0.0;
-        if (look <= 0.0 || look < least_look * borne_out ||
-            tried >= fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient))
+        if (look <= 0.0)
             continue;
-        // Where one effect explains nearly all, those that were not even half as good at a first look need no fit.
-        if (explained > kNearlyAll * excess && look < kFirstLook * first_look)
+        // Another form of what was fitted is, too; else what promises enough, and if one effect explains nearly all,
+        // was at least half as good at a first look.
+        const bool is_form = std::any_of(refined.begin(), refined.end(), [&](const Refined &other) {
+            return other.fitted && are_forms(other, candidate);
+        });
+        const std::uint32_t most = fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient);
+        if (!is_form && (look < least_look * borne_out || tried >= most ||
+                         (explained > kNearlyAll * excess && look < kFirstLook * first_look)))
             continue;
         fits_.report(at, "fitting " + candidate.candidate->id);
         candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
@@ -373,7 +408,7 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
             candidate.gain = 0.0;
             continue;
         }
-        tried += candidate.candidate->alike ? 0 : 1;
+        tried += is_form ? 0 : 1;
         explained = std::max(explained, candidate.gain);
         if (candidate.gain >= kLeastGain)
             borne_out = std::max(borne_out, look);
@@ -534,11 +569,21 @@ Path Search::empty_path(double from, double to) const {
 }
 
 void Search::finish(Path &path, const FittedModel &baseline) {
-    for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
-        if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
-            !exchange(fits_, path, path.progress))
-            break;
+    const auto exchange_effects = [&] {
+        for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
+            if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
+                !exchange(fits_, path, path.progress))
+                break;
+            grow_all(path, baseline, Until::kDone);
+        }
+    };
+    exchange_effects();
+    // Forms were chosen when other effects were missing.
+    const bool is_certain = path.models.empty() || (path.models.size() == 1 && is_explained(path));
+    if (!is_certain && fits_.may_go_on() && exchange_forms(fits_, path, candidates_, path.progress) &&
+        !is_explained(path)) {
         grow_all(path, baseline, Until::kDone);
+        exchange_effects();
     }
     if (is_explained(path) && path.models.size() > 2)
         prune(fits_, path, path.progress);
@@ -600,6 +645,7 @@ SearchResult Search::run() {
                         0.98, 0.99);
             fits_.confirm(path.models.back(), 0.99);
             fits_.measure_parameters(path.models.back(), path.model, 0.99);
+            include_other_forms(path);
         }
         result.steps = std::move(path.steps);
         result.models = std::move(path.models);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "pipeline/pipeline.hpp"
-#include "simulator/exposure_modes.hpp"
 #include "simulator/sequence_model.hpp"
 
 #include <functional>

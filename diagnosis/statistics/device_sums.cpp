@@ -19,12 +19,15 @@ struct RowProduct {
     cl_uint ax, ay, bx, by, width, rows, row_step, frames;
     cl_uint lopsided; // a b (a - b) instead of a b
 };
+static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint), "row_product of frame_sums.cl has these members alone");
 
 namespace {
 
 constexpr std::size_t kLanes = 16, kGroup = 64; // of frame_sums.cl
 constexpr const char *kStage = "frame sums";
-// What is narrower leaves nothing to vectors, and shifts of rows would leave the image.
+// Images that come behind the residuals, which are multiplied with them: the brightness, four derivatives.
+constexpr std::size_t kFactors = 5;
+// Of smaller images, whose thirds and bins are next to nothing.
 constexpr std::size_t kLeastSide = 12;
 
 cl_uint as_uint(std::size_t value) {
@@ -64,8 +67,9 @@ RowProduct lagged(std::size_t width, std::size_t height, std::size_t frames, Lag
 
 } // namespace
 
-DeviceSums::DeviceSums(std::shared_ptr<Context> context)
-    : context_(std::move(context)), queue_(context_->cl_context(), context_->device()), guard_(*context_, queue_) {
+DeviceSums::DeviceSums(std::shared_ptr<Context> context, bool may_give_up)
+    : context_(std::move(context)), may_give_up_(may_give_up), queue_(context_->cl_context(), context_->device()),
+      guard_(*context_, queue_) {
     const std::string defines = fmt::format("-DBIN={}", kBin);
     const auto kernel = [&](const char *name) { return context_->kernel("frame_sums.cl", name, defines); };
     count_ = kernel("frame_sums_count");
@@ -102,36 +106,44 @@ std::unique_ptr<DeviceSums> make_device_sums(const std::shared_ptr<Context> &con
     const bool is_gpu = (context->device().getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
     if (choice == StatisticsChoice::kHost || (choice == StatisticsChoice::kAuto && !is_gpu))
         return nullptr;
-    const auto refuse = [&](const std::string &why) {
-        context->log(LogLevel::kWarning, fmt::format("the host takes the statistics' sums: {}", why));
-    };
+    const bool is_forced = choice == StatisticsChoice::kDevice;
+    if (!has_double_precision(*context)) {
+        const std::string why = fmt::format("the device {} has no double precision, which the sums over pixels take",
+                                            context->device_name());
+        if (is_forced)
+            throw Error(Status::kUnsupported, why + "; set CLSPECKLE_STATISTICS to auto or host, or unset it");
+        context->log(LogLevel::kInfo, "the host takes the statistics' sums: " + why);
+        return nullptr;
+    }
+    if (is_forced)
+        return std::make_unique<DeviceSums>(context, false);
     try {
-        if (!has_double_precision(*context))
-            throw Error(Status::kUnsupported,
-                        fmt::format("the device {} has no double precision, which the sums over pixels take; set "
-                                    "CLSPECKLE_STATISTICS to auto or host, or unset it",
-                                    context->device_name()));
-        return std::make_unique<DeviceSums>(context);
+        return std::make_unique<DeviceSums>(context, true);
     } catch (const Error &error) {
-        if (choice == StatisticsChoice::kDevice)
-            throw;
-        refuse(error.what());
+        context->log(LogLevel::kWarning, fmt::format("the host takes the statistics' sums: {}", error.what()));
     } catch (const cl::Error &error) {
-        if (choice == StatisticsChoice::kDevice)
-            throw;
-        refuse(fmt::format("{} failed with {}", error.what(), error.err()));
+        context->log(LogLevel::kWarning,
+                     fmt::format("the host takes the statistics' sums: {} failed with {}", error.what(), error.err()));
     }
     return nullptr;
 }
 
+bool DeviceSums::gives_up(const std::string &why) {
+    if (!may_give_up_)
+        return false;
+    gave_up_ = true;
+    context_->log(LogLevel::kWarning, fmt::format("the host takes the statistics' sums from here on: {}", why));
+    return true;
+}
+
 bool DeviceSums::takes(const Geometry &geometry) const {
-    // A code counts in 32 bits, and the images that the residuals are multiplied with come behind them.
-    constexpr std::size_t kMostCodes = std::size_t{1} << 31, kFurther = 5;
+    constexpr std::size_t kMostCodes = std::size_t{1} << 31; // which are counted in 32 bits
     // At most so many sums are taken of a row at once, by sum_speckle() of its rows or of those of its bins.
     constexpr std::size_t kMostSums = 32;
     const std::uint64_t most = context_->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-    return std::min(geometry.width, geometry.height) >= kLeastSide && geometry.frames * geometry.pixels < kMostCodes &&
-           (geometry.frames + kFurther) * geometry.pixels * sizeof(float) <= most &&
+    return !gave_up_ && std::min(geometry.width, geometry.height) >= kLeastSide &&
+           geometry.frames * geometry.pixels < kMostCodes &&
+           (geometry.frames + kFactors) * geometry.pixels * sizeof(float) <= most &&
            geometry.frames * geometry.height * kMostSums * sizeof(double) <= most;
 }
 
@@ -213,7 +225,7 @@ void DeviceSums::make_residuals(const Geometry &geometry, const ResidualScale &s
         .add(cl_uint{scale.any_clip})
         .add(cl_float{1.0f / float(count)})
         .add(cl_float{count > 1 ? 1.0f / float(count - 1) : 0.0f})
-        .add(reserve(images_, (count > 1 ? count : 1) * pixels * sizeof(float)))
+        .add(reserve(images_, (count + kFactors) * pixels * sizeof(float)))
         .add(reserve(mean_, pixels * sizeof(float)))
         .add(reserve(variance_, pixels * sizeof(float)));
     CommandChain(queue_(), 0, nullptr).run(kStage, residuals_, pixels);
@@ -286,12 +298,6 @@ std::vector<ResidualFrameSums> DeviceSums::sum_residuals(const Geometry &geometr
         for (RowProduct &product : products)
             product.weight = as_uint(count + 1);
         const std::size_t bytes = pixels * sizeof(float);
-        if (images_.bytes() < (count + 1 + weights.derivatives.size()) * bytes) {
-            DeviceBuffer larger(context_, (count + 1 + weights.derivatives.size()) * bytes);
-            CommandChain(queue_(), 0, nullptr).copy(kStage, images_.get()(), 0, larger.get()(), 0, count * bytes);
-            check_opencl(clFinish(queue_()), "clFinish");
-            images_ = std::move(larger);
-        }
         upload(images_, weights.brightness.data(), bytes, count * bytes);
         for (std::size_t k = 0; k < weights.derivatives.size(); ++k) {
             upload(images_, weights.derivatives[k].data(), bytes, (count + 1 + k) * bytes);

@@ -8,6 +8,7 @@
 #include "statistics/frame_sums.hpp"
 
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace clsp::statistics {
@@ -18,11 +19,14 @@ struct RowProduct; // as in frame_sums.cl
 // of a sequence and four bytes for each besides.
 class DeviceSums final : public FrameSums {
   public:
-    explicit DeviceSums(std::shared_ptr<Context> context);
+    // may_give_up: what the device fails at (no memory, above all) is left to the host from then on.
+    explicit DeviceSums(std::shared_ptr<Context> context, bool may_give_up = false);
     ~DeviceSums() override;
 
     // Sequences that the device's buffers can hold, of images that are not tiny.
     bool takes(const Geometry &geometry) const;
+    // After a failure: whether it is to be left to the host, which a warning in the context's log says then.
+    bool gives_up(const std::string &why);
 
     std::vector<double> count_codes(const Geometry &geometry, const std::uint16_t *codes,
                                     std::vector<std::uint64_t> &histogram) override;
@@ -56,6 +60,7 @@ class DeviceSums final : public FrameSums {
                                    std::size_t rows);
 
     std::shared_ptr<Context> context_;
+    bool may_give_up_ = false, gave_up_ = false;
     cl::CommandQueue queue_;
     LaunchGuard guard_;
     cl::Kernel count_, residuals_, row_powers_, products_, columns_, bins_of_, edge_columns_, edge_rows_;

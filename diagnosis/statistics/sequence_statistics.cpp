@@ -68,14 +68,29 @@ void SequenceStatistics::compute(const std::uint16_t *codes, const Calibration &
             fmt::format(
                 "statistics: black level {} DN, read noise {} DN; both must be finite and the noise not negative.",
                 calibration.black_level_dn, calibration.read_noise_dn));
-    statistics::Sink sink({}, nullptr, values);
-    if (device && device->takes(*geometry_))
-        measure(*geometry_, codes, calibration, threads, *device, sink);
-    else
-        measure(*geometry_, codes, calibration, threads, *statistics::make_host_sums(threads, *spare_), sink);
-    if (sink.count() != list_.size())
-        throw Error(Status::kInternal, fmt::format("statistics: {} values for a list of {}; please report this.",
-                                                   sink.count(), list_.size()));
+    const auto measured_by = [&](statistics::FrameSums &sums) {
+        statistics::Sink sink({}, nullptr, values);
+        measure(*geometry_, codes, calibration, threads, sums, sink);
+        return sink.count();
+    };
+    const auto measured = [&] {
+        if (device && device->takes(*geometry_)) {
+            try {
+                return measured_by(*device);
+            } catch (const Error &error) {
+                if (!device->gives_up(error.what()))
+                    throw;
+            } catch (const cl::Error &error) {
+                if (!device->gives_up(fmt::format("{} failed with {}", error.what(), error.err())))
+                    throw;
+            }
+        }
+        return measured_by(*statistics::make_host_sums(threads, *spare_));
+    };
+    const std::size_t count = measured();
+    if (count != list_.size())
+        throw Error(Status::kInternal,
+                    fmt::format("statistics: {} values for a list of {}; please report this.", count, list_.size()));
 }
 
 } // namespace clsp

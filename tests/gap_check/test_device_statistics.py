@@ -11,7 +11,7 @@ PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeck
 
 
 def run(*words: object, statistics: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "CLSPECKLE_FFT": "fused", "CLSPECKLE_STATISTICS": statistics}
+    environment = {**os.environ, "CLSPECKLE_FFT": "fused", "CLSPECKLE_STATISTICS": statistics, "CLSPECKLE_LOG": "info"}
     command = [str(word) for word in (PROGRAM, *words)]
     return subprocess.run(command, env=environment, check=False, capture_output=True, text=True)
 
@@ -21,8 +21,9 @@ def test_the_same_report_by_host_and_device(tmp_path: Path) -> None:
     made = run("capture", "make", tmp_path / "set", "--effect", "gamma:gamma=0.8", *size, statistics="auto")
     assert made.returncode == 0, made.stderr
     for place in ("host", "device"):
-        done = run("diagnose", tmp_path / "set", "--json", tmp_path / place, "--quiet", statistics=place)
+        done = run("diagnose", tmp_path / "set", "--json", tmp_path / place, statistics=place)
         assert done.returncode == 0, done.stderr
+        assert ("the device takes the statistics' sums" in done.stderr) == (place == "device")
     assert (tmp_path / "host").read_text() == (tmp_path / "device").read_text()
     refused = run("diagnose", tmp_path / "set", "--quiet", statistics="gpu")
     assert refused.returncode == 1

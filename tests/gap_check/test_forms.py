@@ -44,6 +44,47 @@ def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float
     assert 0.9 * lags < low < lags < high < 1.1 * lags
 
 
+def test_what_the_simulator_made_is_told(tmp_path: Path) -> None:
+    """The camera's own exposures, of a few patterns, have the law that they were made by."""
+    options = [
+        "--effect",
+        "motion_decorrelation:lags=1.4,correlation_law=1",
+        "--frames",
+        "16",
+        "--seed",
+        "5",
+        "--quiet",
+    ]
+    report = tmp_path / "report.json"
+    for command in (["capture", "make", tmp_path / "set", *options], ["diagnose", tmp_path / "set", "--json", report]):
+        done = subprocess.run([PROGRAM, *command], check=False, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    cause = json.loads(report.read_text())["cause"]
+    assert (cause["verdict"], cause["effects"]) == ("named", ["motion_decorrelation"])
+    assert cause["ranking"][0]["parameters"]["correlation_law"] == 1
+    low, high = cause["ranking"][0]["intervals"]["lags"]
+    assert 1.2 < low < 1.4 < high < 1.6
+
+
+@pytest.mark.parametrize("seed", [702, 721])
+def test_a_form_that_is_not_told_is_in_the_intervals(tmp_path: Path, seed: int) -> None:
+    """Beside depolarization 0.7 lags of the exponential law are as good as the 1.4 of the Gaussian one that made it."""
+    camera = draw_camera(seed)
+    camera = dataclasses.replace(camera, readings=dataclasses.replace(camera.readings, motion_decorrelation="gaussian"))
+    effects = {"motion_decorrelation": {"lags": 1.4}, "depolarization": {"degree_of_polarization": 0.3}}
+    write_capture(tmp_path, camera, effects, 40, seed)
+    command = [PROGRAM, "diagnose", tmp_path, "--json", tmp_path / "report.json", "--quiet"]
+    done = subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    cause = json.loads((tmp_path / "report.json").read_text())["cause"]
+    assert sorted(cause["effects"]) == sorted(effects)
+    (motion,) = (one for one in cause["ranking"] if one["effect"] == "motion_decorrelation")
+    assert motion["intervals"]["correlation_law"] == [0, 1]
+    low, high = motion["intervals"]["lags"]
+    assert low < 0.75
+    assert high > 1.25
+
+
 @pytest.mark.parametrize(("reading", "seed"), [("wind", 521), ("near", 522)])
 def test_the_law_of_moving_air(tmp_path: Path, reading: str, seed: int) -> None:
     """A frozen screen that the wind carries along was `unknown`: no autoregression forgets so little at first.

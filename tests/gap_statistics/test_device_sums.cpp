@@ -103,7 +103,8 @@ TEST_P(OfEveryKind, TheDeviceHasTheHostsBits) {
                                                               {101, 67, 5, 8},
                                                               {51, 120, 2, 12},
                                                               {64, 64, 1, 10},
-                                                              {67, 49, 3, 16}, {13, 12, 4, 10}}) {
+                                                              {67, 49, 3, 16},
+                                                              {13, 12, 4, 10}}) {
                 const Kind kind{GetParam(), moving, width, height, frames, bits, masked};
                 const CaptureLayout layout = layout_of(kind);
                 const Codes codes = codes_of(kind, ++seed);
@@ -139,6 +140,16 @@ TEST(DeviceSums, TinyImagesAreTheHosts) {
     statistics.compute(codes.data(), {}, host.data(), 1);
     statistics.compute(codes.data(), {}, there.data(), 1, &other);
     EXPECT_EQ(host, there);
+}
+
+TEST(DeviceSums, LeavesToTheHostWhatItFailsAt) {
+    const clsp::statistics::Geometry geometry(layout_of({CaptureScene::kBoard, true, 64, 64, 4, 10, false}), 0, 4);
+    DeviceSums chosen(context(), true), forced(context());
+    EXPECT_TRUE(chosen.takes(geometry));
+    EXPECT_TRUE(chosen.gives_up("no memory"));
+    EXPECT_FALSE(chosen.takes(geometry));
+    EXPECT_FALSE(forced.gives_up("no memory"));
+    EXPECT_TRUE(forced.takes(geometry));
 }
 
 TEST(DeviceSums, TheVariableChooses) {

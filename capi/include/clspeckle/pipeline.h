@@ -48,7 +48,8 @@ extern "C" {
 #endif
 
 #define CLSP_EXPOSURE_CORRELATION_FIELD 0u    /**< The field's own: R of phase.h with CLSP_DYNAMICS_CONTINUOUS, else exp(-path). */
-#define CLSP_EXPOSURE_CORRELATION_GAUSSIAN 1u /**< exp(-path^2). The sub-exposures give its contrast; their steps are the field's own. */
+#define CLSP_EXPOSURE_CORRELATION_GAUSSIAN 1u /**< exp(-path^2), path up to 32: the weighted sum of a few independent patterns that is the same light
+                                                   (Karhunen and Loeve; Goodman, Statistical Optics, 6.2). sub_exposures must be 0. */
 
 /** Which stages a pipeline runs; it retains them. All must come from the same context and have the same image size. Stages may be shared
  *  by several pipelines, which then count as one handle for the thread rule, and whose frames must run one after the other. */
@@ -76,7 +77,7 @@ typedef struct ClspPipelineDesc {
     double boiling_correlation_frames; /**< Frames after which a resting surface's field correlation is 1/e, > 0; default infinity: it never changes. */
     double airflow_rms_rad;      /**< Standard deviation of the phase screen; default 0. */
     double airflow_scale_px;     /**< Distance at which its correlation is 1/e; default 6. */
-    double airflow_correlation_frames; /**< Frames after which its correlation is 1/e; default 3. */
+    double airflow_correlation_frames; /**< Frames after which its correlation is 1/e, where the wind has carried it; default 3. */
     double vibration_rms_px;     /**< Standard deviation of the picture's shift along each axis; default 0. */
     double shutter_fraction;     /**< Part of the time between two frames that the shutter is open, 0 (default) to 1: so much of a frame's motion (its path, with
                                       CLSP_MOTION_CORRELATE) happens in the exposure, over sub_exposures (automatic: 8). That many patterns are averaged at
@@ -85,7 +86,7 @@ typedef struct ClspPipelineDesc {
     uint32_t exposure_correlation; /**< CLSP_EXPOSURE_CORRELATION_*, with an exposure_path; default FIELD. */
     uint32_t reserved_exposure;    /**< 0. */
     double airflow_wind_px;        /**< How far the wind carries the phase screen in a frame, in pixels to the right, -1e6 to 1e6; default 0. Frozen air has an infinite
-                                        airflow_correlation_frames, too. The screen is periodic on the field grid. */
+                                        airflow_correlation_frames, too. The screen is periodic on the field grid, and comes back after its width. */
 } ClspPipelineDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspPipelineDesc). */

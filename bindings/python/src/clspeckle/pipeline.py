@@ -299,8 +299,9 @@ class Pipeline(Handle):
         boiling_correlation_frames: frames after which a resting surface's field correlation is 1/e; infinity: never.
         airflow_rms_rad: standard deviation of the air's phase screen.
         airflow_scale_px: distance at which its correlation is 1/e.
-        airflow_correlation_frames: frames after which its correlation is 1/e.
-        airflow_wind_px: how far the wind carries it in a frame, to the right.
+        airflow_correlation_frames: frames after which its correlation is 1/e, where the wind has carried it; infinity:
+            it stays as it is.
+        airflow_wind_px: how far the wind carries it in a frame, to the right; it comes back after the field's width.
         vibration_rms_px: standard deviation of the picture's shift along each axis.
         shutter_fraction: part of the time between two frames that the shutter is open, 0 to 1; of the motion between
             them so much happens in the exposure.
@@ -394,7 +395,7 @@ class Pipeline(Handle):
 
     @staticmethod
     def defaults() -> dict[str, Any]:
-        """The C library's defaults of the numbers among the keyword arguments."""
+        """The C library's defaults of the keyword arguments that are no stages."""
         words = {"exposure_correlation": _EXPOSURE_CORRELATION}
         return _check.defaults(_library.initialized(_library.ClspPipelineDesc), words, _PIPELINE)
 

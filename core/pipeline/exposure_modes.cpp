@@ -1,4 +1,4 @@
-#include "simulator/exposure_modes.hpp"
+#include "pipeline/exposure_modes.hpp"
 
 #include <Eigen/Eigenvalues>
 

@@ -1,11 +1,14 @@
 // An exposure during which the speckle changes, as the fewest independent patterns that give the same light.
 #pragma once
 
-#include "pipeline/exposure_steps.hpp"
-
+#include <cstdint>
 #include <vector>
 
 namespace clsp {
+
+// The field's correlation over a path l while the shutter is open: the field's own, or exp(-l^2), which is that of a
+// Gaussian spot that is carried along.
+enum class ExposureCorrelation : std::uint32_t { kField = 0, kGaussian = 1 };
 
 // While the shutter is open the surface travels a path of L correlation lengths, the field's correlation over a part t
 // of it is rho(t) = exp(-L t), or exp(-(L t)^2). The integrated intensity of such a circular Gaussian field is
@@ -24,6 +27,7 @@ struct ExposureMode {
 };
 
 // The patterns, at most 64 of them: those of the largest weights first, the one after them to 2 %. path: 0 to 32.
+// kField: of a field that is only drawn or lives, exp(-l).
 std::vector<ExposureMode> exposure_modes(double path, ExposureCorrelation correlation);
 
 } // namespace clsp
