@@ -300,6 +300,8 @@ def test_closed_foreign_and_wrong_stages(context: clspeckle.Context, name: str) 
         ({"subsurface_fraction": 2.0}, "subsurface_fraction"),
         ({"subsurface_fraction": 0.5}, "subsurface_length_px"),
         ({"exposure_path": -1.0}, "exposure_path"),
+        ({"exposure_path": 1.0, "exposure_correlation": "gaussian", "sub_exposures": 3}, "sub_exposures is 3"),
+        ({"exposure_path": 33.0, "exposure_correlation": "gaussian"}, "exposure_path is 33"),
         ({"boiling_correlation_frames": 0.0}, "boiling_correlation_frames"),
         ({"airflow_rms_rad": -1.0}, "airflow"),
         ({"airflow_rms_rad": 1.0, "airflow_scale_px": 0.0}, "airflow"),
