@@ -93,7 +93,7 @@ std::vector<Effect> make_catalogue() {
      }},
     // Motion.
     {"motion_decorrelation", "motion",
-     "the speckle changes while the shutter is open, in frames drawn anew: path over correlation length, correlation exp(-l) (0) or exp(-l^2) (1)",
+     "frames drawn anew change while the shutter is open: correlation exp(-l) (0) or exp(-l^2) (1) over a path l",
      "phase.cl: phase_advance", kSetsPipeline,
      {{"lags", "1", 0.0, 16.0, 0.4, 2.5}, {"correlation_law", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
@@ -104,7 +104,7 @@ std::vector<Effect> make_catalogue() {
      "phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},
      [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; }},
-    {"airflow", "motion", "smooth phase screens in front of a resting scene that change by exp(-t / correlation_frames) (0), or frozen ones that go on by scale_px in that time (1)",
+    {"airflow", "motion", "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
      "airflow.cl, field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
