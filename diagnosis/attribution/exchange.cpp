@@ -30,6 +30,8 @@ constexpr double kLeastNeeded = 60.0;
 // An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
 // added: there a residual says that something is missing, here the best of many may have fitted noise.
 constexpr double kLeastWorth = 30.0;
+// A form whose fit is that much worse is not made better by small differences.
+constexpr double kHopelessForm = 3.0 * kFormMargin;
 // A strength at which most effects do little.
 constexpr double kNothing = -0.4;
 
@@ -365,11 +367,13 @@ bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &ca
             options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
             if (!possible([&] { fitted = fits.fit(model, pool, options, &origin); }) || fitted.effects.empty())
                 continue;
-            if (fitted.residual.p_value <= kSeldom)
-                fits.polish(model, pool, fitted, at);
             // A score depends on how many replicates there are.
             const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
             fits.judge(whole, whole.model.replicates(), count, at, at);
+            if (fitted.score > whole.score + kHopelessForm)
+                continue;
+            if (fitted.residual.p_value <= kSeldom)
+                fits.polish(model, pool, fitted, at);
             // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
             path.other_forms.erase(form.id);
             const bool is_taken = fitted.score <= whole.score - (form.told_by_fit ? kFormMargin : -kFormMargin);
