@@ -39,18 +39,25 @@ def names_of(sizes: list[tuple[int, int]]) -> list[str]:
     return names + [f"intensity/clfft_streamed/width:{w}/height:{h}/D%:50/" for w, h in sizes]
 
 
-def program_times(program: Path, names: list[str], seconds: float) -> tuple[Times, dict[str, float]]:
+def program_times(program: Path, names: list[str], seconds: float, limit: float) -> tuple[Times, dict[str, float]]:
     """One process for each, so that what was measured is kept when a run is stopped."""
     times: Times = {}
     extra: dict[str, float] = {}
-    for index, name in enumerate(names):
+    announced = False
+    for name in names:
         command = [str(program), f"--benchmark_filter=^{name}", f"--benchmark_min_time={seconds}"]
-        run = subprocess.run([*command, "--benchmark_format=json"], capture_output=True, text=True, check=False)
+        command.append("--benchmark_format=json")
+        try:
+            run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit)
+        except subprocess.TimeoutExpired:  # a driver's compiler may take minutes for a kernel
+            print(f"{name}: stopped after {limit:g} s", file=sys.stderr, flush=True)
+            continue
         if run.returncode:
             sys.exit(f"{program} failed: {run.stderr.strip()}")
         report = json.loads(run.stdout)
-        if index == 0:
+        if not announced:
             print(f"{report['context']['opencl_device']}, {report['context']['opencl_platform']}\n", flush=True)
+            announced = True
         for result in report["benchmarks"]:
             add_result(result, times, extra)
     return times, extra
@@ -175,6 +182,9 @@ def main() -> None:
     parser.add_argument(
         "--seconds", type=float, default=0.1, help="least time of each benchmark (default: %(default)s)"
     )
+    parser.add_argument(
+        "--limit", type=float, default=120, help="most seconds of each benchmark, with its start (default: %(default)s)"
+    )
     parser.add_argument("--largest", type=int, default=4096, help="widest image (default: %(default)s)")
     parser.add_argument(
         "--no-clfft", dest="clfft", action="store_false", help="leave clFFT out: it takes long to start"
@@ -186,7 +196,7 @@ def main() -> None:
     sizes = [s for s in SIZES if s[0] <= arguments.largest]
     names = [n for n in names_of(sizes) if arguments.clfft or "clfft" not in n]
     times = cupy_times(sizes)
-    measured, extra = program_times(arguments.program, names, arguments.seconds)
+    measured, extra = program_times(arguments.program, names, arguments.seconds, arguments.limit)
     times.update(measured)
     print_tables(times, extra, sizes)
     if arguments.json:

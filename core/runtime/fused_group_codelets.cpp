@@ -9,9 +9,6 @@
 namespace clsp {
 namespace {
 
-// What the rule takes: larger groups wait longer at their barriers and leave fewer of them to a processor.
-constexpr std::uint32_t kMostGroupItems = 512;
-
 // Of a butterfly's twiddle factors w^k, k = 1 .. radix - 1, those with k below 4 and the multiples of 4 are read; the
 // others are products of two of them, where that saves reads: they wait for memory, and hold registers while they do. A
 // product has half an ulp more of error.
@@ -204,10 +201,30 @@ std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
     return most;
 }
 
+namespace {
+
+constexpr std::uint32_t kEasilyHeld = 16; // leaves room for what else a kernel needs
+
+// More work-items for a line have nothing to do in any stage.
+std::uint32_t most_butterflies(const FusedPlan &plan) {
+    return plan.length / *std::min_element(plan.radices.begin(), plan.radices.end());
+}
+
+// As few points for each of at most `limit` work-items of a line as may be: all of a long line's in one work-item would
+// be a kernel that compilers take minutes for.
+std::uint32_t fewest_held(const FusedPlan &plan, std::uint32_t limit) {
+    std::uint32_t fewest = plan.length;
+    for (std::uint32_t items = 1; items <= std::min(limit, most_butterflies(plan)); ++items)
+        fewest = std::min(fewest, held_points(plan, items));
+    return fewest;
+}
+
+} // namespace
+
 std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held) {
     std::uint32_t best = 0;
     std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
-    const std::uint32_t most = std::min(limit, plan.length / plan.radices.back()); // more have nothing to do
+    const std::uint32_t most = std::min(limit, most_butterflies(plan));
     for (std::uint32_t items = 1; items <= most; ++items) {
         if (held_points(plan, items) > held)
             continue;
@@ -229,8 +246,10 @@ std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape) {
 std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across) {
     constexpr std::uint32_t kWavefront = 64;
     const std::uint32_t group_items = std::min(limits.group_items, kMostGroupItems);
+    // held 0: as few as may be.
     const auto fitting = [&](std::uint32_t lines, std::uint32_t held) -> std::optional<GroupShape> {
-        const std::uint32_t items = items_for(plan, group_items / lines, held);
+        const std::uint32_t limit = group_items / lines;
+        const std::uint32_t items = items_for(plan, limit, held ? held : fewest_held(plan, limit));
         for (const bool split : {false, true}) {
             const GroupShape shape{lines, items, split, across};
             if (items != 0 && group_tile_bytes(plan, shape) <= limits.local_bytes)
@@ -238,14 +257,12 @@ std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupL
         }
         return {};
     };
-    // Points in registers: sixteen leave room for what else a kernel needs, twice as many are a strain, more are a
-    // makeshift.
-    const std::uint32_t helds[] = {16, 32, std::max(plan.length, 33u)};
+    const std::uint32_t helds[] = {kEasilyHeld, kMostHeldPoints, 0};
     if (across) {
         for (const std::vector<std::uint32_t> &counts : {std::vector<std::uint32_t>{8, 4}, {2}, {1}})
             for (const std::uint32_t held : helds)
                 for (const std::uint32_t lines : counts)
-                    if (const auto shape = held > 32 && lines > 1 ? std::nullopt : fitting(lines, held); shape)
+                    if (const auto shape = held == 0 && lines > 1 ? std::nullopt : fitting(lines, held); shape)
                         return shape;
         return {};
     }
@@ -278,22 +295,22 @@ std::optional<GroupShape> with_tile(const FusedPlan &plan, GroupShape shape, con
     return {};
 }
 
-// Work-items for a line that keep as few points in registers as the limit allows.
-std::uint32_t most_items(const FusedPlan &plan, std::uint32_t limit) {
-    for (const std::uint32_t held : {16u, 32u, std::max(plan.length, 33u)})
+// Work-items for a line that do not hold more points than may be.
+std::uint32_t good_items(const FusedPlan &plan, std::uint32_t limit) {
+    for (const std::uint32_t held : {kEasilyHeld, kMostHeldPoints})
         if (const std::uint32_t items = items_for(plan, limit, held); items != 0)
             return items;
-    return 0;
+    return items_for(plan, limit, fewest_held(plan, limit));
 }
 
 } // namespace
 
 std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across,
                                              const GroupPick &pick) {
-    if (pick.lines == 0 || pick.lines > limits.group_items || pick.items > plan.length / plan.radices.back())
+    if (pick.lines == 0 || pick.lines > limits.group_items || pick.items > most_butterflies(plan))
         return {};
     const std::uint32_t items =
-        pick.items ? pick.items : most_items(plan, std::min(limits.group_items, kMostGroupItems) / pick.lines);
+        pick.items ? pick.items : good_items(plan, std::min(limits.group_items, kMostGroupItems) / pick.lines);
     return with_tile(plan, {pick.lines, items, false, across}, limits);
 }
 
@@ -315,14 +332,17 @@ std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const Group
     const std::uint64_t tile_bytes = group_tile_bytes(plan, shape);
     const GroupLimits smaller{std::min(limits.group_items, shape.group_items()),
                               std::min(limits.local_bytes, tile_bytes)};
-    for (std::uint32_t lines = shape.lines; lines >= lines_of; lines /= 2) {
-        if (lines % lines_of != 0)
-            continue;
-        const auto fitting =
-            with_tile(plan, {lines, most_items(plan, smaller.group_items / lines), false, shape.across}, smaller);
-        if (fitting && (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
-            return fitting;
-    }
+    // Fewer lines before more points in registers.
+    for (const bool is_makeshift : {false, true})
+        for (std::uint32_t lines = shape.lines; lines >= lines_of; lines /= 2) {
+            const std::uint32_t items = good_items(plan, smaller.group_items / lines);
+            if (lines % lines_of != 0 || items == 0 || (held_points(plan, items) > kMostHeldPoints) != is_makeshift)
+                continue;
+            const auto fitting = with_tile(plan, {lines, items, false, shape.across}, smaller);
+            if (fitting &&
+                (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
+                return fitting;
+        }
     return {};
 }
 

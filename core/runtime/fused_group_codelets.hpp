@@ -40,6 +40,13 @@ struct GroupBand {
 // passes: of each frequency of the transform.
 GroupBand group_band(const FusedPlan &plan, const std::vector<bool> &passes);
 
+// What the rule takes of work-items: larger groups wait longer at their barriers and leave fewer of them to a
+// processor. Neither AMD's devices nor NVIDIA's driver (of these kernels, 580.159) give more, whatever the latter says
+// of its device.
+constexpr std::uint32_t kMostGroupItems = 256;
+// What a work-item holds in registers with a strain; more are a makeshift.
+constexpr std::uint32_t kMostHeldPoints = 32;
+
 // The most points that a work-item holds.
 std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items);
 // Work-items for each line, at most `limit`, such that the fewest stand idle and none holds more than `held` points; 0
@@ -59,7 +66,8 @@ std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupL
 // 16 or 32 points each.
 std::vector<GroupPick> group_picks(const FusedPlan &plan, const GroupLimits &limits, bool across);
 // A shape for a kernel that turned out to leave its work-group less than `shape` takes: fewer work-items for each line,
-// then fewer lines, always a multiple of lines_of. None if even that does not fit.
+// then fewer lines, always a multiple of lines_of, and more than kMostHeldPoints only where that does not fit either.
+// None if nothing fits.
 std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const GroupShape &shape, const GroupLimits &limits,
                                               std::uint32_t lines_of);
 

@@ -85,6 +85,11 @@ GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, con
                             "memory left; {} lines of {} points need at least {} and {}",
                             name, most, local - std::min(local, own_bytes), lines_of, plan.length, lines_of,
                             group_tile_bytes(plan, {lines_of, 1, true, shape.across})));
+        context.log(LogLevel::kInfo,
+                    fmt::format("{}: work-groups of {} x {} instead of {} x {}: the driver gives it {} work-items and "
+                                "{} bytes of local memory",
+                                name, smaller->lines, smaller->items, shape.lines, shape.items, most,
+                                local - std::min(local, own_bytes)));
         shape = *smaller;
     }
 }
@@ -161,7 +166,9 @@ FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid
 std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
     const GroupLimits limits = group_limits(*context_);
     const auto same_items = picked_group_shape(row_plan_, limits, false, {lines, row_shape_.items});
-    return same_items ? same_items : picked_group_shape(row_plan_, limits, false, {lines, 0});
+    if (same_items && same_items->group_items() <= kMostGroupItems)
+        return same_items;
+    return picked_group_shape(row_plan_, limits, false, {lines, 0});
 }
 
 GroupKernel FusedGroups::build_inverse(const GroupShape &shape, const std::string &options,
@@ -244,17 +251,23 @@ GroupKernel &FusedGroups::columns_kernel(bool shifted) {
     return columns;
 }
 
-// With a row in each quarter of the image if they fit, since these share blocks of random numbers.
+// With a row in each quarter of the image, which share blocks of random numbers, if they fit and no work-item has to
+// hold too much for it: on an NVIDIA H200 a sensor's pixel cost three times as much behind 4096 points in 64 work-items
+// as behind 2048.
 GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
     const std::string options = exposed.sensor->pixel_options(exposed.output.format);
     const auto found = exposed_.find(options);
     if (found != exposed_.end())
         return found->second;
     const std::uint32_t lines = 4 * pixel_samples_;
-    if (const std::optional<GroupShape> shape = row_shape(lines)) {
+    const auto is_good = [&](const GroupShape &shape) {
+        return held_points(row_plan_, shape.items) <= kMostHeldPoints;
+    };
+    if (const std::optional<GroupShape> shape = row_shape(lines); shape && is_good(*shape)) {
         try {
-            return exposed_.emplace(options, build_inverse(*shape, "-DSENSOR=1 -DQUARTERS=1 " + options, lines))
-                .first->second;
+            GroupKernel kernel = build_inverse(*shape, "-DSENSOR=1 -DQUARTERS=1 " + options, lines);
+            if (is_good(kernel.shape))
+                return exposed_.emplace(options, std::move(kernel)).first->second;
         } catch (const Error &error) {
             if (error.status() != Status::kUnsupported)
                 throw;

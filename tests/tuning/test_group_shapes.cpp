@@ -285,4 +285,32 @@ TEST(GroupShapesAlone, SmallerOnesGetSmaller) {
     }
 }
 
+// A line's points all in one work-item would waste no slot, and no compiler would ever be done with them.
+TEST(GroupShapesAlone, NobodyHoldsMoreThanMustBe) {
+    for (std::uint32_t length = 64; length <= 4096; ++length) {
+        std::uint32_t left = length;
+        for (const std::uint32_t prime : {2u, 3u, 5u, 7u})
+            while (left % prime == 0)
+                left /= prime;
+        if (left != 1)
+            continue;
+        const FusedPlan plan = make_group_plan(length);
+        // NVIDIA's driver gives a kernel 256 work-items where its device has 1024.
+        const auto smaller = smaller_group_shape(plan, {8, 120, true, true}, {256, 49152}, 1);
+        ASSERT_TRUE(smaller) << length;
+        EXPECT_LE(held_points(plan, smaller->items), kMostHeldPoints) << length;
+        // Four rows that belong together have 64 each, and cannot do with fewer lines.
+        const auto quarters = picked_group_shape(plan, {1024, 1 << 17}, false, {4, 0});
+        ASSERT_TRUE(quarters) << length;
+        EXPECT_LE(quarters->group_items(), kMostGroupItems);
+        EXPECT_LE(held_points(plan, quarters->items), std::max(kMostHeldPoints, length / 64 + 16)) << length;
+        for (const bool across : {false, true}) {
+            const auto chosen = choose_group_shape(plan, {1024, 49152}, across);
+            ASSERT_TRUE(chosen) << length;
+            EXPECT_LE(chosen->group_items(), kMostGroupItems);
+            EXPECT_LE(held_points(plan, chosen->items), kMostHeldPoints) << length;
+        }
+    }
+}
+
 } // namespace
