@@ -12,6 +12,10 @@ namespace {
 // Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are
 // tried for each.
 constexpr double kLeastAlike = 0.5;
+// Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
+constexpr double kLookAlike = 0.8;
+// Quick fits of two such do not tell them apart by that much of a squared distance: replicates do, of a fit to the end.
+constexpr double kQuicklyAlike = 40.0;
 constexpr std::size_t kMostAlike = 2;
 // And so many that did nearly as well as the one that was added, by what they gained over what that did.
 constexpr std::size_t kMostRivals = 2;
@@ -188,8 +192,9 @@ void halve(EffectModel &model, std::size_t effect) {
     }
 }
 
-// The best of some moves, if one is nearly as good as what there is, or better: the model with it.
-const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, EffectModel &best, double at) {
+// The best of some moves, if one leaves a squared distance below `least`: the model with it.
+const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, double least, EffectModel &best,
+                      double at) {
     const FittedModel &whole = path.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     std::vector<GaussNewtonFit> reached(tried.size());
@@ -210,7 +215,7 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
             reached[i].square += adds ? kLeastGain : 0.0;
         });
     });
-    double best_square = worth_of(fits, now);
+    double best_square = least;
     const Move *chosen = nullptr;
     for (std::size_t i = 0; i < tried.size(); ++i) {
         if (reached[i].square >= best_square)
@@ -333,8 +338,10 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
 
 bool exchange(ModelFit &fits, Path &path, double at) {
     const auto improves = [&](const std::vector<Move> &tried) {
+        const FittedModel &whole = path.models.back();
+        const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
         EffectModel best;
-        const Move *move = best_move(fits, path, tried, best, at);
+        const Move *move = best_move(fits, path, tried, least, best, at);
         return move && make_move(fits, path, *move, std::move(best), at);
     };
     const bool missing = path.models.back().residual.detected;
@@ -345,6 +352,23 @@ bool exchange(ModelFit &fits, Path &path, double at) {
         tried.insert(tried.end(), additions.begin(), additions.end());
     }
     return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
+}
+
+bool exchange_look_alikes(ModelFit &fits, Path &path, double at) {
+    std::vector<Move> tried = moves_of(path, false, most_effects(fits, path));
+    tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kLookAlike; }),
+                tried.end());
+    if (tried.empty())
+        return false;
+    // Beside what the same few random numbers leave of the effects that are there.
+    const FittedModel &whole = path.models.back();
+    const double now = fits.square_by(whole.model.full(), whole);
+    double least = now;
+    if (!possible([&] { least = quick_fit(fits, path.model, path, now).square; }))
+        return false;
+    EffectModel best;
+    const Move *move = best_move(fits, path, tried, least + kQuicklyAlike, best, at);
+    return move && make_move(fits, path, *move, std::move(best), at);
 }
 
 bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {

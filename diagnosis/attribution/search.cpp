@@ -585,6 +585,9 @@ void Search::finish(Path &path, const FittedModel &baseline) {
         grow_all(path, baseline, Until::kDone);
         exchange_effects();
     }
+    for (int exchanges = 0; exchanges < kMostExchanges && path.models.size() > 1 && is_explained(path); ++exchanges)
+        if (!fits_.may_go_on() || !exchange_look_alikes(fits_, path, path.progress))
+            break;
     if (is_explained(path) && path.models.size() > 2)
         prune(fits_, path, path.progress);
 }
