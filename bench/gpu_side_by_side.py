@@ -183,7 +183,7 @@ def main() -> None:
         "--seconds", type=float, default=0.1, help="least time of each benchmark (default: %(default)s)"
     )
     parser.add_argument(
-        "--limit", type=float, default=120, help="most seconds of each benchmark, with its start (default: %(default)s)"
+        "--limit", type=float, default=600, help="most seconds of each benchmark, with its start (default: %(default)s)"
     )
     parser.add_argument("--largest", type=int, default=4096, help="widest image (default: %(default)s)")
     parser.add_argument(

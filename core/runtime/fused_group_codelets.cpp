@@ -203,7 +203,8 @@ std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
 
 namespace {
 
-constexpr std::uint32_t kEasilyHeld = 16; // leaves room for what else a kernel needs
+// Points in registers, the best first: sixteen leave room for what else a kernel needs.
+constexpr std::uint32_t kHeldPoints[] = {16, 32, kMostHeldPoints};
 
 // More work-items for a line have nothing to do in any stage.
 std::uint32_t most_butterflies(const FusedPlan &plan) {
@@ -257,16 +258,15 @@ std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupL
         }
         return {};
     };
-    const std::uint32_t helds[] = {kEasilyHeld, kMostHeldPoints, 0};
     if (across) {
         for (const std::vector<std::uint32_t> &counts : {std::vector<std::uint32_t>{8, 4}, {2}, {1}})
-            for (const std::uint32_t held : helds)
+            for (const std::uint32_t held : kHeldPoints)
                 for (const std::uint32_t lines : counts)
-                    if (const auto shape = held == 0 && lines > 1 ? std::nullopt : fitting(lines, held); shape)
+                    if (const auto shape = fitting(lines, held))
                         return shape;
-        return {};
+        return fitting(1, 0);
     }
-    for (const std::uint32_t held : helds) {
+    for (const std::uint32_t held : kHeldPoints) {
         std::optional<GroupShape> best;
         for (const std::uint32_t lines : {1u, 2u, 4u, 8u}) {
             const std::optional<GroupShape> shape = fitting(lines, held);
@@ -278,7 +278,7 @@ std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupL
         if (best)
             return best;
     }
-    return {};
+    return fitting(1, 0);
 }
 
 namespace {
@@ -297,7 +297,7 @@ std::optional<GroupShape> with_tile(const FusedPlan &plan, GroupShape shape, con
 
 // Work-items for a line that do not hold more points than may be.
 std::uint32_t good_items(const FusedPlan &plan, std::uint32_t limit) {
-    for (const std::uint32_t held : {kEasilyHeld, kMostHeldPoints})
+    for (const std::uint32_t held : kHeldPoints)
         if (const std::uint32_t items = items_for(plan, limit, held); items != 0)
             return items;
     return items_for(plan, limit, fewest_held(plan, limit));

@@ -21,6 +21,8 @@ constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fused_groups.h
 // Rows of kept lines begin at whole cache lines, or neighbouring lines' points would straddle what a GPU fetches, and
 // have room for a line more, which is nobody's.
 constexpr std::uint32_t kPitch = 16;
+// Points that a work-item may hold for rows to share random numbers, which is worth a makeshift.
+constexpr std::uint32_t kMostQuarterPoints = 64;
 
 std::uint32_t pitch_for(std::uint32_t lines) {
     return (lines / kPitch + 1) * kPitch;
@@ -251,9 +253,8 @@ GroupKernel &FusedGroups::columns_kernel(bool shifted) {
     return columns;
 }
 
-// With a row in each quarter of the image, which share blocks of random numbers, if they fit and no work-item has to
-// hold too much for it: on an NVIDIA H200 a sensor's pixel cost three times as much behind 4096 points in 64 work-items
-// as behind 2048.
+// With a row in each quarter of the image, which share blocks of random numbers, if they fit: on an NVIDIA H200 a
+// sensor's pixel costs three times as much where they do not.
 GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
     const std::string options = exposed.sensor->pixel_options(exposed.output.format);
     const auto found = exposed_.find(options);
@@ -261,7 +262,7 @@ GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
         return found->second;
     const std::uint32_t lines = 4 * pixel_samples_;
     const auto is_good = [&](const GroupShape &shape) {
-        return held_points(row_plan_, shape.items) <= kMostHeldPoints;
+        return held_points(row_plan_, shape.items) <= kMostQuarterPoints;
     };
     if (const std::optional<GroupShape> shape = row_shape(lines); shape && is_good(*shape)) {
         try {

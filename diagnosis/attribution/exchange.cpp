@@ -14,7 +14,8 @@ namespace {
 constexpr double kLeastAlike = 0.5;
 // Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
 constexpr double kLookAlike = 0.8;
-// Quick fits of two such do not tell them apart by that much of a squared distance: replicates do, of a fit to the end.
+// Quick fits of two such may differ by that much of a squared distance by chance; replicates of whole fits tell them
+// apart.
 constexpr double kQuicklyAlike = 40.0;
 constexpr std::size_t kMostAlike = 2;
 // And so many that did nearly as well as the one that was added, by what they gained over what that did.

@@ -585,9 +585,15 @@ void Search::finish(Path &path, const FittedModel &baseline) {
         grow_all(path, baseline, Until::kDone);
         exchange_effects();
     }
-    for (int exchanges = 0; exchanges < kMostExchanges && path.models.size() > 1 && is_explained(path); ++exchanges)
+    for (int exchanges = 0; exchanges < kMostExchanges && path.models.size() > 1 && is_explained(path); ++exchanges) {
+        Path before = path;
         if (!fits_.may_go_on() || !exchange_look_alikes(fits_, path, path.progress))
             break;
+        if (!is_explained(path)) { // likelier, and yet not all
+            path = std::move(before);
+            break;
+        }
+    }
     if (is_explained(path) && path.models.size() > 2)
         prune(fits_, path, path.progress);
 }
