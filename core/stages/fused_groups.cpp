@@ -163,6 +163,13 @@ FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
     inverse_ = build_inverse(sample_powers_ ? row_shape_ : *inverse_shape_, "-DSENSOR=0 -DQUARTERS=0", pixel_samples_);
     columns_kernel(false);
+    // As they were built: the driver may have given them less.
+    const auto pick_of = [](const GroupShape &shape) { return GroupPick{shape.lines, shape.items}; };
+    spec.columns = pick_of(columns_.shape);
+    if (sample_powers_ || pick_of(*inverse_shape_) == pick_of(row_shape_)) {
+        row_shape_ = inverse_.shape;
+        spec.rows = pick_of(row_shape_);
+    }
 }
 
 std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {

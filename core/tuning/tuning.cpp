@@ -230,7 +230,11 @@ class SizeTuning {
             entry.runner = std::make_unique<Runner>(bench_, spec);
             for (const Entry &other : entries_)
                 if (other.runner && other.runner->engine() == entry.runner->engine())
-                    return; // the work-groups that the rule takes anyway
+                    return; // the work-groups that the rule takes anyway, or the most that the driver gives
+            if (spec.columns)
+                entry.candidate.spec.columns = entry.runner->engine().columns;
+            if (spec.rows)
+                entry.candidate.spec.rows = entry.runner->engine().rows;
             entry.runner->warm_up();
             const std::vector<float> picture = bench_.intensity();
             if (reference_.empty()) {

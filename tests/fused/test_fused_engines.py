@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import clspeckle
 import numpy as np
@@ -15,6 +16,8 @@ from clspeckle import errors
 from reference import aperture, phase, philox
 
 BOUND = 2e-6
+ROOT = Path(__file__).resolve().parents[2]
+SMALL_GROUPS = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build")) / "lib" / "libsmall_groups.so"
 
 
 @pytest.fixture(params=["fused-lanes", "fused-groups"])
@@ -421,6 +424,54 @@ def test_the_sensor_takes_rows_alone_where_four_do_not_fit(height, oversampling)
         )
         assert done.returncode == 0, done.stdout + done.stderr
         assert "fused-groups True True" in done.stdout.splitlines(), done.stdout + done.stderr
+
+
+SMALL_KERNELS = """
+import logging, sys, zlib
+logging.basicConfig(level=logging.INFO)
+import clspeckle, numpy as np
+shape = int(sys.argv[1]), int(sys.argv[2])
+aperture = clspeckle.Aperture(shape, relative_diameter=0.5)
+sensor = clspeckle.Sensor(shape, seed=4, read_noise_dn=20.0, bits=12)
+ideal = np.random.default_rng(5).exponential(50.0, shape).astype(np.float32)
+codes = clspeckle.Pipeline(phase=clspeckle.Phase(shape, seed=3), aperture=aperture, sensor=sensor).render(ideal)
+print(zlib.crc32(codes.tobytes()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "engines"),
+    [
+        ((1080, 8), {1024: "columns 4 x 45", 256: "columns 4 x 45", 128: "columns 4 x 30", 64: "columns 2 x 30"}),
+        ((8, 1920), {1024: "rows 1 x 192", 256: "rows 1 x 192", 128: "rows 1 x 80", 64: "rows 1 x 64"}),
+    ],
+    ids=["columns", "rows"],
+)
+def test_a_driver_may_give_kernels_less_than_its_device_has(tmp_path, shape, engines):
+    """NVIDIA's gives them 256 work-items of 1024. All points of a line once went to one work-item there, for which
+    compilers took minutes."""
+    codes = set()
+    for items, engine in engines.items():
+        done = subprocess.run(
+            [sys.executable, "-c", SMALL_KERNELS, *map(str, shape)],
+            env={
+                **os.environ,
+                "CLSPECKLE_FFT": "fused-groups",
+                "CLSPECKLE_CACHE_DIR": str(tmp_path),
+                "CLSP_KERNEL_WORK_GROUP_SIZE": str(items),
+                "LD_PRELOAD": str(SMALL_GROUPS),
+            },
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        (used,) = (line for line in done.stderr.splitlines() if "is used for a field grid" in line)
+        assert engine in used
+        assert ("instead of" in done.stderr) == (items < 256)
+        codes.add(done.stdout)
+    assert len(codes) == 1  # any work-groups make the same picture
 
 
 @pytest.mark.parametrize("choice", ["auto", "", "fused"])
