@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace clsp {
@@ -14,9 +15,10 @@ namespace {
 constexpr double kLeastAlike = 0.5;
 // Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
 constexpr double kLookAlike = 0.8;
-// Quick fits of two such may differ by that much of a squared distance by chance; replicates of whole fits tell them
-// apart.
+// Quick fits may differ by that much of a squared distance by chance; replicates of whole fits tell them apart. So many
+// are made.
 constexpr double kQuicklyAlike = 40.0;
+constexpr std::size_t kMostWhole = 2;
 constexpr std::size_t kMostAlike = 2;
 // And so many that did nearly as well as the one that was added, by what they gained over what that did.
 constexpr std::size_t kMostRivals = 2;
@@ -193,9 +195,16 @@ void halve(EffectModel &model, std::size_t effect) {
     }
 }
 
-// The best of some moves, if one leaves a squared distance below `least`: the model with it.
-const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> &tried, double least, EffectModel &best,
-                      double at) {
+// A move, the model with it, and the squared distance that a quick fit leaves.
+struct Promising {
+    const Move *move;
+    EffectModel model;
+    double square;
+};
+
+// Of some moves the best and what a quick fit does not tell from it, where they leave a squared distance below `least`.
+std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::vector<Move> &tried, double least,
+                                  double at) {
     const FittedModel &whole = path.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     std::vector<GaussNewtonFit> reached(tried.size());
@@ -216,16 +225,20 @@ const Move *best_move(ModelFit &fits, const Path &path, const std::vector<Move> 
             reached[i].square += adds ? kLeastGain : 0.0;
         });
     });
-    double best_square = least;
-    const Move *chosen = nullptr;
-    for (std::size_t i = 0; i < tried.size(); ++i) {
-        if (reached[i].square >= best_square)
-            continue;
-        best_square = reached[i].square;
-        best = std::move(reached[i].model);
-        chosen = &tried[i];
-    }
-    return chosen;
+    std::vector<Promising> result;
+    for (std::size_t i = 0; i < tried.size(); ++i)
+        if (reached[i].square < least)
+            result.push_back({&tried[i], std::move(reached[i].model), reached[i].square});
+    std::stable_sort(result.begin(), result.end(),
+                     [](const Promising &a, const Promising &b) { return a.square < b.square; });
+    result.erase(std::remove_if(result.begin(), result.end(),
+                                [best = result.empty() ? 0.0 : result.front().square](const Promising &one) {
+                                    return one.square > best + kQuicklyAlike;
+                                }),
+                 result.end());
+    if (result.size() > kMostWhole)
+        result.erase(result.begin() + kMostWhole, result.end());
+    return result;
 }
 
 // An effect that would have done nearly as well in the place of the one that is there: the data may not tell which.
@@ -256,7 +269,8 @@ std::vector<FittedModel> models_until(const Path &path, std::size_t effect, std:
     return result;
 }
 
-bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
+// The path after a move, if it is better; else the move's effect may be noted as a rival.
+std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
     const FittedModel &whole = path.models.back();
     Path other;
     other.looks = path.looks;
@@ -273,13 +287,13 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     options.near = true;
     options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
     if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
-        return false;
+        return {};
     if (fitted.residual.p_value <= kSeldom)
         fits.polish(other.model, other.pool, fitted, at);
     if (fitted.score > whole.score - kLeastGain) {
         if (!move.shares && move.place < path.steps.size())
             note_rival(path.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
-        return false;
+        return {};
     }
     const double gain = whole.score - fitted.score;
     RankedEffect ranked;
@@ -310,7 +324,19 @@ bool make_move(ModelFit &fits, Path &path, const Move &move, EffectModel model, 
     other.models = models_until(path, begin, other.steps.size());
     other.steps.back().residual = fitted.residual;
     other.models.back() = std::move(fitted);
-    path = std::move(other);
+    return other;
+}
+
+// Makes the best of some moves by their own replicates; false if none is better than what is there.
+bool make_best(ModelFit &fits, Path &path, std::vector<Promising> moves, double at) {
+    std::optional<Path> best;
+    for (Promising &one : moves)
+        if (std::optional<Path> other = moved(fits, path, *one.move, std::move(one.model), at);
+            other && (!best || other->models.back().score < best->models.back().score))
+            best = std::move(other);
+    if (!best)
+        return false;
+    path = std::move(*best);
     return true;
 }
 
@@ -341,9 +367,7 @@ bool exchange(ModelFit &fits, Path &path, double at) {
     const auto improves = [&](const std::vector<Move> &tried) {
         const FittedModel &whole = path.models.back();
         const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
-        EffectModel best;
-        const Move *move = best_move(fits, path, tried, least, best, at);
-        return move && make_move(fits, path, *move, std::move(best), at);
+        return make_best(fits, path, best_moves(fits, path, tried, least, at), at);
     };
     const bool missing = path.models.back().residual.detected;
     const std::size_t most = most_effects(fits, path);
@@ -367,9 +391,7 @@ bool exchange_look_alikes(ModelFit &fits, Path &path, double at) {
     double least = now;
     if (!possible([&] { least = quick_fit(fits, path.model, path, now).square; }))
         return false;
-    EffectModel best;
-    const Move *move = best_move(fits, path, tried, least + kQuicklyAlike, best, at);
-    return move && make_move(fits, path, *move, std::move(best), at);
+    return make_best(fits, path, best_moves(fits, path, tried, least + kQuicklyAlike, at), at);
 }
 
 bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {

@@ -44,3 +44,17 @@ def test_a_look_alike_is_exchanged(tmp_path: Path) -> None:
     write_capture(tmp_path, draw_camera(2096578692), effects, 40, 1302249998)
     cause = diagnose(tmp_path)
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
+
+
+def test_of_two_exchanges_the_better_is_made(tmp_path: Path) -> None:
+    """Many laser lines were taken for lost polarization while glare was missing.
+
+    Of quick fits an addition then looked better by 3 of 880 than to exchange them, and the search ended `unknown`.
+    """
+    effects = {
+        "depolarization": {"degree_of_polarization": 0.42202189739707135},
+        "glare": {"fraction": 0.08507626492306636, "scale_px": 6.0},
+    }
+    write_capture(tmp_path, draw_camera(1407606596), effects, 40, 248988073)
+    cause = diagnose(tmp_path)
+    assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
