@@ -175,8 +175,7 @@ TEST_F(Physics, Laser) {
     const auto square_of_lines = [&](double s) {
         double sum = 0.0, total = 0.0;
         std::vector<std::array<double, 2>> lines;
-        for (int i = 0; i < 9; ++i) {
-            const double k = -2.0 + 0.5 * i;
+        for (const double k : {-2.0, -1.0, 0.0, 1.0, 2.0}) {
             lines.push_back({k, std::exp(-0.5 * k * k)});
             total += lines.back()[1];
         }
