@@ -13,16 +13,16 @@ namespace {
 // Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are
 // tried for each.
 constexpr double kLeastAlike = 0.5;
+constexpr std::size_t kMostAlike = 2;
+// And so many that did nearly as well as the one that was added, by what they gained over what that did.
+constexpr std::size_t kMostRivals = 2;
+constexpr double kLeastRival = 0.5;
 // Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
 constexpr double kLookAlike = 0.8;
 // Quick fits may differ by that much of a squared distance by chance; replicates of whole fits tell them apart. So many
 // are made.
 constexpr double kQuicklyAlike = 40.0;
 constexpr std::size_t kMostWhole = 2;
-constexpr std::size_t kMostAlike = 2;
-// And so many that did nearly as well as the one that was added, by what they gained over what that did.
-constexpr std::size_t kMostRivals = 2;
-constexpr double kLeastRival = 0.5;
 constexpr int kExchangeRounds = 8;
 constexpr double kHopeless = 4.0; // after some rounds
 constexpr double kLeastRoundGain = 0.02;
