@@ -185,7 +185,7 @@ def test_laser_lines_against_the_reference(monkeypatch, measured, engine):
             degree_of_polarization=p,
         )
         for frame_index, (refresh, drawn) in enumerate([("all", 0), (None, 0), (some, 0), ("all", 3), (None, 3)]):
-            lines, spread = (9, 0.9) if frame_index == 4 else (3, 0.7)
+            lines, spread = (5, 0.9) if frame_index == 4 else (3, 0.7)
             if frame_index == 4:
                 camera.set_effect("linewidth", dephasing_rad=spread)
             got = camera.render(noise_image(*shape), frame_index=frame_index, refresh=refresh)
