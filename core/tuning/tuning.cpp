@@ -25,6 +25,7 @@ using Clock = std::chrono::steady_clock;
 // A sample is at least this long: the clock and the way to the device and back then count for little.
 constexpr double kSampleMs = 2.0;
 constexpr std::uint32_t kMostFramesInASample = 256;
+constexpr double kWarmUpMs = 200.0;
 // An engine whose picture differs by more from clFFT's is wrong, however fast; rounding makes less than 1e-6.
 constexpr double kLargestDifference = 1e-5;
 // Differences below this are no reason to leave what is preferred, however quiet the machine was.
@@ -205,10 +206,14 @@ class SizeTuning {
             drop_slow();
         std::vector<Runner *> runners;
         for (Entry &entry : entries_)
-            if (entry.runner) {
-                entry.runner->forget();
+            if (entry.runner)
                 runners.push_back(entry.runner.get());
-            }
+        // A GPU that had nothing to do while kernels were compiled raises its clocks first.
+        const Clock::time_point start = Clock::now();
+        for (std::size_t k = 0; !runners.empty() && ms_since(start) < kWarmUpMs; ++k)
+            runners[k % runners.size()]->measure();
+        for (Runner *runner : runners)
+            runner->forget();
         for (std::uint32_t i = 0; i < parameters_.frames; ++i) {
             report_(building + (to - building) * i / parameters_.frames, "measuring");
             // Each round begins with another one, so that nobody always follows the same neighbour.
@@ -268,12 +273,14 @@ class SizeTuning {
                 entry.runner.reset();
     }
 
+    // Of the work-groups that the rule takes, too.
     std::optional<GroupPick> best_columns() const {
         std::optional<GroupPick> best;
         double least = INFINITY;
         for (const Entry &entry : entries_)
-            if (entry.candidate.counts() && entry.candidate.spec.columns && entry.candidate.median_ms < least) {
-                best = entry.candidate.spec.columns;
+            if (entry.runner && entry.candidate.counts() && entry.runner->engine().columns &&
+                entry.candidate.median_ms < least) {
+                best = entry.runner->engine().columns;
                 least = entry.candidate.median_ms;
             }
         return best;
