@@ -216,7 +216,14 @@ static inline ALWAYS_INLINE void philox_round(half_ul *c0, half_ul *c1, half_ul 
     *c3 = p0;
 }
 
-static inline lanes_u words_of_halves(half_ul even, half_ul odd) { return as_lanes_u((even & 0xfffffffful) | (odd << 32)); }
+#if LANES == 16
+#define LOWER_HALVES 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26, 12, 28, 14, 30
+#elif LANES == 8
+#define LOWER_HALVES 0, 8, 2, 10, 4, 12, 6, 14
+#else
+#define LOWER_HALVES 0, 4, 2, 6
+#endif
+static inline lanes_u words_of_halves(half_ul even, half_ul odd) { return shuffle_lanes(as_lanes_u(even), as_lanes_u(odd), LOWER_HALVES); }
 
 // image_block() of the columns x, x + 1 ..
 static inline ALWAYS_INLINE void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key,

@@ -83,6 +83,96 @@ static inline void load_spans(__local const lanes_f *tiles, uint x, uint width, 
     }
 }
 
+#if SENSOR
+// A row of pixels that a work-item has: where its signals are, what is added to them, and where its codes go.
+typedef struct {
+    int exists;
+    uint lane;
+    __global const float *before;
+    __global output_t *to;
+} row_t;
+
+// Row `row` of quarter j, from column x on, of a work-item whose first is row `first`.
+static inline row_t row_of(const camera_t *camera, const image_t *image, uint j, uint row, uint first, uint x) {
+    const uint y = row + j * camera->s.quarter, i = row - first;
+    const int exists = row >= first && i < QUARTER_ROWS && row < camera->s.quarter && y < image->height;
+    const row_t found = {exists, j * QUARTER_ROWS + i, image->before + (ulong)y * image->before_pitch + x,
+                         camera->output + (ulong)y * camera->output_pitch + x};
+    return found;
+}
+
+static inline lanes_f signals_at(const camera_t *camera, const image_t *image, const spans_t *spans, const row_t *row, uint span, uint count) {
+    lanes_f power = spans->of[span][row->lane];
+    if (image->adds)
+        power += load_some(row->before + span * LANES, count);
+    return signals_of(&camera->s, power);
+}
+
+// Both rows of a pair, of which the random words make a normal each: LANES codes in either.
+static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, const image_t *image, const spans_t *spans,
+                                             const row_t *even, const row_t *odd, uint span, lanes_u words, lanes_output *codes) {
+    lanes_f normal, other;
+    normal_pairs_from_words(words, &normal, &other);
+    if (even->exists)
+        codes[0] = expose_plain_lanes(camera, kind, normal, signals_at(camera, image, spans, even, span, LANES));
+    if (odd->exists)
+        codes[1] = expose_plain_lanes(camera, kind, other, signals_at(camera, image, spans, odd, span, LANES));
+}
+
+// The codes of `whole` spans, none of which reaches over the border, of a camera that has read noise and is not of kind CAMERA_ANY. Normals
+// are made where they are needed, between stores that go past the caches: those come not all at once. kind: a constant.
+static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, camera_kind_t kind, const image_t *image, const spans_t *spans,
+                                                    uint whole, uint first, const noise_blocks_t *blocks) {
+    lanes_u words[NOISE_BLOCKS / 2][4];
+    draw_read_words(&camera->s, blocks, words);
+    for (uint j = 0; j < 4; ++j)
+        for (uint pair = 0; pair < NOISE_ROWS / 2; ++pair) {
+            const row_t even = row_of(camera, image, j, blocks->row + 2 * pair, first, blocks->x);
+            const row_t odd = row_of(camera, image, j, blocks->row + 2 * pair + 1, first, blocks->x);
+            if (!even.exists && !odd.exists)
+                continue;
+            const uint k = pair * blocks->across;
+            uint span = 0;
+#if STREAM
+            for (; image->streams && span + 2 <= whole; span += 2) {
+                lanes_output codes[2], next[2];
+                expose_pair(camera, kind, image, spans, &even, &odd, span, words[k + span][j], codes);
+                expose_pair(camera, kind, image, spans, &even, &odd, span + 1, words[k + span + 1][j], next);
+                if (even.exists)
+                    stream_codes(even.to + span * LANES, codes[0], next[0]);
+                if (odd.exists)
+                    stream_codes(odd.to + span * LANES, codes[1], next[1]);
+            }
+#endif
+            for (; span < whole; ++span) {
+                lanes_output codes[2];
+                expose_pair(camera, kind, image, spans, &even, &odd, span, words[k + span][j], codes);
+                if (even.exists)
+                    store_codes(even.to + span * LANES, LANES, codes[0]);
+                if (odd.exists)
+                    store_codes(odd.to + span * LANES, LANES, codes[1]);
+            }
+        }
+}
+
+// The codes of all other spans: those from `begin` on.
+static inline void expose_spans(const camera_t *camera, const image_t *image, const spans_t *spans, uint begin, uint first,
+                                const noise_blocks_t *blocks) {
+    frame_noise_t noise;
+    draw_noise(&camera->s, blocks, &noise);
+    for (uint j = 0; j < 4; ++j)
+        for (uint row = first; row < first + QUARTER_ROWS; ++row) {
+            const row_t at = row_of(camera, image, j, row, first, blocks->x);
+            for (uint span = begin; span < blocks->across && at.exists; ++span) {
+                const uint x = blocks->x + span * LANES, count = min((uint)LANES, image->width - x);
+                const uint k = (row - blocks->row) * blocks->across + span;
+                store_codes(at.to + span * LANES, count,
+                            expose_lanes(camera, x, count, row + j * camera->s.quarter, j, k, &noise,
+                                         signals_at(camera, image, spans, &at, span, count)));
+            }
+        }
+}
+#else
 // The sum over the OVERSAMPLING rows of samples of a row of pixels.
 static inline lanes_f row_sum(const lanes_f *rows) {
     lanes_f sum = rows[0];
@@ -91,40 +181,14 @@ static inline lanes_f row_sum(const lanes_f *rows) {
     return sum;
 }
 
-// What `count` pixels of row y from x on get: the powers of rows of samples from `row` on, and the image before this one.
-static inline lanes_f pixels_of(const image_t *image, const spans_t *spans, uint span, uint row, uint x, uint y, uint count) {
-    const lanes_f power = row_sum(&spans->of[span][row]);
-    return image->adds ? power + load_some(image->before + (ulong)y * image->before_pitch + x, count) : power;
-}
-
-#if SENSOR
-// The codes of QUARTER_ROWS rows of each quarter from row `first` of it on. blocks: where the noise lies. kind: best a constant.
-static inline ALWAYS_INLINE void expose_spans(const camera_t *camera, camera_kind_t kind, const image_t *image, const spans_t *spans,
-                                              uint first, const noise_blocks_t *blocks, const frame_noise_t *noise) {
-    for (uint lane = 0; lane < LANES; ++lane) {
-        const uint j = lane / QUARTER_ROWS, row = first + lane % QUARTER_ROWS, y = row + j * camera->s.quarter;
-        if (row >= camera->s.quarter || y >= image->height)
-            continue;
-#pragma unroll
-        for (uint span = 0; span < SPANS; ++span) {
-            if (span >= blocks->across)
-                break;
-            const uint x = blocks->x + span * LANES, count = min((uint)LANES, image->width - x);
-            const uint k = (row - blocks->row) * blocks->across + span;
-            const lanes_f signals = signals_of(&camera->s, pixels_of(image, spans, span, lane, x, y, count));
-            store_codes(camera, x, count, y, image->streams && count == LANES,
-                        kind == CAMERA_ANY ? expose_lanes(camera, x, count, y, j, k, noise, signals)
-                                           : expose_plain_lanes(camera, kind, j, k, noise, signals));
-        }
-    }
-}
-#else
 // Rows of pixels from row y on.
 static inline void store_spans(const image_t *image, const spans_t *spans, uint x, uint y) {
     for (uint row = 0; row < LANES / OVERSAMPLING && y + row < image->height; ++row)
         for (uint span = 0; span < SPANS && x + span * LANES < image->width; ++span) {
             const uint at = x + span * LANES, count = min((uint)LANES, image->width - at);
-            const lanes_f power = pixels_of(image, spans, span, OVERSAMPLING * row, at, y + row, count);
+            lanes_f power = row_sum(&spans->of[span][OVERSAMPLING * row]);
+            if (image->adds)
+                power += load_some(image->before + (ulong)(y + row) * image->before_pitch + at, count);
             __global float *to = image->intensity + (ulong)(y + row) * image->pitch + at;
 #if STREAM
             if (image->streams && count == LANES) {
@@ -172,7 +236,7 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
     }
     image_t image;
 #if SENSOR
-    image.streams = STREAM && output_pitch % LANES == 0 && ((size_t)(output + output_offset) & (sizeof(lanes_output) - 1)) == 0;
+    image.streams = STREAM && output_pitch % (2 * LANES) == 0 && ((size_t)(output + output_offset) & (2 * sizeof(lanes_output) - 1)) == 0;
 #else
     image.intensity = intensity + intensity_offset;
     image.pitch = intensity_pitch;
@@ -223,14 +287,13 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
 #if SENSOR
         const uint across = min((uint)SPANS, (width - x + LANES - 1u) / LANES);
         const noise_blocks_t blocks_of_noise = {x, across, noise_row, across * noise_rows};
-        frame_noise_t noise;
-        draw_noise(&camera.s, &blocks_of_noise, &noise);
-        if (kind == CAMERA_WHOLE_CODES)
-            expose_spans(&camera, CAMERA_WHOLE_CODES, &image, &spans, first, &blocks_of_noise, &noise);
-        else if (kind == CAMERA_PLAIN)
-            expose_spans(&camera, CAMERA_PLAIN, &image, &spans, first, &blocks_of_noise, &noise);
-        else
-            expose_spans(&camera, CAMERA_ANY, &image, &spans, first, &blocks_of_noise, &noise);
+        const uint whole = kind == CAMERA_ANY || !(camera.s.switches & SENSOR_READ_NOISE) ? 0u : min(across, (width - x) / LANES);
+        if (whole > 0 && kind == CAMERA_PLAIN)
+            expose_plain_spans(&camera, CAMERA_PLAIN, &image, &spans, whole, first, &blocks_of_noise);
+        else if (whole > 0)
+            expose_plain_spans(&camera, CAMERA_WHOLE_CODES, &image, &spans, whole, first, &blocks_of_noise);
+        if (whole < across)
+            expose_spans(&camera, &image, &spans, whole, first, &blocks_of_noise);
 #else
         store_spans(&image, &spans, x, first / OVERSAMPLING);
 #endif

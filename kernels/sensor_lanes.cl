@@ -33,9 +33,10 @@ __kernel void sensor_expose_lanes(__global const float *intensity, ulong intensi
                     break;
                 __global const float *row = intensity + (ulong)y * intensity_pitch;
                 const uint x = block_x(&blocks, k), count = min((uint)LANES, s->width - x);
+                __global output_t *to = camera.output + (ulong)y * camera.output_pitch + x;
                 lanes_f value = signals_of(s, load_some(row + x, count));
                 if (kind != CAMERA_ANY) {
-                    store_codes(&camera, x, count, y, 0, expose_plain_lanes(&camera, kind, j, k, &noise, value));
+                    store_codes(to, count, expose_plain_lanes(&camera, kind, noise.read[k][j], value));
                     continue;
                 }
                 if (s->switches & SENSOR_CROSSTALK) {
@@ -44,7 +45,7 @@ __kernel void sensor_expose_lanes(__global const float *intensity, ulong intensi
                                                 neighbour_signals(s, y + 1 < s->height ? row + intensity_pitch : row, x, 0));
                     value = fma(SPREAD(0.25f * s->crosstalk), neighbours, (1.0f - s->crosstalk) * value);
                 }
-                store_codes(&camera, x, count, y, 0, expose_lanes(&camera, x, count, y, j, k, &noise, value));
+                store_codes(to, count, expose_lanes(&camera, x, count, y, j, k, &noise, value));
             }
     }
 }

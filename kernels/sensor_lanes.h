@@ -114,14 +114,22 @@ static inline void draw_normals(const sensor_t *s, const noise_blocks_t *blocks,
     }
 }
 
-// Rows 2 n and 2 n + 1 share a block of words, each of which makes a normal for either: blocks begin at an even row.
-static inline void draw_read_noise(const sensor_t *s, const noise_blocks_t *blocks, lanes_f (*normals)[4]) {
+// Rows 2 n and 2 n + 1 share a block of words, each of which makes a normal for either: blocks begin at an even row. The block of rows
+// row + 2 n and row + 2 n + 1 that is the k-th from the left is words[n * across + k]; returns how many there are.
+static inline uint draw_read_words(const sensor_t *s, const noise_blocks_t *blocks, lanes_u (*words)[4]) {
     const uint across = blocks->across, rows = (blocks->count + across - 1) / across;
     const noise_blocks_t pairs = {blocks->x, across, blocks->row / 2, (rows + 1) / 2 * across};
-    lanes_u words[NOISE_BLOCKS / 2][4];
     draw_words(s, &pairs, STREAM_READ_NOISE, words);
-    for (uint pair = 0; pair < pairs.count; ++pair) {
+    return pairs.count;
+}
+
+static inline void draw_read_noise(const sensor_t *s, const noise_blocks_t *blocks, lanes_f (*normals)[4]) {
+    const uint across = blocks->across;
+    lanes_u words[NOISE_BLOCKS / 2][4];
+    const uint count = draw_read_words(s, blocks, words);
+    for (uint pair = 0; pair < count; ++pair) {
         const uint k = pair + pair / across * across;
+#pragma unroll
         for (uint j = 0; j < 4; ++j)
             normal_pairs_from_words(words[pair][j], &normals[k][j], &normals[k + across][j]);
     }
@@ -164,15 +172,8 @@ static inline lanes_output codes_of(const sensor_t *s, lanes_f value) {
 #endif
 }
 
-// streams: past the caches.
-static inline void store_codes(const camera_t *c, uint x, uint count, uint y, int streams, lanes_output codes) {
-    __global output_t *to = c->output + (ulong)y * c->output_pitch + x;
-#if STREAM
-    if (streams) {
-        __builtin_nontemporal_store(codes, (__global lanes_output *)to);
-        return;
-    }
-#endif
+// count of LANES codes side by side.
+static inline void store_codes(__global output_t *to, uint count, lanes_output codes) {
     if (count == LANES) {
         store_lanes_output(codes, to);
         return;
@@ -182,6 +183,22 @@ static inline void store_codes(const camera_t *c, uint x, uint count, uint y, in
     for (uint lane = 0; lane < count; ++lane)
         to[lane] = each[lane];
 }
+
+#if STREAM
+// 2 LANES codes go past the caches at once: half a cache line by itself may be on its way before the other half comes.
+typedef output_t lanes_output_pair __attribute__((ext_vector_type(2 * LANES)));
+#if LANES == 16
+#define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
+#elif LANES == 8
+#define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+#else
+#define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7
+#endif
+static inline void stream_codes(__global output_t *to, lanes_output first, lanes_output second) {
+    const lanes_output_pair both = __builtin_shufflevector(first, second, ONE_AFTER_THE_OTHER);
+    __builtin_nontemporal_store(both, (__global lanes_output_pair *)to);
+}
+#endif
 
 // How much there is besides read noise and the converter.
 typedef enum {
@@ -198,14 +215,14 @@ static inline camera_kind_t kind_of(const camera_t *c) {
     return s->dark_signal == 0.0f && s->code_step == 1.0f ? CAMERA_WHOLE_CODES : CAMERA_PLAIN;
 }
 
-// expose_lanes() where the kind is not CAMERA_ANY: the same bits.
-static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
+// expose_lanes() where the kind is not CAMERA_ANY: the same bits. normal: of the read noise; not looked at without it.
+static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, lanes_f normal, lanes_f value) {
     const sensor_t *s = &c->s;
     if (kind == CAMERA_PLAIN)
         value += s->dark_signal;
     value = smaller(value, SPREAD(s->saturation)) + s->black_level;
     if (s->switches & SENSOR_READ_NOISE)
-        value = fma(SPREAD(s->read_noise), noise->read[k][j], value);
+        value = fma(SPREAD(s->read_noise), normal, value);
     if (kind == CAMERA_PLAIN)
         value = nearest(value * s->steps_per_dn) * s->code_step;
     value = smaller(positive(value), SPREAD(s->top_code));
