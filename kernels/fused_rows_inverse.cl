@@ -92,37 +92,36 @@ typedef struct {
     __global output_t *to;
 } row_t;
 
-// Row `row` of quarter j, from column x on, of a work-item whose first is row `first`.
+// Row `row` of quarter j, from column x on, of a work-item whose first is row `first`. One that does not exist can be read like others.
 static inline row_t row_of(const camera_t *camera, const image_t *image, uint j, uint row, uint first, uint x) {
     const uint y = row + j * camera->s.quarter, i = row - first;
     const int exists = row >= first && i < QUARTER_ROWS && row < camera->s.quarter && y < image->height;
-    const row_t found = {exists, j * QUARTER_ROWS + i, image->before + (ulong)y * image->before_pitch + x,
+    const row_t found = {exists, j * QUARTER_ROWS + (exists ? i : 0u), image->before + (ulong)(exists ? y : 0u) * image->before_pitch + x,
                          camera->output + (ulong)y * camera->output_pitch + x};
     return found;
 }
 
-static inline lanes_f signals_at(const camera_t *camera, const image_t *image, const spans_t *spans, const row_t *row, uint span, uint count) {
+static inline lanes_f signals_at(const camera_t *camera, int adds, const spans_t *spans, const row_t *row, uint span, uint count) {
     lanes_f power = spans->of[span][row->lane];
-    if (image->adds)
+    if (adds)
         power += load_some(row->before + span * LANES, count);
     return signals_of(&camera->s, power);
 }
 
-// Both rows of a pair, of which the random words make a normal each: LANES codes in either.
-static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, const image_t *image, const spans_t *spans,
-                                             const row_t *even, const row_t *odd, uint span, lanes_u words, lanes_output *codes) {
+// LANES codes in both rows of a pair, of which the random words make a normal each; also of one that does not exist, so that there is
+// nothing to ask on the way.
+static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, int adds, const spans_t *spans, const row_t *even,
+                                             const row_t *odd, uint span, lanes_u words, lanes_output *codes) {
     lanes_f normal, other;
     normal_pairs_from_words(words, &normal, &other);
-    if (even->exists)
-        codes[0] = expose_plain_lanes(camera, kind, normal, signals_at(camera, image, spans, even, span, LANES));
-    if (odd->exists)
-        codes[1] = expose_plain_lanes(camera, kind, other, signals_at(camera, image, spans, odd, span, LANES));
+    codes[0] = expose_plain_lanes(camera, kind, 1, normal, signals_at(camera, adds, spans, even, span, LANES));
+    codes[1] = expose_plain_lanes(camera, kind, 1, other, signals_at(camera, adds, spans, odd, span, LANES));
 }
 
 // The codes of `whole` spans, none of which reaches over the border, of a camera that has read noise and is not of kind CAMERA_ANY. Normals
-// are made where they are needed, between stores that go past the caches: those come not all at once. kind: a constant.
-static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, camera_kind_t kind, const image_t *image, const spans_t *spans,
-                                                    uint whole, uint first, const noise_blocks_t *blocks) {
+// are made where they are needed, between stores that go past the caches: those come not all at once. kind, adds: best constants.
+static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, camera_kind_t kind, int adds, const image_t *image,
+                                                    const spans_t *spans, uint whole, uint first, const noise_blocks_t *blocks) {
     lanes_u words[NOISE_BLOCKS / 2][4];
     draw_read_words(&camera->s, blocks, words);
     for (uint j = 0; j < 4; ++j)
@@ -136,8 +135,8 @@ static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, came
 #if STREAM
             for (; image->streams && span + 2 <= whole; span += 2) {
                 lanes_output codes[2], next[2];
-                expose_pair(camera, kind, image, spans, &even, &odd, span, words[k + span][j], codes);
-                expose_pair(camera, kind, image, spans, &even, &odd, span + 1, words[k + span + 1][j], next);
+                expose_pair(camera, kind, adds, spans, &even, &odd, span, words[k + span][j], codes);
+                expose_pair(camera, kind, adds, spans, &even, &odd, span + 1, words[k + span + 1][j], next);
                 if (even.exists)
                     stream_codes(even.to + span * LANES, codes[0], next[0]);
                 if (odd.exists)
@@ -146,7 +145,7 @@ static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, came
 #endif
             for (; span < whole; ++span) {
                 lanes_output codes[2];
-                expose_pair(camera, kind, image, spans, &even, &odd, span, words[k + span][j], codes);
+                expose_pair(camera, kind, adds, spans, &even, &odd, span, words[k + span][j], codes);
                 if (even.exists)
                     store_codes(even.to + span * LANES, LANES, codes[0]);
                 if (odd.exists)
@@ -168,7 +167,7 @@ static inline void expose_spans(const camera_t *camera, const image_t *image, co
                 const uint k = (row - blocks->row) * blocks->across + span;
                 store_codes(at.to + span * LANES, count,
                             expose_lanes(camera, x, count, row + j * camera->s.quarter, j, k, &noise,
-                                         signals_at(camera, image, spans, &at, span, count)));
+                                         signals_at(camera, image->adds, spans, &at, span, count)));
             }
         }
 }
@@ -288,10 +287,10 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
         const uint across = min((uint)SPANS, (width - x + LANES - 1u) / LANES);
         const noise_blocks_t blocks_of_noise = {x, across, noise_row, across * noise_rows};
         const uint whole = kind == CAMERA_ANY || !(camera.s.switches & SENSOR_READ_NOISE) ? 0u : min(across, (width - x) / LANES);
-        if (whole > 0 && kind == CAMERA_PLAIN)
-            expose_plain_spans(&camera, CAMERA_PLAIN, &image, &spans, whole, first, &blocks_of_noise);
-        else if (whole > 0)
-            expose_plain_spans(&camera, CAMERA_WHOLE_CODES, &image, &spans, whole, first, &blocks_of_noise);
+        if (whole > 0 && kind == CAMERA_WHOLE_CODES && !image.adds)
+            expose_plain_spans(&camera, CAMERA_WHOLE_CODES, 0, &image, &spans, whole, first, &blocks_of_noise);
+        else if (whole > 0) // whole codes, too: the same bits
+            expose_plain_spans(&camera, CAMERA_PLAIN, image.adds, &image, &spans, whole, first, &blocks_of_noise);
         if (whole < across)
             expose_spans(&camera, &image, &spans, whole, first, &blocks_of_noise);
 #else

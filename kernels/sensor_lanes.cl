@@ -36,7 +36,7 @@ __kernel void sensor_expose_lanes(__global const float *intensity, ulong intensi
                 __global output_t *to = camera.output + (ulong)y * camera.output_pitch + x;
                 lanes_f value = signals_of(s, load_some(row + x, count));
                 if (kind != CAMERA_ANY) {
-                    store_codes(to, count, expose_plain_lanes(&camera, kind, noise.read[k][j], value));
+                    store_codes(to, count, expose_plain_lanes(&camera, kind, s->switches & SENSOR_READ_NOISE, noise.read[k][j], value));
                     continue;
                 }
                 if (s->switches & SENSOR_CROSSTALK) {

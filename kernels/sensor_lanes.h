@@ -215,13 +215,13 @@ static inline camera_kind_t kind_of(const camera_t *c) {
     return s->dark_signal == 0.0f && s->code_step == 1.0f ? CAMERA_WHOLE_CODES : CAMERA_PLAIN;
 }
 
-// expose_lanes() where the kind is not CAMERA_ANY: the same bits. normal: of the read noise; not looked at without it.
-static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, lanes_f normal, lanes_f value) {
+// expose_lanes() where the kind is not CAMERA_ANY: the same bits. normal: of the read noise, if there is any.
+static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, int has_read_noise, lanes_f normal, lanes_f value) {
     const sensor_t *s = &c->s;
     if (kind == CAMERA_PLAIN)
         value += s->dark_signal;
     value = smaller(value, SPREAD(s->saturation)) + s->black_level;
-    if (s->switches & SENSOR_READ_NOISE)
+    if (has_read_noise)
         value = fma(SPREAD(s->read_noise), normal, value);
     if (kind == CAMERA_PLAIN)
         value = nearest(value * s->steps_per_dn) * s->code_step;
