@@ -266,8 +266,8 @@ def test_sensor_in_the_last_pass(fused, name, optics):
     [(np.uint16, 750, 1.0), (np.uint16, 750, 0.4), (np.float32, 375, 1.0), (np.uint8, 1500, 1.0)],
 )
 def test_large_codes_go_past_the_caches(fused, dtype, height, polarization):
-    """Images of more than 1 MiB: whole rows of 45 vectors of 16, then rows that begin anywhere in a vector, and rows
-    of another distance. Bit for bit the sensor's behind the intensity, and nothing beside the image is written."""
+    """Images of more than 1 MiB: rows of 45 vectors of 16 that begin as pairs of vectors do, so that one vector is left
+    over; rows that begin anywhere, and whose distance is not one of pairs. Bit for bit the sensor's behind the intensity, and nothing beside the image is written."""
     shape, step = (height, 720), np.dtype(dtype).itemsize
     bits = 8 if dtype == np.uint8 else 10
     camera = clspeckle.Pipeline.from_parameters(
@@ -278,7 +278,7 @@ def test_large_codes_go_past_the_caches(fused, dtype, height, polarization):
     intensity = camera.aperture.intensity(camera.phase, ideal)
     expected = clspeckle.Sensor(shape, seed=5, bits=bits, context=fused).expose(intensity, frame_index=7, dtype=dtype)
     scene = clspeckle.DeviceImage.from_array(ideal, context=fused)
-    for offset, pitch in ((0, 720), (3, 720), (32, 752), (0, 727)):
+    for offset, pitch in ((0, 736), (0, 720), (3, 736), (32, 768), (0, 727)):
         whole = np.full(offset + height * pitch + 64, 201, dtype)
         memory = clspeckle.DeviceImage.from_array(whole[None, :], context=fused)
         view = clspeckle.DeviceImage.wrap(
