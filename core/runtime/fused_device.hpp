@@ -1,4 +1,4 @@
-// Whether whole fields go through the fused engine's lanes, and what lanes are.
+// What goes in the fused engine's lanes besides an aperture's transforms, and what lanes are.
 #pragma once
 
 #include "runtime/context.hpp"
@@ -8,14 +8,17 @@
 
 namespace clsp {
 
+// Whether random numbers may be drawn in lanes. Only on CPUs, whatever is forced: NVIDIA's compiler (580.159) gets some of
+// what is made of products of 64 bits in vectors wrong.
+inline bool draws_in_lanes(const Context &context) { return fused_engine_for(context) == Engine::kFusedLanes; }
+
 // Of line transforms and refreshes; an aperture's engine is its own matter (Context::engine_choices()).
 inline bool works_in_lanes(const Context &context) {
     switch (context.fft_choice()) {
     case FftChoice::kFusedLanes:
-        return true;
     case FftChoice::kFused:
     case FftChoice::kAuto:
-        return fused_engine_for(context) == Engine::kFusedLanes;
+        return draws_in_lanes(context);
     case FftChoice::kClfft:
     case FftChoice::kFusedGroups:
         break;

@@ -52,7 +52,7 @@ class FusedLanes final : public FusedEngine {
     std::uint64_t lines_bytes() const override;
     bool leaves_sample_powers() const override { return sample_powers_; }
     bool exposes(const Sensor &sensor) const override {
-        return pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
+        return draws_in_lanes(*context_) && pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
     }
     std::uint32_t polarizations() const override { return polarizations_; }
     void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,

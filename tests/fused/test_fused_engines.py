@@ -35,6 +35,11 @@ def clfft(monkeypatch: pytest.MonkeyPatch) -> Iterator[clspeckle.Context]:
         yield context
 
 
+def is_gpu(context: clspeckle.Context) -> bool:
+    (kind,) = {device.type for device in clspeckle.devices() if device.name == context.info().device_name}
+    return "gpu" in kind and "cpu" not in kind
+
+
 def noise_image(height: int, width: int) -> np.ndarray:
     return np.random.default_rng(31).exponential(1.0, (height, width)).astype(np.float32)
 
@@ -81,8 +86,11 @@ def test_intensity_against_the_reference(fused, measured, case):
         pupil = aperture.circle_pupil(grid, diameter)
         for p in (0.0, 1.0):
             stage = clspeckle.Aperture((height, width), relative_diameter=diameter, degree_of_polarization=p, **shared)
-            assert stage.info().fft_backend == "fused"
-            assert stage.info().fft_reason == ""
+            reason = stage.info().fft_reason
+            if is_gpu(fused) and "local memory" in reason:  # in lanes, which are for CPUs
+                assert stage.info().fft_backend == "clFFT"
+            else:
+                assert (stage.info().fft_backend, reason) == ("fused", "")
             expected = aperture.intensity(grid, irradiance, fields, pupil, p)
             error = relative_error(stage.intensity(state, irradiance), expected)
             measured("relative L2 error", error)
@@ -267,7 +275,8 @@ def test_sensor_in_the_last_pass(fused, name, optics):
 )
 def test_large_codes_go_past_the_caches(fused, dtype, height, polarization):
     """Images of more than 1 MiB: rows of 45 vectors of 16 that begin as pairs of vectors do, so that one vector is left
-    over; rows that begin anywhere, and whose distance is not one of pairs. Bit for bit the sensor's behind the intensity, and nothing beside the image is written."""
+    over; rows that begin anywhere, and whose distance is not one of pairs. Bit for bit the sensor's behind the
+    intensity, and nothing beside the image is written."""
     shape, step = (height, 720), np.dtype(dtype).itemsize
     bits = 8 if dtype == np.uint8 else 10
     camera = clspeckle.Pipeline.from_parameters(

@@ -115,8 +115,8 @@ TEST_F(Tuning, ARunWritesARecordThatIsFollowed) {
     EXPECT_EQ("the tuning record " + path + ", 48 x 32", info.fft_source);
     EXPECT_EQ(1, log.count(CLSP_LOG_INFO, " is used for a field grid of 48 x 32: the tuning record"));
     EXPECT_EQ(0, log.count(CLSP_LOG_WARNING, ""));
-    const std::size_t from = content().find("\"chosen\""), to = content().find("}", from);
-    replace(content().substr(from, to - from + 1), R"("chosen": {"engine": "clfft"})");
+    const std::size_t from = content().find("\"chosen\""), to = content().find("\"reason\"", from);
+    replace(content().substr(from, to - from), R"("chosen": {"engine": "clfft"}, )");
     EXPECT_STREQ(info.fft_engine, aperture_info(before, 48, 32).fft_engine); // read once
     const ClspApertureInfo changed = aperture_info(logged(), 48, 32);
     EXPECT_STREQ("clfft", changed.fft_engine);
