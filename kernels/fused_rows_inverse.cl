@@ -132,18 +132,16 @@ static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, came
                 continue;
             const uint k = pair * blocks->across;
             uint span = 0;
-#if STREAM
-            for (; image->streams && span + 2 <= whole; span += 2) {
+            for (; span + 2 <= whole; span += 2) {
                 lanes_output codes[2], next[2];
                 expose_pair(camera, kind, adds, spans, &even, &odd, span, words[k + span][j], codes);
                 expose_pair(camera, kind, adds, spans, &even, &odd, span + 1, words[k + span + 1][j], next);
                 if (even.exists)
-                    stream_codes(even.to + span * LANES, codes[0], next[0]);
+                    store_two(even.to + span * LANES, image->streams, codes[0], next[0]);
                 if (odd.exists)
-                    stream_codes(odd.to + span * LANES, codes[1], next[1]);
+                    store_two(odd.to + span * LANES, image->streams, codes[1], next[1]);
             }
-#endif
-            for (; span < whole; ++span) {
+            if (span < whole) {
                 lanes_output codes[2];
                 expose_pair(camera, kind, adds, spans, &even, &odd, span, words[k + span][j], codes);
                 if (even.exists)

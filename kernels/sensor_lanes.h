@@ -185,7 +185,6 @@ static inline void store_codes(__global output_t *to, uint count, lanes_output c
 }
 
 #if STREAM
-// 2 LANES codes go past the caches at once: half a cache line by itself may be on its way before the other half comes.
 typedef output_t lanes_output_pair __attribute__((ext_vector_type(2 * LANES)));
 #if LANES == 16
 #define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
@@ -194,11 +193,19 @@ typedef output_t lanes_output_pair __attribute__((ext_vector_type(2 * LANES)));
 #else
 #define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7
 #endif
-static inline void stream_codes(__global output_t *to, lanes_output first, lanes_output second) {
-    const lanes_output_pair both = __builtin_shufflevector(first, second, ONE_AFTER_THE_OTHER);
-    __builtin_nontemporal_store(both, (__global lanes_output_pair *)to);
-}
 #endif
+// 2 LANES codes side by side. streams: past the caches, at once: half a cache line by itself may be on its way before the other half comes.
+static inline void store_two(__global output_t *to, int streams, lanes_output first, lanes_output second) {
+#if STREAM
+    if (streams) {
+        const lanes_output_pair both = __builtin_shufflevector(first, second, ONE_AFTER_THE_OTHER);
+        __builtin_nontemporal_store(both, (__global lanes_output_pair *)to);
+        return;
+    }
+#endif
+    store_lanes_output(first, to);
+    store_lanes_output(second, to + LANES);
+}
 
 // How much there is besides read noise and the converter.
 typedef enum {
