@@ -1,6 +1,7 @@
 // Pass B of the fused speckle engine: LANES kept lines at once, transformed along the columns, multiplied by the pupil and transformed back,
 // in place (the layout is in fused_rows_forward.cl).
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
+//   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the kept lines
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "fused_lanes.h"
 
@@ -18,27 +19,39 @@ static inline void multiply_lanes(lanes_complex *a, const lanes_complex *b) {
     a->im = im;
 }
 
-#if COMPLEX_PUPIL
-#define PUPIL_VECTORS 2u
+#if HARD_PUPIL
+#define PUPIL_PARAMETERS __global const uint *pupil, float amplitude
+#define PUPIL_ARGUMENTS pupil, amplitude
+#define PUPIL_NUMBERS 1u
+#elif COMPLEX_PUPIL
+#define PUPIL_PARAMETERS __global const lanes_f *pupil
+#define PUPIL_ARGUMENTS pupil
+#define PUPIL_NUMBERS 2u
 #else
-#define PUPIL_VECTORS 1u
+#define PUPIL_PARAMETERS __global const lanes_f *pupil
+#define PUPIL_ARGUMENTS pupil
+#define PUPIL_NUMBERS 1u
 #endif
 
 #if SHIFT
 // frequencies: of each position along the column, in cycles per sample; column_turns: frequency along the row times shift_x, of each lane.
-#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil, __global const float *frequencies, float shift_y, lanes_f column_turns
-#define FFT_PUPIL_ARGUMENTS , pupil, frequencies, shift_y, column_turns
+#define FFT_PUPIL_PARAMETERS , PUPIL_PARAMETERS, __global const float *frequencies, float shift_y, lanes_f column_turns
+#define FFT_PUPIL_ARGUMENTS , PUPIL_ARGUMENTS, frequencies, shift_y, column_turns
 static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
     const lanes_f turns = -(frequencies[p] * shift_y + column_turns);
     lanes_complex ramp;
     phasors_from_turns(turns, &ramp);
     multiply_lanes(v, &ramp);
 #else
-#define FFT_PUPIL_PARAMETERS , __global const lanes_f *pupil
-#define FFT_PUPIL_ARGUMENTS , pupil
+#define FFT_PUPIL_PARAMETERS , PUPIL_PARAMETERS
+#define FFT_PUPIL_ARGUMENTS , PUPIL_ARGUMENTS
 static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 #endif
-#if COMPLEX_PUPIL
+#if HARD_PUPIL
+    const lanes_i passes = ((lanes_u)(pupil[p]) & ((lanes_u)(1u) << lane_numbers())) != 0u;
+    v->re = select(SPREAD(0.0f), v->re * amplitude, passes);
+    v->im = select(SPREAD(0.0f), v->im * amplitude, passes);
+#elif COMPLEX_PUPIL
     const lanes_complex t = {pupil[2u * p], pupil[2u * p + 1u]};
     multiply_lanes(v, &t);
 #else
@@ -56,10 +69,10 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 
 #include "fused_codelets.h"
 
-// pupil: amplitude / samples of the field grid, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
+// pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
 // ends: of the transform (fused_ends() of the host), for each of the pupil's groups.
 __kernel void fused_columns(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles,
-                            __global const uchar *ends, __global const lanes_f *pupil,
+                            __global const uchar *ends, PUPIL_PARAMETERS,
 #if SHIFT
                             __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
 #endif
@@ -69,7 +82,7 @@ __kernel void fused_columns(__global lanes_f *lines, uint groups, uint pupil_gro
         return;
     __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
     const uint pupil_group = group % pupil_groups;
-    pupil += (ulong)pupil_group * PUPIL_VECTORS * FFT_LENGTH;
+    pupil += (ulong)pupil_group * PUPIL_NUMBERS * FFT_LENGTH;
     ends += pupil_group * FFT_ENDS_COUNT;
 #if SHIFT
     const lanes_f column_turns = line_frequencies[pupil_group] * shift_x;

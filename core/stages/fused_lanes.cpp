@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <fmt/core.h>
 #include <map>
+#include <optional>
 #include <vector>
 
 namespace clsp {
@@ -34,6 +35,24 @@ std::string prefetch_options(const Context &context) {
     if (!context.is_pocl_cpu())
         return "-DPREFETCH=0";
     return fmt::format("-DPREFETCH=64 -DPREFETCH_LOCALITY={}", context.tuned_device().vendor == "AuthenticAMD" ? 0 : 2);
+}
+
+// The only number besides 0, if there is just one.
+std::optional<float> only_amplitude(const std::vector<float> &amplitudes) {
+    const auto first = std::find_if(amplitudes.begin(), amplitudes.end(), [](float a) { return a != 0.0f; });
+    if (first == amplitudes.end())
+        return {};
+    const bool others = std::any_of(first, amplitudes.end(), [&](float a) { return a != 0.0f && a != *first; });
+    return others ? std::nullopt : std::optional<float>(*first);
+}
+
+// Of each vector of amplitudes, the lanes that are not 0.
+std::vector<cl_uint> lane_bits(const std::vector<float> &amplitudes, std::uint32_t lanes) {
+    std::vector<cl_uint> bits(amplitudes.size() / lanes, 0);
+    for (std::size_t i = 0; i < amplitudes.size(); ++i)
+        if (amplitudes[i] != 0.0f)
+            bits[i / lanes] |= 1u << i % lanes;
+    return bits;
 }
 
 std::size_t row_items(std::uint32_t rows, std::uint32_t of_each) {
@@ -94,6 +113,7 @@ class FusedLanes final : public FusedEngine {
     ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
     std::uint32_t kept_ = 0, groups_ = 0, capacity_groups_ = 0;
     bool complex_pupil_ = false;
+    std::optional<float> hard_amplitude_; // where the pupil is 0 or this: pupil_ has bits
     DeviceBuffer row_twiddles_, column_twiddles_;
     DeviceBuffer positions_, blocks_;
     DeviceBuffer column_ends_, row_ends_;
@@ -193,7 +213,9 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     blocks_ = device_table(context_, blocks);
     row_ends_ = device_table(context_, row_ends);
     column_ends_ = device_table(context_, column_ends);
-    pupil_ = device_table(context_, amplitudes);
+    hard_amplitude_ = complex_pupil_ ? std::nullopt : only_amplitude(amplitudes);
+    pupil_ =
+        hard_amplitude_ ? device_table(context_, lane_bits(amplitudes, lanes_)) : device_table(context_, amplitudes);
     column_twiddles_ = device_table(context_, column_plan_.twiddles);
     row_twiddles_ = device_table(context_, row_plan_.twiddles);
     frequencies_ = device_table(context_, frequencies);
@@ -219,10 +241,10 @@ cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
 cl::Kernel &FusedLanes::pupil_kernel(bool shifted) {
     cl::Kernel &kernel = shifted ? shifted_columns_ : columns_;
     if (!kernel())
-        kernel = context_->kernel(
-            "fused_columns.cl", "fused_columns",
-            fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DSHIFT={}", lanes_, complex_pupil_ ? 1 : 0, shifted ? 1 : 0),
-            &column_codelets_);
+        kernel = context_->kernel("fused_columns.cl", "fused_columns",
+                                  fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DHARD_PUPIL={} -DSHIFT={}", lanes_,
+                                              complex_pupil_ ? 1 : 0, hard_amplitude_ ? 1 : 0, shifted ? 1 : 0),
+                                  &column_codelets_);
     return kernel;
 }
 
@@ -278,6 +300,8 @@ void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
         .add(column_twiddles_.get())
         .add(column_ends_.get())
         .add(pupil_.get());
+    if (hard_amplitude_)
+        arguments.add(cl_float{*hard_amplitude_});
     if (shift)
         arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
