@@ -101,21 +101,21 @@ static inline row_t row_of(const camera_t *camera, const image_t *image, uint j,
     return found;
 }
 
-static inline lanes_f signals_at(const camera_t *camera, int adds, const spans_t *spans, const row_t *row, uint span, uint count) {
-    lanes_f power = spans->of[span][row->lane];
+// power: of span `span` from the row's first column on.
+static inline lanes_f signals_at(const camera_t *camera, int adds, lanes_f power, const row_t *row, uint span, uint count) {
     if (adds)
         power += load_some(row->before + span * LANES, count);
     return signals_of(&camera->s, power);
 }
 
 // LANES codes in both rows of a pair, of which the random words make a normal each; also of one that does not exist, so that there is
-// nothing to ask on the way.
+// nothing to ask before the normals.
 static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, int adds, const spans_t *spans, const row_t *even,
                                              const row_t *odd, uint span, lanes_u words, lanes_output *codes) {
     lanes_f normal, other;
     normal_pairs_from_words(words, &normal, &other);
-    codes[0] = expose_plain_lanes(camera, kind, 1, normal, signals_at(camera, adds, spans, even, span, LANES));
-    codes[1] = expose_plain_lanes(camera, kind, 1, other, signals_at(camera, adds, spans, odd, span, LANES));
+    codes[0] = expose_plain_lanes(camera, kind, 1, normal, signals_at(camera, adds, spans->of[span][even->lane], even, span, LANES));
+    codes[1] = expose_plain_lanes(camera, kind, 1, other, signals_at(camera, adds, spans->of[span][odd->lane], odd, span, LANES));
 }
 
 // The codes of `whole` spans, none of which reaches over the border, of a camera that has read noise and is not of kind CAMERA_ANY. Normals
@@ -152,7 +152,7 @@ static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, came
         }
 }
 
-// The codes of all other spans: those from `begin` on.
+// The codes of all other spans: those from `begin` on. blocks: where their noise lies.
 static inline void expose_spans(const camera_t *camera, const image_t *image, const spans_t *spans, uint begin, uint first,
                                 const noise_blocks_t *blocks) {
     frame_noise_t noise;
@@ -160,12 +160,13 @@ static inline void expose_spans(const camera_t *camera, const image_t *image, co
     for (uint j = 0; j < 4; ++j)
         for (uint row = first; row < first + QUARTER_ROWS; ++row) {
             const row_t at = row_of(camera, image, j, row, first, blocks->x);
-            for (uint span = begin; span < blocks->across && at.exists; ++span) {
+            for (uint span = 0; span < blocks->across && at.exists; ++span) {
                 const uint x = blocks->x + span * LANES, count = min((uint)LANES, image->width - x);
                 const uint k = (row - blocks->row) * blocks->across + span;
+                const lanes_f power = spans->of[begin + span][at.lane];
                 store_codes(at.to + span * LANES, count,
                             expose_lanes(camera, x, count, row + j * camera->s.quarter, j, k, &noise,
-                                         signals_at(camera, image->adds, spans, &at, span, count)));
+                                         signals_at(camera, image->adds, power, &at, span, count)));
             }
         }
 }
@@ -289,8 +290,10 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
             expose_plain_spans(&camera, CAMERA_WHOLE_CODES, 0, &image, &spans, whole, first, &blocks_of_noise);
         else if (whole > 0) // whole codes, too: the same bits
             expose_plain_spans(&camera, CAMERA_PLAIN, image.adds, &image, &spans, whole, first, &blocks_of_noise);
-        if (whole < across)
-            expose_spans(&camera, &image, &spans, whole, first, &blocks_of_noise);
+        if (whole < across) {
+            const noise_blocks_t others = {x + whole * LANES, across - whole, noise_row, (across - whole) * noise_rows};
+            expose_spans(&camera, &image, &spans, whole, first, &others);
+        }
 #else
         store_spans(&image, &spans, x, first / OVERSAMPLING);
 #endif

@@ -29,8 +29,8 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 #define store_lanes_output(codes, to) vstore_lanes(codes, 0, to)
 #endif
 
-// Vectors in four rows each whose random numbers are drawn one after the other, before any is used: the words of a block of them are one long chain
-// of multiplications, and so are the logarithms made of them; side by side they fill the time in which each waits for itself.
+// Vectors in four rows each whose random words are drawn one after the other, before any is used: the words of a block of them are one long chain
+// of multiplications; side by side they fill the time in which each waits for itself.
 #define NOISE_BLOCKS 16
 
 // What is random in LANES columns of four rows, one in each quarter of the image, for each block.
@@ -194,7 +194,8 @@ typedef output_t lanes_output_pair __attribute__((ext_vector_type(2 * LANES)));
 #define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7
 #endif
 #endif
-// 2 LANES codes side by side. streams: past the caches, at once: half a cache line by itself may be on its way before the other half comes.
+// 2 LANES codes side by side. streams: past the caches, at once: part of a cache line by itself may be on its way before the rest comes (16 codes of
+// 16 bits are half of one, 32 all of it).
 static inline void store_two(__global output_t *to, int streams, lanes_output first, lanes_output second) {
 #if STREAM
     if (streams) {
