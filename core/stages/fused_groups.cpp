@@ -234,6 +234,7 @@ void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
     }
     for (const std::uint32_t column : columns)
         line_frequencies.push_back(signed_frequency(column, width));
+    line_frequencies.resize(pitch_); // work-items beyond the last line read what lies behind it
     slots_ = device_table(context_, slots);
     pupil_ = device_table(context_, amplitudes);
     row_twiddles_ = device_table(context_, group_twiddles(row_plan_));
