@@ -1,16 +1,16 @@
 // Pass B of the fused speckle engine: LANES kept lines at once, transformed along the columns, multiplied by the pupil and transformed back,
-// in place (the layout is in fused_rows_forward.cl).
+// in place (the layout is in fused_rows_forward.cl): also between the stages, as a tile beside the lines would need as much of the caches again.
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the kept lines
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "fused_lanes.h"
 
-#define FFT_TILE __local
+#define FFT_TILE __global
 #define FFT_STRIPS 1
-#define FFT_INPUT(strip, p, re, im) re = line[2u * (p)], im = line[2u * (p) + 1u]
+#define FFT_INPUT(strip, p, re, im) re = tiles[2u * (p)], im = tiles[2u * (p) + 1u]
 #define FFT_ENDS
 #define FFT_INPUT_LOOP _Pragma("unroll")
-#define FFT_OUTPUT(strip, p, re, im) line[2u * (p)] = re, line[2u * (p) + 1u] = im
+#define FFT_OUTPUT(strip, p, re, im) tiles[2u * (p)] = re, tiles[2u * (p) + 1u] = im
 
 // *a times b.
 static inline void multiply_lanes(lanes_complex *a, const lanes_complex *b) {
@@ -72,15 +72,15 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 // pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
 // ends: of the transform (fused_ends() of the host), for each of the pupil's groups.
 __kernel void fused_columns(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles,
-                            __global const uchar *ends, PUPIL_PARAMETERS,
+                            __global const uchar *ends, PUPIL_PARAMETERS
 #if SHIFT
-                            __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y,
+                            , __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y
 #endif
-                            __local lanes_f *tiles) {
+) {
     const uint group = get_global_id(0);
     if (group >= groups)
         return;
-    __global lanes_f *line = lines + 2 * (ulong)group * FFT_LENGTH;
+    __global lanes_f *tiles = lines + 2 * (ulong)group * FFT_LENGTH;
     const uint pupil_group = group % pupil_groups;
     pupil += (ulong)pupil_group * PUPIL_NUMBERS * FFT_LENGTH;
     ends += pupil_group * FFT_ENDS_COUNT;

@@ -53,6 +53,10 @@ typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
 #define store_lanes_u(values, to) vstore_lanes(values, 0, to)
 #endif
 
+// Asks for the cache line at `address`. locality: into which cache, a constant as __builtin_prefetch() has it. OpenCL's own prefetch() does nothing on
+// PoCL; kernels that use this one are told to by an option.
+#define prefetch_line(address, locality) __builtin_prefetch((const void *)(size_t)(address), 0, locality)
+
 typedef struct {
     lanes_f re, im;
 } lanes_complex;

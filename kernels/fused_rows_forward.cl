@@ -4,6 +4,7 @@
 //   OVERSAMPLING n
 //   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is read once
 //   PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which cache, as __builtin_prefetch() has it
+//   STREAM_LINES 1  the kept lines go past the caches
 //
 // Kept lines lie in groups of LANES, in the order in which the transform leaves them: point y of group g is a pair of vectors (re, im) at
 // lines[2 (g grid_height + y)], lane l the l-th line of the group.
@@ -20,6 +21,12 @@
 #define FFT_OUTPUT(strip, p, re, im)
 // The amplitudes of LANES rows from the ideal image wait behind the tile for the second polarization: of samples x, x + 1 .. in a row.
 #define AMPLITUDES(x, row) tiles[FFT_TILE_VECTORS + (x) + (row)]
+
+#if STREAM_LINES
+#define store_line(values, to) __builtin_nontemporal_store(values, to)
+#else
+#define store_line(values, to) (*(to) = (values))
+#endif
 
 typedef struct {
     __global const state_word *state;
@@ -97,20 +104,18 @@ static void report_rows(const source_t *s) {
 }
 
 #if PREFETCH
-#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address), 0, PREFETCH_LOCALITY)
-
 // What unit_fields() reads.
 static inline void prefetch_state(const source_t *s, ulong i) {
 #if FIELD_UNIT_PHASOR
-    prefetch_line(s->state + s->first + i);
+    prefetch_line(s->state + s->first + i, PREFETCH_LOCALITY);
 #else
     for (uint knot = 0; knot <= PHASE_CONTINUOUS; ++knot) {
         __global const state_word *z = s->state + knot_offset(s->samples, s->first, knot) + 2 * i;
-        prefetch_line(z);
-        prefetch_line(z + LANES);
+        prefetch_line(z, PREFETCH_LOCALITY);
+        prefetch_line(z + LANES, PREFETCH_LOCALITY);
     }
 #if PHASE_CONTINUOUS
-    prefetch_line(s->state + i);
+    prefetch_line(s->state + i, PREFETCH_LOCALITY);
 #endif
 #endif
 }
@@ -133,18 +138,35 @@ static inline void unit_fields(const source_t *s, const span_t *span, ulong i, l
 }
 
 #if PREFETCH
-// What the field of LANES samples in row y is made of, PREFETCH samples ahead: so many rows side by side are more than the hardware foresees.
-static inline void prefetch_ahead(const source_t *s, uint x, uint y, uint pixel_y, int irradiance) {
-    const ulong i = (ulong)y * s->grid_width + x + PREFETCH;
+// What the field of LANES samples from x on in row y is made of: so many rows side by side are more than the hardware foresees.
+static inline void prefetch_samples(const source_t *s, uint x, uint y, uint pixel_y, int irradiance) {
+    const ulong i = (ulong)y * s->grid_width + x;
     if (irradiance)
-        prefetch_line(s->irradiance + (ulong)pixel_y * s->irradiance_pitch + (x + PREFETCH) / OVERSAMPLING);
+        prefetch_line(s->irradiance + (ulong)pixel_y * s->irradiance_pitch + x / OVERSAMPLING, PREFETCH_LOCALITY);
     prefetch_state(s, i);
 #if LINES
-    prefetch_line(s->heights + i);
+    prefetch_line(s->heights + i, PREFETCH_LOCALITY);
 #endif
 #if SCREEN
-    prefetch_line(s->screen + i);
+    prefetch_line(s->screen + i, PREFETCH_LOCALITY);
 #endif
+}
+
+// How the rows begin that come behind block `block` of polarization k's transform: those of the second polarization, or of the work-item that follows.
+// A part of the rows with each block.
+static inline void prefetch_starts(const source_t *s, uint k, uint block, uint blocks) {
+    source_t next = *s;
+    if (k + 1 < POLARIZATIONS) {
+        next.first += s->samples;
+    } else {
+        next.first -= k * s->samples;
+        next.y += LANES;
+    }
+    for (uint row = block * LANES / blocks; row < (block + 1) * LANES / blocks; ++row) {
+        const uint y = min(next.y + row, s->grid_height - 1u);
+        for (uint x = 0; x < PREFETCH && x < s->grid_width; x += LANES)
+            prefetch_samples(&next, x, y, pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height), k + 1 == POLARIZATIONS);
+    }
 }
 #endif
 
@@ -211,7 +233,7 @@ static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int firs
     for (uint row = 0; row < s->rows; ++row) {
         const uint y = s->y + row, pixel_y = pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height);
 #if PREFETCH
-        prefetch_ahead(s, x, y, pixel_y, first);
+        prefetch_samples(s, x + PREFETCH, y, pixel_y, first);
 #endif
         // Samples of a pixel share its amplitude.
         if (!first)
@@ -300,6 +322,9 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
         fft_forward_first
         uint group = 0;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {
+#if PREFETCH
+            prefetch_starts(&source, k, block, FFT_BLOCKS);
+#endif
             fft_forward_block(block, tiles, twiddles FFT_ENDS_ARGUMENT);
             for (; group < blocks[3u * block]; ++group) {
                 __global const uint *places = positions + group * LANES;
@@ -314,12 +339,12 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
                     if (source.rows == LANES) {
 #pragma unroll
                         for (uint l = 0; l < LANES; ++l)
-                            out[2u * l + part] = v[l];
+                            store_line(v[l], &out[2u * l + part]);
                     } else {
 #pragma unroll
                         for (uint l = 0; l < LANES; ++l)
                             if (l < source.rows)
-                                out[2u * l + part] = v[l];
+                                store_line(v[l], &out[2u * l + part]);
                     }
                 }
             }
@@ -330,4 +355,7 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
     }
     if (any(worst > LARGEST_BITS) && polarization == 0)
         report_rows(&source);
+#if STREAM_LINES
+    __sync_synchronize(); // such stores wait for nobody: here they end before the kernel does
+#endif
 }

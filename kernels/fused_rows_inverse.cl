@@ -1,6 +1,7 @@
 // Pass C of the fused speckle engine: LANES rows at once from the kept lines back to the image plane, and the intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
+//   PREFETCH_LINES 1  kept lines are asked for ahead: those of the second polarization, or of the work-item that follows
 //   STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
 //   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
@@ -32,6 +33,12 @@
 #define SPANS (NOISE_BLOCKS / NOISE_ROWS)
 #else
 #define SPANS (16 / LANES)
+#endif
+// From a work-item's rows to the next one's.
+#if SENSOR
+#define NEXT_ROWS QUARTER_ROWS
+#else
+#define NEXT_ROWS LANES
 #endif
 
 typedef struct {
@@ -257,6 +264,13 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
             for (; group < blocks[3u * block + 1u]; ++group) {
                 __global const lanes_f *in = lines + 2 * (ulong)group * grid_height;
                 __global const uint *places = positions + group * LANES;
+#if PREFETCH_LINES
+                const ulong polarization = 2 * (ulong)groups * grid_height;
+                __global const lanes_f *next = k + 1 < POLARIZATIONS ? in + polarization : in + 2u * NEXT_ROWS - k * polarization;
+                for (uint l = 0; l < LANES; ++l)
+                    for (uint part = 0; part < 2; ++part)
+                        prefetch_line(next + 2u * rows[l] + part, 3);
+#endif
                 // One part after the other: both at once are more than there are registers.
                 for (uint part = 0; part < 2; ++part) {
                     lanes_f v[LANES];

@@ -59,6 +59,12 @@ std::size_t row_items(std::uint32_t rows, std::uint32_t of_each) {
     return (rows + of_each - 1) / of_each;
 }
 
+// How many times the device's last cache `bytes` fill; 0 where its compiler has no builtins for what would follow.
+double caches_filled(const Context &context, std::uint64_t bytes) {
+    const std::uint64_t cache = context.device().getInfo<CL_DEVICE_GLOBAL_MEM_CACHE_SIZE>();
+    return context.is_pocl_cpu() && cache > 0 ? double(bytes) / double(cache) : 0.0;
+}
+
 // Images of this size and more go past the caches: what drives out the field costs more than what the next reader
 // finds.
 constexpr std::uint64_t kStreamedBytes = std::uint64_t{1} << 20;
@@ -93,6 +99,17 @@ class FusedLanes final : public FusedEngine {
     bool streams(Format output) const {
         return context_->is_pocl_cpu() &&
                std::uint64_t{component_bytes(output)} * grid_.width * grid_.height >= kStreamedBytes;
+    }
+    std::uint64_t bytes_of(std::uint32_t groups) const {
+        return std::uint64_t{polarizations_} * groups * grid_.grid_height * lanes_ * 2 * sizeof(float);
+    }
+    // Lines that the last cache does not hold from pass A to pass B go past the caches, where they are at least not
+    // read before they are written; only vectors that are cache lines, as halves do not come together there.
+    bool streams_lines() const { return lanes_ == 16 && caches_filled(*context_, bytes_of(groups_)) > 1.0; }
+    // Beside images half of that cache is not always theirs either: pass C asks for them ahead.
+    bool prefetches_lines() const { return caches_filled(*context_, bytes_of(groups_)) > 0.5; }
+    std::string inverse_options() const {
+        return fmt::format("{} -DPREFETCH_LINES={}", row_options(), prefetches_lines() ? 1 : 0);
     }
     cl::Kernel &field_kernel(const std::string &field_options);
     cl::Kernel &pupil_kernel(bool shifted);
@@ -140,19 +157,18 @@ FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, 
                                                                      fused_codelets(row_plan_, lanes_)},
       column_codelets_{kFusedCodeletsName, fused_codelets(column_plan_, lanes_)},
       complex_pupil_(!pupil.phase_turns.empty()) {
-    const std::uint32_t longest = std::max(grid.grid_width, grid.grid_height);
-    const std::uint64_t needed = fused_tile_bytes(longest, lanes_);
+    const std::uint64_t needed = fused_tile_bytes(grid.grid_width, lanes_);
     const std::uint64_t local = local_bytes();
     if (needed > local)
-        throw Error(
-            Status::kUnsupported,
-            fmt::format("lines of {} points need {} bytes of local memory, the device has {}", longest, needed, local));
+        throw Error(Status::kUnsupported,
+                    fmt::format("rows of {} points need {} bytes of local memory, the device has {}", grid.grid_width,
+                                needed, local));
     make_tables(pupil, request.every_line);
     // Sizes that a frame's kernels have.
     grid_.width = sample_powers_ ? grid.grid_width : grid.width;
     grid_.height = sample_powers_ ? grid.grid_height : grid.height;
     inverse_ = LazyKernel("fused_rows_inverse.cl", "fused_rows_inverse",
-                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", row_options(), pixel_samples_,
+                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", inverse_options(), pixel_samples_,
                                       streams(Format::kFloat32) ? 1 : 0),
                           &row_codelets_);
     pupil_kernel(false);
@@ -223,7 +239,7 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
 }
 
 std::uint64_t FusedLanes::lines_bytes() const {
-    return std::uint64_t{polarizations_} * capacity_groups_ * grid_.grid_height * lanes_ * 2 * sizeof(float);
+    return bytes_of(capacity_groups_);
 }
 
 cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
@@ -232,8 +248,9 @@ cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
         return found->second;
     return fields_
         .emplace(field_options, context_->kernel("fused_rows_forward.cl", "fused_rows_forward",
-                                                 fmt::format("{} {} {} -DOVERSAMPLING={}", field_options, row_options(),
-                                                             prefetch_options(*context_), grid_.oversampling),
+                                                 fmt::format("{} {} {} -DOVERSAMPLING={} -DSTREAM_LINES={}",
+                                                             field_options, row_options(), prefetch_options(*context_),
+                                                             grid_.oversampling, streams_lines() ? 1 : 0),
                                                  &row_codelets_))
         .first->second;
 }
@@ -255,7 +272,7 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
     return exposed_
         .emplace(output, context_->kernel("fused_rows_inverse.cl", "fused_rows_inverse",
                                           fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DSTREAM={} -DOUTPUT_FORMAT={}",
-                                                      row_options(), streams(output) ? 1 : 0,
+                                                      inverse_options(), streams(output) ? 1 : 0,
                                                       static_cast<std::uint32_t>(output)),
                                           &row_codelets_))
         .first->second;
@@ -307,7 +324,6 @@ void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>((*shift)[0]))
             .add(static_cast<cl_float>((*shift)[1]));
-    arguments.add(cl::Local(fused_tile_bytes(grid_.grid_height, lanes_)));
     chain.run("pupil", kernel, groups, 1, 1, 1);
 }
 

@@ -302,6 +302,30 @@ def test_large_codes_go_past_the_caches(fused, dtype, height, polarization):
         assert np.all(codes[offset + height * pitch :] == 201)
 
 
+@pytest.mark.parametrize("p", [1.0, 0.0])
+def test_lines_larger_than_the_last_cache(monkeypatch, measured, p):
+    """Kept lines of 34 MB for each polarization, more than most processors' last cache has: on CPUs they go past the caches
+    in pass A and are asked for ahead in pass C. A few rows are left over in both. Against the reference, and the sensor in
+    the last pass bit for bit the one behind the intensity."""
+    monkeypatch.setenv("CLSPECKLE_FFT", "fused")
+    shape = (2100, 2048)
+    with clspeckle.Context() as context:
+        camera = clspeckle.Pipeline.from_parameters(
+            shape, seed=5, relative_diameter=1.0, degree_of_polarization=p, context=context
+        )
+        assert camera.aperture.info().fft_backend == "fused"
+        irradiance = noise_image(*shape)
+        codes = camera.render(irradiance, frame_index=0)
+        intensity = camera.aperture.intensity(camera.phase, irradiance)
+        assert np.array_equal(clspeckle.Sensor(shape, seed=5, context=context).expose(intensity, frame_index=0), codes)
+        grid = phase.FieldGrid(shape[1], shape[0], 1, 0)
+        fields = [camera.phase.field(k) for k in range(1 if p == 1.0 else 2)]
+        expected = aperture.intensity(grid, irradiance, fields, aperture.circle_pupil(grid, 1.0), p)
+    error = relative_error(intensity, expected)
+    measured("relative L2 error", error)
+    assert error < BOUND
+
+
 def test_in_place(fused):
     """Where the output is the irradiance itself, the first polarization waits elsewhere."""
     shape = (40, 52)
