@@ -22,9 +22,9 @@ constexpr const char *kFusedCodeletsName = "fused_codelets.h";
 //   FFT_INPUT_LOOP                a pragma before the loop over FFT_INPUT (may be left out)
 //   FFT_ENDS                      defined: only some points of a line count, as the table `ends` says (fused_ends())
 //   FFT_PUPIL_PARAMETERS, FFT_PUPIL_ARGUMENTS  what FFT_PUPIL needs besides, each with a comma before it
-// A tile holds the points of a strip, re and im of point p at tile[2 p] and tile[2 p + 1], and one point more that
-// stages leave alone: FFT_TILE_VECTORS vectors. `tiles` holds those of all strips. Blocks count from 0 to FFT_BLOCKS
-// - 1.
+// A tile holds the points of a strip, re and im of point p at tile[2 p] and tile[2 p + 1]. Where there are several
+// strips, or a kernel wants it, one point more lies behind them that stages leave alone: FFT_TILE_VECTORS vectors.
+// `tiles` holds those of all strips. Blocks count from 0 to FFT_BLOCKS - 1.
 //   fft_forward_first                              statement: the first stage of all strips, into `tiles`
 //   fft_forward_block(b, tile, twiddles FFT_ENDS_ARGUMENT)  the other stages, block by block
 //   fft_inverse_block(b, tile, twiddles FFT_ENDS_ARGUMENT), fft_inverse_last  the same backwards
