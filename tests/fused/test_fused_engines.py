@@ -404,23 +404,31 @@ print(info.fft_backend, info.fft_reason, sep="|")
 
 
 @pytest.mark.parametrize(
-    ("shape", "options", "expected"),
+    ("engine", "shape", "options", "expected"),
     [
         (
+            "groups",
             (2, 8192),
             ["--local-mem-size", "16384"],
             "clFFT|lines of 8192 points need 34816 bytes of local memory, the device has 16384",
         ),
-        ((4, 1080), ["--local-mem-size", "16384"], "fused|"),
-        ((64, 64), ["--max-wgsize", "16"], "fused|"),
+        ("groups", (4, 1080), ["--local-mem-size", "16384"], "fused|"),
+        ("groups", (64, 64), ["--max-wgsize", "16"], "fused|"),
+        (
+            "lanes",
+            (2, 2048),
+            ["--local-mem-size", "16384"],
+            "clFFT|rows of 2048 points need 65568 bytes of local memory, the device has 16384",
+        ),
+        ("lanes", (2048, 2), ["--local-mem-size", "16384"], "fused|"),
     ],
-    ids=["no room for a line", "room for fewer lines", "few work-items"],
+    ids=["no room for a line", "room for fewer lines", "few work-items", "no room for a row", "columns need no room"],
 )
-def test_groups_fit_the_device_or_leave_it_to_clfft(shape, options, expected):
-    """On oclgrind's device with less local memory and smaller work-groups."""
+def test_lines_fit_the_device_or_are_left_to_clfft(engine, shape, options, expected):
+    """On oclgrind's device with less local memory and smaller work-groups. In lanes columns are transformed where they lie."""
     done = subprocess.run(
         ["oclgrind", *options, sys.executable, "-c", SMALL_DEVICE, *map(str, shape)],
-        env={**os.environ, "CLSPECKLE_FFT": "fused-groups", "CLSPECKLE_DEVICE": "oclgrind"},
+        env={**os.environ, "CLSPECKLE_FFT": f"fused-{engine}", "CLSPECKLE_DEVICE": "oclgrind"},
         capture_output=True,
         text=True,
         check=False,
