@@ -57,7 +57,8 @@ def test_every_function_is_called_by_a_test() -> None:
 
 
 def test_every_function_has_a_wrapper_in_the_cpp_binding() -> None:
-    binding = (ROOT / "bindings" / "cpp" / "include" / "clspeckle" / "clspeckle.hpp").read_text()
+    headers = ROOT / "bindings" / "cpp" / "include" / "clspeckle"
+    binding = "".join(path.read_text() for path in headers.iterdir())
     used = set(re.findall(r"\bclsp[A-Z]\w*", binding))
     assert not set(declared()) - used
 

@@ -71,8 +71,8 @@ def expected(prefix: Path, libdir: Path, tmp_path_factory: pytest.TempPathFactor
 
 def test_installed_files(prefix: Path, libdir: Path) -> None:
     headers = {path.name for path in (prefix / "include" / "clspeckle").iterdir()}
-    public = {path.name for path in (ROOT / "capi" / "include" / "clspeckle").iterdir()} | {"clspeckle.hpp"}
-    assert headers == public
+    folders = (ROOT / "capi" / "include" / "clspeckle", ROOT / "bindings" / "cpp" / "include" / "clspeckle")
+    assert headers == {path.name for folder in folders for path in folder.iterdir()}
     version = re.search(r"project\(clspeckle VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())
     assert version is not None
     abi = re.search(r"CLSP_ABI_VERSION (\d+)", (ROOT / "CMakeLists.txt").read_text())

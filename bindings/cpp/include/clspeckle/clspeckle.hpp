@@ -21,6 +21,7 @@
 #define CLSPECKLE_CLSPECKLE_HPP
 
 #include <clspeckle/clspeckle.h>
+#include <clspeckle/init.hpp>
 
 #include <array>
 #include <cstddef>
@@ -79,132 +80,6 @@ inline void check(ClspStatus status) {
 using Progress = std::function<bool(const std::string &what, double fraction)>;
 
 namespace detail {
-
-inline void init(ClspContextDesc &desc) {
-    check(clspContextDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspPhiloxDesc &desc) {
-    check(clspPhiloxDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspPatternDesc &desc) {
-    check(clspPatternDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspBeamProfile &beam) {
-    check(clspBeamProfileInit(&beam, sizeof(beam)));
-}
-inline void init(ClspDoeDefects &defects) {
-    check(clspDoeDefectsInit(&defects, sizeof(defects)));
-}
-inline void init(ClspDoePatternDesc &desc) {
-    check(clspDoePatternDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspSpotPatternDesc &desc) {
-    check(clspSpotPatternDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspDotsDesc &desc) {
-    check(clspDotsDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspDepthDesc &desc) {
-    check(clspDepthDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspGeometry &geometry) {
-    check(clspGeometryInit(&geometry, sizeof(geometry)));
-}
-inline void init(ClspPhaseDesc &desc) {
-    check(clspPhaseDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspPhaseAdvance &advance) {
-    check(clspPhaseAdvanceInit(&advance, sizeof(advance)));
-}
-inline void init(ClspMaterial &material) {
-    check(clspMaterialInit(&material, sizeof(material)));
-}
-inline void init(ClspMotionDesc &desc) {
-    check(clspMotionDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspMotionInput &input) {
-    check(clspMotionInputInit(&input, sizeof(input)));
-}
-inline void init(ClspMotionOutput &output) {
-    check(clspMotionOutputInit(&output, sizeof(output)));
-}
-inline void init(ClspApertureDesc &desc) {
-    check(clspApertureDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspLensDesc &desc) {
-    check(clspLensDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspSensorDesc &desc) {
-    check(clspSensorDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspPipelineDesc &desc) {
-    check(clspPipelineDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspFrame &frame) {
-    check(clspFrameInit(&frame, sizeof(frame)));
-}
-inline void init(ClspCaptureDesc &desc) {
-    check(clspCaptureDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspCaptureSequence &sequence) {
-    check(clspCaptureSequenceInit(&sequence, sizeof(sequence)));
-}
-inline void init(ClspHypothesis &hypothesis) {
-    check(clspHypothesisInit(&hypothesis, sizeof(hypothesis)));
-}
-inline void init(ClspDiagnoseDesc &desc) {
-    check(clspDiagnoseDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspDoeDesignDesc &desc) {
-    check(clspDoeDesignDescInit(&desc, sizeof(desc)));
-}
-inline void init(ClspDotLayoutDesc &desc) {
-    check(clspDotLayoutDescInit(&desc, sizeof(desc)));
-}
-// Structs that the library fills in have no defaults, only a size.
-inline void init(ClspDoeDesignReport &report) {
-    report.struct_size = sizeof(report);
-}
-inline void init(ClspDotLayoutInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspErrorInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspDeviceInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspContextInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspApertureInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspMoments &moments) {
-    moments.struct_size = sizeof(moments);
-}
-inline void init(ClspCaptureSequenceInfo &info) {
-    info.struct_size = sizeof(info);
-}
-inline void init(ClspDiagnosisSummary &summary) {
-    summary.struct_size = sizeof(summary);
-}
-inline void init(ClspDiagnosisRanked &ranked) {
-    ranked.struct_size = sizeof(ranked);
-}
-inline void init(ClspDiagnosisParameter &parameter) {
-    parameter.struct_size = sizeof(parameter);
-}
-inline void init(ClspDiagnosisPlace &place) {
-    place.struct_size = sizeof(place);
-}
-inline void init(ClspDiagnosisStep &step) {
-    step.struct_size = sizeof(step);
-}
-
-inline void init(ClspTuningDesc &desc) {
-    check(clspTuningDescInit(&desc, sizeof(desc)));
-}
 
 /** A caller's function, and the first exception of any of them, on its way through C. */
 template <typename Function> struct Carried {
