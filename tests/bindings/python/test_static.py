@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import graphlib
 import inspect
 import subprocess
 import sys
@@ -80,3 +81,17 @@ def test_everything_public_is_documented_and_listed() -> None:
 def test_the_package_runs_on_the_oldest_python_that_it_names(root: Path) -> None:
     for file in sorted((root / "bindings" / "python" / "src" / "clspeckle").glob("*.py")):
         ast.parse(file.read_text(encoding="utf-8"), feature_version=(3, 9))
+
+
+def test_no_circle_of_imports() -> None:
+    """Imports within functions and for type checkers count as well."""
+    files = {file.stem: file for file in Path(clspeckle.__file__).parent.glob("*.py")}
+    graph: dict[str, set[str]] = {}
+    for name, file in files.items():
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level == 1]
+        graph[name] = {node.module for node in imports if node.module}
+        graph[name] |= {alias.name for node in imports if not node.module for alias in node.names}
+        assert graph[name] <= set(files), name
+    assert len(graph) > 20
+    tuple(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError with the circle

@@ -1,21 +1,20 @@
-"""OpenCL objects of other packages: PyOpenCL's, and plain integer handles.
+"""OpenCL objects of other packages (PyOpenCL's, and plain integer handles), and events, which mix with theirs.
 
 PyOpenCL is never imported here: whoever holds one of its objects has imported it already.
 """
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import dataclasses
 import sys
+import weakref
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, Union
+from typing import Any, Protocol, Union
 
-from . import errors
+from . import _library, errors
 from ._check import kind
-
-if TYPE_CHECKING:
-    from .runtime import Event
 
 
 class SupportsIntPtr(Protocol):
@@ -40,9 +39,6 @@ class SupportsOpenCLArray(Protocol):
 
 OpenCLHandle = Union[SupportsIntPtr, int]
 """A PyOpenCL object, or the address of an OpenCL object as an integer."""
-
-EventLike = Union["Event", SupportsIntPtr, int]
-"""An event of ours, of PyOpenCL, or an integer handle."""
 
 
 def is_pyopencl(value: Any, class_name: str) -> bool:
@@ -70,6 +66,84 @@ def handle(value: Any, class_name: str, name: str) -> int:
     return int(pointer)
 
 
+def _drop_event(pointer: int, kept: list[Any]) -> None:
+    try:
+        if kept:  # host memory that the command still reads or writes
+            _library.call("clspEventWait", 1, ctypes.byref(ctypes.c_void_p(pointer)))
+    except errors.ClspeckleError:
+        pass  # a failed command no longer touches memory, and a finalizer has nobody to tell
+    finally:
+        kept.clear()
+        _library.release("clspEventRelease", pointer)
+
+
+# Events whose commands may still use host memory.
+_pending: weakref.WeakSet[Event] = weakref.WeakSet()
+
+
+@atexit.register
+def _leave_memory_to_pending_copies() -> None:
+    # A copy may run on while the interpreter goes down, or wait for an event that never comes: neither free its memory
+    # nor wait for it.
+    for event in list(_pending):
+        for thing in event._kept:
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+
+
+class Event:
+    """The completion of an ``enqueue_...`` call. Goes into ``wait_for=`` lists, also together with PyOpenCL's events.
+
+    Host arrays that a pending copy uses are kept alive; dropping such an event waits for the copy.
+
+    Threads: may be used from any number of threads at once.
+    """
+
+    def __init__(self) -> None:
+        raise TypeError("events come from enqueue_... methods")
+
+    @classmethod
+    def _from_pointer(cls, pointer: int | None, *kept: Any) -> Event:
+        if not pointer:
+            raise errors.InternalError("the library returned no event")
+        self = cls.__new__(cls)
+        self._pointer = pointer
+        self._kept = list(kept)
+        self._finalizer = weakref.finalize(self, _drop_event, pointer, self._kept)
+        self._finalizer.atexit = False
+        if kept:
+            _pending.add(self)
+        return self
+
+    _pointer: int
+    _kept: list[Any]
+    _finalizer: weakref.finalize[Any, Any]
+
+    @property
+    def int_ptr(self) -> int:
+        """cl_event as an integer (``pyopencl.Event.from_int_ptr``); owned by this object."""
+        return self._pointer
+
+    def wait(self) -> None:
+        """Blocks until the command is complete.
+
+        Raises:
+            OpenCLError: the command failed.
+        """
+        _library.call("clspEventWait", 1, ctypes.byref(ctypes.c_void_p(self._pointer)))
+        self._kept.clear()
+        _pending.discard(self)
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        raise TypeError("an Event belongs to one process and one OpenCL device; it cannot be pickled or copied")
+
+    def __repr__(self) -> str:
+        return f"<clspeckle.Event {self._pointer:#x}>"
+
+
+EventLike = Union[Event, SupportsIntPtr, int]
+"""An event of ours, of PyOpenCL, or an integer handle."""
+
+
 @dataclasses.dataclass(frozen=True)
 class WaitList:
     """The wait list of an Enqueue call."""
@@ -82,8 +156,6 @@ class WaitList:
 
 def wait_list(events: Sequence[EventLike] | None, more: Sequence[EventLike] = ()) -> WaitList:
     """A wait list of the caller's events and more."""
-    from .runtime import Event
-
     kept: list[EventLike] = list(more)
     if events is not None:
         if isinstance(events, (str, bytes)) or not hasattr(events, "__iter__"):
@@ -103,3 +175,10 @@ def wait_list(events: Sequence[EventLike] | None, more: Sequence[EventLike] = ()
 def notify(array: Any, event: int) -> None:
     """Tells a pyopencl.array.Array of a command that uses it, so that PyOpenCL's next one waits for it."""
     array.add_event(sys.modules["pyopencl"].Event.from_int_ptr(event, True))
+
+
+def enqueue(name: str, *arguments: Any, waiting: WaitList, kept: Sequence[Any] = ()) -> Event:
+    """Calls an Enqueue function and returns its event."""
+    event = ctypes.c_void_p()
+    _library.call(name, *arguments, waiting.count, waiting.pointers, ctypes.byref(event))
+    return Event._from_pointer(event.value, *kept)

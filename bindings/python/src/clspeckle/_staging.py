@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _interop, _library
-from ._interop import EventLike, SupportsIntPtr, SupportsOpenCLArray, WaitList
-from .runtime import Buffer, Context, DeviceImage, Event, Format, QueueLike, enqueue, find_format
+from ._interop import EventLike, SupportsIntPtr, SupportsOpenCLArray, WaitList, enqueue
+from .runtime import Buffer, Context, DeviceImage, Event, Format, QueueLike, find_format
 
 DeviceImageLike = Union[DeviceImage, Buffer, SupportsIntPtr, SupportsOpenCLArray]
 """A :class:`DeviceImage`, a ``pyopencl.array.Array``, or a bare Buffer (ours or PyOpenCL's) that holds the image

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from . import _check, _interop, _library, errors
 from ._handle import Handle, create, exclusive
-from ._interop import EventLike, SupportsIntPtr
+from ._interop import EventLike, SupportsIntPtr, enqueue
 from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
 from .runtime import (
     FLOAT32,
@@ -29,7 +29,6 @@ from .runtime import (
     DeviceImage,
     Event,
     QueueLike,
-    enqueue,
     memory_pointer,
     queue_pointer,
     resolve_context,

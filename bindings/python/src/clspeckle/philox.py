@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _interop, _library
-from ._interop import EventLike, SupportsIntPtr
+from ._interop import EventLike, SupportsIntPtr, enqueue
 from ._staging import DeviceImageLike, Operands, Staging, device_image, output
-from .runtime import FLOAT32, UINT32, Buffer, Context, Event, QueueLike, enqueue, memory_pointer, queue_pointer
+from .runtime import FLOAT32, UINT32, Buffer, Context, Event, QueueLike, memory_pointer, queue_pointer
 from .runtime import resolve_context as _resolve
 
 __all__ = ["bits", "blocks", "enqueue_blocks", "enqueue_fill", "normal", "uniform"]

@@ -1090,7 +1090,7 @@ def simulate(
         hash(key)
     except TypeError:  # an array among the parameters
         key = None
-    camera = None if key is None else context._take_camera(key)
+    camera: Pipeline | None = None if key is None else context._take_camera(key)
     if camera is None:
         camera = Pipeline.from_parameters(size, output=output, context=context, **parameters)
     elif camera.sensor is not None:

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import dataclasses
 import logging
 import os
 import threading
-import weakref
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Union
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _check, _interop, _library, errors
 from ._handle import Handle, create
-from ._interop import EventLike, OpenCLHandle, SupportsIntPtr, SupportsOpenCLArray, WaitList
-
-if TYPE_CHECKING:
-    from .pipeline import Pipeline
+from ._interop import Event, EventLike, OpenCLHandle, SupportsIntPtr, SupportsOpenCLArray, enqueue
 
 __all__ = [
     "Buffer",
@@ -282,7 +277,7 @@ class Context(Handle):
         self._profiling = bool(_check.flag(profiling, "profiling"))
         self._queue: Queue | None = None
         self._camera_lock = threading.Lock()
-        self._camera: tuple[Any, Pipeline] | None = None
+        self._camera: tuple[Any, Handle] | None = None
         self._adopt(create("clspContextCreate", ctypes.byref(desc)))
 
     def _forget(self) -> None:
@@ -321,13 +316,13 @@ class Context(Handle):
     def __repr__(self) -> str:
         return super().__repr__() if self.closed else f"<clspeckle.Context on {self.info().device_name}>"
 
-    def _take_camera(self, key: Any) -> Pipeline | None:
+    def _take_camera(self, key: Any) -> Any:
         """The pipeline that was kept for `key`, for the caller alone; another one is dropped."""
         with self._camera_lock:
             kept, self._camera = self._camera, None
         return kept[1] if kept is not None and kept[0] == key and not kept[1].closed else None
 
-    def _keep_camera(self, key: Any, camera: Pipeline) -> None:
+    def _keep_camera(self, key: Any, camera: Handle) -> None:
         with self._camera_lock:
             if not self.closed:
                 self._camera = (key, camera)
@@ -450,80 +445,6 @@ def queue_pointer(queue: QueueLike | None, context: Context | None) -> int:
     return _interop.handle(queue, "CommandQueue", "queue")
 
 
-def _drop_event(pointer: int, kept: list[Any]) -> None:
-    try:
-        if kept:  # host memory that the command still reads or writes
-            _library.call("clspEventWait", 1, ctypes.byref(ctypes.c_void_p(pointer)))
-    except errors.ClspeckleError:
-        pass  # a failed command no longer touches memory, and a finalizer has nobody to tell
-    finally:
-        kept.clear()
-        _library.release("clspEventRelease", pointer)
-
-
-# Events whose commands may still use host memory.
-_pending: weakref.WeakSet[Event] = weakref.WeakSet()
-
-
-@atexit.register
-def _leave_memory_to_pending_copies() -> None:
-    # A copy may run on while the interpreter goes down, or wait for an event that never comes: neither free its memory
-    # nor wait for it.
-    for event in list(_pending):
-        for thing in event._kept:
-            ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
-
-
-class Event:
-    """The completion of an ``enqueue_...`` call. Goes into ``wait_for=`` lists, also together with PyOpenCL's events.
-
-    Host arrays that a pending copy uses are kept alive; dropping such an event waits for the copy.
-
-    Threads: may be used from any number of threads at once.
-    """
-
-    def __init__(self) -> None:
-        raise TypeError("events come from enqueue_... methods")
-
-    @classmethod
-    def _from_pointer(cls, pointer: int | None, *kept: Any) -> Event:
-        if not pointer:
-            raise errors.InternalError("the library returned no event")
-        self = cls.__new__(cls)
-        self._pointer = pointer
-        self._kept = list(kept)
-        self._finalizer = weakref.finalize(self, _drop_event, pointer, self._kept)
-        self._finalizer.atexit = False
-        if kept:
-            _pending.add(self)
-        return self
-
-    _pointer: int
-    _kept: list[Any]
-    _finalizer: weakref.finalize[Any, Any]
-
-    @property
-    def int_ptr(self) -> int:
-        """cl_event as an integer (``pyopencl.Event.from_int_ptr``); owned by this object."""
-        return self._pointer
-
-    def wait(self) -> None:
-        """Blocks until the command is complete.
-
-        Raises:
-            OpenCLError: the command failed.
-        """
-        _library.call("clspEventWait", 1, ctypes.byref(ctypes.c_void_p(self._pointer)))
-        self._kept.clear()
-        _pending.discard(self)
-
-    def __reduce_ex__(self, protocol: Any) -> Any:
-        raise TypeError("an Event belongs to one process and one OpenCL device; it cannot be pickled or copied")
-
-    def __repr__(self) -> str:
-        return f"<clspeckle.Event {self._pointer:#x}>"
-
-
 def wait(events: Sequence[EventLike]) -> None:
     """Blocks until all events (ours, PyOpenCL's or integer handles) are complete; does nothing for an empty list.
 
@@ -533,13 +454,6 @@ def wait(events: Sequence[EventLike]) -> None:
     waiting = _interop.wait_list(events)
     if waiting.count:
         _library.call("clspEventWait", waiting.count, waiting.pointers)
-
-
-def enqueue(name: str, *arguments: Any, waiting: WaitList, kept: Sequence[Any] = ()) -> Event:
-    """Calls an Enqueue function and returns its event."""
-    event = ctypes.c_void_p()
-    _library.call(name, *arguments, waiting.count, waiting.pointers, ctypes.byref(event))
-    return Event._from_pointer(event.value, *kept)
 
 
 # --- Memory ---
