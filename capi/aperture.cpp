@@ -1,39 +1,45 @@
 #include "clspeckle/aperture.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/aperture.hpp"
-
-#include <algorithm>
-#include <cstring>
-#include <iterator>
+#include "texts.hpp"
 
 using namespace clsp;
 using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.oversampling, p.oversampling);
+    field(d.guard_px, p.guard_px);
+    field(d.pupil, p.pupil.shape);
+    field(d.normalization, p.pupil.normalization);
+    field(d.soft_rim, p.pupil.soft_rim);
+    field(d.pupil_image, p.pupil.image);
+    field(d.pupil_width, p.pupil.image_width);
+    field(d.pupil_height, p.pupil.image_height);
+    field(d.pupil_pitch_bytes, p.pupil.image_pitch_bytes);
+    field(d.workspace_from_host, p.workspace_from_host, "desc->workspace_from_host");
+    field(d.relative_diameter, p.relative_diameter);
+    field(d.f_number, p.f_number);
+    field(d.pixel_pitch_m, p.pixel_pitch_m);
+    field(d.wavelength_m, p.wavelength_m);
+    field(d.degree_of_polarization, p.degree_of_polarization);
+    field(d.blade_count, p.pupil.blade_count);
+    field(d.blade_rotation_rad, p.pupil.blade_rotation_rad);
+    field(d.blade_curvature, p.pupil.blade_curvature);
+    field(d.obstruction_ratio, p.pupil.obstruction_ratio);
+    field(d.defocus_waves, p.pupil.defocus_waves);
+    field(d.zernike_waves, p.pupil.zernike_waves);
+    field(d.fill_factor, p.fill_factor);
+};
+
 ClspApertureDesc aperture_defaults() {
-    const ApertureParameters p;
-    ClspApertureDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.oversampling = p.oversampling;
-    desc.guard_px = p.guard_px;
-    desc.pupil = static_cast<std::uint32_t>(p.pupil.shape);
-    desc.normalization = static_cast<std::uint32_t>(p.pupil.normalization);
-    desc.relative_diameter = p.relative_diameter;
-    desc.f_number = p.f_number;
-    desc.pixel_pitch_m = p.pixel_pitch_m;
-    desc.wavelength_m = p.wavelength_m;
-    desc.soft_rim = p.pupil.soft_rim;
-    desc.degree_of_polarization = p.degree_of_polarization;
-    desc.blade_count = p.pupil.blade_count;
-    desc.blade_rotation_rad = p.pupil.blade_rotation_rad;
-    desc.blade_curvature = p.pupil.blade_curvature;
-    desc.obstruction_ratio = p.pupil.obstruction_ratio;
-    desc.defocus_waves = p.pupil.defocus_waves;
-    desc.fill_factor = p.fill_factor;
-    return desc;
+    return to_c<ClspApertureDesc>(kFields, ApertureParameters());
 }
 
 } // namespace
@@ -49,43 +55,12 @@ CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDe
         const auto c = object(context);
         required(aperture, "aperture");
         const ClspApertureDesc d = read_struct(desc, aperture_defaults(), "desc");
-        ApertureParameters p;
-        p.width = d.width;
-        p.height = d.height;
-        p.oversampling = d.oversampling;
-        p.guard_px = d.guard_px;
-        p.pupil.shape = static_cast<PupilShape>(d.pupil);
-        p.pupil.normalization = static_cast<Normalization>(d.normalization);
-        p.pupil.soft_rim = d.soft_rim;
-        p.pupil.image = d.pupil_image;
-        p.pupil.image_width = d.pupil_width;
-        p.pupil.image_height = d.pupil_height;
-        p.pupil.image_pitch_bytes = d.pupil_pitch_bytes;
-        p.workspace_from_host = checked_flag(d.workspace_from_host, "desc->workspace_from_host");
-        p.relative_diameter = d.relative_diameter;
-        p.f_number = d.f_number;
-        p.pixel_pitch_m = d.pixel_pitch_m;
-        p.wavelength_m = d.wavelength_m;
-        p.degree_of_polarization = d.degree_of_polarization;
         check_reserved(d.reserved_blades, "desc->reserved_blades");
-        p.pupil.blade_count = d.blade_count;
-        p.pupil.blade_rotation_rad = d.blade_rotation_rad;
-        p.pupil.blade_curvature = d.blade_curvature;
-        p.pupil.obstruction_ratio = d.obstruction_ratio;
-        p.pupil.defocus_waves = d.defocus_waves;
-        std::copy(std::begin(d.zernike_waves), std::end(d.zernike_waves), p.pupil.zernike_waves.begin());
-        p.fill_factor = d.fill_factor;
-        give(aperture, std::make_shared<Aperture>(c, p));
+        give(aperture, std::make_shared<Aperture>(c, from_c<ApertureParameters>(kFields, d)));
     });
 }
 
-CLSP_API ClspStatus clspApertureRetain(ClspAperture aperture) {
-    return guarded("clspApertureRetain", [&] { HandleTable<ClspAperture>::instance().retain(aperture); });
-}
-
-CLSP_API ClspStatus clspApertureRelease(ClspAperture aperture) {
-    return guarded("clspApertureRelease", [&] { HandleTable<ClspAperture>::instance().release(aperture); });
-}
+CLSP_REFERENCES(Aperture)
 
 CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo *info) {
     return guarded("clspApertureGetInfo", [&] {
@@ -97,16 +72,16 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.relative_diameter = a->relative_diameter();
         result.mean_transmission = a->mean_transmission();
         result.workspace_bytes = a->workspace_bytes();
-        std::strncpy(result.fft_backend, a->fft_backend(), sizeof result.fft_backend - 1);
-        std::strncpy(result.fft_reason, a->fft_reason().c_str(), sizeof result.fft_reason - 1);
-        std::strncpy(result.fft_engine, engine_name(a->engine().engine), sizeof result.fft_engine - 1);
+        copy_text(result.fft_backend, a->fft_backend());
+        copy_text(result.fft_reason, a->fft_reason());
+        copy_text(result.fft_engine, engine_name(a->engine().engine));
         const GroupPick columns = a->engine().columns.value_or(GroupPick{}),
                         rows = a->engine().rows.value_or(GroupPick{});
         result.column_lines = columns.lines;
         result.column_work_items = columns.items;
         result.row_lines = rows.lines;
         result.row_work_items = rows.items;
-        std::strncpy(result.fft_source, a->engine_source().c_str(), sizeof result.fft_source - 1);
+        copy_text(result.fft_source, a->engine_source());
         write_struct(required(info, "info"), result, "info");
     });
 }

@@ -5,12 +5,12 @@
 #include "capture/capture_validation.hpp"
 #include "capture/capture_writer.hpp"
 #include "capture_handle.hpp"
+#include "fields.hpp"
 #include "status.hpp"
-#include "structs.hpp"
+#include "texts.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -21,6 +21,19 @@ static_assert(CLSP_MAX_CAPTURE_NAME == kMaxSequenceName + 1, "the engine's limit
 static_assert(static_cast<std::uint32_t>(CaptureScene::kDots) == CLSP_SCENE_DOTS,
               "CaptureScene and CLSP_SCENE_* must agree");
 static_assert(CLSP_MAX_DOTS == kMaxCaptureDots, "the engine's limit and the API's must agree");
+
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.bits, p.bits);
+    field(d.field, p.field);
+    field(d.pixel_pitch_m, p.pixel_pitch_m);
+    field(d.f_number, p.f_number);
+    field(d.wavelength_m, p.wavelength_m);
+    field(d.degree_of_polarization, p.degree_of_polarization);
+    field(d.black_level_dn, p.black_level_dn);
+    field(d.read_noise_dn, p.read_noise_dn);
+};
 
 ClspCaptureDesc capture_defaults() {
     ClspCaptureDesc desc{};
@@ -43,17 +56,7 @@ ClspCaptureSequence sequence_defaults() {
 
 CaptureLayout capture_layout(const ClspCaptureDesc *user) {
     const ClspCaptureDesc d = read_struct(user, capture_defaults(), "desc");
-    CaptureLayout layout;
-    layout.width = d.width;
-    layout.height = d.height;
-    layout.bits = d.bits;
-    layout.pixel_pitch_m = d.pixel_pitch_m;
-    layout.f_number = d.f_number;
-    layout.wavelength_m = d.wavelength_m;
-    layout.degree_of_polarization = d.degree_of_polarization;
-    layout.black_level_dn = d.black_level_dn;
-    layout.read_noise_dn = d.read_noise_dn;
-    layout.field = static_cast<FieldKind>(d.field);
+    auto layout = from_c<CaptureLayout>(kFields, d);
     layout.principal_point_px = {(d.width - 1.0) / 2.0, (d.height - 1.0) / 2.0};
     if (checked_flag(d.principal_point_given, "desc->principal_point_given"))
         layout.principal_point_px = {d.principal_point_x_px, d.principal_point_y_px};
@@ -109,13 +112,7 @@ CLSP_API ClspStatus clspCaptureOpen(const char *path, ClspCapture *capture) {
     });
 }
 
-CLSP_API ClspStatus clspCaptureRetain(ClspCapture capture) {
-    return guarded("clspCaptureRetain", [&] { HandleTable<ClspCapture>::instance().retain(capture); });
-}
-
-CLSP_API ClspStatus clspCaptureRelease(ClspCapture capture) {
-    return guarded("clspCaptureRelease", [&] { HandleTable<ClspCapture>::instance().release(capture); });
-}
+CLSP_REFERENCES(Capture)
 
 CLSP_API ClspStatus clspCaptureAddSequence(ClspCapture capture, const ClspCaptureSequence *sequence) {
     return guarded("clspCaptureAddSequence", [&] {
@@ -190,21 +187,10 @@ CLSP_API ClspStatus clspCaptureWrite(ClspCapture capture, const char *path, uint
 CLSP_API ClspStatus clspCaptureGetDesc(ClspCapture capture, ClspCaptureDesc *desc) {
     return guarded("clspCaptureGetDesc", [&] {
         const auto c = object(capture);
-        const CaptureLayout &layout = c->layout;
-        ClspCaptureDesc result = capture_defaults();
-        result.width = layout.width;
-        result.height = layout.height;
-        result.bits = layout.bits;
-        result.field = static_cast<std::uint32_t>(layout.field);
+        auto result = to_c<ClspCaptureDesc>(kFields, c->layout);
         result.principal_point_given = 1;
-        result.pixel_pitch_m = layout.pixel_pitch_m;
-        result.f_number = layout.f_number;
-        result.wavelength_m = layout.wavelength_m;
-        result.degree_of_polarization = layout.degree_of_polarization;
-        result.black_level_dn = layout.black_level_dn;
-        result.read_noise_dn = layout.read_noise_dn;
-        result.principal_point_x_px = layout.principal_point_px[0];
-        result.principal_point_y_px = layout.principal_point_px[1];
+        result.principal_point_x_px = c->layout.principal_point_px[0];
+        result.principal_point_y_px = c->layout.principal_point_px[1];
         write_struct(required(desc, "desc"), result, "desc");
     });
 }
@@ -246,7 +232,7 @@ CLSP_API ClspStatus clspCaptureGetSequence(ClspCapture capture, uint32_t index, 
         result.has_mask = s.mask.empty() ? 0 : 1;
         result.f_number = s.f_number;
         result.exposure_ms = s.exposure_ms.value_or(0.0);
-        std::memcpy(result.name, s.name.data(), std::min<std::size_t>(s.name.size(), sizeof result.name - 1));
+        copy_text(result.name, s.name);
         write_struct(required(info, "info"), result, "info");
     });
 }
@@ -277,16 +263,7 @@ CLSP_API ClspStatus clspCaptureGetMask(ClspCapture capture, uint32_t index, uint
 CLSP_API ClspStatus clspCaptureGetSummaryJson(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length) {
     return guarded("clspCaptureGetSummaryJson", [&] {
         const auto c = object(capture);
-        if (capacity > 0 && !text)
-            throw Error(Status::kInvalidArgument, "text is NULL although capacity is not 0");
-        const std::string json = capture_summary_json(*c);
-        if (capacity > 0) {
-            const std::size_t copied = std::min<std::size_t>(json.size(), capacity - 1);
-            std::memcpy(text, json.data(), copied);
-            text[copied] = '\0';
-        }
-        if (length)
-            *length = json.size() + 1;
+        give_text(capture_summary_json(*c), capacity, text, length, "text");
     });
 }
 

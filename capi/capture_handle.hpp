@@ -6,9 +6,6 @@
 
 namespace clsp::capi {
 
-template <> struct HandleTraits<ClspCapture> {
-    using Object = Capture;
-    static constexpr const char *kName = "capture";
-};
+CLSP_HANDLE(ClspCapture, Capture, "capture")
 
 } // namespace clsp::capi

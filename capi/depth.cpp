@@ -1,6 +1,7 @@
 #include "depth/depth.hpp"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 
 #include <algorithm>
@@ -34,51 +35,40 @@ static_assert(CLSP_PROJECTION_DIRECTION_COSINES == std::uint32_t(DirectionKind::
               "DirectionKind and CLSP_PROJECTION_* must agree");
 static_assert(sizeof(ClspDepthDot) == 232 && sizeof(ClspDepthPatternDot) == 8, "frozen");
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.detector.width);
+    field(d.height, p.detector.height);
+    field(d.max_dots, p.detector.max_dots);
+    field(d.dot_sigma_px, p.detector.dot_sigma_px);
+    field(d.read_noise_dn, p.detector.read_noise_dn);
+    field(d.dn_per_electron, p.detector.dn_per_electron);
+    field(d.black_level_dn, p.detector.black_level_dn);
+    field(d.saturation_dn, p.detector.saturation_dn);
+    field(d.min_amplitude_dn, p.detector.min_amplitude_dn);
+    field(d.threshold_sigmas, p.detector.threshold_sigmas);
+    field(d.min_correlation, p.detector.min_correlation);
+    field(d.epipolar_tolerance_px, p.identification.epipolar_tolerance_px);
+    field(d.min_confidence, p.identification.min_confidence);
+    field(d.projection, p.geometry.directions);
+    field(d.laser_from_camera, p.geometry.laser_from_camera);
+    field(d.fx_px, p.geometry.fx_px);
+    field(d.fy_px, p.geometry.fy_px);
+    field(d.cx_px, p.geometry.cx_px);
+    field(d.cy_px, p.geometry.cy_px);
+    field(d.near_m, p.geometry.near_m);
+    field(d.far_m, p.geometry.far_m);
+    field(d.direction_count, p.direction_count);
+    field(d.directions, p.directions);
+};
+
 ClspDepthDesc depth_defaults() {
-    const DepthParameters p;
-    ClspDepthDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.max_dots = p.detector.max_dots;
-    desc.projection = static_cast<std::uint32_t>(p.geometry.directions);
-    std::copy(p.geometry.laser_from_camera.begin(), p.geometry.laser_from_camera.end(), desc.laser_from_camera);
-    desc.near_m = p.geometry.near_m;
-    desc.far_m = p.geometry.far_m;
-    desc.dot_sigma_px = p.detector.dot_sigma_px;
-    desc.threshold_sigmas = p.detector.threshold_sigmas;
-    desc.min_correlation = p.detector.min_correlation;
-    desc.epipolar_tolerance_px = p.identification.epipolar_tolerance_px;
-    desc.min_confidence = p.identification.min_confidence;
-    return desc;
+    return to_c<ClspDepthDesc>(kFields, DepthParameters());
 }
 
 DepthParameters depth_parameters(const ClspDepthDesc *user) {
     const ClspDepthDesc d = read_struct(user, depth_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    DepthParameters p;
-    p.detector.width = d.width;
-    p.detector.height = d.height;
-    p.detector.max_dots = d.max_dots;
-    p.detector.dot_sigma_px = d.dot_sigma_px;
-    p.detector.read_noise_dn = d.read_noise_dn;
-    p.detector.dn_per_electron = d.dn_per_electron;
-    p.detector.black_level_dn = d.black_level_dn;
-    p.detector.saturation_dn = d.saturation_dn;
-    p.detector.min_amplitude_dn = d.min_amplitude_dn;
-    p.detector.threshold_sigmas = d.threshold_sigmas;
-    p.detector.min_correlation = d.min_correlation;
-    p.identification.epipolar_tolerance_px = d.epipolar_tolerance_px;
-    p.identification.min_confidence = d.min_confidence;
-    p.geometry.directions = static_cast<DirectionKind>(d.projection);
-    std::copy(std::begin(d.laser_from_camera), std::end(d.laser_from_camera), p.geometry.laser_from_camera.begin());
-    p.geometry.fx_px = d.fx_px;
-    p.geometry.fy_px = d.fy_px;
-    p.geometry.cx_px = d.cx_px;
-    p.geometry.cy_px = d.cy_px;
-    p.geometry.near_m = d.near_m;
-    p.geometry.far_m = d.far_m;
-    p.direction_count = d.direction_count;
-    p.directions = d.directions;
-    return p;
+    return from_c<DepthParameters>(kFields, d);
 }
 
 template <std::size_t count> void assign(double (&to)[count], const std::array<double, count> &from) {
@@ -156,13 +146,7 @@ CLSP_API ClspStatus clspDepthCreate(ClspContext context, const ClspDepthDesc *de
     });
 }
 
-CLSP_API ClspStatus clspDepthRetain(ClspDepth depth) {
-    return guarded("clspDepthRetain", [&] { HandleTable<ClspDepth>::instance().retain(depth); });
-}
-
-CLSP_API ClspStatus clspDepthRelease(ClspDepth depth) {
-    return guarded("clspDepthRelease", [&] { HandleTable<ClspDepth>::instance().release(depth); });
-}
+CLSP_REFERENCES(Depth)
 
 CLSP_API ClspStatus clspDepthEnqueueDetect(ClspDepth depth, cl_command_queue queue, const ClspImage *image,
                                            uint32_t num_events_in_wait_list, const cl_event *event_wait_list,

@@ -5,6 +5,7 @@
 #include "capture_handle.hpp"
 #include "comparison/comparison.hpp"
 #include "image_io/image_io.hpp"
+#include "fields.hpp"
 #include "progress.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
@@ -25,10 +26,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-template <> struct HandleTraits<ClspDiagnosis> {
-    using Object = const DiagnosisResult;
-    static constexpr const char *kName = "diagnosis";
-};
+CLSP_HANDLE(ClspDiagnosis, const DiagnosisResult, "diagnosis")
 
 } // namespace clsp::capi
 
@@ -53,29 +51,22 @@ ClspHypothesis hypothesis_defaults() {
     return hypothesis;
 }
 
+constexpr auto kOptionFields = [](auto field, auto &d, auto &p) {
+    field(d.seed, p.seed);
+    field(d.null_replicates, p.null_replicates);
+    field(d.level, p.level);
+    field(d.max_effects, p.max_effects);
+    field(d.threads, p.threads);
+    field(d.evidence, p.evidence, "desc->evidence");
+};
+
 ClspDiagnoseDesc diagnose_defaults() {
-    const DiagnosisOptions options;
-    ClspDiagnoseDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.null_replicates = options.null_replicates;
-    desc.max_effects = options.max_effects;
-    desc.threads = options.threads;
-    desc.seed = options.seed;
-    desc.level = options.level;
-    desc.evidence = options.evidence ? 1 : 0;
-    return desc;
+    return to_c<ClspDiagnoseDesc>(kOptionFields, DiagnosisOptions());
 }
 
 void check_range(std::uint32_t value, std::uint32_t least, std::uint32_t most, const char *name) {
     if (value < least || value > most)
         throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {}", name, value, least, most));
-}
-
-// Text of a fixed array of the C structs, cut to fit.
-template <std::size_t Size> void copy_text(char (&to)[Size], const std::string &from) {
-    const std::size_t length = std::min(from.size(), Size - 1);
-    std::memcpy(to, from.data(), length);
-    std::memset(to + length, 0, Size - length);
 }
 
 template <std::size_t Size> std::string fixed_text(const char (&from)[Size], const std::string &what) {
@@ -192,13 +183,7 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
     if (!(d.level >= kLeastLevel && d.level <= kMostLevel)) // also NaN
         throw Error(Status::kInvalidArgument,
                     fmt::format("desc->level is {}, it must be {} to {}", d.level, kLeastLevel, kMostLevel));
-    DiagnosisOptions options;
-    options.seed = d.seed;
-    options.null_replicates = d.null_replicates;
-    options.level = d.level;
-    options.max_effects = d.max_effects;
-    options.threads = d.threads;
-    options.evidence = checked_flag(d.evidence, "desc->evidence");
+    auto options = from_c<DiagnosisOptions>(kOptionFields, d);
     check_reserved(d.reserved, "desc->reserved");
     if (d.without_count > 0)
         required(d.without, "desc->without");
@@ -299,13 +284,7 @@ CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCaptu
     });
 }
 
-CLSP_API ClspStatus clspDiagnosisRetain(ClspDiagnosis diagnosis) {
-    return guarded("clspDiagnosisRetain", [&] { HandleTable<ClspDiagnosis>::instance().retain(diagnosis); });
-}
-
-CLSP_API ClspStatus clspDiagnosisRelease(ClspDiagnosis diagnosis) {
-    return guarded("clspDiagnosisRelease", [&] { HandleTable<ClspDiagnosis>::instance().release(diagnosis); });
-}
+CLSP_REFERENCES(Diagnosis)
 
 CLSP_API ClspStatus clspDiagnosisGetSummary(ClspDiagnosis diagnosis, ClspDiagnosisSummary *summary) {
     return guarded("clspDiagnosisGetSummary", [&] {

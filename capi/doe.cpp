@@ -2,6 +2,7 @@
 
 #include "convert.hpp"
 #include "doe/doe_pattern.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "progress.hpp"
 
@@ -15,124 +16,106 @@ namespace {
 static_assert(CLSP_MAX_DOE_SAMPLES == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines,
               "the engine's limits and the API's must agree");
 
+constexpr auto kBeamFields = [](auto field, auto &d, auto &p) {
+    field(d.kind, p.kind);
+    field(d.covariance_xx_m2, p.covariance_xx_m2);
+    field(d.covariance_xy_m2, p.covariance_xy_m2);
+    field(d.covariance_yy_m2, p.covariance_yy_m2);
+    field(d.width_m, p.width_m);
+    field(d.height_m, p.height_m);
+    field(d.order, p.order);
+    field(d.skew_x, p.skew_x);
+    field(d.skew_y, p.skew_y);
+    field(d.m_squared, p.m_squared);
+    field(d.image_width, p.image_width);
+    field(d.image_height, p.image_height);
+    field(d.image, p.image);
+    field(d.image_pitch_bytes, p.image_pitch_bytes);
+};
+
 ClspBeamProfile beam_defaults() {
-    const BeamParameters p;
-    ClspBeamProfile beam{};
-    beam.struct_size = sizeof beam;
-    beam.kind = static_cast<std::uint32_t>(p.kind);
-    beam.covariance_xx_m2 = p.covariance_xx_m2;
-    beam.covariance_xy_m2 = p.covariance_xy_m2;
-    beam.covariance_yy_m2 = p.covariance_yy_m2;
-    beam.width_m = p.width_m;
-    beam.height_m = p.height_m;
-    beam.order = p.order;
-    beam.m_squared = p.m_squared;
-    return beam;
+    return to_c<ClspBeamProfile>(kBeamFields, BeamParameters());
 }
+
+constexpr auto kDefectsFields = [](auto field, auto &d, auto &p) {
+    field(d.levels, p.levels);
+    field(d.relative_depth_error, p.relative_depth_error);
+    field(d.rounding_sigma_m, p.rounding_sigma_m);
+    field(d.etch_noise_rms_m, p.etch_noise_rms_m);
+    field(d.refractive_index, p.refractive_index);
+    field(d.dispersion_per_m, p.dispersion_per_m);
+    field(d.seed, p.seed);
+    field(d.feature_samples, p.feature_samples);
+};
 
 ClspDoeDefects defects_defaults() {
-    const DoeDefects d;
-    ClspDoeDefects defects{};
-    defects.struct_size = sizeof defects;
-    defects.refractive_index = d.refractive_index;
-    defects.feature_samples = d.feature_samples;
-    return defects;
+    return to_c<ClspDoeDefects>(kDefectsFields, DoeDefects());
 }
+
+constexpr auto kImageFields = [](auto field, auto &d, auto &p) {
+    field(d.wavelength_m, p.wavelength_m);
+    field(d.power_w, p.power_w);
+    field(d.image_width, p.image_width);
+    field(d.image_height, p.image_height);
+    field(d.half_extent_x, p.half_extent_x);
+    field(d.half_extent_y, p.half_extent_y);
+};
+
+constexpr auto kDoeFields = [](auto field, auto &d, auto &p) {
+    kImageFields(field, d, p);
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.periodic, p.periodic, "desc->periodic");
+    field(d.phase, p.phase);
+    field(d.phase_pitch_bytes, p.phase_pitch_bytes);
+    field(d.pixel_pitch_m, p.pixel_pitch_m);
+    field(d.dot_count, p.dot_count);
+    field(d.dot_orders, p.dot_orders);
+    field(d.dot_directions, p.dot_directions);
+    field(d.dot_weights, p.dot_weights);
+    field(d.design_levels, p.design_levels);
+    field(d.evaluation, p.evaluation);
+    field(d.line_count, p.line_count);
+    field(d.oversampling, p.oversampling);
+    field(d.line_wavelengths_m, p.line_wavelengths_m);
+    field(d.line_powers, p.line_powers);
+    field(d.doe_width_m, p.doe_width_m);
+    field(d.doe_height_m, p.doe_height_m);
+    field(d.pixel_envelope, p.pixel_envelope, "desc->pixel_envelope");
+    field(d.max_memory_bytes, p.max_memory_bytes);
+};
 
 ClspDoePatternDesc doe_defaults() {
-    const DoePatternParameters p;
-    ClspDoePatternDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.periodic = 1;
-    desc.wavelength_m = p.wavelength_m;
-    desc.oversampling = p.oversampling;
-    desc.power_w = p.power_w;
-    desc.image_width = p.image_width;
-    desc.image_height = p.image_height;
-    desc.pixel_envelope = 1;
-    return desc;
+    return to_c<ClspDoePatternDesc>(kDoeFields, DoePatternParameters());
 }
 
+constexpr auto kSpotFields = [](auto field, auto &d, auto &p) {
+    kImageFields(field, d, p);
+    field(d.count, p.count);
+    field(d.directions, p.directions);
+    field(d.powers, p.powers);
+};
+
 ClspSpotPatternDesc spot_defaults() {
-    const SpotPatternParameters p;
-    ClspSpotPatternDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.wavelength_m = p.wavelength_m;
-    desc.power_w = p.power_w;
-    desc.image_width = p.image_width;
-    desc.image_height = p.image_height;
-    desc.half_extent_x = p.half_extent_x;
-    desc.half_extent_y = p.half_extent_y;
-    return desc;
+    return to_c<ClspSpotPatternDesc>(kSpotFields, SpotPatternParameters());
 }
 
 BeamParameters beam_parameters(const ClspBeamProfile *user) {
-    const ClspBeamProfile b = user ? read_struct(user, beam_defaults(), "beam") : beam_defaults();
-    BeamParameters p;
-    p.kind = static_cast<BeamKind>(b.kind);
-    p.covariance_xx_m2 = b.covariance_xx_m2;
-    p.covariance_xy_m2 = b.covariance_xy_m2;
-    p.covariance_yy_m2 = b.covariance_yy_m2;
-    p.width_m = b.width_m;
-    p.height_m = b.height_m;
-    p.order = b.order;
-    p.skew_x = b.skew_x;
-    p.skew_y = b.skew_y;
-    p.m_squared = b.m_squared;
-    p.image_width = b.image_width;
-    p.image_height = b.image_height;
-    p.image = b.image;
-    p.image_pitch_bytes = b.image_pitch_bytes;
-    return p;
+    return user ? from_c<BeamParameters>(kBeamFields, read_struct(user, beam_defaults(), "beam")) : BeamParameters();
 }
 
 DoeDefects doe_defects(const ClspDoeDefects *user) {
     const ClspDoeDefects d = user ? read_struct(user, defects_defaults(), "defects") : defects_defaults();
     check_reserved(d.reserved, "defects->reserved");
-    DoeDefects p;
-    p.levels = d.levels;
-    p.relative_depth_error = d.relative_depth_error;
-    p.rounding_sigma_m = d.rounding_sigma_m;
-    p.etch_noise_rms_m = d.etch_noise_rms_m;
-    p.refractive_index = d.refractive_index;
-    p.dispersion_per_m = d.dispersion_per_m;
-    p.seed = d.seed;
-    p.feature_samples = d.feature_samples;
-    return p;
+    return from_c<DoeDefects>(kDefectsFields, d);
 }
 
 DoePatternParameters doe_parameters(const ClspDoePatternDesc *user) {
     const ClspDoePatternDesc d = read_struct(user, doe_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    DoePatternParameters p;
-    p.width = d.width;
-    p.height = d.height;
-    p.periodic = checked_flag(d.periodic, "desc->periodic");
-    p.phase = d.phase;
-    p.phase_pitch_bytes = d.phase_pitch_bytes;
-    p.pixel_pitch_m = d.pixel_pitch_m;
-    p.wavelength_m = d.wavelength_m;
-    p.dot_count = d.dot_count;
-    p.dot_orders = d.dot_orders;
-    p.dot_directions = d.dot_directions;
-    p.dot_weights = d.dot_weights;
+    auto p = from_c<DoePatternParameters>(kDoeFields, d);
     p.beam = beam_parameters(d.beam);
     p.defects = doe_defects(d.defects);
-    p.design_levels = d.design_levels;
-    p.evaluation = static_cast<DoeEvaluation>(d.evaluation);
-    p.line_count = d.line_count;
-    p.oversampling = d.oversampling;
-    p.line_wavelengths_m = d.line_wavelengths_m;
-    p.line_powers = d.line_powers;
-    p.doe_width_m = d.doe_width_m;
-    p.doe_height_m = d.doe_height_m;
-    p.power_w = d.power_w;
-    p.image_width = d.image_width;
-    p.image_height = d.image_height;
-    p.half_extent_x = d.half_extent_x;
-    p.half_extent_y = d.half_extent_y;
-    p.pixel_envelope = checked_flag(d.pixel_envelope, "desc->pixel_envelope");
-    p.max_memory_bytes = d.max_memory_bytes;
     p.cache_dir = d.cache_dir ? d.cache_dir : "";
     p.progress = progress_function(d.progress, d.progress_data);
     return p;
@@ -184,28 +167,13 @@ CLSP_API ClspStatus clspSpotPatternCreate(ClspContext context, const ClspSpotPat
         required(pattern, "pattern");
         const ClspSpotPatternDesc d = read_struct(desc, spot_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        SpotPatternParameters p;
-        p.count = d.count;
-        p.directions = d.directions;
-        p.powers = d.powers;
+        auto p = from_c<SpotPatternParameters>(kSpotFields, d);
         p.beam = beam_parameters(d.beam);
-        p.wavelength_m = d.wavelength_m;
-        p.power_w = d.power_w;
-        p.image_width = d.image_width;
-        p.image_height = d.image_height;
-        p.half_extent_x = d.half_extent_x;
-        p.half_extent_y = d.half_extent_y;
         give(pattern, make_spot_pattern(p));
     });
 }
 
-CLSP_API ClspStatus clspDoePatternRetain(ClspDoePattern pattern) {
-    return guarded("clspDoePatternRetain", [&] { HandleTable<ClspDoePattern>::instance().retain(pattern); });
-}
-
-CLSP_API ClspStatus clspDoePatternRelease(ClspDoePattern pattern) {
-    return guarded("clspDoePatternRelease", [&] { HandleTable<ClspDoePattern>::instance().release(pattern); });
-}
+CLSP_REFERENCES(DoePattern)
 
 CLSP_API ClspStatus clspDoePatternGetInfo(ClspDoePattern pattern, ClspDoePatternInfo *info) {
     return guarded("clspDoePatternGetInfo", [&] {

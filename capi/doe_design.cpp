@@ -1,6 +1,7 @@
 #include "clspeckle/doe_design.h"
 
 #include "doe/doe_design.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "progress.hpp"
 #include "runtime/checks.hpp"
@@ -14,10 +15,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-template <> struct HandleTraits<ClspDoeDesign> {
-    using Object = const DoeDesign;
-    static constexpr const char *kName = "design";
-};
+CLSP_HANDLE(ClspDoeDesign, const DoeDesign, "design")
 
 } // namespace clsp::capi
 
@@ -28,47 +26,32 @@ static_assert(static_cast<std::uint32_t>(DoeRule::kPhaseFixed) == CLSP_DOE_RULE_
                   kMostDoeOrders == CLSP_MAX_DOE_ORDERS,
               "the engine's limits and rules are those of doe_design.h");
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.levels, p.levels);
+    field(d.pixel_pitch_m, p.pixel_pitch_m);
+    field(d.wavelength_m, p.wavelength_m);
+    field(d.beam_diameter_m, p.beam_diameter_m);
+    field(d.seed, p.seed);
+    field(d.feedback, p.feedback);
+    field(d.rule, p.rule);
+    field(d.iterations, p.iterations);
+    field(d.quantization_iterations, p.quantization_iterations);
+    field(d.fix_phase_iteration, p.fix_phase_iteration);
+    field(d.search_sweeps, p.search_sweeps);
+    field(d.compensate_envelope, p.compensate_envelope, "desc->compensate_envelope");
+    field(d.mirror_orders, p.mirror_orders, "desc->mirror_orders");
+};
+
 ClspDoeDesignDesc design_defaults() {
-    const DoeDesignParameters p;
-    ClspDoeDesignDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.width = p.width;
-    desc.height = p.height;
-    desc.levels = p.levels;
-    desc.pixel_pitch_m = p.pixel_pitch_m;
-    desc.wavelength_m = p.wavelength_m;
-    desc.beam_diameter_m = p.beam_diameter_m;
-    desc.seed = p.seed;
-    desc.feedback = p.feedback;
-    desc.rule = static_cast<std::uint32_t>(p.rule);
-    desc.iterations = p.iterations;
-    desc.quantization_iterations = p.quantization_iterations;
-    desc.fix_phase_iteration = p.fix_phase_iteration;
-    desc.search_sweeps = p.search_sweeps;
-    desc.compensate_envelope = p.compensate_envelope ? 1 : 0;
-    desc.mirror_orders = p.mirror_orders ? 1 : 0;
-    return desc;
+    return to_c<ClspDoeDesignDesc>(kFields, DoeDesignParameters());
 }
 
 DoeDesignParameters design_parameters(const ClspDoeDesignDesc *user) {
     const ClspDoeDesignDesc d = read_struct(user, design_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    DoeDesignParameters p;
-    p.width = d.width;
-    p.height = d.height;
-    p.levels = d.levels;
-    p.pixel_pitch_m = d.pixel_pitch_m;
-    p.wavelength_m = d.wavelength_m;
-    p.beam_diameter_m = d.beam_diameter_m;
-    p.seed = d.seed;
-    p.feedback = d.feedback;
-    p.rule = static_cast<DoeRule>(d.rule);
-    p.iterations = d.iterations;
-    p.quantization_iterations = d.quantization_iterations;
-    p.fix_phase_iteration = d.fix_phase_iteration;
-    p.search_sweeps = d.search_sweeps;
-    p.compensate_envelope = checked_flag(d.compensate_envelope, "desc->compensate_envelope");
-    p.mirror_orders = checked_flag(d.mirror_orders, "desc->mirror_orders");
+    auto p = from_c<DoeDesignParameters>(kFields, d);
     if (d.order_count > kMostDoeOrders)
         throw Error(Status::kInvalidArgument,
                     fmt::format("desc->order_count is {}, at most {} are taken", d.order_count, kMostDoeOrders));
@@ -114,13 +97,7 @@ CLSP_API ClspStatus clspDoeDesignEvaluate(ClspContext context, const ClspDoeDesi
     });
 }
 
-CLSP_API ClspStatus clspDoeDesignRetain(ClspDoeDesign design) {
-    return guarded("clspDoeDesignRetain", [&] { HandleTable<ClspDoeDesign>::instance().retain(design); });
-}
-
-CLSP_API ClspStatus clspDoeDesignRelease(ClspDoeDesign design) {
-    return guarded("clspDoeDesignRelease", [&] { HandleTable<ClspDoeDesign>::instance().release(design); });
-}
+CLSP_REFERENCES(DoeDesign)
 
 CLSP_API ClspStatus clspDoeDesignGetReport(ClspDoeDesign design, ClspDoeDesignReport *report) {
     return guarded("clspDoeDesignGetReport", [&] {

@@ -1,6 +1,7 @@
 #include "clspeckle/dot_layout.h"
 
 #include "doe/dot_layout.hpp"
+#include "fields.hpp"
 #include "progress.hpp"
 #include "status.hpp"
 #include "structs.hpp"
@@ -14,23 +15,28 @@ namespace {
 
 static_assert(kMostLayoutDots == CLSP_MAX_LAYOUT_DOTS, "the engine's limit is that of dot_layout.h");
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.lattice, p.lattice, "desc->lattice");
+    field(d.count, p.count);
+    field(d.seed, p.seed);
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.pixel_pitch_m, p.pixel_pitch_m);
+    field(d.wavelength_m, p.wavelength_m);
+    field(d.half_angle_x_rad, p.half_angle_x_rad);
+    field(d.half_angle_y_rad, p.half_angle_y_rad);
+    field(d.min_distance, p.min_distance);
+    field(d.beam_diameter_m, p.beam_diameter_m);
+    field(d.row_half_height, p.row_half_height);
+    field(d.neighborhood_radius, p.neighborhood_radius);
+    field(d.tolerance, p.tolerance);
+    field(d.min_difference, p.min_difference);
+    field(d.point_symmetric, p.point_symmetric, "desc->point_symmetric");
+    field(d.repair_rounds, p.repair_rounds);
+};
+
 ClspDotLayoutDesc layout_defaults() {
-    const DotLayoutParameters p;
-    ClspDotLayoutDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.lattice = p.lattice ? 1 : 0;
-    desc.count = p.count;
-    desc.seed = p.seed;
-    desc.width = p.width;
-    desc.height = p.height;
-    desc.pixel_pitch_m = p.pixel_pitch_m;
-    desc.wavelength_m = p.wavelength_m;
-    desc.half_angle_x_rad = p.half_angle_x_rad;
-    desc.half_angle_y_rad = p.half_angle_y_rad;
-    desc.min_difference = p.min_difference;
-    desc.point_symmetric = p.point_symmetric ? 1 : 0;
-    desc.repair_rounds = p.repair_rounds;
-    return desc;
+    return to_c<ClspDotLayoutDesc>(kFields, DotLayoutParameters());
 }
 
 } // namespace
@@ -48,24 +54,7 @@ CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *d
         required(directions, "directions");
         if (info)
             check_struct_size(info->struct_size, kFirstSize<ClspDotLayoutInfo>, "info");
-        DotLayoutParameters p;
-        p.lattice = checked_flag(d.lattice, "desc->lattice");
-        p.count = d.count;
-        p.seed = d.seed;
-        p.width = d.width;
-        p.height = d.height;
-        p.pixel_pitch_m = d.pixel_pitch_m;
-        p.wavelength_m = d.wavelength_m;
-        p.half_angle_x_rad = d.half_angle_x_rad;
-        p.half_angle_y_rad = d.half_angle_y_rad;
-        p.min_distance = d.min_distance;
-        p.beam_diameter_m = d.beam_diameter_m;
-        p.row_half_height = d.row_half_height;
-        p.neighborhood_radius = d.neighborhood_radius;
-        p.tolerance = d.tolerance;
-        p.min_difference = d.min_difference;
-        p.point_symmetric = checked_flag(d.point_symmetric, "desc->point_symmetric");
-        p.repair_rounds = d.repair_rounds;
+        auto p = from_c<DotLayoutParameters>(kFields, d);
         p.progress = progress_function(d.progress, d.progress_data);
         if (!p.lattice && orders)
             throw Error(Status::kInvalidArgument,

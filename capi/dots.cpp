@@ -1,6 +1,7 @@
 #include "clspeckle/dots.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/dots.hpp"
 
@@ -14,13 +15,26 @@ namespace {
 
 static_assert(CLSP_MAX_DOTS == kMaxDots, "the engine's limit and the API's must agree");
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.count, p.count);
+    field(d.positions_px, p.positions_px);
+    field(d.sigmas_px, p.sigmas_px);
+    field(d.peaks, p.peaks);
+    field(d.sigma_px, p.sigma_px);
+    field(d.scale, p.scale);
+    field(d.relative_wavelength_shift, p.relative_wavelength_shift);
+    field(d.beam_skew, p.beam_skew);
+    field(d.beam_skew_angle_rad, p.beam_skew_angle_rad);
+    field(d.beam_flatness, p.beam_flatness);
+    field(d.zero_order_relative_intensity, p.zero_order_relative_intensity);
+    field(d.ghost_relative_intensity, p.ghost_relative_intensity);
+    field(d.scatter_fraction, p.scatter_fraction);
+};
+
 ClspDotsDesc dots_defaults() {
-    const DotsParameters p;
-    ClspDotsDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.sigma_px = p.sigma_px;
-    desc.scale = p.scale;
-    return desc;
+    return to_c<ClspDotsDesc>(kFields, DotsParameters());
 }
 
 // An optional point with the flag that says whether it is meant.
@@ -38,25 +52,10 @@ std::optional<Vector2> optional_point(std::uint32_t given, double x, double y, c
 DotsParameters dots_parameters(const ClspDotsDesc *user) {
     const ClspDotsDesc d = read_struct(user, dots_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    DotsParameters p;
-    p.width = d.width;
-    p.height = d.height;
-    p.count = d.count;
-    p.positions_px = d.positions_px;
-    p.sigmas_px = d.sigmas_px;
-    p.peaks = d.peaks;
-    p.sigma_px = d.sigma_px;
-    p.scale = d.scale;
+    auto p = from_c<DotsParameters>(kFields, d);
     p.principal_point_px =
         optional_point(d.principal_point_given, d.principal_point_x_px, d.principal_point_y_px, "principal_point");
-    p.relative_wavelength_shift = d.relative_wavelength_shift;
-    p.beam_skew = d.beam_skew;
-    p.beam_skew_angle_rad = d.beam_skew_angle_rad;
-    p.beam_flatness = d.beam_flatness;
-    p.zero_order_relative_intensity = d.zero_order_relative_intensity;
-    p.ghost_relative_intensity = d.ghost_relative_intensity;
     p.ghost_offset_px = optional_point(d.ghost_offset_given, d.ghost_offset_x_px, d.ghost_offset_y_px, "ghost_offset");
-    p.scatter_fraction = d.scatter_fraction;
     return p;
 }
 
@@ -76,13 +75,7 @@ CLSP_API ClspStatus clspDotsCreate(ClspContext context, const ClspDotsDesc *desc
     });
 }
 
-CLSP_API ClspStatus clspDotsRetain(ClspDots dots) {
-    return guarded("clspDotsRetain", [&] { HandleTable<ClspDots>::instance().retain(dots); });
-}
-
-CLSP_API ClspStatus clspDotsRelease(ClspDots dots) {
-    return guarded("clspDotsRelease", [&] { HandleTable<ClspDots>::instance().release(dots); });
-}
+CLSP_REFERENCES(Dots)
 
 CLSP_API ClspStatus clspDotsConfigure(ClspDots dots, const ClspDotsDesc *desc) {
     return guarded("clspDotsConfigure", [&] {

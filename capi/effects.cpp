@@ -3,21 +3,12 @@
 #include "effects/effects.hpp"
 #include "handles.hpp"
 #include "status.hpp"
+#include "texts.hpp"
 
-#include <cstring>
 #include <fmt/core.h>
 
 using namespace clsp;
 using namespace clsp::capi;
-
-namespace {
-
-// The catalogue's texts fit: tests/effects checks that none is cut.
-template <std::size_t Size> void copy_text(char (&to)[Size], const char *from) {
-    std::strncpy(to, from, Size - 1);
-}
-
-} // namespace
 
 extern "C" {
 
@@ -36,7 +27,7 @@ CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info) {
             throw Error(Status::kInvalidArgument,
                         fmt::format("index is {}, there are {} effects (numbered from 0)", index, catalogue.size()));
         const Effect &effect = catalogue[index];
-        ClspEffectInfo result{};
+        ClspEffectInfo result{}; // tests/effects checks that no text is cut
         copy_text(result.id, effect.id);
         copy_text(result.stage, effect.stage);
         copy_text(result.summary, effect.summary);

@@ -6,6 +6,7 @@
 #include "pipeline/pipeline.hpp"
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
+#include "status.hpp"
 
 #include <atomic>
 #include <cstdint>
@@ -29,54 +30,23 @@ namespace clsp::capi {
 
 // The engine's class behind each handle type, and what messages call it.
 template <typename Handle> struct HandleTraits;
-template <> struct HandleTraits<ClspContext> {
-    using Object = Context;
-    static constexpr const char *kName = "context";
-};
-template <> struct HandleTraits<ClspPattern> {
-    using Object = Pattern;
-    static constexpr const char *kName = "pattern";
-};
-template <> struct HandleTraits<ClspDoePattern> {
-    using Object = DoePattern;
-    static constexpr const char *kName = "pattern";
-};
-template <> struct HandleTraits<ClspDots> {
-    using Object = Dots;
-    static constexpr const char *kName = "dots";
-};
-template <> struct HandleTraits<ClspDepth> {
-    using Object = Depth;
-    static constexpr const char *kName = "depth";
-};
-template <> struct HandleTraits<ClspMaterialTable> {
-    using Object = MaterialTable;
-    static constexpr const char *kName = "table";
-};
-template <> struct HandleTraits<ClspMotion> {
-    using Object = Motion;
-    static constexpr const char *kName = "motion";
-};
-template <> struct HandleTraits<ClspLens> {
-    using Object = Lens;
-    static constexpr const char *kName = "lens";
-};
-template <> struct HandleTraits<ClspPhase> {
-    using Object = Phase;
-    static constexpr const char *kName = "phase";
-};
-template <> struct HandleTraits<ClspAperture> {
-    using Object = Aperture;
-    static constexpr const char *kName = "aperture";
-};
-template <> struct HandleTraits<ClspSensor> {
-    using Object = Sensor;
-    static constexpr const char *kName = "sensor";
-};
-template <> struct HandleTraits<ClspPipeline> {
-    using Object = Pipeline;
-    static constexpr const char *kName = "pipeline";
-};
+#define CLSP_HANDLE(Handle, Class, name)                                                                               \
+    template <> struct HandleTraits<Handle> {                                                                          \
+        using Object = Class;                                                                                          \
+        static constexpr const char *kName = name;                                                                     \
+    };
+CLSP_HANDLE(ClspContext, Context, "context")
+CLSP_HANDLE(ClspPattern, Pattern, "pattern")
+CLSP_HANDLE(ClspDoePattern, DoePattern, "pattern")
+CLSP_HANDLE(ClspDots, Dots, "dots")
+CLSP_HANDLE(ClspDepth, Depth, "depth")
+CLSP_HANDLE(ClspMaterialTable, MaterialTable, "table")
+CLSP_HANDLE(ClspMotion, Motion, "motion")
+CLSP_HANDLE(ClspLens, Lens, "lens")
+CLSP_HANDLE(ClspPhase, Phase, "phase")
+CLSP_HANDLE(ClspAperture, Aperture, "aperture")
+CLSP_HANDLE(ClspSensor, Sensor, "sensor")
+CLSP_HANDLE(ClspPipeline, Pipeline, "pipeline")
 
 // A number that no handle of any kind has had before, so that a released handle is never mistaken for a later one.
 inline std::uintptr_t next_handle_value() {
@@ -158,3 +128,14 @@ template <typename Handle> void give(Handle *handle, std::shared_ptr<typename Ha
 }
 
 } // namespace clsp::capi
+
+// clsp<Name>Retain() and clsp<Name>Release(), within extern "C".
+#define CLSP_REFERENCES(Name)                                                                                          \
+    CLSP_API ClspStatus clsp##Name##Retain(Clsp##Name handle) {                                                        \
+        return clsp::capi::guarded("clsp" #Name "Retain",                                                              \
+                                   [&] { clsp::capi::HandleTable<Clsp##Name>::instance().retain(handle); });           \
+    }                                                                                                                  \
+    CLSP_API ClspStatus clsp##Name##Release(Clsp##Name handle) {                                                       \
+        return clsp::capi::guarded("clsp" #Name "Release",                                                             \
+                                   [&] { clsp::capi::HandleTable<Clsp##Name>::instance().release(handle); });          \
+    }

@@ -1,6 +1,7 @@
 #include "clspeckle/lens.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/lens.hpp"
 
@@ -13,51 +14,33 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.radius_unit, p.radius_unit);
+    field(d.cos4_falloff, p.cos4_falloff, "desc->cos4_falloff");
+    field(d.principal_point_given, p.principal_point_given, "desc->principal_point_given");
+    field(d.principal_point_x_px, p.principal_point_x_px);
+    field(d.principal_point_y_px, p.principal_point_y_px);
+    field(d.focal_length_x_px, p.focal_length_x_px);
+    field(d.focal_length_y_px, p.focal_length_y_px);
+    field(d.k1, p.k1);
+    field(d.k2, p.k2);
+    field(d.k3, p.k3);
+    field(d.p1, p.p1);
+    field(d.p2, p.p2);
+    field(d.vignetting_corner_loss, p.vignetting_corner_loss);
+    field(d.glare_fraction, p.glare_fraction);
+    field(d.glare_scale_px, p.glare_scale_px);
+    field(d.ambient, p.ambient);
+};
+
 ClspLensDesc lens_defaults() {
-    const LensParameters p;
-    ClspLensDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.radius_unit = static_cast<std::uint32_t>(p.radius_unit);
-    desc.cos4_falloff = p.cos4_falloff ? 1 : 0;
-    desc.principal_point_given = p.principal_point_given ? 1 : 0;
-    desc.principal_point_x_px = p.principal_point_x_px;
-    desc.principal_point_y_px = p.principal_point_y_px;
-    desc.focal_length_x_px = p.focal_length_x_px;
-    desc.focal_length_y_px = p.focal_length_y_px;
-    desc.k1 = p.k1;
-    desc.k2 = p.k2;
-    desc.k3 = p.k3;
-    desc.p1 = p.p1;
-    desc.p2 = p.p2;
-    desc.vignetting_corner_loss = p.vignetting_corner_loss;
-    desc.glare_fraction = p.glare_fraction;
-    desc.glare_scale_px = p.glare_scale_px;
-    desc.ambient = p.ambient;
-    return desc;
+    return to_c<ClspLensDesc>(kFields, LensParameters());
 }
 
 LensParameters lens_parameters(const ClspLensDesc *desc) {
-    const ClspLensDesc d = read_struct(desc, lens_defaults(), "desc");
-    LensParameters p;
-    p.width = d.width;
-    p.height = d.height;
-    p.radius_unit = static_cast<RadiusUnit>(d.radius_unit);
-    p.cos4_falloff = checked_flag(d.cos4_falloff, "desc->cos4_falloff");
-    p.principal_point_given = checked_flag(d.principal_point_given, "desc->principal_point_given");
-    p.principal_point_x_px = d.principal_point_x_px;
-    p.principal_point_y_px = d.principal_point_y_px;
-    p.focal_length_x_px = d.focal_length_x_px;
-    p.focal_length_y_px = d.focal_length_y_px;
-    p.k1 = d.k1;
-    p.k2 = d.k2;
-    p.k3 = d.k3;
-    p.p1 = d.p1;
-    p.p2 = d.p2;
-    p.vignetting_corner_loss = d.vignetting_corner_loss;
-    p.glare_fraction = d.glare_fraction;
-    p.glare_scale_px = d.glare_scale_px;
-    p.ambient = d.ambient;
-    return p;
+    return from_c<LensParameters>(kFields, read_struct(desc, lens_defaults(), "desc"));
 }
 
 // All points are checked before the first one is written, as input and output may be the same.
@@ -99,13 +82,7 @@ CLSP_API ClspStatus clspLensCreate(ClspContext context, const ClspLensDesc *desc
     });
 }
 
-CLSP_API ClspStatus clspLensRetain(ClspLens lens) {
-    return guarded("clspLensRetain", [&] { HandleTable<ClspLens>::instance().retain(lens); });
-}
-
-CLSP_API ClspStatus clspLensRelease(ClspLens lens) {
-    return guarded("clspLensRelease", [&] { HandleTable<ClspLens>::instance().release(lens); });
-}
+CLSP_REFERENCES(Lens)
 
 CLSP_API ClspStatus clspLensConfigure(ClspLens lens, const ClspLensDesc *desc) {
     return guarded("clspLensConfigure", [&] { object(lens)->configure(lens_parameters(desc)); });

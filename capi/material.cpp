@@ -1,6 +1,7 @@
 #include "clspeckle/material.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/material.hpp"
 
@@ -11,18 +12,18 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.roughness_rms_m, p.roughness_rms_m);
+    field(d.degree_of_polarization, p.degree_of_polarization);
+    field(d.correlation_time_s, p.correlation_time_s);
+    field(d.lateral_correlation_length_m, p.lateral_correlation_length_m);
+    field(d.axial_correlation_length_m, p.axial_correlation_length_m);
+    field(d.rotation_correlation_angle_rad, p.rotation_correlation_angle_rad);
+    field(d.subsurface_fraction, p.subsurface_fraction);
+};
+
 ClspMaterial material_defaults() {
-    const Material m;
-    ClspMaterial material{};
-    material.struct_size = sizeof material;
-    material.roughness_rms_m = m.roughness_rms_m;
-    material.degree_of_polarization = m.degree_of_polarization;
-    material.correlation_time_s = m.correlation_time_s;
-    material.lateral_correlation_length_m = m.lateral_correlation_length_m;
-    material.axial_correlation_length_m = m.axial_correlation_length_m;
-    material.rotation_correlation_angle_rad = m.rotation_correlation_angle_rad;
-    material.subsurface_fraction = m.subsurface_fraction;
-    return material;
+    return to_c<ClspMaterial>(kFields, Material());
 }
 
 } // namespace
@@ -56,26 +57,12 @@ CLSP_API ClspStatus clspMaterialTableCreate(ClspContext context, const ClspMater
                                         i, entry->struct_size, stride));
             const ClspMaterial m = read_struct(entry, material_defaults(), "materials");
             check_reserved(m.reserved, "materials->reserved");
-            Material material;
-            material.roughness_rms_m = m.roughness_rms_m;
-            material.degree_of_polarization = m.degree_of_polarization;
-            material.correlation_time_s = m.correlation_time_s;
-            material.lateral_correlation_length_m = m.lateral_correlation_length_m;
-            material.axial_correlation_length_m = m.axial_correlation_length_m;
-            material.rotation_correlation_angle_rad = m.rotation_correlation_angle_rad;
-            material.subsurface_fraction = m.subsurface_fraction;
-            list.push_back(material);
+            list.push_back(from_c<Material>(kFields, m));
         }
         give(table, std::make_shared<MaterialTable>(c, std::move(list)));
     });
 }
 
-CLSP_API ClspStatus clspMaterialTableRetain(ClspMaterialTable table) {
-    return guarded("clspMaterialTableRetain", [&] { HandleTable<ClspMaterialTable>::instance().retain(table); });
-}
-
-CLSP_API ClspStatus clspMaterialTableRelease(ClspMaterialTable table) {
-    return guarded("clspMaterialTableRelease", [&] { HandleTable<ClspMaterialTable>::instance().release(table); });
-}
+CLSP_REFERENCES(MaterialTable)
 
 } // extern "C"

@@ -1,6 +1,7 @@
 #include "clspeckle/motion.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "motion.hpp"
 
@@ -9,20 +10,22 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.rule, p.rule);
+    field(d.translate, p.translate, "desc->translate");
+    field(d.depth_kind, p.depth_kind);
+    field(d.fx_px, p.fx_px);
+    field(d.fy_px, p.fy_px);
+    field(d.cx_px, p.cx_px);
+    field(d.cy_px, p.cy_px);
+    field(d.replace_threshold, p.replace_threshold);
+    field(d.occlusion_tolerance, p.occlusion_tolerance);
+};
+
 ClspMotionDesc motion_defaults() {
-    const MotionParameters p;
-    ClspMotionDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.rule = static_cast<std::uint32_t>(p.rule);
-    desc.translate = p.translate ? 1 : 0;
-    desc.depth_kind = static_cast<std::uint32_t>(p.depth_kind);
-    desc.fx_px = p.fx_px;
-    desc.fy_px = p.fy_px;
-    desc.cx_px = p.cx_px;
-    desc.cy_px = p.cy_px;
-    desc.replace_threshold = p.replace_threshold;
-    desc.occlusion_tolerance = p.occlusion_tolerance;
-    return desc;
+    return to_c<ClspMotionDesc>(kFields, MotionParameters());
 }
 
 ClspMotionInput input_defaults() {
@@ -82,31 +85,14 @@ CLSP_API ClspStatus clspMotionCreate(ClspContext context, const ClspMotionDesc *
         const auto c = object(context);
         required(motion, "motion");
         const ClspMotionDesc d = read_struct(desc, motion_defaults(), "desc");
-        MotionParameters p;
-        p.width = d.width;
-        p.height = d.height;
-        p.rule = static_cast<MotionRule>(d.rule);
-        p.translate = checked_flag(d.translate, "desc->translate");
-        p.depth_kind = static_cast<DepthKind>(d.depth_kind);
+        auto p = from_c<MotionParameters>(kFields, d);
         if (d.materials)
             p.materials = object(d.materials);
-        p.fx_px = d.fx_px;
-        p.fy_px = d.fy_px;
-        p.cx_px = d.cx_px;
-        p.cy_px = d.cy_px;
-        p.replace_threshold = d.replace_threshold;
-        p.occlusion_tolerance = d.occlusion_tolerance;
         give(motion, std::make_shared<Motion>(c, p));
     });
 }
 
-CLSP_API ClspStatus clspMotionRetain(ClspMotion motion) {
-    return guarded("clspMotionRetain", [&] { HandleTable<ClspMotion>::instance().retain(motion); });
-}
-
-CLSP_API ClspStatus clspMotionRelease(ClspMotion motion) {
-    return guarded("clspMotionRelease", [&] { HandleTable<ClspMotion>::instance().release(motion); });
-}
+CLSP_REFERENCES(Motion)
 
 CLSP_API ClspStatus clspMotionEnqueueCompute(ClspMotion motion, cl_command_queue queue, const ClspMotionInput *input,
                                              const ClspMotionOutput *output, uint32_t num_events_in_wait_list,

@@ -1,6 +1,7 @@
 #include "clspeckle/pattern.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/pattern.hpp"
 
@@ -9,19 +10,23 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.projection, p.projection);
+    field(d.quantity, p.quantity);
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.texels, p.texels);
+    field(d.texels_pitch_bytes, p.texels_pitch_bytes);
+    field(d.half_extent_x, p.half_extent_x);
+    field(d.half_extent_y, p.half_extent_y);
+    field(d.power_scale, p.power_scale);
+    field(d.laser_from_geometry, p.laser_from_geometry);
+    field(d.filter, p.filter);
+    field(d.filter_taps, p.filter_taps);
+};
+
 ClspPatternDesc pattern_defaults() {
-    const PatternParameters p;
-    ClspPatternDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.projection = static_cast<std::uint32_t>(p.projection);
-    desc.quantity = static_cast<std::uint32_t>(p.quantity);
-    desc.half_extent_x = p.half_extent_x;
-    desc.half_extent_y = p.half_extent_y;
-    desc.power_scale = p.power_scale;
-    std::copy(p.laser_from_geometry.begin(), p.laser_from_geometry.end(), desc.laser_from_geometry);
-    desc.filter = static_cast<std::uint32_t>(p.filter);
-    desc.filter_taps = p.filter_taps;
-    return desc;
+    return to_c<ClspPatternDesc>(kFields, PatternParameters());
 }
 
 ClspGeometry geometry_defaults() {
@@ -75,30 +80,11 @@ CLSP_API ClspStatus clspPatternCreate(ClspContext context, const ClspPatternDesc
         required(pattern, "pattern");
         const ClspPatternDesc d = read_struct(desc, pattern_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        PatternParameters p;
-        p.projection = static_cast<Projection>(d.projection);
-        p.quantity = static_cast<PatternQuantity>(d.quantity);
-        p.width = d.width;
-        p.height = d.height;
-        p.texels = d.texels;
-        p.texels_pitch_bytes = d.texels_pitch_bytes;
-        p.half_extent_x = d.half_extent_x;
-        p.half_extent_y = d.half_extent_y;
-        p.power_scale = d.power_scale;
-        p.laser_from_geometry = pose(d.laser_from_geometry);
-        p.filter = static_cast<PatternFilter>(d.filter);
-        p.filter_taps = d.filter_taps;
-        give(pattern, std::make_shared<Pattern>(c, p));
+        give(pattern, std::make_shared<Pattern>(c, from_c<PatternParameters>(kFields, d)));
     });
 }
 
-CLSP_API ClspStatus clspPatternRetain(ClspPattern pattern) {
-    return guarded("clspPatternRetain", [&] { HandleTable<ClspPattern>::instance().retain(pattern); });
-}
-
-CLSP_API ClspStatus clspPatternRelease(ClspPattern pattern) {
-    return guarded("clspPatternRelease", [&] { HandleTable<ClspPattern>::instance().release(pattern); });
-}
+CLSP_REFERENCES(Pattern)
 
 CLSP_API ClspStatus clspPatternSetPose(ClspPattern pattern, const double laser_from_geometry[12]) {
     return guarded("clspPatternSetPose", [&] {

@@ -1,6 +1,7 @@
 #include "clspeckle/phase.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "stages/phase.hpp"
 
@@ -9,28 +10,30 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.oversampling, p.oversampling);
+    field(d.guard_px, p.guard_px);
+    field(d.field, p.field);
+    field(d.polarization_count, p.polarization_count);
+    field(d.seed, p.seed);
+    field(d.dynamics, p.dynamics);
+    field(d.translate, p.translate, "desc->translate");
+};
+
 ClspPhaseDesc phase_defaults() {
-    const PhaseParameters p;
-    ClspPhaseDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.oversampling = p.oversampling;
-    desc.guard_px = p.guard_px;
-    desc.field = static_cast<std::uint32_t>(p.field);
-    desc.polarization_count = p.polarization_count;
-    desc.seed = p.seed;
-    desc.dynamics = static_cast<std::uint32_t>(p.dynamics);
-    desc.translate = p.translate ? 1 : 0;
-    return desc;
+    return to_c<ClspPhaseDesc>(kFields, PhaseParameters());
 }
 
+constexpr auto kAdvanceFields = [](auto field, auto &d, auto &p) {
+    field(d.substep, p.substep);
+    field(d.uniform_path, p.uniform_path);
+    field(d.uniform_correlation, p.uniform_correlation);
+};
+
 ClspPhaseAdvance advance_defaults() {
-    const PhaseAdvance a;
-    ClspPhaseAdvance advance{};
-    advance.struct_size = sizeof advance;
-    advance.substep = a.substep;
-    advance.uniform_path = a.uniform_path;
-    advance.uniform_correlation = a.uniform_correlation;
-    return advance;
+    return to_c<ClspPhaseAdvance>(kAdvanceFields, PhaseAdvance());
 }
 
 } // namespace
@@ -56,27 +59,11 @@ CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *de
         required(phase, "phase");
         const ClspPhaseDesc d = read_struct(desc, phase_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        PhaseParameters p;
-        p.width = d.width;
-        p.height = d.height;
-        p.oversampling = d.oversampling;
-        p.guard_px = d.guard_px;
-        p.field = static_cast<FieldKind>(d.field);
-        p.polarization_count = d.polarization_count;
-        p.seed = d.seed;
-        p.dynamics = static_cast<Dynamics>(d.dynamics);
-        p.translate = checked_flag(d.translate, "desc->translate");
-        give(phase, std::make_shared<Phase>(c, p));
+        give(phase, std::make_shared<Phase>(c, from_c<PhaseParameters>(kFields, d)));
     });
 }
 
-CLSP_API ClspStatus clspPhaseRetain(ClspPhase phase) {
-    return guarded("clspPhaseRetain", [&] { HandleTable<ClspPhase>::instance().retain(phase); });
-}
-
-CLSP_API ClspStatus clspPhaseRelease(ClspPhase phase) {
-    return guarded("clspPhaseRelease", [&] { HandleTable<ClspPhase>::instance().release(phase); });
-}
+CLSP_REFERENCES(Phase)
 
 CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue queue, uint64_t frame_index,
                                             const ClspImage *mask, uint32_t num_events_in_wait_list,
@@ -104,14 +91,11 @@ CLSP_API ClspStatus clspPhaseEnqueueAdvance(ClspPhase phase, cl_command_queue qu
                                            {p->grid().width, p->grid().height}, {format})
                              : ImageView{};
         };
-        PhaseAdvance given;
+        auto given = from_c<PhaseAdvance>(kAdvanceFields, a);
         given.path = view(a.path, "advance->path", Format::kFloat32);
         given.correlation = view(a.correlation, "advance->correlation", Format::kFloat32);
         given.shift = view(a.shift, "advance->shift", Format::kFloat32x2);
         given.mask = view(a.mask, "advance->mask", Format::kUint8);
-        given.uniform_path = a.uniform_path;
-        given.uniform_correlation = a.uniform_correlation;
-        given.substep = a.substep;
         enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { p->enqueue_advance(chain, frame_index, given); });
     });

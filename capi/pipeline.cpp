@@ -1,11 +1,12 @@
 #include "clspeckle/pipeline.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "motion.hpp"
 #include "pipeline/pipeline.hpp"
+#include "texts.hpp"
 
-#include <cstring>
 #include <fmt/core.h>
 #include <vector>
 
@@ -14,28 +15,28 @@ using namespace clsp::capi;
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.seed, p.seed);
+    field(d.line_count, p.line_count);
+    field(d.sub_exposures, p.sub_exposures);
+    field(d.dephasing_rad, p.dephasing_rad);
+    field(d.power_flicker, p.power_flicker);
+    field(d.coherent_fraction, p.coherent_fraction);
+    field(d.subsurface_length_px, p.subsurface_length_px);
+    field(d.subsurface_fraction, p.subsurface_fraction);
+    field(d.exposure_path, p.exposure_path);
+    field(d.boiling_correlation_frames, p.boiling_correlation_frames);
+    field(d.airflow_rms_rad, p.airflow.rms_rad);
+    field(d.airflow_scale_px, p.airflow.scale_px);
+    field(d.airflow_correlation_frames, p.airflow.correlation_frames);
+    field(d.airflow_wind_px, p.airflow.wind_px);
+    field(d.vibration_rms_px, p.vibration_rms_px);
+    field(d.shutter_fraction, p.shutter_fraction);
+    field(d.exposure_correlation, p.exposure_correlation);
+};
+
 ClspPipelineDesc pipeline_defaults() {
-    ClspPipelineDesc desc{};
-    desc.struct_size = sizeof desc;
-    const PipelineParameters p;
-    desc.seed = p.seed;
-    desc.line_count = p.line_count;
-    desc.sub_exposures = p.sub_exposures;
-    desc.dephasing_rad = p.dephasing_rad;
-    desc.power_flicker = p.power_flicker;
-    desc.coherent_fraction = p.coherent_fraction;
-    desc.subsurface_length_px = p.subsurface_length_px;
-    desc.subsurface_fraction = p.subsurface_fraction;
-    desc.exposure_path = p.exposure_path;
-    desc.boiling_correlation_frames = p.boiling_correlation_frames;
-    desc.airflow_rms_rad = p.airflow.rms_rad;
-    desc.airflow_scale_px = p.airflow.scale_px;
-    desc.airflow_correlation_frames = p.airflow.correlation_frames;
-    desc.airflow_wind_px = p.airflow.wind_px;
-    desc.vibration_rms_px = p.vibration_rms_px;
-    desc.shutter_fraction = p.shutter_fraction;
-    desc.exposure_correlation = static_cast<std::uint32_t>(p.exposure_correlation);
-    return desc;
+    return to_c<ClspPipelineDesc>(kFields, PipelineParameters());
 }
 
 ClspFrame frame_defaults() {
@@ -104,35 +105,11 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         stages.aperture = optional_object(d.aperture);
         stages.lens = optional_object(d.lens);
         stages.sensor = optional_object(d.sensor);
-        PipelineParameters p;
-        p.seed = d.seed;
-        p.line_count = d.line_count;
-        p.sub_exposures = d.sub_exposures;
-        p.dephasing_rad = d.dephasing_rad;
-        p.power_flicker = d.power_flicker;
-        p.coherent_fraction = d.coherent_fraction;
-        p.subsurface_length_px = d.subsurface_length_px;
-        p.subsurface_fraction = d.subsurface_fraction;
-        p.exposure_path = d.exposure_path;
-        p.boiling_correlation_frames = d.boiling_correlation_frames;
-        p.airflow.rms_rad = d.airflow_rms_rad;
-        p.airflow.scale_px = d.airflow_scale_px;
-        p.airflow.correlation_frames = d.airflow_correlation_frames;
-        p.airflow.wind_px = d.airflow_wind_px;
-        p.vibration_rms_px = d.vibration_rms_px;
-        p.shutter_fraction = d.shutter_fraction;
-        p.exposure_correlation = static_cast<ExposureCorrelation>(d.exposure_correlation);
-        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), p));
+        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), from_c<PipelineParameters>(kFields, d)));
     });
 }
 
-CLSP_API ClspStatus clspPipelineRetain(ClspPipeline pipeline) {
-    return guarded("clspPipelineRetain", [&] { HandleTable<ClspPipeline>::instance().retain(pipeline); });
-}
-
-CLSP_API ClspStatus clspPipelineRelease(ClspPipeline pipeline) {
-    return guarded("clspPipelineRelease", [&] { HandleTable<ClspPipeline>::instance().release(pipeline); });
-}
+CLSP_REFERENCES(Pipeline)
 
 CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame,
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
@@ -200,7 +177,7 @@ CLSP_API ClspStatus clspPipelineGetTimings(ClspPipeline pipeline, uint32_t capac
         const std::vector<StageTiming> stages = p->timings();
         for (std::size_t i = 0; i < stages.size() && i < capacity; ++i) {
             timings[i] = {};
-            std::strncpy(timings[i].stage, stages[i].stage.c_str(), sizeof timings[i].stage - 1);
+            copy_text(timings[i].stage, stages[i].stage);
             timings[i].milliseconds = stages[i].milliseconds;
         }
         *count = static_cast<std::uint32_t>(stages.size());

@@ -7,7 +7,6 @@
 #include "runtime/device.hpp"
 #include "texts.hpp"
 
-#include <cstring>
 #include <vector>
 
 using namespace clsp;
@@ -18,12 +17,6 @@ namespace {
 static_assert(static_cast<std::uint32_t>(LogLevel::kWarning) == CLSP_LOG_WARNING &&
                   static_cast<std::uint32_t>(LogLevel::kInfo) == CLSP_LOG_INFO,
               "the engine's levels are those of types.h");
-
-template <std::size_t N> void copy_text(char (&to)[N], const std::string &from) {
-    const std::size_t length = std::min(from.size(), N - 1);
-    std::memcpy(to, from.data(), length);
-    to[length] = '\0';
-}
 
 std::string text_or_empty(const char *text) {
     return text ? text : "";
@@ -150,13 +143,7 @@ CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *
     });
 }
 
-CLSP_API ClspStatus clspContextRetain(ClspContext context) {
-    return guarded("clspContextRetain", [&] { HandleTable<ClspContext>::instance().retain(context); });
-}
-
-CLSP_API ClspStatus clspContextRelease(ClspContext context) {
-    return guarded("clspContextRelease", [&] { HandleTable<ClspContext>::instance().release(context); });
-}
+CLSP_REFERENCES(Context)
 
 CLSP_API ClspStatus clspContextGetInfo(ClspContext context, ClspContextInfo *info) {
     return guarded("clspContextGetInfo", [&] {

@@ -1,6 +1,7 @@
 #include "clspeckle/sensor.h"
 
 #include "convert.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
 #include "runtime/checks.hpp"
 #include "stages/sensor.hpp"
@@ -24,40 +25,45 @@ static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, effective_bits)
 
 namespace {
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.width, p.width);
+    field(d.height, p.height);
+    field(d.bits, p.bits);
+    field(d.seed, p.seed);
+    field(d.exposure_gain_dn, p.exposure_gain_dn);
+    field(d.saturation_dn, p.saturation_dn);
+    field(d.black_level_dn, p.black_level_dn);
+    field(d.read_noise_dn, p.read_noise_dn);
+    field(d.hot_pixel_fraction, p.hot_pixel_fraction);
+    field(d.hot_pixel_mean_dn, p.hot_pixel_mean_dn);
+    field(d.cold_pixel_fraction, p.cold_pixel_fraction);
+    field(d.float_full_scale, p.float_full_scale);
+    field(d.dark_frame_dn, p.dark_frame_dn);
+    field(d.dark_frame_pitch_bytes, p.dark_frame_pitch_bytes);
+    field(d.quantize, p.quantize, "desc->quantize");
+    field(d.conversion_gain_dn_per_e, p.conversion_gain_dn_per_e);
+    field(d.crosstalk_fraction, p.crosstalk_fraction);
+    field(d.prnu, p.prnu);
+    field(d.mosaic_gain, p.mosaic_gain);
+    field(d.dark_current_e_per_s, p.dark_current_e_per_s);
+    field(d.dark_current_reference_temperature_c, p.dark_current_reference_temperature_c);
+    field(d.dark_current_doubling_k, p.dark_current_doubling_k);
+    field(d.temperature_c, p.temperature_c);
+    field(d.exposure_time_s, p.exposure_time_s);
+    field(d.lag_fraction, p.lag_fraction);
+    field(d.gamma, p.gamma);
+    field(d.dsnu_dn, p.dsnu_dn);
+    field(d.column_offset_dn, p.column_offset_dn);
+    field(d.row_noise_dn, p.row_noise_dn);
+    field(d.column_noise_dn, p.column_noise_dn);
+    field(d.read_noise_spread, p.read_noise_spread);
+    field(d.shot_noise, p.shot_noise, "desc->shot_noise");
+    field(d.effective_bits, p.effective_bits);
+};
+
 ClspSensorDesc sensor_defaults() {
-    const SensorParameters p;
-    ClspSensorDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.bits = p.bits;
-    desc.seed = p.seed;
-    desc.exposure_gain_dn = p.exposure_gain_dn;
-    desc.saturation_dn = p.saturation_dn;
-    desc.black_level_dn = p.black_level_dn;
-    desc.read_noise_dn = p.read_noise_dn;
-    desc.hot_pixel_fraction = p.hot_pixel_fraction;
-    desc.hot_pixel_mean_dn = p.hot_pixel_mean_dn;
-    desc.cold_pixel_fraction = p.cold_pixel_fraction;
-    desc.float_full_scale = p.float_full_scale;
-    desc.quantize = p.quantize ? 1 : 0;
-    desc.conversion_gain_dn_per_e = p.conversion_gain_dn_per_e;
+    auto desc = to_c<ClspSensorDesc>(kFields, SensorParameters());
     desc.quantum_efficiency = 1.0;
-    desc.crosstalk_fraction = p.crosstalk_fraction;
-    desc.prnu = p.prnu;
-    std::copy(p.mosaic_gain.begin(), p.mosaic_gain.end(), desc.mosaic_gain);
-    desc.dark_current_e_per_s = p.dark_current_e_per_s;
-    desc.dark_current_reference_temperature_c = p.dark_current_reference_temperature_c;
-    desc.dark_current_doubling_k = p.dark_current_doubling_k;
-    desc.temperature_c = p.temperature_c;
-    desc.exposure_time_s = p.exposure_time_s;
-    desc.lag_fraction = p.lag_fraction;
-    desc.gamma = p.gamma;
-    desc.dsnu_dn = p.dsnu_dn;
-    desc.column_offset_dn = p.column_offset_dn;
-    desc.row_noise_dn = p.row_noise_dn;
-    desc.column_noise_dn = p.column_noise_dn;
-    desc.read_noise_spread = p.read_noise_spread;
-    desc.shot_noise = p.shot_noise ? 1 : 0;
-    desc.effective_bits = p.effective_bits;
     return desc;
 }
 
@@ -112,40 +118,9 @@ double saturation_of(const ClspSensorDesc &d) {
 SensorParameters parameters_of(const ClspSensorDesc *desc) {
     const ClspSensorDesc d = read_struct(desc, sensor_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    SensorParameters p;
-    p.width = d.width;
-    p.height = d.height;
-    p.bits = d.bits;
-    p.seed = d.seed;
+    auto p = from_c<SensorParameters>(kFields, d);
     p.exposure_gain_dn = exposure_gain_of(d);
     p.saturation_dn = saturation_of(d);
-    p.black_level_dn = d.black_level_dn;
-    p.read_noise_dn = d.read_noise_dn;
-    p.hot_pixel_fraction = d.hot_pixel_fraction;
-    p.hot_pixel_mean_dn = d.hot_pixel_mean_dn;
-    p.cold_pixel_fraction = d.cold_pixel_fraction;
-    p.float_full_scale = d.float_full_scale;
-    p.dark_frame_dn = d.dark_frame_dn;
-    p.dark_frame_pitch_bytes = d.dark_frame_pitch_bytes;
-    p.quantize = checked_flag(d.quantize, "desc->quantize");
-    p.conversion_gain_dn_per_e = d.conversion_gain_dn_per_e;
-    p.crosstalk_fraction = d.crosstalk_fraction;
-    p.prnu = d.prnu;
-    std::copy(std::begin(d.mosaic_gain), std::end(d.mosaic_gain), p.mosaic_gain.begin());
-    p.dark_current_e_per_s = d.dark_current_e_per_s;
-    p.dark_current_reference_temperature_c = d.dark_current_reference_temperature_c;
-    p.dark_current_doubling_k = d.dark_current_doubling_k;
-    p.temperature_c = d.temperature_c;
-    p.exposure_time_s = d.exposure_time_s;
-    p.lag_fraction = d.lag_fraction;
-    p.gamma = d.gamma;
-    p.dsnu_dn = d.dsnu_dn;
-    p.column_offset_dn = d.column_offset_dn;
-    p.row_noise_dn = d.row_noise_dn;
-    p.column_noise_dn = d.column_noise_dn;
-    p.read_noise_spread = d.read_noise_spread;
-    p.shot_noise = checked_flag(d.shot_noise, "desc->shot_noise");
-    p.effective_bits = d.effective_bits;
     return p;
 }
 
@@ -232,13 +207,7 @@ CLSP_API ClspStatus clspSensorCreate(ClspContext context, const ClspSensorDesc *
     });
 }
 
-CLSP_API ClspStatus clspSensorRetain(ClspSensor sensor) {
-    return guarded("clspSensorRetain", [&] { HandleTable<ClspSensor>::instance().retain(sensor); });
-}
-
-CLSP_API ClspStatus clspSensorRelease(ClspSensor sensor) {
-    return guarded("clspSensorRelease", [&] { HandleTable<ClspSensor>::instance().release(sensor); });
-}
+CLSP_REFERENCES(Sensor)
 
 CLSP_API ClspStatus clspSensorSetExposureGain(ClspSensor sensor, double exposure_gain_dn) {
     return guarded("clspSensorSetExposureGain", [&] { object(sensor)->set_exposure_gain(exposure_gain_dn); });

@@ -1,5 +1,6 @@
 #include "clspeckle/tuning.h"
 
+#include "fields.hpp"
 #include "handles.hpp"
 #include "progress.hpp"
 #include "stages/field_grid.hpp"
@@ -13,10 +14,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-template <> struct HandleTraits<ClspTuning> {
-    using Object = const Tuning;
-    static constexpr const char *kName = "tuning";
-};
+CLSP_HANDLE(ClspTuning, const Tuning, "tuning")
 
 } // namespace clsp::capi
 
@@ -25,22 +23,19 @@ namespace {
 static_assert(kMostTunedSizes == CLSP_MAX_TUNING_SIZES && kMostTunedFrames == CLSP_MAX_TUNING_FRAMES,
               "the engine's limits are those of tuning.h");
 
+constexpr auto kFields = [](auto field, auto &d, auto &p) {
+    field(d.frames, p.frames);
+    field(d.relative_diameter, p.relative_diameter);
+    field(d.keep, p.keep, "desc->keep");
+};
+
 ClspTuningDesc tuning_defaults() {
-    const TuneParameters p;
-    ClspTuningDesc desc{};
-    desc.struct_size = sizeof desc;
-    desc.frames = p.frames;
-    desc.keep = p.keep ? 1 : 0;
-    desc.relative_diameter = p.relative_diameter;
-    return desc;
+    return to_c<ClspTuningDesc>(kFields, TuneParameters());
 }
 
 TuneParameters tuning_parameters(const ClspTuningDesc *user) {
     const ClspTuningDesc d = user ? read_struct(user, tuning_defaults(), "desc") : tuning_defaults();
-    TuneParameters p;
-    p.frames = d.frames;
-    p.relative_diameter = d.relative_diameter;
-    p.keep = checked_flag(d.keep, "desc->keep");
+    auto p = from_c<TuneParameters>(kFields, d);
     if (d.path && !*d.path)
         throw Error(Status::kInvalidArgument, "desc->path is empty; name a file, or give NULL for the default one");
     if (d.path && !p.keep)
@@ -75,13 +70,7 @@ CLSP_API ClspStatus clspTuningRun(ClspContext context, const ClspTuningDesc *des
     });
 }
 
-CLSP_API ClspStatus clspTuningRetain(ClspTuning tuning) {
-    return guarded("clspTuningRetain", [&] { HandleTable<ClspTuning>::instance().retain(tuning); });
-}
-
-CLSP_API ClspStatus clspTuningRelease(ClspTuning tuning) {
-    return guarded("clspTuningRelease", [&] { HandleTable<ClspTuning>::instance().release(tuning); });
-}
+CLSP_REFERENCES(Tuning)
 
 CLSP_API ClspStatus clspTuningGetJson(ClspTuning tuning, uint64_t capacity, char *text, uint64_t *length) {
     return guarded("clspTuningGetJson", [&] {
