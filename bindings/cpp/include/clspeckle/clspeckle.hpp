@@ -23,6 +23,7 @@
 #include <clspeckle/clspeckle.h>
 #include <clspeckle/init.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -75,8 +76,8 @@ inline void check(ClspStatus status) {
     throw Error(status, 0, "clspeckle", "no details are known", "");
 }
 
-/** Told what is being done and the fraction that is done; false cancels: the call throws CLSP_ERROR_CANCELLED. On the thread of the
- *  call; what it throws leaves the call. */
+/** Told what is being done and the fraction that is done; false cancels: the call throws CLSP_ERROR_CANCELLED. On the
+ * thread of the call; what it throws leaves the call. */
 using Progress = std::function<bool(const std::string &what, double fraction)>;
 
 namespace detail {
@@ -111,18 +112,18 @@ template <typename Desc, typename Call> void call_with_progress(Desc desc, const
     check(status);
 }
 
-/** A text of the library: get(capacity, text, length) gives its size, then the text. */
-template <typename Get> std::string text_of(Get get) {
+/** A text of the library: get(arguments, capacity, text, length) gives its size, then the text. */
+template <typename Get, typename... Arguments> std::string text_of(Get get, const Arguments &...arguments) {
     std::uint64_t length = 0;
-    check(get(0, nullptr, &length));
+    check(get(arguments..., 0, nullptr, &length));
     std::string text(static_cast<std::size_t>(length), '\0');
-    check(get(text.size(), &text[0], nullptr));
+    check(get(arguments..., text.size(), &text[0], nullptr));
     text.resize(std::min(text.size(), text.find('\0')));
     return text;
 }
 
 /** One reference of a counted handle. */
-template <typename Handle, ClspStatus (*Retain)(Handle), ClspStatus (*Release)(Handle)> class Shared {
+template <typename Class, typename Handle, ClspStatus (*Retain)(Handle), ClspStatus (*Release)(Handle)> class Shared {
   public:
     Shared() noexcept = default;
     Shared(const Shared &other) : handle_(other.handle_) {
@@ -144,6 +145,12 @@ template <typename Handle, ClspStatus (*Retain)(Handle), ClspStatus (*Release)(H
     }
     ~Shared() { reset(); }
 
+    /** Takes over one reference of a C handle. */
+    static Class adopt(Handle handle) noexcept {
+        Class made;
+        made.handle_ = handle;
+        return made;
+    }
     /** The C handle, still owned by this object; nullptr after a move. */
     Handle get() const noexcept { return handle_; }
     operator Handle() const noexcept { return handle_; }
@@ -284,9 +291,7 @@ inline std::vector<ClspDeviceInfo> devices() {
 /** In words: which platforms and devices were seen, which one would be taken, why others were refused, how to get one.
  *  May be called from any thread. @param selector as ClspContextDesc::device; empty for the default choice. */
 inline std::string explain_devices(const std::string &selector = {}) {
-    return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
-        return clspDeviceExplain(selector.empty() ? nullptr : selector.c_str(), capacity, text, length);
-    });
+    return detail::text_of(clspDeviceExplain, selector.empty() ? nullptr : selector.c_str());
 }
 
 /** clspFieldGridCompute(): the FFT's size for an image. */
@@ -302,7 +307,7 @@ inline ClspFieldGrid field_grid(std::uint32_t width, std::uint32_t height, std::
 }
 
 /** A device, its programs and FFT plans. May be used from any number of threads at once. */
-class Context : public detail::Shared<ClspContext, clspContextRetain, clspContextRelease> {
+class Context : public detail::Shared<Context, ClspContext, clspContextRetain, clspContextRelease> {
   public:
     /** The best device, or the one that CLSPECKLE_DEVICE names. */
     Context() { check(clspContextCreate(nullptr, &handle_)); }
@@ -351,27 +356,14 @@ inline void wait(const std::vector<cl_event> &events) {
 
 namespace detail {
 
-/** Where a call writes its event: nowhere, or into the host's Event once the call has succeeded. */
-class EventOut {
-  public:
-    explicit EventOut(Event *target) noexcept : target_(target) {}
-    cl_event *get() noexcept { return target_ ? &event_ : nullptr; }
-    void finish(ClspStatus status) {
-        check(status);
-        if (target_)
-            *target_ = Event::adopt(event_);
-    }
-
-  private:
-    Event *target_;
-    cl_event event_ = nullptr;
-};
-
-inline std::uint32_t count(const std::vector<cl_event> &wait_list) {
-    return static_cast<std::uint32_t>(wait_list.size());
-}
-inline const cl_event *data(const std::vector<cl_event> &wait_list) {
-    return wait_list.empty() ? nullptr : wait_list.data();
+/** Makes call(arguments, wait list, event); *event, if the caller wants it, is written once the call has succeeded. */
+template <typename Call, typename... Arguments>
+void enqueue(const std::vector<cl_event> &wait_list, Event *event, Call call, const Arguments &...arguments) {
+    cl_event made = nullptr;
+    check(call(arguments..., static_cast<std::uint32_t>(wait_list.size()),
+               wait_list.empty() ? nullptr : wait_list.data(), event ? &made : nullptr));
+    if (event)
+        *event = Event::adopt(made);
 }
 
 } // namespace detail
@@ -466,15 +458,11 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
     void enqueue_write(cl_command_queue queue, const void *data, std::uint64_t size_bytes,
                        std::uint64_t offset_bytes = 0, const std::vector<cl_event> &wait_list = {},
                        Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspBufferEnqueueWrite(queue, data, size_bytes, object_, offset_bytes, detail::count(wait_list),
-                                          detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspBufferEnqueueWrite, queue, data, size_bytes, object_, offset_bytes);
     }
     void enqueue_read(cl_command_queue queue, void *data, std::uint64_t size_bytes, std::uint64_t offset_bytes = 0,
                       const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspBufferEnqueueRead(queue, object_, offset_bytes, size_bytes, data, detail::count(wait_list),
-                                         detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspBufferEnqueueRead, queue, object_, offset_bytes, size_bytes, data);
     }
 
   private:
@@ -490,29 +478,23 @@ inline void enqueue_blocks(const Context &context, cl_command_queue queue, cl_me
                            std::uint64_t counters_offset_bytes, const std::uint32_t (&key)[2], std::uint64_t count,
                            std::uint64_t local_size, cl_mem blocks, std::uint64_t blocks_offset_bytes,
                            const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) {
-    detail::EventOut out(event);
-    out.finish(clspPhiloxEnqueueBlocks(context, queue, counters, counters_offset_bytes, key, count, local_size, blocks,
-                                       blocks_offset_bytes, detail::count(wait_list), detail::data(wait_list),
-                                       out.get()));
+    detail::enqueue(wait_list, event, clspPhiloxEnqueueBlocks, context, queue, counters, counters_offset_bytes, key,
+                    count, local_size, blocks, blocks_offset_bytes);
 }
 
 /** Fills an image with random numbers. */
 inline void enqueue_fill(const Context &context, cl_command_queue queue, const ClspPhiloxDesc &desc,
                          const ClspImage &image, const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) {
-    detail::EventOut out(event);
-    out.finish(clspPhiloxEnqueueFill(context, queue, &desc, &image, detail::count(wait_list), detail::data(wait_list),
-                                     out.get()));
+    detail::enqueue(wait_list, event, clspPhiloxEnqueueFill, context, queue, &desc, &image);
 }
 
 } // namespace philox
 
 /** The projected pattern, see pattern.h. */
-class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatternRelease> {
+class Pattern : public detail::Shared<Pattern, ClspPattern, clspPatternRetain, clspPatternRelease> {
   public:
     Pattern() noexcept = default;
     Pattern(const Context &context, const ClspPatternDesc &desc) { check(clspPatternCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Pattern adopt(ClspPattern handle) noexcept { return Pattern(handle); }
 
     /** Moves the laser. @param laser_from_geometry [R|t], 3 x 4 row-major. */
     void set_pose(const double (&laser_from_geometry)[12]) const {
@@ -520,26 +502,22 @@ class Pattern : public detail::Shared<ClspPattern, clspPatternRetain, clspPatter
     }
     void enqueue_lookup(cl_command_queue queue, const ClspGeometry &geometry, const ClspImage &irradiance,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPatternEnqueueLookup(handle_, queue, &geometry, &irradiance, detail::count(wait_list),
-                                            detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPatternEnqueueLookup, handle_, queue, &geometry, &irradiance);
     }
-
-  private:
-    explicit Pattern(ClspPattern handle) noexcept : Shared(handle) {}
 };
 
 /** The pattern of a diffractive element, or ideal dots as texels, see doe.h. */
-class DoePattern : public detail::Shared<ClspDoePattern, clspDoePatternRetain, clspDoePatternRelease> {
+class DoePattern : public detail::Shared<DoePattern, ClspDoePattern, clspDoePatternRetain, clspDoePatternRelease> {
   public:
     DoePattern() noexcept = default;
     /** Computes; blocks. `progress` takes the place of desc.progress if it is not empty. */
     DoePattern(const Context &context, const ClspDoePatternDesc &desc, const Progress &progress = {}) {
-        detail::call_with_progress(desc, progress, [&](const ClspDoePatternDesc *d) { return clspDoePatternCreate(context, d, &handle_); });
+        detail::call_with_progress(
+            desc, progress, [&](const ClspDoePatternDesc *d) { return clspDoePatternCreate(context, d, &handle_); });
     }
-    DoePattern(const Context &context, const ClspSpotPatternDesc &desc) { check(clspSpotPatternCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static DoePattern adopt(ClspDoePattern handle) noexcept { return DoePattern(handle); }
+    DoePattern(const Context &context, const ClspSpotPatternDesc &desc) {
+        check(clspSpotPatternCreate(context, &desc, &handle_));
+    }
 
     ClspDoePatternInfo info() const {
         ClspDoePatternInfo info{};
@@ -560,30 +538,20 @@ class DoePattern : public detail::Shared<ClspDoePattern, clspDoePatternRetain, c
         check(clspDoePatternGetDotShares(handle_, values.size(), values.data()));
         return values;
     }
-
-  private:
-    explicit DoePattern(ClspDoePattern handle) noexcept : Shared(handle) {}
 };
 
 /** Ideal projected dots, see dots.h. */
-class Dots : public detail::Shared<ClspDots, clspDotsRetain, clspDotsRelease> {
+class Dots : public detail::Shared<Dots, ClspDots, clspDotsRetain, clspDotsRelease> {
   public:
     Dots() noexcept = default;
     Dots(const Context &context, const ClspDotsDesc &desc) { check(clspDotsCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Dots adopt(ClspDots handle) noexcept { return Dots(handle); }
 
     /** Changes the pattern; with count 0 and no pointers the dots stay. All or nothing. */
     void configure(const ClspDotsDesc &desc) const { check(clspDotsConfigure(handle_, &desc)); }
     void enqueue_render(cl_command_queue queue, const ClspImage &irradiance,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspDotsEnqueueRender(handle_, queue, &irradiance, detail::count(wait_list), detail::data(wait_list),
-                                         out.get()));
+        detail::enqueue(wait_list, event, clspDotsEnqueueRender, handle_, queue, &irradiance);
     }
-
-  private:
-    explicit Dots(ClspDots handle) noexcept : Shared(handle) {}
 };
 
 /** What clspDepthGetDots() tells of a frame. */
@@ -593,18 +561,14 @@ struct DepthResult {
 };
 
 /** Depth from frames of dots, see depth.h. */
-class Depth : public detail::Shared<ClspDepth, clspDepthRetain, clspDepthRelease> {
+class Depth : public detail::Shared<Depth, ClspDepth, clspDepthRetain, clspDepthRelease> {
   public:
     Depth() noexcept = default;
     Depth(const Context &context, const ClspDepthDesc &desc) { check(clspDepthCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Depth adopt(ClspDepth handle) noexcept { return Depth(handle); }
 
     void enqueue_detect(cl_command_queue queue, const ClspImage &image, const std::vector<cl_event> &wait_list = {},
                         Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspDepthEnqueueDetect(handle_, queue, &image, detail::count(wait_list), detail::data(wait_list),
-                                          out.get()));
+        detail::enqueue(wait_list, event, clspDepthEnqueueDetect, handle_, queue, &image);
     }
     /** Of the last frame; blocks. */
     DepthResult dots(cl_command_queue queue) const {
@@ -613,7 +577,8 @@ class Depth : public detail::Shared<ClspDepth, clspDepthRetain, clspDepthRelease
         check(clspDepthGetDots(handle_, queue, 0, nullptr, &count, nullptr));
         result.dots.resize(count);
         result.summary.struct_size = sizeof(result.summary);
-        check(clspDepthGetDots(handle_, queue, count, count > 0 ? result.dots.data() : nullptr, &count, &result.summary));
+        check(
+            clspDepthGetDots(handle_, queue, count, count > 0 ? result.dots.data() : nullptr, &count, &result.summary));
         return result;
     }
     /** What became of each dot of the pattern; after dots(). */
@@ -628,40 +593,31 @@ class Depth : public detail::Shared<ClspDepth, clspDepthRetain, clspDepthRelease
     static std::string reason(std::uint32_t number) { return clspDepthReasonString(number); }
     /** One bit of the warnings in words. */
     static std::string warning(std::uint32_t bit) { return clspDepthWarningString(bit); }
-
-  private:
-    explicit Depth(ClspDepth handle) noexcept : Shared(handle) {}
 };
 
 /** The surface's random field, see phase.h. */
-class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease> {
+class Phase : public detail::Shared<Phase, ClspPhase, clspPhaseRetain, clspPhaseRelease> {
   public:
     Phase() noexcept = default;
-    Phase(const Context &context, const ClspPhaseDesc &desc) { clspeckle::check(clspPhaseCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Phase adopt(ClspPhase handle) noexcept { return Phase(handle); }
+    Phase(const Context &context, const ClspPhaseDesc &desc) {
+        clspeckle::check(clspPhaseCreate(context, &desc, &handle_));
+    }
 
     /** Draws new values where `mask` is not 0, everywhere without one. */
     void enqueue_refresh(cl_command_queue queue, std::uint64_t frame_index, const ClspImage *mask = nullptr,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPhaseEnqueueRefresh(handle_, queue, frame_index, mask, detail::count(wait_list),
-                                           detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPhaseEnqueueRefresh, handle_, queue, frame_index, mask);
     }
     /** Carries the field on along the path, the time and the shift of its surface. */
     void enqueue_advance(cl_command_queue queue, std::uint64_t frame_index, const ClspPhaseAdvance &advance,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPhaseEnqueueAdvance(handle_, queue, frame_index, &advance, detail::count(wait_list),
-                                           detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPhaseEnqueueAdvance, handle_, queue, frame_index, &advance);
     }
     /** Waits, and throws CLSP_ERROR_INVALID_DATA if advances since the last check held bad pixels. */
     void check(cl_command_queue queue) const { clspeckle::check(clspPhaseCheck(handle_, queue)); }
     void enqueue_field(cl_command_queue queue, std::uint32_t polarization, const ClspImage &field,
                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPhaseEnqueueField(handle_, queue, polarization, &field, detail::count(wait_list),
-                                         detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPhaseEnqueueField, handle_, queue, polarization, &field);
     }
     std::uint64_t state_size() const {
         std::uint64_t size_bytes = 0;
@@ -670,68 +626,49 @@ class Phase : public detail::Shared<ClspPhase, clspPhaseRetain, clspPhaseRelease
     }
     void enqueue_save(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
                       const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPhaseEnqueueSave(handle_, queue, mem, offset_bytes, detail::count(wait_list),
-                                        detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPhaseEnqueueSave, handle_, queue, mem, offset_bytes);
     }
     void enqueue_restore(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPhaseEnqueueRestore(handle_, queue, mem, offset_bytes, detail::count(wait_list),
-                                           detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPhaseEnqueueRestore, handle_, queue, mem, offset_bytes);
     }
-
-  private:
-    explicit Phase(ClspPhase handle) noexcept : Shared(handle) {}
 };
 
 /** What surfaces are made of, see material.h. */
-class MaterialTable : public detail::Shared<ClspMaterialTable, clspMaterialTableRetain, clspMaterialTableRelease> {
+class MaterialTable
+    : public detail::Shared<MaterialTable, ClspMaterialTable, clspMaterialTableRetain, clspMaterialTableRelease> {
   public:
     MaterialTable() noexcept = default;
     /** @param materials entry i is material id i; make<ClspMaterial>() gives the defaults. */
     MaterialTable(const Context &context, const std::vector<ClspMaterial> &materials) {
-        check(clspMaterialTableCreate(context, materials.data(), static_cast<std::uint32_t>(materials.size()), &handle_));
+        check(
+            clspMaterialTableCreate(context, materials.data(), static_cast<std::uint32_t>(materials.size()), &handle_));
     }
-    /** Takes over one reference of a C handle. */
-    static MaterialTable adopt(ClspMaterialTable handle) noexcept { return MaterialTable(handle); }
-
-  private:
-    explicit MaterialTable(ClspMaterialTable handle) noexcept : Shared(handle) {}
 };
 
 /** How far surfaces have moved since the last frame, see motion.h. */
-class Motion : public detail::Shared<ClspMotion, clspMotionRetain, clspMotionRelease> {
+class Motion : public detail::Shared<Motion, ClspMotion, clspMotionRetain, clspMotionRelease> {
   public:
     Motion() noexcept = default;
     Motion(const Context &context, const ClspMotionDesc &desc) {
         clspeckle::check(clspMotionCreate(context, &desc, &handle_));
     }
-    /** Takes over one reference of a C handle. */
-    static Motion adopt(ClspMotion handle) noexcept { return Motion(handle); }
 
     void enqueue_compute(cl_command_queue queue, const ClspMotionInput &input, const ClspMotionOutput &output,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspMotionEnqueueCompute(handle_, queue, &input, &output, detail::count(wait_list),
-                                            detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspMotionEnqueueCompute, handle_, queue, &input, &output);
     }
     /** Waits, and throws CLSP_ERROR_INVALID_DATA if calls since the last check held bad pixels. */
     void check(cl_command_queue queue) const { clspeckle::check(clspMotionCheck(handle_, queue)); }
-
-  private:
-    explicit Motion(ClspMotion handle) noexcept : Shared(handle) {}
 };
 
 /** The lens's aperture, see aperture.h. */
-class Aperture : public detail::Shared<ClspAperture, clspApertureRetain, clspApertureRelease> {
+class Aperture : public detail::Shared<Aperture, ClspAperture, clspApertureRetain, clspApertureRelease> {
   public:
     Aperture() noexcept = default;
     Aperture(const Context &context, const ClspApertureDesc &desc) {
         check(clspApertureCreate(context, &desc, &handle_));
     }
-    /** Takes over one reference of a C handle. */
-    static Aperture adopt(ClspAperture handle) noexcept { return Aperture(handle); }
 
     ClspApertureInfo info() const {
         auto result = make<ClspApertureInfo>();
@@ -744,44 +681,31 @@ class Aperture : public detail::Shared<ClspAperture, clspApertureRetain, clspApe
     }
     void enqueue_pupil(cl_command_queue queue, const ClspImage &pupil, const std::vector<cl_event> &wait_list = {},
                        Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspApertureEnqueuePupil(handle_, queue, &pupil, detail::count(wait_list), detail::data(wait_list),
-                                            out.get()));
+        detail::enqueue(wait_list, event, clspApertureEnqueuePupil, handle_, queue, &pupil);
     }
     void enqueue_intensity(cl_command_queue queue, const Phase &phase, const ClspImage &irradiance,
                            const ClspImage &intensity, const std::vector<cl_event> &wait_list = {},
                            Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspApertureEnqueueIntensity(handle_, queue, phase, &irradiance, &intensity,
-                                                detail::count(wait_list), detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspApertureEnqueueIntensity, handle_, queue, phase, &irradiance, &intensity);
     }
-
-  private:
-    explicit Aperture(ClspAperture handle) noexcept : Shared(handle) {}
 };
 
 /** What a lens does beside diffraction, see lens.h. */
-class Lens : public detail::Shared<ClspLens, clspLensRetain, clspLensRelease> {
+class Lens : public detail::Shared<Lens, ClspLens, clspLensRetain, clspLensRelease> {
   public:
     Lens() noexcept = default;
     Lens(const Context &context, const ClspLensDesc &desc) { check(clspLensCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Lens adopt(ClspLens handle) noexcept { return Lens(handle); }
 
     void configure(const ClspLensDesc &desc) const { check(clspLensConfigure(handle_, &desc)); }
     /** @param interpolation CLSP_INTERPOLATION_*. */
     void enqueue_distort(cl_command_queue queue, std::uint32_t interpolation, const ClspImage &ideal,
                          const ClspImage &distorted, const std::vector<cl_event> &wait_list = {},
                          Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspLensEnqueueDistort(handle_, queue, interpolation, &ideal, &distorted, detail::count(wait_list),
-                                          detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspLensEnqueueDistort, handle_, queue, interpolation, &ideal, &distorted);
     }
     void enqueue_finish(cl_command_queue queue, const ClspImage &light, bool is_dark, const ClspImage &output,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspLensEnqueueFinish(handle_, queue, &light, is_dark ? 1u : 0u, &output, detail::count(wait_list),
-                                         detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspLensEnqueueFinish, handle_, queue, &light, is_dark ? 1u : 0u, &output);
     }
     /** @param ideal_px x, y, x, y... @return likewise, (NaN, NaN) for points that the lens does not image. */
     std::vector<double> distort_points(const std::vector<double> &ideal_px) const {
@@ -795,18 +719,13 @@ class Lens : public detail::Shared<ClspLens, clspLensRetain, clspLensRelease> {
         check(clspLensUndistortPoints(handle_, distorted_px.data(), result.size() / 2, result.data()));
         return result;
     }
-
-  private:
-    explicit Lens(ClspLens handle) noexcept : Shared(handle) {}
 };
 
 /** From intensity to codes, see sensor.h. */
-class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRelease> {
+class Sensor : public detail::Shared<Sensor, ClspSensor, clspSensorRetain, clspSensorRelease> {
   public:
     Sensor() noexcept = default;
     Sensor(const Context &context, const ClspSensorDesc &desc) { check(clspSensorCreate(context, &desc, &handle_)); }
-    /** Takes over one reference of a C handle. */
-    static Sensor adopt(ClspSensor handle) noexcept { return Sensor(handle); }
 
     /** The settings of a known camera. */
     static ClspSensorDesc profile(const std::string &name) {
@@ -849,19 +768,12 @@ class Sensor : public detail::Shared<ClspSensor, clspSensorRetain, clspSensorRel
     void enqueue_expose(cl_command_queue queue, const ClspImage &intensity, std::uint64_t frame_index,
                         const ClspImage &output, const std::vector<cl_event> &wait_list = {},
                         Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspSensorEnqueueExpose(handle_, queue, &intensity, frame_index, &output, detail::count(wait_list),
-                                           detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspSensorEnqueueExpose, handle_, queue, &intensity, frame_index, &output);
     }
     void enqueue_demosaic(cl_command_queue queue, const ClspImage &raw, std::uint32_t bayer, const ClspImage &rgb,
                           const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspSensorEnqueueDemosaic(handle_, queue, &raw, bayer, &rgb, detail::count(wait_list),
-                                             detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspSensorEnqueueDemosaic, handle_, queue, &raw, bayer, &rgb);
     }
-
-  private:
-    explicit Sensor(ClspSensor handle) noexcept : Shared(handle) {}
 };
 
 /** The catalogue of effects, in the order in which light meets them; see effects.h. May be called from any thread. */
@@ -875,7 +787,7 @@ inline std::vector<ClspEffectInfo> effects() {
 }
 
 /** A whole frame as one command, see pipeline.h. */
-class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
+class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
   public:
     Pipeline() noexcept = default;
     Pipeline(const Context &context, const ClspPipelineDesc &desc) {
@@ -894,21 +806,16 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
         desc.sensor = sensor;
         clspeckle::check(clspPipelineCreate(context, &desc, &handle_));
     }
-    /** Takes over one reference of a C handle. */
-    static Pipeline adopt(ClspPipeline handle) noexcept { return Pipeline(handle); }
 
     void enqueue_frame(cl_command_queue queue, const ClspFrame &frame, const std::vector<cl_event> &wait_list = {},
                        Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPipelineEnqueueFrame(handle_, queue, &frame, detail::count(wait_list), detail::data(wait_list),
-                                            out.get()));
+        detail::enqueue(wait_list, event, clspPipelineEnqueueFrame, handle_, queue, &frame);
     }
     /** Renders frames one after the other; if one of them is refused, none is enqueued. */
     void enqueue_frames(cl_command_queue queue, const std::vector<ClspFrame> &frames,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
-        detail::EventOut out(event);
-        out.finish(clspPipelineEnqueueFrames(handle_, queue, static_cast<std::uint32_t>(frames.size()), frames.data(),
-                                             detail::count(wait_list), detail::data(wait_list), out.get()));
+        detail::enqueue(wait_list, event, clspPipelineEnqueueFrames, handle_, queue,
+                        static_cast<std::uint32_t>(frames.size()), frames.data());
     }
     /** Renders a frame like the ones to come and waits: programs and FFT plans are warm after it. Writes the frame's
      *  output; leaves the phase state as it was. */
@@ -936,13 +843,10 @@ class Pipeline : public detail::Shared<ClspPipeline, clspPipelineRetain, clspPip
             clspeckle::check(clspPipelineGetTimings(handle_, count, result.data(), &count));
         return result;
     }
-
-  private:
-    explicit Pipeline(ClspPipeline handle) noexcept : Shared(handle) {}
 };
 
 /** What a real camera recorded, see capture.h. */
-class Capture : public detail::Shared<ClspCapture, clspCaptureRetain, clspCaptureRelease> {
+class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, clspCaptureRelease> {
   public:
     Capture() noexcept = default;
     /** Without sequences yet. */
@@ -953,13 +857,11 @@ class Capture : public detail::Shared<ClspCapture, clspCaptureRetain, clspCaptur
         check(clspCaptureOpen(path.c_str(), &capture.handle_));
         return capture;
     }
-    /** Takes over one reference of a C handle. */
-    static Capture adopt(ClspCapture handle) noexcept { return Capture(handle); }
 
     void add_sequence(const ClspCaptureSequence &sequence) const { check(clspCaptureAddSequence(handle_, &sequence)); }
     /** @param scene CLSP_SCENE_*. @param codes whole frames of height x width. */
-    void add_sequence(const std::string &name, std::uint32_t scene, bool moving, const std::vector<std::uint16_t> &codes,
-                      double exposure_ms = 0.0, double f_number = 0.0) const {
+    void add_sequence(const std::string &name, std::uint32_t scene, bool moving,
+                      const std::vector<std::uint16_t> &codes, double exposure_ms = 0.0, double f_number = 0.0) const {
         const ClspCaptureDesc camera = desc();
         const std::size_t pixels = std::size_t{camera.width} * camera.height;
         if (codes.empty() || codes.size() % pixels != 0)
@@ -1021,25 +923,13 @@ class Capture : public detail::Shared<ClspCapture, clspCaptureRetain, clspCaptur
         return result;
     }
     /** What is in it and what it can tell apart, as JSON. */
-    std::string summary_json() const {
-        std::uint64_t length = 0;
-        check(clspCaptureGetSummaryJson(handle_, 0, nullptr, &length));
-        std::string text(static_cast<std::size_t>(length), '\0');
-        check(clspCaptureGetSummaryJson(handle_, text.size(), &text[0], nullptr));
-        text.resize(text.find('\0') == std::string::npos ? text.size() : text.find('\0'));
-        return text;
-    }
-
-  private:
-    explicit Capture(ClspCapture handle) noexcept : Shared(handle) {}
+    std::string summary_json() const { return detail::text_of(clspCaptureGetSummaryJson, handle_); }
 };
 
 /** What a diagnosis found, see diagnosis.h; made by diagnose(). May be read from any number of threads at once. */
-class Diagnosis : public detail::Shared<ClspDiagnosis, clspDiagnosisRetain, clspDiagnosisRelease> {
+class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisRetain, clspDiagnosisRelease> {
   public:
     Diagnosis() noexcept = default;
-    /** Takes over one reference of a C handle. */
-    static Diagnosis adopt(ClspDiagnosis handle) noexcept { return Diagnosis(handle); }
 
     ClspDiagnosisSummary summary() const {
         auto result = make<ClspDiagnosisSummary>();
@@ -1070,32 +960,18 @@ class Diagnosis : public detail::Shared<ClspDiagnosis, clspDiagnosisRetain, clsp
     std::vector<ClspDiagnosisStep> steps() const {
         return list<ClspDiagnosisStep, clspDiagnosisGetStep>(summary().step_count);
     }
-    std::string report_json() const {
-        std::uint64_t length = 0;
-        check(clspDiagnosisGetReportJson(handle_, 0, nullptr, &length));
-        std::string text(static_cast<std::size_t>(length), '\0');
-        check(clspDiagnosisGetReportJson(handle_, text.size(), &text[0], nullptr));
-        text.pop_back(); // the final 0
-        return text;
-    }
+    std::string report_json() const { return detail::text_of(clspDiagnosisGetReportJson, handle_); }
     /** Writes the JSON report. */
     void write_report(const std::string &path) const { check(clspDiagnosisWriteReport(handle_, path.c_str())); }
     /** Writes the report for eyes, one HTML file. */
     void write_html(const std::string &path) const { check(clspDiagnosisWriteHtml(handle_, path.c_str())); }
 
   private:
-    explicit Diagnosis(ClspDiagnosis handle) noexcept : Shared(handle) {}
-
     template <ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, std::uint64_t, char *, std::uint64_t *)>
     std::vector<std::string> texts(std::uint32_t count) const {
         std::vector<std::string> result(count);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            std::uint64_t length = 0;
-            check(Get(handle_, i, 0, nullptr, &length));
-            result[i].resize(static_cast<std::size_t>(length));
-            check(Get(handle_, i, length, &result[i][0], nullptr));
-            result[i].pop_back(); // the final 0
-        }
+        for (std::uint32_t i = 0; i < count; ++i)
+            result[i] = detail::text_of(Get, handle_, i);
         return result;
     }
     template <typename Struct, ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, Struct *)>
@@ -1229,7 +1105,8 @@ inline Diagnosis diagnose(const Context &context, const Capture &capture, const 
     });
 }
 
-/** clspCompare(): `real` against frames of any simulator. Takes no hypotheses. Blocks; may be called from any thread. */
+/** clspCompare(): `real` against frames of any simulator. Takes no hypotheses. Blocks; may be called from any thread.
+ */
 inline Diagnosis compare(const Context &context, const Capture &real, const Capture &sim,
                          const DiagnoseOptions &options = {}) {
     return detail::diagnose_with(options, [&](const ClspDiagnoseDesc *desc, ClspDiagnosis *diagnosis) {
@@ -1238,12 +1115,13 @@ inline Diagnosis compare(const Context &context, const Capture &real, const Capt
 }
 
 /** Phase of a diffractive beam splitter, see doe_design.h. May be read from any number of threads at once. */
-class DoeDesign : public detail::Shared<ClspDoeDesign, clspDoeDesignRetain, clspDoeDesignRelease> {
+class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignRetain, clspDoeDesignRelease> {
   public:
     DoeDesign() noexcept = default;
     /** Designs; blocks. `progress` takes the place of desc.progress if it is not empty. */
     DoeDesign(const Context &context, const ClspDoeDesignDesc &desc, const Progress &progress = {}) {
-        detail::call_with_progress(desc, progress, [&](const ClspDoeDesignDesc *d) { return clspDoeDesignCreate(context, d, &handle_); });
+        detail::call_with_progress(
+            desc, progress, [&](const ClspDoeDesignDesc *d) { return clspDoeDesignCreate(context, d, &handle_); });
     }
     /** The report of a phase that exists already: desc.height x desc.width radians. */
     static DoeDesign evaluate(const Context &context, const ClspDoeDesignDesc &desc, const std::vector<float> &phase) {
@@ -1254,8 +1132,6 @@ class DoeDesign : public detail::Shared<ClspDoeDesign, clspDoeDesignRetain, clsp
         check(clspDoeDesignEvaluate(context, &desc, phase.data(), 0, &handle));
         return adopt(handle);
     }
-    /** Takes over one reference of a C handle. */
-    static DoeDesign adopt(ClspDoeDesign handle) noexcept { return DoeDesign(handle); }
 
     ClspDoeDesignReport report() const {
         auto result = make<ClspDoeDesignReport>();
@@ -1305,9 +1181,6 @@ class DoeDesign : public detail::Shared<ClspDoeDesign, clspDoeDesignRetain, clsp
                                           directions.data(), result.orders.data(), result.errors.data()));
         return result;
     }
-
-  private:
-    explicit DoeDesign(ClspDoeDesign handle) noexcept : Shared(handle) {}
 };
 
 /** A semi-random layout of dots, see dot_layout.h. */
@@ -1317,7 +1190,8 @@ struct DotLayout {
     ClspDotLayoutInfo info;
 };
 
-/** clspDotLayoutCreate(). May be called from any thread. `progress` takes the place of desc.progress if it is not empty. */
+/** clspDotLayoutCreate(). May be called from any thread. `progress` takes the place of desc.progress if it is not
+ * empty. */
 inline DotLayout dot_layout(const ClspDotLayoutDesc &desc, const Progress &progress = {}) {
     DotLayout result{{}, {}, make<ClspDotLayoutInfo>()};
     if (desc.count <= CLSP_MAX_LAYOUT_DOTS) { // else the call says so
@@ -1333,7 +1207,7 @@ inline DotLayout dot_layout(const ClspDotLayoutDesc &desc, const Progress &progr
 }
 
 /** Which engine is the fastest on a device, see tuning.h. May be read from any number of threads at once. */
-class Tuning : public detail::Shared<ClspTuning, clspTuningRetain, clspTuningRelease> {
+class Tuning : public detail::Shared<Tuning, ClspTuning, clspTuningRetain, clspTuningRelease> {
   public:
     Tuning() noexcept = default;
     /** Measures; blocks. `progress` takes the place of desc.progress if it is not empty. */
@@ -1341,36 +1215,17 @@ class Tuning : public detail::Shared<ClspTuning, clspTuningRetain, clspTuningRel
         detail::call_with_progress(desc, progress,
                                    [&](const ClspTuningDesc *d) { return clspTuningRun(context, d, &handle_); });
     }
-    /** Takes over one reference of a C handle. */
-    static Tuning adopt(ClspTuning handle) noexcept { return Tuning(handle); }
 
     /** What was measured: a tuning record with this run's sizes alone. */
-    std::string json() const {
-        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
-            return clspTuningGetJson(handle_, capacity, text, length);
-        });
-    }
+    std::string json() const { return detail::text_of(clspTuningGetJson, handle_); }
     /** The file that was written, "" if none. */
-    std::string path() const {
-        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
-            return clspTuningGetPath(handle_, capacity, text, length);
-        });
-    }
+    std::string path() const { return detail::text_of(clspTuningGetPath, handle_); }
     /** The engine that an aperture of this context would have first for an image, and why. */
     static std::string explain(const Context &context, std::uint32_t width, std::uint32_t height) {
-        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
-            return clspTuningExplain(context, width, height, capacity, text, length);
-        });
+        return detail::text_of(clspTuningExplain, context, width, height);
     }
     /** The file of the user's record, "" where there is none. */
-    static std::string record_path(const Context &context) {
-        return detail::text_of([&](std::uint64_t capacity, char *text, std::uint64_t *length) {
-            return clspTuningGetRecordPath(context, capacity, text, length);
-        });
-    }
-
-  private:
-    explicit Tuning(ClspTuning handle) noexcept : Shared(handle) {}
+    static std::string record_path(const Context &context) { return detail::text_of(clspTuningGetRecordPath, context); }
 };
 
 /** First-order statistics, histogram and autocovariance, see statistics.h. All of them block. */
