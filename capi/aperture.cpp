@@ -46,9 +46,7 @@ ClspApertureDesc aperture_defaults() {
 
 extern "C" {
 
-CLSP_API ClspStatus clspApertureDescInit(ClspApertureDesc *desc, uint32_t struct_size) {
-    return guarded("clspApertureDescInit", [&] { init_struct(desc, struct_size, aperture_defaults(), "desc"); });
-}
+CLSP_INIT(ApertureDesc, desc, aperture_defaults())
 
 CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDesc *desc, ClspAperture *aperture) {
     return guarded("clspApertureCreate", [&] {

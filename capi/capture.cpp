@@ -86,14 +86,9 @@ void check_capacity(std::uint64_t capacity, std::uint64_t needed, const char *wh
 
 extern "C" {
 
-CLSP_API ClspStatus clspCaptureDescInit(ClspCaptureDesc *desc, uint32_t struct_size) {
-    return guarded("clspCaptureDescInit", [&] { init_struct(desc, struct_size, capture_defaults(), "desc"); });
-}
+CLSP_INIT(CaptureDesc, desc, capture_defaults())
 
-CLSP_API ClspStatus clspCaptureSequenceInit(ClspCaptureSequence *sequence, uint32_t struct_size) {
-    return guarded("clspCaptureSequenceInit",
-                   [&] { init_struct(sequence, struct_size, sequence_defaults(), "sequence"); });
-}
+CLSP_INIT(CaptureSequence, sequence, sequence_defaults())
 
 CLSP_API ClspStatus clspCaptureCreate(const ClspCaptureDesc *desc, ClspCapture *capture) {
     return guarded("clspCaptureCreate", [&] {

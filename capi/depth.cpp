@@ -134,9 +134,7 @@ template <typename T> void check_room(std::uint64_t capacity, const T *dots) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspDepthDescInit(ClspDepthDesc *desc, uint32_t struct_size) {
-    return guarded("clspDepthDescInit", [&] { init_struct(desc, struct_size, depth_defaults(), "desc"); });
-}
+CLSP_INIT(DepthDesc, desc, depth_defaults())
 
 CLSP_API ClspStatus clspDepthCreate(ClspContext context, const ClspDepthDesc *desc, ClspDepth *depth) {
     return guarded("clspDepthCreate", [&] {

@@ -237,14 +237,9 @@ void write_file(const char *path, const std::string &text) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspHypothesisInit(ClspHypothesis *hypothesis, uint32_t struct_size) {
-    return guarded("clspHypothesisInit",
-                   [&] { init_struct(hypothesis, struct_size, hypothesis_defaults(), "hypothesis"); });
-}
+CLSP_INIT(Hypothesis, hypothesis, hypothesis_defaults())
 
-CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct_size) {
-    return guarded("clspDiagnoseDescInit", [&] { init_struct(desc, struct_size, diagnose_defaults(), "desc"); });
-}
+CLSP_INIT(DiagnoseDesc, desc, diagnose_defaults())
 
 CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const ClspDiagnoseDesc *desc,
                                  ClspDiagnosis *diagnosis) {

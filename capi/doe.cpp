@@ -136,17 +136,11 @@ void copy_out(const std::vector<T> &from, std::uint64_t count, T *to, const char
 
 extern "C" {
 
-CLSP_API ClspStatus clspBeamProfileInit(ClspBeamProfile *beam, uint32_t struct_size) {
-    return guarded("clspBeamProfileInit", [&] { init_struct(beam, struct_size, beam_defaults(), "beam"); });
-}
+CLSP_INIT(BeamProfile, beam, beam_defaults())
 
-CLSP_API ClspStatus clspDoeDefectsInit(ClspDoeDefects *defects, uint32_t struct_size) {
-    return guarded("clspDoeDefectsInit", [&] { init_struct(defects, struct_size, defects_defaults(), "defects"); });
-}
+CLSP_INIT(DoeDefects, defects, defects_defaults())
 
-CLSP_API ClspStatus clspDoePatternDescInit(ClspDoePatternDesc *desc, uint32_t struct_size) {
-    return guarded("clspDoePatternDescInit", [&] { init_struct(desc, struct_size, doe_defaults(), "desc"); });
-}
+CLSP_INIT(DoePatternDesc, desc, doe_defaults())
 
 CLSP_API ClspStatus clspDoePatternCreate(ClspContext context, const ClspDoePatternDesc *desc, ClspDoePattern *pattern) {
     return guarded("clspDoePatternCreate", [&] {
@@ -156,9 +150,7 @@ CLSP_API ClspStatus clspDoePatternCreate(ClspContext context, const ClspDoePatte
     });
 }
 
-CLSP_API ClspStatus clspSpotPatternDescInit(ClspSpotPatternDesc *desc, uint32_t struct_size) {
-    return guarded("clspSpotPatternDescInit", [&] { init_struct(desc, struct_size, spot_defaults(), "desc"); });
-}
+CLSP_INIT(SpotPatternDesc, desc, spot_defaults())
 
 CLSP_API ClspStatus clspSpotPatternCreate(ClspContext context, const ClspSpotPatternDesc *desc,
                                           ClspDoePattern *pattern) {

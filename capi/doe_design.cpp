@@ -72,9 +72,7 @@ void check_count(std::uint64_t given, std::size_t expected, const char *of) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspDoeDesignDescInit(ClspDoeDesignDesc *desc, uint32_t struct_size) {
-    return guarded("clspDoeDesignDescInit", [&] { init_struct(desc, struct_size, design_defaults(), "desc"); });
-}
+CLSP_INIT(DoeDesignDesc, desc, design_defaults())
 
 CLSP_API ClspStatus clspDoeDesignCreate(ClspContext context, const ClspDoeDesignDesc *desc, ClspDoeDesign *design) {
     return guarded("clspDoeDesignCreate", [&] {

@@ -43,9 +43,7 @@ ClspDotLayoutDesc layout_defaults() {
 
 extern "C" {
 
-CLSP_API ClspStatus clspDotLayoutDescInit(ClspDotLayoutDesc *desc, uint32_t struct_size) {
-    return guarded("clspDotLayoutDescInit", [&] { init_struct(desc, struct_size, layout_defaults(), "desc"); });
-}
+CLSP_INIT(DotLayoutDesc, desc, layout_defaults())
 
 CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *directions, int32_t *orders,
                                         ClspDotLayoutInfo *info) {

@@ -63,9 +63,7 @@ DotsParameters dots_parameters(const ClspDotsDesc *user) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspDotsDescInit(ClspDotsDesc *desc, uint32_t struct_size) {
-    return guarded("clspDotsDescInit", [&] { init_struct(desc, struct_size, dots_defaults(), "desc"); });
-}
+CLSP_INIT(DotsDesc, desc, dots_defaults())
 
 CLSP_API ClspStatus clspDotsCreate(ClspContext context, const ClspDotsDesc *desc, ClspDots *dots) {
     return guarded("clspDotsCreate", [&] {

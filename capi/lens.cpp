@@ -70,9 +70,7 @@ void move_points(const double *from, const char *from_name, std::uint64_t count,
 
 extern "C" {
 
-CLSP_API ClspStatus clspLensDescInit(ClspLensDesc *desc, uint32_t struct_size) {
-    return guarded("clspLensDescInit", [&] { init_struct(desc, struct_size, lens_defaults(), "desc"); });
-}
+CLSP_INIT(LensDesc, desc, lens_defaults())
 
 CLSP_API ClspStatus clspLensCreate(ClspContext context, const ClspLensDesc *desc, ClspLens *lens) {
     return guarded("clspLensCreate", [&] {

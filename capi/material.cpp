@@ -30,9 +30,7 @@ ClspMaterial material_defaults() {
 
 extern "C" {
 
-CLSP_API ClspStatus clspMaterialInit(ClspMaterial *material, uint32_t struct_size) {
-    return guarded("clspMaterialInit", [&] { init_struct(material, struct_size, material_defaults(), "material"); });
-}
+CLSP_INIT(Material, material, material_defaults())
 
 CLSP_API ClspStatus clspMaterialTableCreate(ClspContext context, const ClspMaterial *materials, uint32_t count,
                                             ClspMaterialTable *table) {

@@ -68,17 +68,11 @@ MotionInput motion_input(const ClspMotionInput *user) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspMotionDescInit(ClspMotionDesc *desc, uint32_t struct_size) {
-    return guarded("clspMotionDescInit", [&] { init_struct(desc, struct_size, motion_defaults(), "desc"); });
-}
+CLSP_INIT(MotionDesc, desc, motion_defaults())
 
-CLSP_API ClspStatus clspMotionInputInit(ClspMotionInput *input, uint32_t struct_size) {
-    return guarded("clspMotionInputInit", [&] { init_struct(input, struct_size, input_defaults(), "input"); });
-}
+CLSP_INIT(MotionInput, input, input_defaults())
 
-CLSP_API ClspStatus clspMotionOutputInit(ClspMotionOutput *output, uint32_t struct_size) {
-    return guarded("clspMotionOutputInit", [&] { init_struct(output, struct_size, output_defaults(), "output"); });
-}
+CLSP_INIT(MotionOutput, output, output_defaults())
 
 CLSP_API ClspStatus clspMotionCreate(ClspContext context, const ClspMotionDesc *desc, ClspMotion *motion) {
     return guarded("clspMotionCreate", [&] {

@@ -66,13 +66,9 @@ Geometry geometry(const ClspGeometry *user) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspPatternDescInit(ClspPatternDesc *desc, uint32_t struct_size) {
-    return guarded("clspPatternDescInit", [&] { init_struct(desc, struct_size, pattern_defaults(), "desc"); });
-}
+CLSP_INIT(PatternDesc, desc, pattern_defaults())
 
-CLSP_API ClspStatus clspGeometryInit(ClspGeometry *geometry, uint32_t struct_size) {
-    return guarded("clspGeometryInit", [&] { init_struct(geometry, struct_size, geometry_defaults(), "geometry"); });
-}
+CLSP_INIT(Geometry, geometry, geometry_defaults())
 
 CLSP_API ClspStatus clspPatternCreate(ClspContext context, const ClspPatternDesc *desc, ClspPattern *pattern) {
     return guarded("clspPatternCreate", [&] {

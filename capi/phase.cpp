@@ -49,9 +49,7 @@ CLSP_API ClspStatus clspFieldGridCompute(ClspFieldGrid *grid) {
     });
 }
 
-CLSP_API ClspStatus clspPhaseDescInit(ClspPhaseDesc *desc, uint32_t struct_size) {
-    return guarded("clspPhaseDescInit", [&] { init_struct(desc, struct_size, phase_defaults(), "desc"); });
-}
+CLSP_INIT(PhaseDesc, desc, phase_defaults())
 
 CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *desc, ClspPhase *phase) {
     return guarded("clspPhaseCreate", [&] {
@@ -76,9 +74,7 @@ CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue qu
     });
 }
 
-CLSP_API ClspStatus clspPhaseAdvanceInit(ClspPhaseAdvance *advance, uint32_t struct_size) {
-    return guarded("clspPhaseAdvanceInit", [&] { init_struct(advance, struct_size, advance_defaults(), "advance"); });
-}
+CLSP_INIT(PhaseAdvance, advance, advance_defaults())
 
 CLSP_API ClspStatus clspPhaseEnqueueAdvance(ClspPhase phase, cl_command_queue queue, uint64_t frame_index,
                                             const ClspPhaseAdvance *advance, uint32_t num_events_in_wait_list,

@@ -39,9 +39,7 @@ CLSP_API ClspStatus clspPhiloxEnqueueBlocks(ClspContext context, cl_command_queu
     });
 }
 
-CLSP_API ClspStatus clspPhiloxDescInit(ClspPhiloxDesc *desc, uint32_t struct_size) {
-    return guarded("clspPhiloxDescInit", [&] { init_struct(desc, struct_size, philox_defaults(), "desc"); });
-}
+CLSP_INIT(PhiloxDesc, desc, philox_defaults())
 
 CLSP_API ClspStatus clspPhiloxEnqueueFill(ClspContext context, cl_command_queue queue, const ClspPhiloxDesc *desc,
                                           const ClspImage *image, uint32_t num_events_in_wait_list,

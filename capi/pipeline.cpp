@@ -81,13 +81,9 @@ void read_frame(const ClspFrame *user, const char *name, FrameView &view) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspPipelineDescInit(ClspPipelineDesc *desc, uint32_t struct_size) {
-    return guarded("clspPipelineDescInit", [&] { init_struct(desc, struct_size, pipeline_defaults(), "desc"); });
-}
+CLSP_INIT(PipelineDesc, desc, pipeline_defaults())
 
-CLSP_API ClspStatus clspFrameInit(ClspFrame *frame, uint32_t struct_size) {
-    return guarded("clspFrameInit", [&] { init_struct(frame, struct_size, frame_defaults(), "frame"); });
-}
+CLSP_INIT(Frame, frame, frame_defaults())
 
 CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDesc *desc, ClspPipeline *pipeline) {
     return guarded("clspPipelineCreate", [&] {

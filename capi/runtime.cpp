@@ -117,9 +117,7 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
     });
 }
 
-CLSP_API ClspStatus clspContextDescInit(ClspContextDesc *desc, uint32_t struct_size) {
-    return guarded("clspContextDescInit", [&] { init_struct(desc, struct_size, context_defaults(), "desc"); });
-}
+CLSP_INIT(ContextDesc, desc, context_defaults())
 
 CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *context) {
     return guarded("clspContextCreate", [&] {

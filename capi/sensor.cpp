@@ -166,9 +166,7 @@ const Profile &profile_of(const std::string &name) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspSensorDescInit(ClspSensorDesc *desc, uint32_t struct_size) {
-    return guarded("clspSensorDescInit", [&] { init_struct(desc, struct_size, sensor_defaults(), "desc"); });
-}
+CLSP_INIT(SensorDesc, desc, sensor_defaults())
 
 CLSP_API ClspStatus clspSensorDescFromProfile(ClspSensorDesc *desc, uint32_t struct_size, const char *name) {
     return guarded("clspSensorDescFromProfile", [&] {

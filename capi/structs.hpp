@@ -3,6 +3,7 @@
 
 #include "clspeckle/clspeckle.h"
 #include "runtime/error.hpp"
+#include "status.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -79,6 +80,13 @@ template <typename T> void init_struct(T *user, std::uint32_t struct_size, const
     user->struct_size = struct_size;
     write_struct(*user, defaults, name);
 }
+
+// clsp<Name>Init(), within extern "C".
+#define CLSP_INIT(Name, value, defaults)                                                                               \
+    CLSP_API ClspStatus clsp##Name##Init(Clsp##Name *value, uint32_t struct_size) {                                    \
+        return clsp::capi::guarded("clsp" #Name "Init",                                                                \
+                                   [&] { clsp::capi::init_struct(value, struct_size, defaults, #value); });            \
+    }
 
 // A member that has no meaning yet.
 inline void check_reserved(std::uint32_t value, const char *name) {

@@ -58,9 +58,7 @@ TuneParameters tuning_parameters(const ClspTuningDesc *user) {
 
 extern "C" {
 
-CLSP_API ClspStatus clspTuningDescInit(ClspTuningDesc *desc, uint32_t struct_size) {
-    return guarded("clspTuningDescInit", [&] { init_struct(desc, struct_size, tuning_defaults(), "desc"); });
-}
+CLSP_INIT(TuningDesc, desc, tuning_defaults())
 
 CLSP_API ClspStatus clspTuningRun(ClspContext context, const ClspTuningDesc *desc, ClspTuning *tuning) {
     return guarded("clspTuningRun", [&] {
