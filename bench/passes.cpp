@@ -2,10 +2,10 @@
 // what a whole frame's time (clspeckle tune) does not show. Medians over frames, by the events of a profiling queue.
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
-#include "runtime/fused_group_codelets.hpp"
-#include "runtime/fused_plan.hpp"
+#include "fft/gpu/codelets.hpp"
+#include "fft/plan/line_plan.hpp"
 #include "stages/aperture.hpp"
-#include "stages/fused_engine.hpp"
+#include "fft/aperture_engine.hpp"
 #include "stages/phase.hpp"
 
 #include <CLI/CLI.hpp>

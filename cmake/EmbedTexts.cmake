@@ -1,10 +1,10 @@
 # Writes OUTPUT, a C++ file with the array NAMEs of TYPE (declared in HEADER) that holds each of FILES as a raw string, and their
-# number as NAMECount. Run with cmake -P.
+# number as NAMECount; each goes by its path below FOLDER. Run with cmake -P.
 set(text "// Made by cmake/EmbedTexts.cmake.\n#include \"${HEADER}\"\n\n")
 string(APPEND text "namespace clsp {\n\nconst ${TYPE} ${NAME}s[] = {\n")
 list(LENGTH FILES count)
 foreach(file IN LISTS FILES)
-    get_filename_component(name "${file}" NAME)
+    file(RELATIVE_PATH name "${FOLDER}" "${file}")
     file(READ "${file}" content)
     # A literal may not exceed 64 KiB on some compilers, and may not hold its own end mark.
     string(LENGTH "${content}" length)

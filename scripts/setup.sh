@@ -33,7 +33,7 @@ fi
 .venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()
-    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/cli/requirements.txt; do
+    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt; do
         requirements+=(-r "$file")
     done
     .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"

@@ -4,7 +4,7 @@
 #include "effects.hpp"
 #include "errors.hpp"
 #include "files.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 
 #include <fmt/format.h>
 
@@ -182,7 +182,7 @@ bool changes_dots(const std::string &id) {
         return true;
     const auto &all = effect_catalogue();
     const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return id == e.id; });
-    return std::strstr(info->kernel, "dots.cl") != nullptr;
+    return std::strstr(info->kernel, "stages/dots.cl") != nullptr;
 }
 
 /** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its

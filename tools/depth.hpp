@@ -6,7 +6,7 @@
 #define CLSPECKLE_TOOLS_DEPTH_HPP
 
 #include "console.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 
 #include <clspeckle/clspeckle.hpp>
 

@@ -4,7 +4,7 @@
 #include "doe_files.hpp"
 #include "errors.hpp"
 #include "files.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "number_options.hpp"
 
 #include <fmt/format.h>

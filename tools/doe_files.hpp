@@ -6,7 +6,7 @@
 #define CLSPECKLE_TOOLS_DOE_FILES_HPP
 
 #include "console.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "options.hpp"
 
 #include <functional>

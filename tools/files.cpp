@@ -1,7 +1,7 @@
 #include "files.hpp"
 
 #include "errors.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "output.hpp"
 
 #include <fmt/format.h>

@@ -3,7 +3,7 @@
 #include "commands.hpp"
 #include "errors.hpp"
 #include "files.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "options.hpp"
 
 #include <fmt/format.h>
@@ -43,18 +43,18 @@ bool is_generator(const fs::path &folder) {
 fs::path find_generator(const std::string &given) {
     if (!given.empty()) {
         for (const fs::path &folder :
-             {fs::path(given), fs::path(given) / "withheld", fs::path(given) / "tests" / "withheld"})
+             {fs::path(given), fs::path(given) / "gap_check", fs::path(given) / "validation" / "gap_check"})
             if (is_generator(folder))
                 return fs::absolute(folder).lexically_normal();
         throw InputError(
             fmt::format("--generator {}: holds no generator (a Python package with __main__.py and plan.py); it is "
-                        "tests/withheld of a checkout of clSpeckle",
+                        "validation/gap_check of a checkout of clSpeckle",
                         given));
     }
     std::vector<fs::path> roots;
     const fs::path program = this_program();
     if (!program.empty()) {
-        const fs::path installed = program.parent_path().parent_path() / "share" / "clspeckle" / "withheld";
+        const fs::path installed = program.parent_path().parent_path() / "share" / "clspeckle" / "gap_check";
         if (is_generator(installed))
             return installed;
         roots.push_back(program.parent_path());
@@ -63,11 +63,11 @@ fs::path find_generator(const std::string &given) {
     roots.push_back(fs::current_path(code));
     for (fs::path root : roots)
         for (int i = 0; i < levels_up && !root.empty(); ++i, root = root.parent_path())
-            if (is_generator(root / "tests" / "withheld"))
-                return root / "tests" / "withheld";
+            if (is_generator(root / "validation" / "gap_check"))
+                return root / "validation" / "gap_check";
     throw InputError(
-        "the generator of the check was not found: it is the Python package tests/withheld of a checkout of clSpeckle, "
-        "installed as share/clspeckle/withheld; run this within the checkout, or name the package with --generator "
+        "the generator of the check was not found: it is the Python package validation/gap_check of a checkout of clSpeckle, "
+        "installed as share/clspeckle/gap_check; run this within the checkout, or name the package with --generator "
         "FOLDER");
 }
 

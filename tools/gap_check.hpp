@@ -17,7 +17,7 @@ namespace tools {
 /** Of both: who draws, who diagnoses, where to. */
 struct GeneratorArguments {
     std::string folder;
-    std::string generator; ///< Folder of the Python package `withheld`; empty: where it lies beside this program.
+    std::string generator; ///< Folder of the Python package `gap_check`; empty: where it lies beside this program.
     std::string python = "python3";
     std::string command; ///< The diagnosis; empty: this program's.
     std::string device;

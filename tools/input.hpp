@@ -6,7 +6,7 @@
 #define CLSPECKLE_TOOLS_INPUT_HPP
 
 #include "console.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "options.hpp"
 
 #include <clspeckle/clspeckle.hpp>

@@ -626,7 +626,7 @@ void add_generator_options(CLI::App &app, tools::GeneratorArguments &a, const ch
         app.add_option(name, value, what)->type_name(type)->take_last();
     };
     text("--generator", a.generator,
-         "Folder of the generator; default: tests/withheld of the checkout, or what was installed", "FOLDER");
+         "Folder of the generator; default: validation/gap_check of the checkout, or what was installed", "FOLDER");
     text("--python", a.python, "Python that runs the generator (default python3)", "PROGRAM");
     text("--command", a.command,
          "The diagnosis that is checked, to which CAPTURE --json REPORT [--without IDS] is appended (default: this "

@@ -5,7 +5,7 @@
 #ifndef CLSPECKLE_TOOLS_OUTPUT_HPP
 #define CLSPECKLE_TOOLS_OUTPUT_HPP
 
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 
 #include <cstdint>
 #include <deque>

@@ -277,7 +277,7 @@ class Renderer {
         for (const EffectSetting &effect : config_.effects()) {
             const auto &all = effect_catalogue();
             const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return effect.id == e.id; });
-            if (std::string(info->kernel).find("dots.cl") != std::string::npos)
+            if (std::string(info->kernel).find("stages/dots.cl") != std::string::npos)
                 throw InputError(
                     fmt::format("--effect {}: changes the dots that the library draws (dots.h); render has "
                                 "an ideal image or a scene's pattern instead",

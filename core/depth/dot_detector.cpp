@@ -11,7 +11,7 @@
 namespace clsp {
 namespace {
 
-constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of dot_detector.cl
+constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of depth/dot_detector.cl
 constexpr int kPasses = 12;                     // neighbours' light is taken off ever more exactly
 constexpr int kMaxIterations = 20;              // of one fit in one pass
 constexpr double kMergedSigma = 1.6;            // wider than so many expected ones: two dots in one
@@ -95,12 +95,12 @@ DotDetector::Kernels &DotDetector::kernels(Format format) {
             fmt::format("-DIMAGE_FORMAT={} -DWINDOW={} -DMAX_ITERATIONS={}", static_cast<std::uint32_t>(format),
                         window(parameters_.dot_sigma_px), kMaxIterations);
         auto made = std::make_unique<Kernels>();
-        made->rows = context_->kernel("dot_detector.cl", "dot_detector_rows", defines);
-        made->maxima = context_->kernel("dot_detector.cl", "dot_detector_maxima", defines);
-        made->fit = context_->kernel("dot_detector.cl", "dot_detector_fit", defines);
+        made->rows = context_->kernel("depth/dot_detector.cl", "dot_detector_rows", defines);
+        made->maxima = context_->kernel("depth/dot_detector.cl", "dot_detector_maxima", defines);
+        made->fit = context_->kernel("depth/dot_detector.cl", "dot_detector_fit", defines);
         if (!reset_()) {
-            reset_ = context_->kernel("dot_detector.cl", "dot_detector_reset", defines);
-            columns_ = context_->kernel("dot_detector.cl", "dot_detector_columns", defines);
+            reset_ = context_->kernel("depth/dot_detector.cl", "dot_detector_reset", defines);
+            columns_ = context_->kernel("depth/dot_detector.cl", "dot_detector_columns", defines);
         }
         kept = std::move(made);
     }

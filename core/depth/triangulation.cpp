@@ -1,7 +1,7 @@
 #include "depth/triangulation.hpp"
 
 #include "runtime/checks.hpp"
-#include "runtime/pose.hpp"
+#include "stages/pose.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -12,7 +12,7 @@
 namespace clsp {
 namespace {
 
-constexpr const char *kFile = "doe_pattern.cl", *kStage = "doe";
+constexpr const char *kFile = "doe/doe_pattern.cl", *kStage = "doe";
 constexpr std::uint32_t kBeamTableSide = 513;
 constexpr double kBlurReach = 5; // standard deviations
 // Parts of spots that one kernel adds: about a second on a slow device, after which whoever waits may stop it.

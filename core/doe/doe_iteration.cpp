@@ -93,7 +93,7 @@ std::vector<DoeDesignStep> iterate_doe(DoeDevice &device, const DoeDesignParamet
     const DeviceBuffer partial(context, items * sizeof(cl_float4)), power(context, items * sizeof(cl_float4));
     const DeviceBuffer turned(context, items * sizeof(cl_float));
 
-    const auto kernel = [&](const char *name) { return context->kernel("doe_design.cl", name); };
+    const auto kernel = [&](const char *name) { return context->kernel("doe/doe_design.cl", name); };
     cl::Kernel clear = kernel("doe_design_clear"), sum = kernel("doe_design_sum"),
                scatter = kernel("doe_design_scatter"), project = kernel("doe_design_project"),
                measure = kernel("doe_design_measure"), weigh = kernel("doe_design_weigh");

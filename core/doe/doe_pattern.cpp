@@ -1,6 +1,6 @@
 #include "doe/doe_pattern.hpp"
 
-#include "doe/doe_books.hpp"
+#include "doe/power_budget.hpp"
 #include "doe/doe_cache.hpp"
 #include "doe/doe_element.hpp"
 #include "doe/doe_field.hpp"

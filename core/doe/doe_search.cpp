@@ -124,7 +124,7 @@ DoeSearchResult search_doe(DoeDevice &device, const DoeDesignParameters &p, std:
     Amplitudes amplitudes(device, p);
     const DeviceBuffer second(context, pixels * sizeof(cl_float2)), change(context, pixels * sizeof(cl_float));
     const DeviceBuffer level_buffer(context, pixels), best_buffer(context, pixels);
-    cl::Kernel search = context->kernel("doe_design.cl", "doe_design_search");
+    cl::Kernel search = context->kernel("doe/doe_design.cl", "doe_design_search");
     const double step_power = std::norm(doe_level_phasor(1, p.levels) - 1.0);
     std::vector<cl_float2> first_field(pixels), second_field(pixels);
     std::vector<cl_float> gains(pixels);

@@ -1,5 +1,5 @@
 // Ideal dots: the beam's far field at given directions. On the host: a few thousand spots of a few texels each.
-#include "doe/doe_books.hpp"
+#include "doe/power_budget.hpp"
 #include "runtime/checks.hpp"
 
 #include <algorithm>

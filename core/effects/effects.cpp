@@ -36,57 +36,57 @@ std::vector<Effect> make_catalogue() {
     // Laser.
     {"linewidth", "laser",
      "several lines add in intensity; each turns with the surface's height, U_k = U exp(i k s h)",
-     "field.cl: field_illuminate (LINES)", kSetsPipeline,
+     "stages/field.cl: field_illuminate (LINES)", kSetsPipeline,
      {{"dephasing_rad", "rad", 0.0, 1000.0, 0.5, 1.2}},
      [](Model &m, Values v) {
          m.pipeline.line_count = kLineCount;
          m.pipeline.dephasing_rad = v[0];
      }},
     {"power_flicker", "laser", "one factor 1 + sigma n for each frame's laser light",
-     "aperture.cl: aperture_intensity", kSetsPipeline,
+     "stages/aperture.cl: aperture_intensity", kSetsPipeline,
      {{"sigma", "1", 0.0, 1.0, 0.02, 0.1}},
      [](Model &m, Values v) { m.pipeline.power_flicker = v[0]; }},
-    {"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "dots.cl: dots_render", kSetsDots,
+    {"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "stages/dots.cl: dots_render", kSetsDots,
      {{"delta_nm", "nm", -200.0, 200.0, 4.0, 12.0}},
      [](Model &m, Values v) {
          dots(m, "wavelength_shift").relative_wavelength_shift = v[0] * 1e-9 / m.aperture.wavelength_m;
      }},
-    {"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "dots.cl: dots_render", kSetsDots,
+    {"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "stages/dots.cl: dots_render", kSetsDots,
      {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kTurn, kTurn, 0.0, 0.0}},
      [](Model &m, Values v) {
          dots(m, "beam_skew").beam_skew = v[0];
          m.dots->beam_skew_angle_rad = v[1];
      }},
-    {"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "dots.cl: dots_render", kSetsDots,
+    {"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "stages/dots.cl: dots_render", kSetsDots,
      {{"flatness", "1", 0.0, 4.0, 0.5, 1.0}},
      [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; }},
     // Diffractive optical element.
-    {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "dots.cl: dots_render", kSetsDots,
+    {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
      [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; }},
-    {"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "dots.cl: dots_render", kSetsDots,
+    {"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}, {"lattice_direction", "1", 0.0, 2.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          dots(m, "ghost_dots").ghost_relative_intensity = v[0];
          m.dots->ghost_direction = static_cast<DotsParameters::GhostDirection>(std::lround(v[1]));
      }},
-    {"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "dots.cl: dots_render", kSetsDots,
+    {"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "stages/dots.cl: dots_render", kSetsDots,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
      [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; }},
     // Surface.
     {"depolarization", "surface", "the returned light has another degree of polarization",
-     "aperture.cl: aperture_intensity", kSetsAperture | kSetsPhase,
+     "stages/aperture.cl: aperture_intensity", kSetsAperture | kSetsPhase,
      {{"degree_of_polarization", "1", 0.0, 1.0, 0.7, 0.0}},
      [](Model &m, Values v) {
          m.aperture.degree_of_polarization = v[0];
          m.phase.polarization_count = 2;
      }},
     {"low_roughness", "surface", "part of the field keeps its phase: U = sqrt(I0) (sqrt(1 - c) z + sqrt(c))",
-     "field.cl: field_illuminate (COHERENT)", kSetsPipeline,
+     "stages/field.cl: field_illuminate (COHERENT)", kSetsPipeline,
      {{"coherent_fraction", "1", 0.0, 1.0, 0.1, 0.5}},
      [](Model &m, Values v) { m.pipeline.coherent_fraction = v[0]; }},
     {"subsurface_scattering", "surface", "a fraction of the light is spread by exp(-r / L) before the speckle forms",
-     "filter.cl", kSetsPipeline,
+     "stages/filter.cl", kSetsPipeline,
      {{"length_px", "px", 0.01, 1000.0, 1.5, 4.0}, {"fraction", "1", 0.0, 1.0, 0.6, 0.6}},
      [](Model &m, Values v) {
          m.pipeline.subsurface_length_px = v[0];
@@ -95,18 +95,18 @@ std::vector<Effect> make_catalogue() {
     // Motion.
     {"motion_decorrelation", "motion",
      "frames drawn anew change while the shutter is open: correlation exp(-l) (0) or exp(-l^2) (1) over a path l",
-     "phase.cl: phase_advance", kSetsPipeline,
+     "stages/phase.cl: phase_advance", kSetsPipeline,
      {{"lags", "1", 0.0, 16.0, 0.4, 2.5}, {"correlation_law", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          m.pipeline.exposure_path = v[0];
          m.pipeline.exposure_correlation = v[1] == 0.0 ? ExposureCorrelation::kField : ExposureCorrelation::kGaussian;
      }},
     {"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
-     "phase.cl: phase_advance", kSetsPipeline,
+     "stages/phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},
      [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; }},
     {"airflow", "motion", "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
-     "airflow.cl, field.cl: field_illuminate (SCREEN)", kSetsPipeline,
+     "stages/airflow.cl, stages/field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
       {"correlation_frames", "frames", 0.01, 1e6, 3.0, 3.0},
@@ -119,35 +119,35 @@ std::vector<Effect> make_catalogue() {
          m.pipeline.airflow.wind_px = v[3] == 0.0 ? 0.0 : v[1] / v[2];
      }},
     {"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
-     "aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,
+     "stages/aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,
      {{"rms_px", "px", 0.0, 100.0, 0.05, 0.3}},
      [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; }},
     // Optics.
-    {"defocus", "optics", "quadratic pupil phase, w waves at the rim", "aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
+    {"defocus", "optics", "quadratic pupil phase, w waves at the rim", "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
      kSetsAperture,
      {{"waves", "waves", -100.0, 100.0, 0.6, 1.5}},
      [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; }},
-    {"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "lens.cl: lens_finish", kSetsLens,
+    {"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "stages/lens.cl: lens_finish", kSetsLens,
      {{"corner_loss", "1", 0.0, 1.0, 0.12, 0.45}},
      [](Model &m, Values v) { m.lens.vignetting_corner_loss = v[0]; }},
     {"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
-     "aperture.cl: aperture_pupil", kSetsAperture,
+     "stages/aperture.cl: aperture_pupil", kSetsAperture,
      {{"f_number_ratio", "1", 0.05, 20.0, 1.12, 1.45}},
      [](Model &m, Values v) {
          m.aperture.f_number *= v[0];
          m.aperture.relative_diameter /= v[0]; // 0 stays 0: from the f-number
      }},
-    {"pupil_obstruction", "optics", "the centre of the pupil is blocked", "aperture.cl: aperture_pupil", kSetsAperture,
+    {"pupil_obstruction", "optics", "the centre of the pupil is blocked", "stages/aperture.cl: aperture_pupil", kSetsAperture,
      {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
      [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; }},
-    {"glare", "optics", "a fraction of the image light is spread over wide tails", "filter.cl, lens.cl: lens_finish",
+    {"glare", "optics", "a fraction of the image light is spread over wide tails", "stages/filter.cl, stages/lens.cl: lens_finish",
      kSetsLens,
      {{"fraction", "1", 0.0, 1.0, 0.05, 0.2}, {"scale_px", "px", 0.1, 1000.0, 6.0, 6.0}},
      [](Model &m, Values v) {
          m.lens.glare_fraction = v[0];
          m.lens.glare_scale_px = v[1];
      }},
-    {"ambient_light", "optics", "constant light on everything but dark frames", "lens.cl: lens_finish",
+    {"ambient_light", "optics", "constant light on everything but dark frames", "stages/lens.cl: lens_finish",
      kSetsLens,
      {{"level_dn", "DN", 0.0, 65535.0, 6.0, 40.0}},
      [](Model &m, Values v) {
@@ -157,7 +157,7 @@ std::vector<Effect> make_catalogue() {
                          "the effect ambient_light is a level in DN, but the sensor's exposure_gain_dn is 0");
          m.lens.ambient = v[0] / gain;
      }},
-    {"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "lens.cl: lens_distort", kSetsLens,
+    {"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "stages/lens.cl: lens_distort", kSetsLens,
      {{"k1", "1", -0.148, 1.0, 0.01, 0.05}},
      [](Model &m, Values v) {
          m.lens.radius_unit = RadiusUnit::kCorner;
@@ -165,46 +165,46 @@ std::vector<Effect> make_catalogue() {
      }},
     // Sensor.
     {"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
-     "aperture.cl: aperture_intensity, aperture_lanes.cl", kSetsAperture,
+     "stages/aperture.cl: aperture_intensity, stages/aperture_lanes.cl", kSetsAperture,
      {{"fill_factor", "1", 0.01, 1.0, 1.0, 1.0}},
      [](Model &m, Values v) { m.aperture.fill_factor = v[0]; }},
     {"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
-     "sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
+     "stages/sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
      [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; }},
-    {"shot_noise", "sensor", "Poisson noise of the signal", "sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
+    {"shot_noise", "sensor", "Poisson noise of the signal", "stages/sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
      {{"dn_per_electron", "DN/e", 1e-6, 1e6, 0.08, 0.5}},
      [](Model &m, Values v) {
          sensor(m, "shot_noise").shot_noise = true;
          m.sensor->conversion_gain_dn_per_e = v[0];
      }},
-    {"prnu", "sensor", "the pixels' gains vary", "sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
+    {"prnu", "sensor", "the pixels' gains vary", "stages/sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.006, 0.03}},
      [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; }},
-    {"dsnu", "sensor", "the pixels' offsets vary", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+    {"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
      [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; }},
-    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; }},
-    {"hot_pixels", "sensor", "few pixels with large offsets", "sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+    {"hot_pixels", "sensor", "few pixels with large offsets", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
      [](Model &m, Values v) {
          sensor(m, "hot_pixels").hot_pixel_fraction = v[0];
          m.sensor->hot_pixel_mean_dn = v[1];
      }},
-    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
+    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; }},
-    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "sensor_pixel.h: expose_pixel (GAMMA)",
+    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "stages/sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
      {{"gamma", "1", 0.1, 10.0, 0.93, 0.75}},
      [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; }},
-    {"full_well", "sensor", "the signal clips below the converter's maximum", "sensor_pixel.h: expose_pixel", kSetsSensor,
+    {"full_well", "sensor", "the signal clips below the converter's maximum", "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
      [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; }},
     {"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
-     "sensor_pixel.h: expose_pixel (CODE_STEP)", kSetsSensor,
+     "stages/sensor_pixel.h: expose_pixel (CODE_STEP)", kSetsSensor,
      {{"bits", "bits", 1.0, 16.0, 8.0, 6.0, true}},
      [](Model &m, Values v) {
          SensorParameters &s = sensor(m, "adc_bits");
@@ -214,7 +214,7 @@ std::vector<Effect> make_catalogue() {
          s.effective_bits = static_cast<std::uint32_t>(std::lround(v[0]));
      }},
     {"bayer_mismatch", "sensor", "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
-     "sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
+     "stages/sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
      {{"delta", "1", -1.0, 1.0, 0.015, 0.06}, {"green_diagonal", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          auto &gain = sensor(m, "bayer_mismatch").mosaic_gain;
@@ -222,7 +222,7 @@ std::vector<Effect> make_catalogue() {
          gain[main_diagonal ? 0 : 1] *= 1.0 - v[0];
          gain[main_diagonal ? 3 : 2] *= 1.0 + v[0];
      }},
-    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
+    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "stages/sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
      [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; }},
     };

@@ -238,9 +238,9 @@ void Pipeline::allocate() {
         for (const Material &material : stages_.materials->materials())
             fractions.push_back(static_cast<float>(material.subsurface_fraction));
         subsurface_table_ = DeviceBuffer(context_, fractions.size() * sizeof(float), fractions.data());
-        material_lookup_ = context_->kernel("material.cl", "material_lookup");
+        material_lookup_ = context_->kernel("stages/material.cl", "material_lookup");
     }
-    dark_ = LazyKernel("aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+    dark_ = LazyKernel("stages/aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
 void Pipeline::keep_dark_frame() {

@@ -7,7 +7,7 @@ namespace clsp {
 
 // A compiler that ignores #line directives, as NVIDIA's does, counts the lines of the whole program: a message begins
 // with "<kernel>:525:19:". Here it gets the file and line that the directives of the program's text say:
-// "sensor.cl:12:19:". Everything else stays as it is, so that a log with files and lines is the same afterwards.
+// "stages/sensor.cl:12:19:". Everything else stays as it is, so that a log with files and lines is the same afterwards.
 std::string with_files_and_lines(const std::string &build_log, const std::string &program_text);
 
 } // namespace clsp

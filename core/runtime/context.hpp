@@ -1,13 +1,13 @@
 // One device and what belongs to it: programs, FFT plans, the count of device memory.
 #pragma once
 
-#include "runtime/engine.hpp"
-#include "runtime/fft.hpp"
+#include "fft/engine.hpp"
+#include "fft/fft.hpp"
 #include "runtime/log.hpp"
 #include "runtime/opencl.hpp"
 #include "runtime/program_cache.hpp"
 #include "runtime/result_cache.hpp"
-#include "runtime/tuning_record.hpp"
+#include "fft/plan/tuning_record.hpp"
 
 #include <atomic>
 #include <cstdint>

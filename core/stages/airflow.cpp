@@ -89,10 +89,10 @@ Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const 
         scratch_ = DeviceBuffer(context_, fft_->scratch_bytes());
     screen_ = DeviceBuffer(context_, grid_.samples() * sizeof(cl_float));
     const char *options = halves_ ? "-DHALVES=1" : "-DHALVES=0";
-    advance_ = context_->kernel("airflow.cl", "airflow_advance", options);
-    spectrum_ = context_->kernel("airflow.cl", "airflow_spectrum", options);
+    advance_ = context_->kernel("stages/airflow.cl", "airflow_advance", options);
+    spectrum_ = context_->kernel("stages/airflow.cl", "airflow_spectrum", options);
     if (!halves_)
-        write_screen_ = context_->kernel("airflow.cl", "airflow_screen", options);
+        write_screen_ = context_->kernel("stages/airflow.cl", "airflow_screen", options);
 }
 
 void Airflow::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, double frames, std::uint32_t substep) {

@@ -13,7 +13,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
-#include "runtime/fft.hpp"
+#include "fft/fft.hpp"
 #include "stages/field_grid.hpp"
 
 #include <cstdint>

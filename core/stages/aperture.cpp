@@ -2,7 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fused_device.hpp"
+#include "fft/cpu/lanes.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/pixel_taps.hpp"
 
@@ -129,14 +129,14 @@ void Aperture::configure(const ApertureParameters &p) {
         row_bytes = 0;
     cl::Kernel apply, write, add;
     if (!fused)
-        apply = context_->kernel("aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
+        apply = context_->kernel("stages/aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
     if (row_bytes > 0) {
         const std::string lanes = fmt::format("-DPIXEL_TAPS={} -DLANES={}", tap_count, fused_lanes(*context_));
-        write = context_->kernel("aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=0");
-        add = context_->kernel("aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=1");
+        write = context_->kernel("stages/aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=0");
+        add = context_->kernel("stages/aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=1");
     } else if (!fused || sample_powers) {
-        write = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
-        add = context_->kernel("aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
+        write = context_->kernel("stages/aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
+        add = context_->kernel("stages/aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
     }
 
     // Nothing throws from here on, but slicing new work memory, which comes first.
@@ -182,7 +182,7 @@ void Aperture::configure(const ApertureParameters &p) {
     apply_pupil_ = apply;
     write_intensity_ = write;
     add_intensity_ = add;
-    incoherent_ = LazyKernel("aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
+    incoherent_ = LazyKernel("stages/aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
     shift_pupil_ = {};
 }
 
@@ -191,7 +191,7 @@ cl::Kernel &Aperture::pupil_kernel(bool shifted) {
         return apply_pupil_;
     if (!shift_pupil_())
         shift_pupil_ =
-            context_->kernel("aperture.cl", "aperture_pupil",
+            context_->kernel("stages/aperture.cl", "aperture_pupil",
                              fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0",
                                          complex_pupil_ ? 1 : 0));
     return shift_pupil_;

@@ -3,13 +3,13 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
-#include "runtime/fft.hpp"
+#include "fft/fft.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/bad_pixels.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
-#include "stages/fused_engine.hpp"
+#include "fft/aperture_engine.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
 

@@ -1,4 +1,4 @@
-// Counting bad input pixels on the device (kernels/common.h) without stopping the frame.
+// Counting bad input pixels on the device (kernels/common/common.h) without stopping the frame.
 #pragma once
 
 #include "runtime/device_buffer.hpp"

@@ -12,7 +12,7 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kTilePx = 16; // TILE_PX of dots.cl
+constexpr std::uint32_t kTilePx = 16; // TILE_PX of stages/dots.cl
 constexpr double kCutoff = 1e-7;      // of a dot's peak
 constexpr double kSmallestSigma = 0.01;
 constexpr std::uint64_t kMaxMembers = std::uint64_t{1} << 27; // 512 MiB of indices
@@ -323,7 +323,7 @@ Dots::State Dots::make_state(DotsParameters p) const {
     state.shape = upload(context_, binned.shape);
     const std::string defines =
         fmt::format("-DSKEW={} -DFLAT_TOP={} -DSCATTER={}", skewed ? 1 : 0, flat ? 1 : 0, scattered ? 1 : 0);
-    state.render = context_->kernel("dots.cl", "dots_render", defines);
+    state.render = context_->kernel("stages/dots.cl", "dots_render", defines);
     if (scattered) {
         state.kept = static_cast<cl_float>(1.0 - p.scatter_fraction);
         state.background = static_cast<cl_float>(p.scatter_fraction * mean_of_image(state, defines));
@@ -348,7 +348,7 @@ void Dots::add_common_arguments(KernelArguments &arguments, const State &state) 
 double Dots::mean_of_image(const State &state, const std::string &defines) const {
     std::vector<cl_float> sums(std::size_t{state.tiles_x} * state.parameters.height);
     const DeviceBuffer device_sums(context_, sums.size() * sizeof(cl_float));
-    cl::Kernel kernel = context_->kernel("dots.cl", "dots_row_sums", defines);
+    cl::Kernel kernel = context_->kernel("stages/dots.cl", "dots_row_sums", defines);
     KernelArguments arguments(kernel);
     add_common_arguments(arguments, state);
     arguments.add(device_sums.get());

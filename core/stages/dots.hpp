@@ -53,7 +53,7 @@ class Dots {
     struct State {
         DotsParameters parameters;
         std::vector<double> positions_px, sigmas_px, peaks;
-        DeviceBuffer first, members, nearest, shape; // as in dots.cl
+        DeviceBuffer first, members, nearest, shape; // as in stages/dots.cl
         cl::Kernel render;
         cl_float cosine = 1, sine = 0, skew_sixth = 0, power = 1, kept = 1, background = 0;
         std::uint32_t tiles_x = 0, tiles_y = 0;

@@ -1,7 +1,7 @@
 #include "stages/field.hpp"
 
 #include "runtime/checks.hpp"
-#include "runtime/fused_device.hpp"
+#include "fft/cpu/lanes.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
@@ -56,9 +56,9 @@ void Field::configure(const FieldParameters &p) {
     const bool dephases = p.line_count > 1 && p.dephasing_rad > 0.0;
     if (dephases && !heights_) {
         draws_in_lanes_ = works_in_lanes(*context_);
-        draw_heights_ = draws_in_lanes_ ? context_->kernel("surface_heights_lanes.cl", "surface_heights_lanes",
+        draw_heights_ = draws_in_lanes_ ? context_->kernel("stages/surface_heights_lanes.cl", "surface_heights_lanes",
                                                            fmt::format("-DLANES={}", fused_lanes(*context_)))
-                                        : context_->kernel("surface_heights.cl", "surface_heights", "");
+                                        : context_->kernel("stages/surface_heights.cl", "surface_heights", "");
         heights_ = DeviceBuffer(context_, grid_.samples() * sizeof(float));
     } else if (!dephases) {
         heights_ = {};
@@ -100,7 +100,7 @@ cl::Kernel &Field::kernel_for(const Phase &phase, Variant variant) {
     if (found != kernels_.end())
         return found->second;
     return kernels_
-        .emplace(variant, context_->kernel("field.cl", "field_illuminate",
+        .emplace(variant, context_->kernel("stages/field.cl", "field_illuminate",
                                            fmt::format("{} -DLINES={} -DSCREEN={}", options, variant[0] ? 1 : 0,
                                                        variant[1] ? 1 : 0)))
         .first->second;

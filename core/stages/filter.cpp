@@ -63,11 +63,11 @@ FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std:
       fft_(context_->fft(columns(), grid_.grid_height)),
       workspace_(workspace ? std::move(workspace) : std::make_shared<FilterWorkspace>(context_)),
       transfer_(context_, grid_.samples() * sizeof(cl_float)),
-      load_(context_->kernel("filter.cl", "filter_load", "-DHAS_WEIGHT=0")),
-      load_weighted_(context_->kernel("filter.cl", "filter_load", "-DHAS_WEIGHT=1")),
-      multiply_(context_->kernel("filter.cl", "filter_multiply", "-DHAS_WEIGHT=0")),
-      store_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=0")),
-      store_weighted_(context_->kernel("filter.cl", "filter_store", "-DHAS_WEIGHT=1")) {
+      load_(context_->kernel("stages/filter.cl", "filter_load", "-DHAS_WEIGHT=0")),
+      load_weighted_(context_->kernel("stages/filter.cl", "filter_load", "-DHAS_WEIGHT=1")),
+      multiply_(context_->kernel("stages/filter.cl", "filter_multiply", "-DHAS_WEIGHT=0")),
+      store_(context_->kernel("stages/filter.cl", "filter_store", "-DHAS_WEIGHT=0")),
+      store_weighted_(context_->kernel("stages/filter.cl", "filter_store", "-DHAS_WEIGHT=1")) {
     workspace_->reserve(grid_.samples() * sizeof(cl_float), fft_->scratch_bytes());
     make_transfer(point_spread);
 }
@@ -95,7 +95,7 @@ void FftFilter::make_transfer(const PointSpread &point_spread) {
     cl::CommandQueue queue(context_->cl_context(), context_->device());
     CommandChain chain(queue(), 0, nullptr);
     fft_->enqueue(chain, FftDirection::kForward, "filter", spectrum.get(), scratch.get());
-    cl::Kernel transfer = context_->kernel("filter.cl", "filter_transfer", "-DHAS_WEIGHT=0");
+    cl::Kernel transfer = context_->kernel("stages/filter.cl", "filter_transfer", "-DHAS_WEIGHT=0");
     KernelArguments(transfer)
         .add(spectrum.get())
         .add(roots_.get())

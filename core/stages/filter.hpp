@@ -12,7 +12,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
-#include "runtime/fft.hpp"
+#include "fft/fft.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/field_grid.hpp"
 
@@ -72,7 +72,7 @@ class FftFilter {
     FieldGrid grid_;
     std::shared_ptr<Fft> fft_;
     std::shared_ptr<FilterWorkspace> workspace_;
-    DeviceBuffer transfer_, roots_; // kernels/filter.cl has them
+    DeviceBuffer transfer_, roots_; // kernels/stages/filter.cl has them
     cl::Kernel load_, load_weighted_, multiply_, store_, store_weighted_;
 };
 

@@ -1,5 +1,5 @@
 // Transforms of real images by complex ones of half the width: neighbours along a row are the two parts of one number.
-// kernels/filter.cl has the equations.
+// kernels/stages/filter.cl has the equations.
 #pragma once
 
 #include "runtime/device_buffer.hpp"

@@ -245,7 +245,7 @@ void Lens::configure(const LensParameters &p) {
     const std::string options =
         fmt::format("-DDISTORT_SHIFT=0 -DDISTORT=0 -DGLARE={} -DVIGNETTING={} -DCOS4={}",
                     p.glare_fraction > 0.0 ? 1 : 0, p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
-    cl::Kernel finish = context_->kernel("lens.cl", "lens_finish", options);
+    cl::Kernel finish = context_->kernel("stages/lens.cl", "lens_finish", options);
     // From here on nothing fails.
     if (!distortion_ || distortion_->identity() != distortion.identity())
         distort_kernels_.clear();
@@ -280,7 +280,7 @@ cl::Kernel &Lens::distort_kernel(Format format, Interpolation interpolation) {
         "-DDISTORT_SHIFT=0 -DDISTORT=1 -DHAS_MAP={} -DCOMPONENT={} -DCOMPONENTS={} -DINTERPOLATION={} -DOUTSIDE={}",
         distorts() ? 1 : 0, component, component_count(format), static_cast<std::uint32_t>(interpolation),
         vector ? "NAN" : "0");
-    return distort_kernels_.emplace(variant, context_->kernel("lens.cl", "lens_distort", options)).first->second;
+    return distort_kernels_.emplace(variant, context_->kernel("stages/lens.cl", "lens_distort", options)).first->second;
 }
 
 void Lens::check_distort(const ImageView &ideal, const ImageView &distorted, Interpolation interpolation) {
@@ -330,7 +330,7 @@ void Lens::check_distort_shift(const ImageView &ideal, const ImageView &distorte
     check_writable(distorted, "distorted");
     refuse_overlap(distorted, "distorted", ideal, "ideal");
     if (!distort_shift_())
-        distort_shift_ = context_->kernel("lens.cl", "lens_distort_shift", "-DDISTORT_SHIFT=1 -DDISTORT=0");
+        distort_shift_ = context_->kernel("stages/lens.cl", "lens_distort_shift", "-DDISTORT_SHIFT=1 -DDISTORT=0");
 }
 
 void Lens::enqueue_distort_shift(CommandChain &chain, const ImageView &ideal, const ImageView &distorted) {

@@ -3,7 +3,7 @@
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
-#include "runtime/pose.hpp"
+#include "stages/pose.hpp"
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@
 namespace clsp {
 namespace {
 
-constexpr std::size_t kTableColumns = 5; // see kernels/motion.cl
+constexpr std::size_t kTableColumns = 5; // see kernels/stages/motion.cl
 constexpr std::size_t kBodyFloats = 16;
 
 // 1 / value in single precision; 0 for infinity, infinity for 0.
@@ -182,7 +182,7 @@ cl::Kernel &Motion::kernel_for(const Views &in, const OutputViews &out) {
     const auto found = kernels_.find(options);
     if (found != kernels_.end())
         return found->second;
-    cl::Kernel kernel = context_->kernel("motion.cl", "motion_compute", options);
+    cl::Kernel kernel = context_->kernel("stages/motion.cl", "motion_compute", options);
     return kernels_.emplace(std::move(options), std::move(kernel)).first->second;
 }
 

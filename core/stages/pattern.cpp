@@ -2,9 +2,9 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fused_device.hpp"
+#include "fft/cpu/lanes.hpp"
 #include "runtime/kernel_arguments.hpp"
-#include "runtime/pose.hpp"
+#include "stages/pose.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -112,9 +112,9 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
                     quantity_ == PatternQuantity::kPlaneIrradiance ? 1 : 0, position ? 1 : 0, depth_along_ray ? 1 : 0,
                     normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility),
                     filter_ == PatternFilter::kArea ? 1 : 0, filter_taps_);
-    cl::Kernel kernel = in_lanes_ ? context_->kernel("pattern_lanes.cl", "pattern_lookup_lanes",
+    cl::Kernel kernel = in_lanes_ ? context_->kernel("stages/pattern_lanes.cl", "pattern_lookup_lanes",
                                                      fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
-                                  : context_->kernel("pattern.cl", "pattern_lookup", options);
+                                  : context_->kernel("stages/pattern.cl", "pattern_lookup", options);
     return kernels_.emplace(inputs, std::move(kernel)).first->second;
 }
 

@@ -2,7 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fused_device.hpp"
+#include "fft/cpu/lanes.hpp"
 #include "stages/philox.hpp"
 
 #include <cmath>
@@ -59,7 +59,7 @@ void Phase::configure(const PhaseParameters &p) {
         parameters_ = p;
         return;
     }
-    // Words of a sample, see kernels/phase_state.h.
+    // Words of a sample, see kernels/stages/phase_state.h.
     const bool continuous = p.dynamics == Dynamics::kContinuous;
     const std::uint64_t field_words = p.field == FieldKind::kUnitPhasor ? 1 : continuous ? 4 : 2;
     const std::uint64_t words = p.polarization_count * field_words + (continuous ? 1 : 0);
@@ -75,13 +75,13 @@ void Phase::configure(const PhaseParameters &p) {
         const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
         const bool in_lanes = works_in_lanes(*context_);
         cl::Kernel refresh_all =
-            in_lanes ? context_->kernel("fused_phase.cl", "fused_phase_refresh",
+            in_lanes ? context_->kernel("stages/phase_refresh_lanes.cl", "fused_phase_refresh",
                                         fmt::format("{} -DLANES={}", kernel_options(), fused_lanes(*context_)))
-                     : context_->kernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
+                     : context_->kernel("stages/phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
         refresh_all_ = std::move(refresh_all);
         refreshes_in_lanes_ = in_lanes;
-        refresh_masked_ = LazyKernel("phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
-        export_ = LazyKernel("phase.cl", "phase_field", options + " -DHAS_MASK=0");
+        refresh_masked_ = LazyKernel("stages/phase.cl", "phase_refresh", options + " -DHAS_MASK=1");
+        export_ = LazyKernel("stages/phase.cl", "phase_field", options + " -DHAS_MASK=0");
         state_ = std::move(state);
         next_state_ = std::move(next_state);
         owner_ = std::move(owner);
@@ -164,11 +164,11 @@ Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
     kernels.in_lanes =
         works_in_lanes(*context_) && !variant[2] && parameters_.field == FieldKind::kCircularGaussian;
     kernels.advance = kernels.in_lanes
-                          ? context_->kernel("phase_advance_lanes.cl", "phase_advance_lanes",
+                          ? context_->kernel("stages/phase_advance_lanes.cl", "phase_advance_lanes",
                                              fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
-                          : context_->kernel("phase.cl", "phase_advance", options);
+                          : context_->kernel("stages/phase.cl", "phase_advance", options);
     if (variant[2])
-        kernels.claim = context_->kernel("phase.cl", "phase_claim", options);
+        kernels.claim = context_->kernel("stages/phase.cl", "phase_claim", options);
     return advance_.emplace(variant, std::move(kernels)).first->second;
 }
 

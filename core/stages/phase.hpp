@@ -67,7 +67,7 @@ class Phase {
     // Paths and correlations that were NaN or out of range, shifts that were not finite.
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
 
-    // For kernels that read the state through phase_state.h: how to build them, and their first three arguments.
+    // For kernels that read the state through stages/phase_state.h: how to build them, and their first three arguments.
     std::string state_options() const;
     void add_state(KernelArguments &arguments, std::uint32_t polarization) const;
 
@@ -88,7 +88,7 @@ class Phase {
     using AdvanceVariant = std::array<bool, 5>; // images of path, correlation, shift, mask; a correlation for all
     struct AdvanceKernels {
         cl::Kernel advance, claim; // claim: with a shift
-        bool in_lanes = false;     // the one of kernels/phase_advance_lanes.cl, a work-item for each row
+        bool in_lanes = false;     // the one of kernels/stages/phase_advance_lanes.cl, a work-item for each row
     };
     void check_refreshed() const;
     void check_polarization(std::uint32_t polarization) const;
@@ -105,7 +105,7 @@ class Phase {
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place
     BadPixelCounter bad_pixels_;
-    bool refreshes_in_lanes_ = false; // refresh_all_ is the one of kernels/fused_phase.cl, a work-item for each row
+    bool refreshes_in_lanes_ = false; // refresh_all_ is the one of kernels/stages/phase_refresh_lanes.cl, a work-item for each row
     cl::Kernel refresh_all_;
     LazyKernel refresh_masked_, export_;
     std::map<AdvanceVariant, AdvanceKernels> advance_;

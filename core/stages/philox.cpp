@@ -65,7 +65,7 @@ void enqueue_philox_blocks(Context &context, CommandChain &chain, cl_mem counter
         blocks_offset_bytes < counters_offset_bytes + count * kBlockBytes)
         throw Error(Status::kOverlap,
                     "counters and blocks overlap without being the same; use one place for both, or two apart");
-    cl::Kernel kernel = context.kernel("philox.cl", "philox_blocks", "-DDISTRIBUTION=0");
+    cl::Kernel kernel = context.kernel("stages/philox.cl", "philox_blocks", "-DDISTRIBUTION=0");
     KernelArguments(kernel)
         .add(counters)
         .add(cl_ulong{counters_offset_bytes / 4})
@@ -94,7 +94,7 @@ void enqueue_philox_fill(Context &context, CommandChain &chain, const PhiloxPara
         check_image(image, "image", context.cl_context()(), {0, 0},
                     {parameters.distribution == Distribution::kBits ? Format::kUint32 : Format::kFloat32});
     const std::uint32_t quarter = quarter_rows(view.height);
-    cl::Kernel kernel = context.kernel("philox.cl", "philox_fill", fmt::format("-DDISTRIBUTION={}", distribution));
+    cl::Kernel kernel = context.kernel("stages/philox.cl", "philox_fill", fmt::format("-DDISTRIBUTION={}", distribution));
     KernelArguments(kernel)
         .add(view)
         .add(cl_uint{view.width})

@@ -2,7 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fused_device.hpp"
+#include "fft/cpu/lanes.hpp"
 #include "stages/philox.hpp"
 #include "stages/sensor_camera.hpp"
 
@@ -196,7 +196,7 @@ void Sensor::make_fixed_pattern() {
         "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DDSNU={} -DCOLUMN_OFFSET={} -DREAD_NOISE_SPREAD={}",
         p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
         p.column_offset_dn > 0.0 ? 1 : 0, read_noise_map_ ? 1 : 0);
-    cl::Kernel kernel = context_->kernel("sensor.cl", "sensor_fixed_pattern", options);
+    cl::Kernel kernel = context_->kernel("stages/sensor.cl", "sensor_fixed_pattern", options);
     KernelArguments(kernel)
         .add(offset_.get())
         .add(response_.get())
@@ -243,10 +243,10 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     if (found != kernels_.end())
         return found->second;
     const cl::Kernel kernel =
-        in_lanes_ ? context_->kernel("sensor_lanes.cl", "sensor_expose_lanes",
+        in_lanes_ ? context_->kernel("stages/sensor_lanes.cl", "sensor_expose_lanes",
                                      fmt::format("-DOUTPUT_FORMAT={} -DLANES={}", static_cast<std::uint32_t>(output),
                                                  fused_lanes(*context_)))
-                  : context_->kernel("sensor.cl", "sensor_expose",
+                  : context_->kernel("stages/sensor.cl", "sensor_expose",
                                      fmt::format("{} -DCROSSTALK={}", pixel_options(output),
                                                  parameters_.crosstalk_fraction > 0.0 ? 1 : 0));
     return kernels_.emplace(output, kernel).first->second;
@@ -374,7 +374,7 @@ void Sensor::enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer b
         found != demosaic_kernels_.end()
             ? found->second
             : demosaic_kernels_
-                  .emplace(raw.format, context_->kernel("sensor.cl", "sensor_demosaic",
+                  .emplace(raw.format, context_->kernel("stages/sensor.cl", "sensor_demosaic",
                                                         fmt::format("-DDEMOSAIC=1 -DINPUT_FORMAT={}",
                                                                     static_cast<std::uint32_t>(raw.format))))
                   .first->second;

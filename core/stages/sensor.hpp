@@ -71,12 +71,12 @@ class Sensor {
     ImageView check_output(const ImageDescription &output, bool in_last_pass = false);
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
-    // Whether each pixel's intensity alone makes its code, so that other kernels can include kernels/sensor_lanes.h or
-    // sensor_pixel.h.
+    // Whether each pixel's intensity alone makes its code, so that other kernels can include kernels/stages/sensor_lanes.h or
+    // stages/sensor_pixel.h.
     bool exposes_pixels() const { return parameters_.crosstalk_fraction == 0.0; }
-    // The switches of sensor_pixel.h.
+    // The switches of stages/sensor_pixel.h.
     std::string pixel_options(Format output) const;
-    // SENSOR_PARAMETERS of kernels/sensor_camera.h, for a kernel that makes the next frame.
+    // SENSOR_PARAMETERS of kernels/stages/sensor_camera.h, for a kernel that makes the next frame.
     void add_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const;
     // That kernel is enqueued: the next frame has one before it.
     void exposed() { lag_started_ = bool(lag_state_); }
@@ -94,7 +94,7 @@ class Sensor {
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
     bool lag_started_ = false;
     bool in_lanes_ = false;
-    std::string switches_; // of sensor_pixel.h, but for what depends on the output's format
+    std::string switches_; // of stages/sensor_pixel.h, but for what depends on the output's format
     std::map<Format, cl::Kernel> kernels_;          // by output format
     std::map<Format, cl::Kernel> demosaic_kernels_; // by input format
 };

@@ -1,4 +1,4 @@
-// What kernels/sensor_camera.h needs to know of a sensor.
+// What kernels/stages/sensor_camera.h needs to know of a sensor.
 #pragma once
 
 #include "runtime/opencl.hpp"

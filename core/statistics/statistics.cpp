@@ -61,7 +61,7 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
     const std::size_t items = std::min<std::size_t>(kItems, std::size_t{image.width} * image.height);
     const DeviceBuffer partial(context, items * sizeof(cl_float8)), counted(context, items * sizeof(cl_uint2));
 
-    cl::Kernel first = context->kernel("statistics.cl", "statistics_first_moment", inputs.options);
+    cl::Kernel first = context->kernel("statistics/statistics.cl", "statistics_first_moment", inputs.options);
     KernelArguments arguments(first);
     add_inputs(arguments, inputs);
     arguments.add(partial.get()).add(counted.get());
@@ -94,7 +94,7 @@ Moments compute_moments(const std::shared_ptr<Context> &context, cl_command_queu
     const double range = moments.maximum - moments.minimum;
     const auto centre = static_cast<float>(moments.mean);
     const auto inverse_scale = static_cast<float>(range > 0.0 ? std::min(1.0 / range, 1e37) : 1.0);
-    cl::Kernel second = context->kernel("statistics.cl", "statistics_central_moments", inputs.options);
+    cl::Kernel second = context->kernel("statistics/statistics.cl", "statistics_central_moments", inputs.options);
     KernelArguments central(second);
     add_inputs(central, inputs);
     central.add(cl_float{centre}).add(cl_float{inverse_scale}).add(partial.get());
@@ -132,7 +132,7 @@ std::vector<std::uint64_t> compute_histogram(const std::shared_ptr<Context> &con
     const Inputs inputs = check_inputs(*context, queue, image, mask);
     const std::vector<cl_uint> zeros(bins + 3, 0);
     const DeviceBuffer histogram(context, zeros.size() * sizeof(cl_uint), zeros.data());
-    cl::Kernel kernel = context->kernel("statistics.cl", "statistics_histogram", inputs.options);
+    cl::Kernel kernel = context->kernel("statistics/statistics.cl", "statistics_histogram", inputs.options);
     KernelArguments arguments(kernel);
     add_inputs(arguments, inputs);
     arguments.add(static_cast<cl_float>(low))
@@ -171,8 +171,8 @@ std::vector<float> compute_autocovariance(const std::shared_ptr<Context> &contex
     if (fft->scratch_bytes() > 0)
         scratch = DeviceBuffer(context, fft->scratch_bytes());
 
-    cl::Kernel load = context->kernel("statistics.cl", "statistics_load", inputs.options);
-    cl::Kernel power = context->kernel("statistics.cl", "statistics_power", inputs.options);
+    cl::Kernel load = context->kernel("statistics/statistics.cl", "statistics_load", inputs.options);
+    cl::Kernel power = context->kernel("statistics/statistics.cl", "statistics_power", inputs.options);
     KernelArguments(load)
         .add(inputs.image)
         .add(cl_uint{image.width})

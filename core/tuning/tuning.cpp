@@ -4,9 +4,9 @@
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
-#include "runtime/fused_group_codelets.hpp"
+#include "fft/gpu/codelets.hpp"
 #include "stages/aperture.hpp"
-#include "stages/fused_engine.hpp"
+#include "fft/aperture_engine.hpp"
 #include "stages/phase.hpp"
 
 #include <algorithm>

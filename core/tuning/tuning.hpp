@@ -3,7 +3,7 @@
 
 #include "runtime/context.hpp"
 #include "runtime/progress.hpp"
-#include "runtime/tuning_record.hpp"
+#include "fft/plan/tuning_record.hpp"
 
 #include <cstdint>
 #include <memory>

@@ -1,6 +1,6 @@
 #include "capture/capture_json.hpp"
 
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>

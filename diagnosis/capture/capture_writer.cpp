@@ -2,7 +2,7 @@
 
 #include "capture/capture_json.hpp"
 #include "capture/capture_validation.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 #include "runtime/error.hpp"
 
 #include <atomic>

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
-#include "image_io/image_io.hpp"
+#include "io/image_io.hpp"
 
 #include <cstdint>
 #include <functional>

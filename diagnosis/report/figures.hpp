@@ -1,8 +1,8 @@
 // Figures of the report as Vega specifications.
 #pragma once
 
-#include "attribution/diagnosis.hpp"
-#include "report/evidence.hpp"
+#include "run/diagnose.hpp"
+#include "measure/evidence.hpp"
 #include "report/html_page.hpp"
 
 #include <string>

@@ -1,7 +1,7 @@
 // Pictures of the report as PNG in text.
 #pragma once
 
-#include "report/evidence.hpp"
+#include "measure/evidence.hpp"
 
 #include <cstdint>
 #include <string>

@@ -1,6 +1,6 @@
 #include "report/report_html.hpp"
 
-#include "comparison/comparison_report.hpp"
+#include "report/comparison_report.hpp"
 #include "report/html_page.hpp"
 #include "report/report_json.hpp"
 #include "report/report_script.hpp"

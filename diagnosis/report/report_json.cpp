@@ -1,6 +1,6 @@
 #include "report/report_json.hpp"
 
-#include "comparison/comparison_report.hpp"
+#include "report/comparison_report.hpp"
 #include "report/advice.hpp"
 #include "report/explanations.hpp"
 

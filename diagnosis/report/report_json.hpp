@@ -1,7 +1,7 @@
 // The report of a diagnosis as JSON (the gap report format, version 1).
 #pragma once
 
-#include "attribution/diagnosis.hpp"
+#include "run/diagnose.hpp"
 
 #include <string>
 

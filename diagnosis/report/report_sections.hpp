@@ -1,8 +1,8 @@
 // Sections of the HTML report.
 #pragma once
 
-#include "attribution/diagnosis.hpp"
-#include "report/evidence.hpp"
+#include "run/diagnose.hpp"
+#include "measure/evidence.hpp"
 #include "report/html_page.hpp"
 
 namespace clsp {

@@ -58,7 +58,7 @@ std::string program_of(const Hypothesis &hypothesis) {
     }
     constexpr const char *kByteOrderMark = "\xef\xbb\xbf";
     const std::string &source = hypothesis.opencl_source;
-    return fmt::format("#include \"hypothesis.h\"\n"
+    return fmt::format("#include \"diagnosis/hypothesis.h\"\n"
                        "#line 1 \"parameters of {0}\"\n"
                        "typedef struct {{{1} }} hypothesis_values;\n"
                        "#define HYPOTHESIS_VALUES(values) {{{2}}}\n"

@@ -40,7 +40,7 @@ Optics::Optics(std::shared_ptr<Context> context, const CaptureLayout &layout)
     const std::vector<float> ones(pixels_, 1.0f);
     uniform_ = DeviceBuffer(context_, pixels_ * sizeof(float), ones.data());
     dark_ =
-        context_->kernel("aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+        context_->kernel("stages/aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
 ImageView Optics::image(const cl::Buffer &buffer, std::size_t index) const {

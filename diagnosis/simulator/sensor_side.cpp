@@ -28,7 +28,7 @@ FallOff fall_off_of(const LensParameters &lens) {
 
 SensorSide::SensorSide(std::shared_ptr<Context> context, const CaptureLayout &layout)
     : context_(std::move(context)), layout_(layout), pixels_(layout.pixel_count()),
-      finish_(context_->kernel("light.cl", "light_finish")) {}
+      finish_(context_->kernel("diagnosis/light.cl", "light_finish")) {}
 
 std::vector<float> SensorSide::laser_factors(const SequenceModel &model, std::size_t sequence, std::uint64_t seed,
                                              std::uint32_t frame_count) const {

@@ -19,11 +19,11 @@ struct RowProduct {
     cl_uint ax, ay, bx, by, width, rows, row_step, frames;
     cl_uint lopsided; // a b (a - b) instead of a b
 };
-static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint), "row_product of frame_sums.cl has these members alone");
+static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint), "row_product of diagnosis/frame_sums.cl has these members alone");
 
 namespace {
 
-constexpr std::size_t kLanes = 16, kGroup = 64; // of frame_sums.cl
+constexpr std::size_t kLanes = 16, kGroup = 64; // of diagnosis/frame_sums.cl
 constexpr const char *kStage = "frame sums";
 // Images that come behind the residuals, which are multiplied with them: the brightness, four derivatives.
 constexpr std::size_t kFactors = 5;
@@ -71,7 +71,7 @@ DeviceSums::DeviceSums(std::shared_ptr<Context> context, bool may_give_up)
     : context_(std::move(context)), may_give_up_(may_give_up), queue_(context_->cl_context(), context_->device()),
       guard_(*context_, queue_) {
     const std::string defines = fmt::format("-DBIN={}", kBin);
-    const auto kernel = [&](const char *name) { return context_->kernel("frame_sums.cl", name, defines); };
+    const auto kernel = [&](const char *name) { return context_->kernel("diagnosis/frame_sums.cl", name, defines); };
     count_ = kernel("frame_sums_count");
     residuals_ = kernel("frame_sums_residuals");
     row_powers_ = kernel("frame_sums_powers");

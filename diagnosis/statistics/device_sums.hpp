@@ -1,4 +1,4 @@
-// The sums over pixels on the device (kernels/frame_sums.cl), for devices that are faster at it than the host's
+// The sums over pixels on the device (kernels/diagnosis/frame_sums.cl), for devices that are faster at it than the host's
 // threads.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace clsp::statistics {
 
-struct RowProduct; // as in frame_sums.cl
+struct RowProduct; // as in diagnosis/frame_sums.cl
 
 // Has a queue and buffers of its own, which are kept from one sequence to the next. The device's memory holds the codes
 // of a sequence and four bytes for each besides.

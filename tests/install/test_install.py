@@ -97,7 +97,7 @@ def test_installed_program(prefix: Path) -> None:
     program = prefix / "bin" / "clspeckle"
     assert "clspeckle" in run(program, "--version")
     assert str(BUILD) not in run("readelf", "-d", program)
-    assert (prefix / "share" / "clspeckle" / "withheld" / "__main__.py").is_file()
+    assert (prefix / "share" / "clspeckle" / "gap_check" / "__main__.py").is_file()
 
 
 def test_find_package(prefix: Path, expected: str, tmp_path: Path) -> None:

@@ -225,9 +225,9 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_oclgrind_sees_faults(fault: str, tmp_path: Path) -> None:
-    source = (ROOT / "kernels" / "philox.cl").read_text()
+    source = (ROOT / "kernels" / "stages/philox.cl").read_text()
     assert source.count(WRITE) == 1
     faulty, found = FAULTS[fault]
-    (tmp_path / "philox.cl").write_text(source.replace(WRITE, faulty))
+    (tmp_path / "stages/philox.cl").write_text(source.replace(WRITE, faulty))
     done, errors = oclgrind("philox", CLSPECKLE_KERNEL_DIR=str(tmp_path))
     assert found in errors, f"{fault} goes unseen: {errors[-2000:]}{done.stdout[-2000:]}"

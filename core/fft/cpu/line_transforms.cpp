@@ -1,0 +1,89 @@
+// The fused engine's line transforms behind the Fft interface: columns and rows one after the other.
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
+#include "fft/fft.hpp"
+#include "fft/cpu/codelets.hpp"
+#include "fft/cpu/lanes.hpp"
+#include "fft/plan/line_plan.hpp"
+#include "runtime/kernel_arguments.hpp"
+
+#include <algorithm>
+#include <fmt/core.h>
+#include <mutex>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+// Transforms along one axis.
+class Axis {
+  public:
+    Axis(const std::shared_ptr<Context> &context, std::uint32_t length, std::uint32_t lines, bool along_rows)
+        : length_(length), lines_(lines), lanes_(fused_lanes(*context)) {
+        const FusedPlan plan = make_fused_plan(length);
+        const ProgramCache::GeneratedHeader codelets{kFusedCodeletsName, fused_codelets(plan, lanes_)};
+        for (const bool inverse : {false, true})
+            kernels_[inverse] = context->kernel(
+                "fft/cpu/line_transforms.cl", "fused_fft",
+                fmt::format("-DLANES={} -DALONG_ROWS={} -DINVERSE={}", lanes_, along_rows ? 1 : 0, inverse ? 1 : 0), &codelets);
+        std::vector<cl_uint> positions(length);
+        for (std::uint32_t position = 0; position < length; ++position)
+            positions[plan.frequencies[position]] = position;
+        positions_ = DeviceBuffer(context, positions.size() * sizeof(cl_uint), positions.data());
+        const std::vector<float> twiddles = plan.twiddles.empty() ? std::vector<float>(1) : plan.twiddles;
+        twiddles_ = DeviceBuffer(context, twiddles.size() * sizeof(float), twiddles.data());
+    }
+
+    void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field, std::uint32_t width,
+                 double scale) {
+        cl::Kernel &kernel = kernels_[direction == FftDirection::kInverse];
+        KernelArguments(kernel)
+            .add(field)
+            .add(cl_uint{width})
+            .add(cl_uint{lines_})
+            .add(static_cast<cl_float>(scale))
+            .add(twiddles_.get())
+            .add(positions_.get())
+            .add(cl::Local(fused_tile_bytes(length_, lanes_)));
+        chain.run(stage, kernel, (lines_ + lanes_ - 1) / lanes_, 1, 1, 1);
+    }
+
+  private:
+    std::uint32_t length_, lines_, lanes_;
+    cl::Kernel kernels_[2]; // forward, inverse
+    DeviceBuffer positions_, twiddles_;
+};
+
+class FusedFft final : public Fft {
+  public:
+    FusedFft(const std::shared_ptr<Context> &context, std::uint32_t width, std::uint32_t height)
+        : width_(width), height_(height), rows_(context, width, height, true), columns_(context, height, width, false) {}
+
+    const char *backend() const override { return "fused"; }
+    std::size_t scratch_bytes() const override { return 0; }
+
+    void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field,
+                 const cl::Buffer &) override {
+        const bool inverse = direction == FftDirection::kInverse;
+        const std::lock_guard<std::mutex> lock(mutex_); // a kernel's arguments are state
+        rows_.enqueue(chain, direction, stage, field, width_, inverse ? 1.0 / width_ : 1.0);
+        columns_.enqueue(chain, direction, stage, field, width_, inverse ? 1.0 / height_ : 1.0);
+    }
+
+  private:
+    std::uint32_t width_, height_;
+    std::mutex mutex_;
+    Axis rows_, columns_;
+};
+
+} // namespace
+
+std::shared_ptr<Fft> make_fused_fft(Context &context, std::uint32_t width, std::uint32_t height) {
+    const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    if (!works_in_lanes(context) || !fused_plan_exists(width) || !fused_plan_exists(height) ||
+        fused_tile_bytes(std::max(width, height), fused_lanes(context)) > local)
+        return nullptr;
+    return std::make_shared<FusedFft>(context.shared_from_this(), width, height);
+}
+
+} // namespace clsp

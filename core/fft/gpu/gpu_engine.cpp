@@ -1,0 +1,384 @@
+// The fused engine in work-groups, for GPUs, rows first: a work-group has some rows or neighbouring kept lines in local
+// memory and shares out their butterflies (kernels/fft/gpu/rows_forward.cl, fft/gpu/columns.cl,
+// fft/gpu/rows_inverse.cl).
+#include "fft/aperture_engine.hpp"
+
+#include "runtime/device_buffer.hpp"
+#include "runtime/error.hpp"
+#include "fft/gpu/codelets.hpp"
+#include "runtime/kernel_arguments.hpp"
+#include "fft/plan/pupil_tables.hpp"
+
+#include <algorithm>
+#include <fmt/core.h>
+#include <map>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+constexpr cl_uint kNoSlot = 0xffffffffu; // NO_SLOT of kernels/fft/gpu/work_groups.h
+// Rows of kept lines begin at whole cache lines, or neighbouring lines' points would straddle what a GPU fetches, and
+// have room for a line more, which is nobody's.
+constexpr std::uint32_t kPitch = 16;
+// Points that a work-item may hold for rows to share random numbers, which is worth a makeshift.
+constexpr std::uint32_t kMostQuarterPoints = 64;
+
+std::uint32_t pitch_for(std::uint32_t lines) {
+    return (lines / kPitch + 1) * kPitch;
+}
+
+[[noreturn]] void throw_no_room(std::uint32_t length, std::uint64_t needed, std::uint64_t local) {
+    throw Error(Status::kUnsupported, fmt::format("lines of {} points need {} bytes of local memory, the device has {}",
+                                                  length, needed, local));
+}
+
+// `pick` says what it is to be; what the rule takes goes there if it is none.
+GroupShape shape_for(const Context &context, const FusedPlan &plan, bool across, std::optional<GroupPick> &pick) {
+    const GroupLimits limits = group_limits(context);
+    const std::optional<GroupShape> shape =
+        pick ? picked_group_shape(plan, limits, across, *pick) : choose_group_shape(plan, limits, across);
+    if (!shape && pick)
+        throw Error(
+            Status::kUnsupported,
+            fmt::format("lines of {} points do not go in work-groups of {} lines x {} work-items: the device takes "
+                        "{} work-items and {} bytes of local memory",
+                        plan.length, pick->lines, pick->items, limits.group_items, limits.local_bytes));
+    if (!shape)
+        throw_no_room(plan.length, group_tile_bytes(plan, {1, 1, true, across}), limits.local_bytes);
+    pick = GroupPick{shape->lines, shape->items};
+    return *shape;
+}
+
+// A kernel and the work-groups that it was built for.
+struct GroupKernel {
+    cl::Kernel kernel;
+    GroupShape shape;
+    std::uint64_t tile_bytes = 0;
+
+    void enqueue(CommandChain &chain, const char *stage, std::uint32_t lines) const {
+        const std::size_t groups = (lines + shape.lines - 1) / shape.lines;
+        chain.run(stage, kernel, groups * shape.group_items(), 1, 1, shape.group_items());
+    }
+};
+
+// A kernel may need more registers or local memory than its work-groups leave it; then these become smaller. Lines stay
+// a multiple of `lines_of`.
+GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const GroupBand &band, const char *name,
+                  const std::string &options, std::uint32_t lines_of = 1) {
+    for (;;) {
+        const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape, band)};
+        // Denormal numbers mean nothing here, and cost GPUs a test at each root.
+        const cl::Kernel kernel =
+            context.kernel(fmt::format("{}.cl", name), name, "-cl-denorms-are-zero " + options, &codelets);
+        const std::uint64_t own_bytes = kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
+                            tile_bytes = group_tile_bytes(plan, shape),
+                            local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+        const auto most = static_cast<std::uint32_t>(
+            std::min<std::size_t>(kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(context.device()), 1u << 16));
+        if (tile_bytes + own_bytes <= local && shape.group_items() <= most)
+            return {kernel, shape, tile_bytes};
+        const std::optional<GroupShape> smaller =
+            smaller_group_shape(plan, shape, {most, local - std::min(local, own_bytes)}, lines_of);
+        if (!smaller)
+            throw Error(
+                Status::kUnsupported,
+                fmt::format("the kernel {} takes work-groups of at most {} work-items and has {} bytes of local "
+                            "memory left; {} lines of {} points need at least {} and {}",
+                            name, most, local - std::min(local, own_bytes), lines_of, plan.length, lines_of,
+                            group_tile_bytes(plan, {lines_of, 1, true, shape.across})));
+        context.log(LogLevel::kInfo,
+                    fmt::format("{}: work-groups of {} x {} instead of {} x {}: the driver gives it {} work-items and "
+                                "{} bytes of local memory",
+                                name, smaller->lines, smaller->items, shape.lines, shape.items, most,
+                                local - std::min(local, own_bytes)));
+        shape = *smaller;
+    }
+}
+
+class FusedGroups final : public FusedEngine {
+  public:
+    FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+                const FusedRequest &request, EngineSpec &spec);
+
+    std::uint64_t lines_bytes() const override {
+        return std::uint64_t{capacity_} * grid_.grid_height * sizeof(cl_float2);
+    }
+    bool leaves_sample_powers() const override { return sample_powers_; }
+    bool exposes(const Sensor &sensor) const override { return !sample_powers_ && sensor.exposes_pixels(); }
+    void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                 bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
+    void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                       std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
+                       const cl::Buffer &bad_pixels) override;
+    void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                       const std::optional<std::array<double, 2>> &shift) override;
+    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                           const ImageView &intensity) override;
+    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                         const ExposedFrame &exposed) override;
+
+  private:
+    GroupKernel &field_kernel(const std::string &field_options);
+    GroupKernel &columns_kernel(bool shifted);
+    GroupKernel &exposed_kernel(const ExposedFrame &exposed);
+    // Rows of the image in a work-group of `lines` lines; none if they do not fit.
+    std::optional<GroupShape> row_shape(std::uint32_t lines) const;
+    GroupKernel build_inverse(const GroupShape &shape, const std::string &options, std::uint32_t lines_of) const;
+    // Those of pass C up to the image before it, and the last ones.
+    KernelArguments inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights, bool adds,
+                                      const ImageView &before) const;
+    void enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const;
+    void make_tables(const Pupil &pupil, bool every_line);
+
+    std::shared_ptr<Context> context_;
+    FieldGrid grid_;
+    FusedPlan row_plan_, column_plan_;
+    GroupShape row_shape_, column_shape_;
+    std::optional<GroupShape> inverse_shape_; // a pixel's samples lie in one work-group
+    bool sample_powers_;                      // or pass C leaves them to another kernel
+    std::uint32_t pixel_samples_;             // along each axis, of what pass C writes
+    bool complex_pupil_;
+    GroupBand row_band_, column_band_;
+    std::uint32_t kept_ = 0, pitch_ = 0, capacity_ = 0; // lines
+    DeviceBuffer row_twiddles_, column_twiddles_;
+    DeviceBuffer slots_;
+    DeviceBuffer pupil_;
+    DeviceBuffer frequencies_, line_frequencies_;
+    std::map<std::string, GroupKernel> fields_, exposed_; // by their options
+    GroupKernel columns_, shifted_columns_, inverse_;
+};
+
+FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
+                         const FusedRequest &request, EngineSpec &spec)
+    : context_(std::move(context)), grid_(grid), row_plan_(make_group_plan(grid.grid_width)),
+      column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false, spec.rows)),
+      column_shape_(shape_for(*context_, column_plan_, true, spec.columns)),
+      inverse_shape_(row_shape_.lines % grid.oversampling == 0 ? row_shape_ : row_shape(grid.oversampling)),
+      sample_powers_(request.sample_powers || !inverse_shape_), pixel_samples_(sample_powers_ ? 1 : grid.oversampling),
+      complex_pupil_(!pupil.phase_turns.empty()) {
+    make_tables(pupil, request.every_line);
+    // Sizes that a frame's kernels have.
+    grid_.width = sample_powers_ ? grid.grid_width : grid.width;
+    grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+    inverse_ = build_inverse(sample_powers_ ? row_shape_ : *inverse_shape_, "-DSENSOR=0 -DQUARTERS=0", pixel_samples_);
+    columns_kernel(false);
+    // As they were built: the driver may have given them less.
+    const auto pick_of = [](const GroupShape &shape) { return GroupPick{shape.lines, shape.items}; };
+    spec.columns = pick_of(columns_.shape);
+    if (sample_powers_ || pick_of(*inverse_shape_) == pick_of(row_shape_)) {
+        row_shape_ = inverse_.shape;
+        spec.rows = pick_of(row_shape_);
+    }
+}
+
+std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
+    const GroupLimits limits = group_limits(*context_);
+    const auto same_items = picked_group_shape(row_plan_, limits, false, {lines, row_shape_.items});
+    if (same_items && same_items->group_items() <= kMostGroupItems)
+        return same_items;
+    return picked_group_shape(row_plan_, limits, false, {lines, 0});
+}
+
+GroupKernel FusedGroups::build_inverse(const GroupShape &shape, const std::string &options,
+                                       std::uint32_t lines_of) const {
+    return build(*context_, row_plan_, shape, row_band_, "fused_groups_rows_inverse",
+                 fmt::format("-DOVERSAMPLING={} -DPADDED={} {}", pixel_samples_,
+                             grid_.width * pixel_samples_ < grid_.grid_width ? 1 : 0, options),
+                 lines_of);
+}
+
+void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
+    const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
+    std::vector<bool> column_is_kept(width), row_is_kept(height);
+    for (std::uint32_t column = 0; column < width; ++column)
+        column_is_kept[column] = column_passes(pupil, grid_, column);
+    for (std::uint32_t row = 0; row < height; ++row)
+        row_is_kept[row] = row_passes(pupil, grid_, row);
+    row_band_ = group_band(row_plan_, column_is_kept);
+    column_band_ = group_band(column_plan_, row_is_kept);
+    // Tables over the positions are in the order in which neighbouring work-items read them (last_entry() of
+    // kernels/fft/gpu/work_groups.h).
+    const auto entry = [](const FusedPlan &plan, std::uint32_t position) {
+        const std::uint32_t radix = plan.radices.back();
+        return position % radix * (plan.length / radix) + position / radix;
+    };
+    // Slots run by run, those first that are kept whole (last_slot() there).
+    const std::uint32_t radix = row_plan_.radices.back();
+    std::vector<cl_uint> slots(width, kNoSlot), columns;
+    for (const bool whole : {true, false})
+        for (std::uint32_t q = 0; q < radix; ++q)
+            for (std::uint32_t position = q; position < width; position += radix) {
+                const std::uint32_t column = row_plan_.frequencies[position];
+                if (((row_band_.always >> q & 1u) != 0) != whole || !column_is_kept[column])
+                    continue;
+                slots[entry(row_plan_, position)] = static_cast<cl_uint>(columns.size());
+                columns.push_back(column);
+            }
+    kept_ = static_cast<std::uint32_t>(columns.size());
+    pitch_ = pitch_for(kept_);
+    capacity_ = every_line ? pitch_for(width) : pitch_;
+
+    const std::size_t parts = complex_pupil_ ? 2 : 1;
+    std::vector<float> amplitudes(parts * pitch_ * height), line_frequencies, frequencies(height);
+    for (std::uint32_t position = 0; position < height; ++position) {
+        const std::uint32_t row = column_plan_.frequencies[position];
+        frequencies[entry(column_plan_, position)] = signed_frequency(row, height);
+        for (std::uint32_t k = 0; k < kept_; ++k) {
+            float *to = &amplitudes[parts * (std::size_t{entry(column_plan_, position)} * pitch_ + k)];
+            const std::complex<float> t = scaled_amplitude(pupil, grid_, row, columns[k]);
+            to[0] = t.real();
+            if (complex_pupil_)
+                to[1] = t.imag();
+        }
+    }
+    for (const std::uint32_t column : columns)
+        line_frequencies.push_back(signed_frequency(column, width));
+    line_frequencies.resize(pitch_); // work-items beyond the last line read what lies behind it
+    slots_ = device_table(context_, slots);
+    pupil_ = device_table(context_, amplitudes);
+    row_twiddles_ = device_table(context_, group_twiddles(row_plan_));
+    column_twiddles_ = device_table(context_, group_twiddles(column_plan_));
+    frequencies_ = device_table(context_, frequencies);
+    line_frequencies_ = device_table(context_, line_frequencies);
+}
+
+GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
+    const auto found = fields_.find(field_options);
+    if (found != fields_.end())
+        return found->second;
+    return fields_
+        .emplace(field_options, build(*context_, row_plan_, row_shape_, row_band_, "fused_groups_rows_forward",
+                                      fmt::format("{} -DOVERSAMPLING={}", field_options, grid_.oversampling)))
+        .first->second;
+}
+
+GroupKernel &FusedGroups::columns_kernel(bool shifted) {
+    GroupKernel &columns = shifted ? shifted_columns_ : columns_;
+    if (!columns.kernel())
+        columns = build(*context_, column_plan_, column_shape_, column_band_, "fused_groups_columns",
+                        fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT={}", complex_pupil_ ? 1 : 0, shifted ? 1 : 0));
+    return columns;
+}
+
+// With a row in each quarter of the image, which share blocks of random numbers, if they fit: on an NVIDIA H200 a
+// sensor's pixel costs three times as much where they do not.
+GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
+    const std::string options = exposed.sensor->pixel_options(exposed.output.format);
+    const auto found = exposed_.find(options);
+    if (found != exposed_.end())
+        return found->second;
+    const std::uint32_t lines = 4 * pixel_samples_;
+    const auto is_good = [&](const GroupShape &shape) {
+        return held_points(row_plan_, shape.items) <= kMostQuarterPoints;
+    };
+    if (const std::optional<GroupShape> shape = row_shape(lines); shape && is_good(*shape)) {
+        try {
+            GroupKernel kernel = build_inverse(*shape, "-DSENSOR=1 -DQUARTERS=1 " + options, lines);
+            if (is_good(kernel.shape))
+                return exposed_.emplace(options, std::move(kernel)).first->second;
+        } catch (const Error &error) {
+            if (error.status() != Status::kUnsupported)
+                throw;
+        }
+    }
+    return exposed_
+        .emplace(options, build_inverse(*inverse_shape_, "-DSENSOR=1 -DQUARTERS=0 " + options, pixel_samples_))
+        .first->second;
+}
+
+void FusedGroups::prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
+                          bool shifted, const ExposedFrame *exposed, bool) {
+    if (exposed)
+        exposed_kernel(*exposed);
+    for (const LaserLine &line : laser_lines)
+        field_kernel(field.options(phase, line, with_screen));
+    columns_kernel(shifted);
+}
+
+void FusedGroups::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
+                                std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
+                                const cl::Buffer &bad_pixels) {
+    GroupKernel &rows = field_kernel(field.options(phase, line, input.screen != nullptr));
+    KernelArguments arguments(rows.kernel);
+    field.add_arguments(arguments, phase, input, polarization, line);
+    arguments.add(lines)
+        .add(cl_uint{pitch_})
+        .add(bad_pixels)
+        .add(row_twiddles_.get())
+        .add(slots_.get())
+        .add(cl::Local(rows.tile_bytes));
+    rows.enqueue(chain, "fft", grid_.grid_height);
+}
+
+void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
+                                const std::optional<std::array<double, 2>> &shift) {
+    GroupKernel &columns = columns_kernel(shift.has_value());
+    KernelArguments arguments(columns.kernel);
+    arguments.add(lines)
+        .add(lines)
+        .add(cl_uint{kept_})
+        .add(cl_uint{pitch_})
+        .add(cl_uint{pitch_})
+        .add(column_twiddles_.get())
+        .add(column_twiddles_.get())
+        .add(pupil_.get());
+    if (shift)
+        arguments.add(frequencies_.get())
+            .add(line_frequencies_.get())
+            .add(static_cast<cl_float>((*shift)[0]))
+            .add(static_cast<cl_float>((*shift)[1]));
+    arguments.add(cl::Local(columns.tile_bytes));
+    columns.enqueue(chain, "pupil", kept_);
+}
+
+KernelArguments FusedGroups::inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights,
+                                               bool adds, const ImageView &before) const {
+    KernelArguments arguments(inverse.kernel);
+    arguments.add(lines)
+        .add(cl_uint{pitch_})
+        .add(cl_uint{grid_.grid_height})
+        .add(row_twiddles_.get())
+        .add(slots_.get())
+        .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
+        .add(cl_uint{adds ? 1u : 0u})
+        .add(before);
+    return arguments;
+}
+
+void FusedGroups::enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const {
+    arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(inverse.tile_bytes));
+    inverse.enqueue(chain, "inverse_fft", grid_.height * pixel_samples_);
+}
+
+void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                    const ImageView &before, const ImageView &intensity) {
+    KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
+    enqueue_inverse(chain, inverse_, arguments.add(intensity));
+}
+
+void FusedGroups::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights,
+                                  const ImageView &before, const ExposedFrame &exposed) {
+    GroupKernel &inverse = exposed_kernel(exposed);
+    KernelArguments arguments =
+        inverse_arguments(inverse, lines, weights, bool(before), before ? before : exposed.output);
+    exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
+    enqueue_inverse(chain, inverse, arguments);
+    exposed.sensor->exposed();
+}
+
+} // namespace
+
+GroupLimits group_limits(const Context &context) {
+    const auto largest = std::min(context.device().getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>(),
+                                  context.device().getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>()[0]);
+    return {static_cast<std::uint32_t>(std::min<std::size_t>(largest, 1u << 16)),
+            context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()};
+}
+
+std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
+                                               const Pupil &pupil, const FusedRequest &request, EngineSpec &spec) {
+    return std::make_unique<FusedGroups>(std::move(context), grid, pupil, request, spec);
+}
+
+} // namespace clsp

@@ -1,0 +1,400 @@
+// Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
+// frames of their own.
+#include "inference/experiment.hpp"
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+namespace clsp {
+namespace {
+
+constexpr std::uint64_t kCalibrationSeed = 0;
+constexpr std::uint32_t kTrialFrames = 4;
+constexpr int kRounds = 3;
+
+// The mean code of even light follows the light where the converter's steps are finer than that many deviations of the noise: its ripple's slope
+// is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
+// all between them.
+constexpr double kCoarse = 2.5;
+// The share of codes that are multiples of m goes with the level by (2 / pi) sin(pi / m) exp(-2 (pi sigma / m)^2): 0.05 at sigma 2, 0.012 at 3
+// and 1.8e-3 at 4 for the m of 8 that statistics look at (chance: 3e-4). Of less noise, in steps, even light is brought to the real level with
+// all frames, to a part of what chance leaves open; else to that part of the signal.
+constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
+constexpr int kExactRounds = 6;
+constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
+// The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
+constexpr double kNoiseRange = 0.3;
+constexpr int kRootRounds = 20;
+// Dark and even frames are simulated at so many read noises, their means brought to the real ones'. Between them the
+// variance goes as a polynomial, within the sampling error of 500,000 codes. Further draws tell what that error is.
+constexpr std::size_t kNoisePoints = 5, kNoiseSteps = 600;
+constexpr Eigen::Index kScatterDraws = 8;
+// Away from 0, whose neighbours are the replicates of a diagnosis of seed 0.
+constexpr std::uint64_t kScatterSeed = std::uint64_t{1} << 41;
+// Three errors: a flat that no read noise explains so far has an effect that is still missing, and no say.
+constexpr double kMostSquare = 9.0;
+
+struct NoiseRange {
+    double stated, low, high;
+    double deviation() const { return 0.25 * (high - low); }
+};
+
+NoiseRange noise_range(double stated, double step_dn) {
+    if (stated > 0.0)
+        return {stated, (1.0 - kNoiseRange) * stated, (1.0 + kNoiseRange) * stated};
+    return {0.5 * step_dn / kCoarse, kLeastReadNoise, step_dn / kCoarse};
+}
+
+// What a scene that stands still shows of the noise at most: that of the camera and of the converter's steps.
+double most_noise_dn(const NoiseRange &range, double step_dn) {
+    return std::sqrt(range.high * range.high + step_dn * step_dn * kQuantizationVariance);
+}
+
+// What a sequence shows of the read noise.
+struct ShownNoise {
+    double wanted = 0.0, error = 0.0; // variance over time, DN^2
+    std::array<double, kNoisePoints> variance{};
+    double most_square = std::numeric_limits<double>::infinity(); // of its deviation that counts
+};
+
+// Lagrange's weights of equidistant points from 0 to 1.
+std::array<double, kNoisePoints> lagrange_weights(double at) {
+    std::array<double, kNoisePoints> weights;
+    for (std::size_t i = 0; i < kNoisePoints; ++i) {
+        weights[i] = 1.0;
+        for (std::size_t j = 0; j < kNoisePoints; ++j)
+            if (j != i)
+                weights[i] *= (at * (kNoisePoints - 1) - double(j)) / (double(i) - double(j));
+    }
+    return weights;
+}
+
+double likely_noise(const NoiseRange &range, const std::vector<ShownNoise> &sequences) {
+    double best = range.stated, least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k <= kNoiseSteps; ++k) {
+        const double at = double(k) / kNoiseSteps, noise = range.low + at * (range.high - range.low);
+        const std::array<double, kNoisePoints> weights = lagrange_weights(at);
+        double loss = std::pow((noise - range.stated) / range.deviation(), 2);
+        for (const ShownNoise &shown : sequences) {
+            const double excess =
+                std::inner_product(weights.begin(), weights.end(), shown.variance.begin(), -shown.wanted);
+            loss += std::min(std::pow(excess / shown.error, 2), shown.most_square);
+        }
+        if (loss < least) {
+            least = loss;
+            best = noise;
+        }
+    }
+    return best;
+}
+
+double converter_step_dn(const CaptureLayout &layout, const EffectSettings &effects) {
+    for (const EffectSetting &effect : effects)
+        if (effect.id == "adc_bits")
+            return std::exp2(static_cast<double>(layout.bits) - std::round(effect.values.front()));
+    return 1.0;
+}
+
+// Where a growing function is 0, by false position with Illinois' rule; the nearer end where that is not between the two.
+template <typename Function> double root(double low, double high, double tolerance, const Function &function) {
+    double below = function(low);
+    if (below >= 0.0)
+        return low;
+    double above = function(high);
+    if (above <= 0.0)
+        return high;
+    double at = low;
+    for (int round = 0, last = 0; round < kRootRounds; ++round) {
+        // Every third time in the middle: a staircase has long flat parts.
+        at = round % 3 == 2 ? 0.5 * (low + high) : (low * above - high * below) / (above - below);
+        const double value = function(at);
+        if (std::abs(value) < tolerance)
+            break;
+        const int side = value < 0.0 ? -1 : 1;
+        (side < 0 ? low : high) = at;
+        (side < 0 ? below : above) = value;
+        if (side == last)
+            (side < 0 ? above : below) *= 0.5;
+        last = side;
+    }
+    return at;
+}
+
+} // namespace
+
+CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std::vector<bool> &concerned, const CalibratedLevels *start) {
+    CalibratedLevels result;
+    if (start)
+        result = *start;
+    else
+        result = {real_calibration_.black_level_dn, real_calibration_.read_noise_dn,
+                  std::vector<double>(layout_.sequences.size(), 1.0)};
+    const double step = converter_step_dn(layout_, effects);
+    // Noise of more than a step is not made by codes that flip between two: what was measured holds, whatever the data
+    // sheet says. Steps that are an effect's hide it in the real frames, too.
+    const bool resolved = step == 1.0 && real_calibration_.read_noise_dn >= step;
+    const bool coarse = !resolved && step > kCoarse * layout_.read_noise_dn;
+    // The first dark sequence: black level and noise do not depend on the light.
+    std::optional<std::size_t> dark, still;
+    std::vector<Task> lit;
+    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
+        const SequenceLayout &sequence = layout_.sequences[s];
+        if (!concerned[s])
+            continue;
+        if (sequence.scene == CaptureScene::kDark) {
+            if (!dark)
+                dark = s;
+            continue;
+        }
+        if (real_levels_[s].mean_dn > real_calibration_.black_level_dn)
+            lit.push_back({0, s, kCalibrationSeed});
+        // Speckle that stands still has all levels at once, and shows the noise between the steps; one that changes (a
+        // living surface, air, a laser that flickers) shows that, and nothing of the noise beside it.
+        if (!still && sequence.scene != CaptureScene::kFlat && !sequence.moving && sequence.frame_count >= 2 &&
+            real_levels_[s].temporal_noise_dn < most_noise_dn(noise_range(layout_.read_noise_dn, step), step))
+            still = s;
+    }
+    // A part of it, from the levels at its begin; gives black level, read noise, and the sequence's share.
+    const auto part = [&](char kind, std::size_t s, const CalibratedLevels &levels, const auto &work) {
+        return memo_.value(key_of(effects, levels, s).add_kind(kind), [&] {
+            CalibratedLevels own = levels;
+            work(own);
+            return std::vector<double>{own.black_level_dn, own.read_noise_dn, own.signal_share[s]};
+        });
+    };
+    const auto on_dark = [&] {
+        const std::vector<double> levels = part(coarse ? 'D' : 'd', *dark, result, [&](CalibratedLevels &own) {
+            Simulator &simulator = simulator_of(*dark, kCalibrationSeed);
+            if (coarse)
+                calibrate_coarse_dark(simulator, effects, *dark, step, own);
+            else
+                calibrate_dark(simulator, effects, *dark, step, own);
+        });
+        result.black_level_dn = levels[0];
+        result.read_noise_dn = levels[1];
+    };
+    if (coarse && dark) {
+        result.read_noise_dn = noise_range(layout_.read_noise_dn, step).stated;
+        if (!still) {
+            result.read_noise_dn = noise_between_steps(effects, *dark, lit, step, result);
+        } else {
+            on_dark();
+            const std::vector<double> levels = part('n', *still, result, [&](CalibratedLevels &own) {
+                Simulator &simulator = simulator_of(*still, kCalibrationSeed);
+                calibrate_signal(simulator, effects, *still, step, own);
+                calibrate_coarse_noise(simulator, effects, *still, step, own);
+            });
+            result.read_noise_dn = levels[1];
+            result.signal_share[*still] = levels[2];
+        }
+    }
+    if (dark)
+        on_dark();
+    const CalibratedLevels begin = result;
+    run_tasks(lit, {}, [&](const Task &task, const Lane &lane) {
+        const std::size_t s = task.sequence;
+        const bool is_coarse = coarse && layout_.sequences[s].scene == CaptureScene::kFlat;
+        result.signal_share[s] = part(is_coarse ? 'S' : 's', s, begin, [&](CalibratedLevels &own) {
+            if (is_coarse)
+                calibrate_coarse_signal(lane.simulator, effects, s, step, own);
+            else
+                calibrate_signal(lane.simulator, effects, s, step, own);
+        })[2];
+    });
+    return result;
+}
+
+double Experiment::noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
+                                       double step_dn, const CalibratedLevels &begin) {
+    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
+    std::vector<std::size_t> sequences = {dark};
+    for (const Task &task : lit)
+        if (layout_.sequences[task.sequence].scene == CaptureScene::kFlat)
+            sequences.push_back(task.sequence);
+    // Dark frames that are all alike are a damaged recording (as for measured_calibration()).
+    const bool dark_tells = real_levels_[dark].temporal_noise_dn > 0.0;
+    std::vector<std::array<SteppedLevel, kNoisePoints>> found(sequences.size());
+    const auto find = [&](std::size_t first, std::size_t last) {
+        std::vector<Task> tasks;
+        for (std::size_t k = first; k < last; ++k)
+            for (std::size_t i = 0; i < kNoisePoints; ++i)
+                tasks.push_back({k * kNoisePoints + i, sequences[k], kCalibrationSeed});
+        run_tasks(tasks, {}, [&](const Task &task, const Lane &lane) {
+            const std::size_t k = task.seed_index / kNoisePoints, i = task.seed_index % kNoisePoints;
+            CalibratedLevels levels = begin;
+            levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kNoisePoints - 1);
+            if (k > 0)
+                levels.black_level_dn = found[0][i].black_level_dn;
+            const bool scattered = 2 * i + 1 == kNoisePoints;
+            found[k][i] = stepped_level(lane.simulator, effects, task.sequence, step_dn, scattered, levels);
+        });
+    };
+    find(0, 1); // the flats' light stands on the black level
+    find(1, sequences.size());
+    std::vector<ShownNoise> shown(sequences.size());
+    for (std::size_t k = 0; k < sequences.size(); ++k) {
+        const SequenceLevel &real = real_levels_[sequences[k]];
+        shown[k].wanted = real.temporal_noise_dn * real.temporal_noise_dn;
+        // One code more or less in all frames is no more than chance.
+        const double codes = double(layout_.pixel_count()) * layout_.sequences[sequences[k]].frame_count;
+        const SteppedLevel &middle = found[k][kNoisePoints / 2];
+        shown[k].error = std::hypot(middle.error, step_dn * step_dn / codes);
+        for (std::size_t i = 0; i < kNoisePoints; ++i) {
+            const SteppedLevel &level = found[k][i];
+            shown[k].variance[i] =
+                std::max(0.0, level.variance + middle.lack + middle.slope * (real.mean_dn - level.mean_dn));
+        }
+        if (k > 0)
+            shown[k].most_square = kMostSquare;
+    }
+    if (!dark_tells)
+        shown.erase(shown.begin());
+    return likely_noise(range, shown);
+}
+
+Experiment::SteppedLevel Experiment::stepped_level(Simulator &simulator, const EffectSettings &effects,
+                                                   std::size_t sequence, double step_dn, bool scattered,
+                                                   CalibratedLevels levels) {
+    const bool is_dark = layout_.sequences[sequence].scene == CaptureScene::kDark;
+    if (is_dark)
+        levels.black_level_dn = real_calibration_.black_level_dn; // found whatever it is: one key for all
+    const std::vector<double> values = memo_.value(key_of(effects, levels, sequence).add_kind('N'), [&] {
+        const SequenceLevel at = is_dark ? calibrate_coarse_dark(simulator, effects, sequence, step_dn, levels)
+                                         : calibrate_coarse_signal(simulator, effects, sequence, step_dn, levels);
+        const double variance = at.temporal_noise_dn * at.temporal_noise_dn;
+        std::vector<double> result = {levels.black_level_dn, at.mean_dn, variance, 0.0, 0.0, 0.0};
+        if (!scattered)
+            return result;
+        Eigen::ArrayXd means(kScatterDraws), variances(kScatterDraws);
+        for (Eigen::Index r = 0; r < kScatterDraws; ++r) {
+            const SequenceLevel drawn =
+                simulated_level(simulator, effects, levels, sequence, kScatterSeed + static_cast<std::uint64_t>(r));
+            means[r] = drawn.mean_dn;
+            variances[r] = drawn.temporal_noise_dn * drawn.temporal_noise_dn;
+        }
+        // The line through them: two codes' variance follows from the mean, and does not scatter about it.
+        const double mean = means.mean(), mean_variance = variances.mean();
+        const double square = (means - mean).square().sum();
+        const double slope = square > 0.0 ? ((means - mean) * variances).sum() / square : 0.0;
+        const double rest = (variances - mean_variance - slope * (means - mean)).square().sum();
+        result[3] = slope;
+        result[4] = mean_variance - variance + slope * (at.mean_dn - mean);
+        // Of the real frames and of the line.
+        result[5] = std::sqrt(rest / (kScatterDraws - 2) * (1.0 + 1.0 / kScatterDraws));
+        return result;
+    });
+    return {values[0], values[1], values[2], values[3], values[4], values[5]};
+}
+
+SequenceLevel Experiment::simulated_level(Simulator &simulator, const EffectSettings &effects,
+                                          const CalibratedLevels &levels, std::size_t sequence,
+                                          std::uint64_t seed) const {
+    const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
+    const auto codes = frames(simulator, effects, levels, sequence, seed, frame_count);
+    return sequence_level(layout_, sequence, codes.data(), frame_count);
+}
+
+void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                CalibratedLevels &levels) {
+    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+    const bool exact = levels.read_noise_dn < kSmooth * step_dn;
+    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
+    const double wanted = real_calibration_.read_noise_dn * real_calibration_.read_noise_dn + kQuantizationVariance;
+    // Of the codes' variance against that of the read noise: 1 but for coarse steps.
+    double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
+    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
+        const SequenceLevel level = sequence_level(layout_, sequence, codes.data(), frame_count);
+        levels.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
+        if (frame_count >= 2) {
+            const double noise = levels.read_noise_dn * levels.read_noise_dn;
+            const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
+            if (exact && round > 0 && noise != last_noise) {
+                const double secant = (variance - last_variance) / (noise - last_noise);
+                slope = secant > kLeastSlope && secant < 1.0 / kLeastSlope ? secant : 1.0;
+            }
+            last_noise = noise;
+            last_variance = variance;
+            levels.read_noise_dn =
+                std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, noise + (wanted - variance) / slope));
+        }
+    }
+}
+
+double Experiment::mean_tolerance_dn(std::size_t sequence, double step_dn) const {
+    const double codes = double(layout_.pixel_count()) * layout_.sequences[sequence].frame_count;
+    // Where all codes are one, a quarter of one that is another.
+    return kPartOfError * std::max(real_levels_[sequence].temporal_noise_dn / std::sqrt(codes), step_dn / codes);
+}
+
+SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
+                                                std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+    const double centre = real_calibration_.black_level_dn;
+    SequenceLevel level;
+    levels.black_level_dn = root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
+        levels.black_level_dn = black_level_dn;
+        level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
+        return level.mean_dn - centre;
+    });
+    return level;
+}
+
+void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
+                                  CalibratedLevels &levels) {
+    const SequenceLevel &real = real_levels_[sequence];
+    const double signal = real.mean_dn - real_calibration_.black_level_dn;
+    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+    const bool exact =
+        layout_.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
+    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
+    const double tolerance =
+        exact ? std::min(kPartOfSignal * signal, mean_tolerance_dn(sequence, step_dn)) : kPartOfSignal * signal;
+    // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
+    double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
+    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
+        const double mean = sequence_mean_dn(layout_, sequence, codes.data(), frame_count);
+        const double share = levels.signal_share[sequence];
+        const double slope = (mean - last_mean) / (share - last_share);
+        if (std::abs(real.mean_dn - mean) < tolerance || !(slope > 0.05 * signal))
+            break;
+        levels.signal_share[sequence] = std::clamp(share + (real.mean_dn - mean) / slope, 0.25 * share, 4.0 * share);
+        last_share = share;
+        last_mean = mean;
+    }
+}
+
+SequenceLevel Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects,
+                                                  std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+    const double wanted = real_levels_[sequence].mean_dn;
+    const double signal = wanted - real_calibration_.black_level_dn;
+    double &share = levels.signal_share[sequence];
+    const double centre = share, reach = std::min(0.5 * centre, 2.0 * step_dn / signal);
+    SequenceLevel level;
+    share = root(centre - reach, centre + reach, mean_tolerance_dn(sequence, step_dn), [&](double at) {
+        share = at;
+        level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
+        return level.mean_dn - wanted;
+    });
+    return level;
+}
+
+void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                        double step_dn, CalibratedLevels &levels) {
+    const double wanted = real_levels_[sequence].temporal_noise_dn;
+    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
+    const std::uint32_t frame_count = std::min(2 * kTrialFrames, layout_.sequences[sequence].frame_count);
+    levels.read_noise_dn = root(range.low, range.high, 1e-3 * wanted, [&](double read_noise_dn) {
+        levels.read_noise_dn = read_noise_dn;
+        const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
+        return sequence_level(layout_, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;
+    });
+}
+
+} // namespace clsp

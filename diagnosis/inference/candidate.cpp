@@ -1,0 +1,242 @@
+#include "inference/candidate.hpp"
+
+#include "effects/effects.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <iterator>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
+constexpr double kRoom = 2.0;
+// One whose range lies on both sides of 0 is given that part of it, in equal steps.
+constexpr double kPartOfRange = 0.125;
+// Of the finite differences along a parameter.
+constexpr double kDifference = 0.15;
+
+// Of the product of the ends of a range of ratios, which decimal numbers need not meet.
+constexpr double kAroundOne = 0.01;
+
+// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them. What lies below is slight.
+constexpr double kSlight = -0.25;
+
+// Where a count of none lies on a scale of ratios.
+constexpr double kNoneOfThem = 0.25;
+
+// What a dot that is lopsided along x changes says nothing of one that is lopsided along y: a search begins at either. So with
+// the forms of an effect that are numbered.
+struct Alternative {
+    const char *effect, *parameter;
+    double usual;
+    bool told_by_fit = false;
+};
+constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
+constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
+                                         {"beam_skew", "angle_rad", 2.0 * kEighthTurn},
+                                         {"beam_skew", "angle_rad", 3.0 * kEighthTurn},
+                                         {"ghost_dots", "lattice_direction", 1.0},
+                                         {"ghost_dots", "lattice_direction", 2.0},
+                                         {"bayer_mismatch", "green_diagonal", 1.0},
+                                         {"motion_decorrelation", "correlation_law", 1.0, true},
+                                         {"airflow", "correlation_law", 1.0, true}};
+
+// What the catalogue's ranges in DN are meant for.
+constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
+constexpr double kSheetFactor = 2.0; // coarse codes, too, show more noise than there is, or none
+constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
+
+// Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
+// knows no mirror. They are looked for, and reported, on the catalogue's side of 0.
+constexpr const char *kEvenEffects[] = {"defocus"};
+
+struct Scale {
+    double weak, strong;
+    bool geometric;
+};
+
+Scale scale_of(const HypothesisParameter &parameter) {
+    Scale scale{parameter.weak, parameter.strong, false};
+    if (scale.weak == scale.strong && parameter.minimum < 0.0 && parameter.maximum > 0.0) {
+        scale.strong += kPartOfRange * (parameter.maximum - parameter.minimum);
+        return scale;
+    }
+    if (scale.weak == scale.strong) {
+        scale.weak = std::max(parameter.minimum, parameter.weak / kRoom);
+        scale.strong = std::min(parameter.maximum, parameter.strong * kRoom);
+        scale.geometric = scale.weak > 0.0;
+        return scale;
+    }
+    // Over more than a factor of three equal steps are equal ratios.
+    const double low = std::min(scale.weak, scale.strong), high = std::max(scale.weak, scale.strong);
+    scale.geometric = low > 0.0 && high / low >= 3.0;
+    return scale;
+}
+
+} // namespace
+
+double Candidate::value(std::size_t parameter, double strength, double sign) const {
+    const HypothesisParameter &p = parameters[parameter];
+    return std::clamp(mirrored(held(parameter, strength, sign), sign, parameter), p.minimum, p.maximum);
+}
+
+double Candidate::held(std::size_t parameter, double strength, double sign) const {
+    const HypothesisParameter p = towards(sign, parameter);
+    const Scale scale = scale_of(p);
+    const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
+                                         : scale.weak + strength * (scale.strong - scale.weak);
+    return std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
+}
+
+double Candidate::strength(std::size_t parameter, double value, double sign) const {
+    const HypothesisParameter p = towards(sign, parameter);
+    const Scale scale = scale_of(p);
+    if (scale.weak == scale.strong)
+        return 0.0;
+    value = mirrored(value, sign, parameter);
+    if (scale.geometric && p.whole)
+        value = std::max(value, kNoneOfThem);
+    return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
+                           : (value - scale.weak) / (scale.strong - scale.weak);
+}
+
+double Candidate::snapped(std::size_t parameter, double at, double sign) const {
+    const HypothesisParameter p = towards(sign, parameter);
+    const double held = this->held(parameter, at, sign);
+    return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, value(parameter, at, sign), sign)
+                                                             : at;
+}
+
+double Candidate::difference(std::size_t parameter, double at, double sign) const {
+    const HypothesisParameter &p = parameters[parameter];
+    if (!p.whole)
+        return at > 0.9 ? -kDifference : kDifference;
+    const double here = value(parameter, at, sign);
+    const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter, Direction::kSign) ? -1.0 : 1.0); // more of the effect
+    const double more = strength(parameter, here + one, sign) - at, less = strength(parameter, here - one, sign) - at;
+    return at > 0.9 || more == 0.0 ? less : more;
+}
+
+bool Candidate::is_varied(std::size_t parameter) const {
+    const auto varies = [](const HypothesisParameter &p) { return p.weak != p.strong; };
+    return varies(parameters[parameter]) ||
+           (parameter == 0 && std::none_of(parameters.begin(), parameters.end(), varies));
+}
+
+bool Candidate::is_slight(std::size_t parameter, double value) const {
+    const auto varied = std::find_if(parameters.begin(), parameters.end(),
+                                     [](const HypothesisParameter &p) { return p.weak != p.strong; });
+    if (varied - parameters.begin() != static_cast<std::ptrdiff_t>(parameter))
+        return false;
+    return strength(parameter, value, parameter == 0 ? sign_of(value) : 1.0) < kSlight;
+}
+
+Candidate::Direction Candidate::direction() const {
+    const HypothesisParameter &p = parameters.front();
+    if (p.minimum < 0.0 && p.maximum > 0.0 && p.weak * p.strong >= 0.0 && p.weak + p.strong != 0.0)
+        return Direction::kSign;
+    const bool around_one = p.minimum > 0.0 && std::abs(p.minimum * p.maximum - 1.0) <= kAroundOne;
+    const bool one_side = (p.weak - 1.0) * (p.strong - 1.0) >= 0.0 && (p.weak != 1.0 || p.strong != 1.0);
+    return p.unit == "1" && around_one && one_side && !p.whole ? Direction::kRatio : Direction::kNone;
+}
+
+double Candidate::sign_of(double value) const {
+    const HypothesisParameter &p = parameters.front();
+    if (is_ratio(0))
+        return (value - 1.0) * (p.weak + p.strong - 2.0) < 0.0 ? -1.0 : 1.0;
+    return has_direction() && value * (p.weak + p.strong) < 0.0 ? -1.0 : 1.0;
+}
+
+double Candidate::mirrored(double value, double sign, std::size_t parameter) const {
+    return is_mirrored(sign, parameter, Direction::kSign)    ? -value
+           : is_mirrored(sign, parameter, Direction::kRatio) ? 1.0 / value
+                                                             : value;
+}
+
+HypothesisParameter Candidate::towards(double sign, std::size_t parameter) const {
+    HypothesisParameter p = parameters[parameter];
+    if (is_mirrored(sign, parameter, Direction::kSign)) {
+        std::swap(p.minimum, p.maximum);
+        p.minimum = -p.minimum;
+        p.maximum = -p.maximum;
+    } else if (is_mirrored(sign, parameter, Direction::kRatio)) {
+        std::swap(p.minimum, p.maximum);
+        p.minimum = 1.0 / p.minimum;
+        p.maximum = 1.0 / p.maximum;
+    }
+    return p;
+}
+
+std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without) {
+    std::vector<Candidate> result;
+    for (const Effect &effect : effect_catalogue()) {
+        Candidate candidate{effect.id, effect.stage, effect.summary, {}, false};
+        for (const EffectParameter &p : effect.parameters)
+            candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong, p.whole});
+        if (std::find(std::begin(kEvenEffects), std::end(kEvenEffects), candidate.id) != std::end(kEvenEffects))
+            candidate.parameters.front().minimum = 0.0;
+        result.push_back(std::move(candidate));
+    }
+    for (const Hypothesis &hypothesis : hypotheses)
+        result.push_back({hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.parameters, false});
+    for (const std::string &id : without) {
+        const auto found = std::find_if(result.begin(), result.end(), [&](const Candidate &c) { return c.id == id; });
+        if (found == result.end())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("\"{}\" cannot be left out: there is no such effect; `clspeckle effects` lists them", id));
+        result.erase(found);
+    }
+    return result;
+}
+
+void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn) {
+    const double range = camera.dn_of_ten_bits();
+    const double stated = dark_noise_dn > kSheetFactor * camera.read_noise_dn ? dark_noise_dn : camera.read_noise_dn;
+    const double noise = std::max(stated, kRoundingDn) / kCatalogueReadNoiseDn;
+    for (Candidate &candidate : candidates) {
+        if (!in_catalogue(candidate.id))
+            continue;
+        for (HypothesisParameter &p : candidate.parameters) {
+            const auto change = [&p](const auto &of) {
+                p.weak = std::clamp(of(p.weak), p.minimum, p.maximum);
+                p.strong = std::clamp(of(p.strong), p.minimum, p.maximum);
+            };
+            if (p.name == "sigma_dn") {
+                change([&](double value) { return value * noise; });
+            } else if (p.unit == "DN" || p.unit == "DN/e") {
+                change([&](double value) { return value * range; });
+            } else if (p.unit == "bits") {
+                p.maximum = std::min(p.maximum, static_cast<double>(camera.bits));
+                change([&](double value) { return value + camera.bits - kCatalogueBits; });
+            }
+        }
+    }
+}
+
+bool before(const Candidate &a, const Candidate &b) {
+    const auto usual = [](const Candidate &c) { return c.parameters.size() > 1 ? c.parameters[1].weak : 0.0; };
+    return a.id != b.id ? a.id < b.id : usual(a) < usual(b);
+}
+
+std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
+    for (const Alternative &alternative : kAlternatives) {
+        // The catalogue's own comes first.
+        const auto found = std::find_if(candidates.begin(), candidates.end(),
+                                        [&](const Candidate &c) { return c.id == alternative.effect; });
+        if (found == candidates.end())
+            continue;
+        Candidate other = *found;
+        other.told_by_fit = alternative.told_by_fit;
+        for (HypothesisParameter &p : other.parameters)
+            if (p.name == alternative.parameter)
+                p.weak = p.strong = alternative.usual;
+        candidates.push_back(std::move(other));
+    }
+    return candidates;
+}
+
+} // namespace clsp

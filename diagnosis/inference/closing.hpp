@@ -1,0 +1,55 @@
+// Which effects on the simulated frames close the difference between two captures: fitted on the first half of the
+// frames, judged on the second.
+#pragma once
+
+#include "inference/candidate.hpp"
+#include "inference/experiment.hpp"
+#include "inference/gap_test.hpp"
+#include "inference/search.hpp"
+#include "run/compare.hpp"
+#include "simulator/finished_frames.hpp"
+
+#include <Eigen/Core>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// Differences of two independent draws of our simulator with these effects: what real and simulated frames of one
+// camera differ by.
+Replicates draw_differences(Experiment &experiment, const EffectSettings &effects, std::uint32_t count,
+                            std::uint64_t seed, const std::function<void(double fraction)> &progress);
+
+// Effects on the simulated frames, fitted and tested.
+struct ClosedGap {
+    EffectSettings effects;
+    std::vector<FittedParameter> parameters;
+    FoldStatistics change;                 // of the simulated frames' statistics
+    Eigen::MatrixXd jacobian;              // of the change, per unit of strength of each parameter
+    std::shared_ptr<const GapModel> model; // of the differences that the effects leave, about the change
+    GapTest residual;
+};
+
+struct ClosingResult {
+    std::vector<SearchStep> steps;
+    std::vector<ClosedGap> models; // after each step
+    std::vector<SurplusEffect> surplus;
+};
+
+struct ClosingOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t max_effects = 6;
+    std::uint32_t model_replicates = 24; // differences
+    std::uint32_t refined = 7;           // effects whose strength is fitted in each step
+    double residual_level = 0.005;
+};
+
+// difference: real less simulated statistics. null: of differences without effects.
+ClosingResult close_gap(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+                        const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
+                        const Progress &progress);
+
+} // namespace clsp

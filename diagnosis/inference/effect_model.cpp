@@ -1,0 +1,246 @@
+#include "inference/effect_model.hpp"
+
+#include "inference/distributions.hpp"
+#include "effects/effects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+namespace {
+
+// Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
+constexpr double kTemperature = 2.0;
+// Of a finite difference: with less room to the end of its range a strength goes the other way.
+constexpr double kLeastWay = 0.5;
+// A whole unit of a strength that moves the statistics by fewer standard deviations says nothing of it; its deviation.
+constexpr double kNothingSaid = 1e-6, kAnyStrength = 1e3;
+
+// A part of the frame before may hold what had remained in it (f^2 is there two frames later) or not, and a first frame
+// had one before it or none.
+void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayout &layout, double fraction,
+                      const Eigen::VectorXd &change, Eigen::VectorXd &tolerance) {
+    for (std::size_t k = 0; k < list.size(); ++k) {
+        double &of_one = tolerance[static_cast<Eigen::Index>(k)];
+        if (list[k].name == "temporal_correlation_1" || list[k].name == "temporal_correlation_2")
+            of_one += fraction * fraction;
+        for (const SequenceLayout &sequence : layout.sequences)
+            if (sequence.name == list[k].sequence && sequence.moving)
+                of_one += std::abs(change[static_cast<Eigen::Index>(k)]) / sequence.frame_count;
+    }
+}
+
+// Photons come by Poisson's law, which is lopsided; many a simulator has the variance alone, by a Gaussian law.
+void add_photon_readings(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change,
+                         Eigen::VectorXd &tolerance) {
+    for (std::size_t k = 0; k < list.size(); ++k)
+        if (list[k].name == "noise_skewness")
+            tolerance[static_cast<Eigen::Index>(k)] += std::abs(change[static_cast<Eigen::Index>(k)]);
+}
+
+// Where dots lie.
+bool is_of_positions(const std::string &name) {
+    for (const char *of_positions : {"dot_shift_x", "dot_shift_y", "dot_radial_displacement", "dot_cubic_displacement",
+                                     "dot_turn", "dot_anisotropy", "dot_shear", "dot_position_scatter"})
+        if (name == of_positions)
+            return true;
+    return false;
+}
+
+// The camera's lens stretches the dots with the picture, the projector's only moves them. change: of the statistics, by
+// a whole unit of strength.
+void add_distortion_readings(const std::vector<StatisticInfo> &list, double k1, const Eigen::VectorXd &change,
+                             Eigen::VectorXd &tolerance) {
+    const EffectParameter &parameter = find_effect("lens_distortion").parameters.front();
+    const double strengths = k1 / (parameter.strong - parameter.weak);
+    for (std::size_t k = 0; k < list.size(); ++k)
+        if (!is_of_positions(list[k].name))
+            tolerance[static_cast<Eigen::Index>(k)] += std::abs(strengths * change[static_cast<Eigen::Index>(k)]);
+}
+
+} // namespace
+
+EffectSettings EffectModel::settings() const {
+    EffectSettings result;
+    for (const ModelEffect &effect : effects) {
+        result.push_back({effect.candidate->id, {}});
+        for (const HypothesisParameter &parameter : effect.candidate->parameters)
+            result.back().values.push_back(parameter.weak); // of a choice; the others follow
+    }
+    for (const Strength &s : strengths)
+        result[s.effect].values[s.parameter] =
+            effects[s.effect].candidate->value(s.parameter, s.strength, effects[s.effect].sign);
+    return result;
+}
+
+std::size_t EffectModel::slight_count(const Eigen::VectorXd &step) const {
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < strengths.size(); ++k) {
+        const Strength &s = strengths[k];
+        const ModelEffect &effect = effects[s.effect];
+        const double strength = s.strength + (step.size() ? step[static_cast<Eigen::Index>(k)] : 0.0);
+        if (effect.candidate->is_slight(s.parameter, effect.candidate->value(s.parameter, strength, effect.sign)))
+            ++count;
+    }
+    return count < effects.size() ? count : 0;
+}
+
+bool EffectModel::has(const Candidate &candidate) const {
+    return std::any_of(effects.begin(), effects.end(),
+                       [&](const ModelEffect &e) { return e.candidate->id == candidate.id; });
+}
+
+void EffectModel::add(const Candidate &candidate, double sign, double strength) {
+    effects.push_back({&candidate, sign});
+    for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+        if (!candidate.is_choice(p))
+            strengths.push_back({effects.size() - 1, p,
+                                 candidate.is_varied(p) ? candidate.snapped(p, strength, sign)
+                                                        : candidate.strength(p, candidate.usual(p, sign), sign)});
+}
+
+EffectModel EffectModel::without(std::size_t effect) const {
+    EffectModel result = *this;
+    result.effects.erase(result.effects.begin() + static_cast<std::ptrdiff_t>(effect));
+    result.strengths.clear();
+    for (Strength s : strengths)
+        if (s.effect != effect) {
+            s.effect -= s.effect > effect ? 1 : 0;
+            result.strengths.push_back(s);
+        }
+    return result;
+}
+
+EffectModel EffectModel::first(std::size_t count) const {
+    EffectModel result = *this;
+    while (result.effects.size() > count)
+        result = result.without(count);
+    return result;
+}
+
+Eigen::VectorXd EffectModel::distance_from(const EffectModel &other) const {
+    Eigen::VectorXd result(static_cast<Eigen::Index>(strengths.size()));
+    for (std::size_t p = 0; p < strengths.size(); ++p)
+        result[static_cast<Eigen::Index>(p)] = strengths[p].strength - other.strengths[p].strength;
+    return result;
+}
+
+double EffectModel::difference(Eigen::Index strength, double part) const {
+    const Strength &s = strengths[static_cast<std::size_t>(strength)];
+    const Candidate &candidate = *effects[s.effect].candidate;
+    return candidate.difference(s.parameter, s.strength, effects[s.effect].sign) *
+           (candidate.parameters[s.parameter].whole ? std::copysign(1.0, part) : part);
+}
+
+double move_one(EffectModel &model, Eigen::Index strength, double part) {
+    const double step = model.difference(strength, part);
+    Strength &s = model.strengths[static_cast<std::size_t>(strength)];
+    const Candidate &candidate = *model.effects[s.effect].candidate;
+    const double at = s.strength;
+    const double sign = model.effects[s.effect].sign;
+    const auto way = [&](double distance) { return candidate.snapped(s.parameter, at + distance, sign) - at; };
+    double moved = way(step);
+    if (std::abs(moved) < kLeastWay * std::abs(step)) {
+        const double back = way(-step);
+        moved = std::abs(back) > std::abs(moved) ? back : moved;
+    }
+    s.strength = at + moved;
+    return moved != 0.0 ? moved : step != 0.0 ? step : 1.0; // what has one value only changes nothing
+}
+
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
+    double largest = 0.0;
+    for (std::size_t p = 0; p < model.strengths.size(); ++p) {
+        const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
+        Strength &s = model.strengths[p];
+        const ModelEffect &effect = model.effects[s.effect];
+        const double end = std::max(strongest, s.reach);
+        s.strength =
+            effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, end), effect.sign);
+        largest = std::max(largest, std::abs(bounded));
+    }
+    return largest;
+}
+
+std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
+                                               const Eigen::VectorXd &deviations, double replicates) {
+    const double factor = student_two_sided_quantile(0.05, replicates - 1.0) * std::sqrt(1.0 + 1.0 / replicates);
+    std::vector<FittedParameter> result;
+    for (Eigen::Index p = 0; p < strengths.size(); ++p) {
+        const Strength &s = model.strengths[static_cast<std::size_t>(p)];
+        const ModelEffect &effect = model.effects[s.effect];
+        const auto value = [&](double strength) { return effect.candidate->value(s.parameter, strength, effect.sign); };
+        const double a = value(strengths[p] - factor * deviations[p]), b = value(strengths[p] + factor * deviations[p]);
+        result.push_back({effect.candidate->id, effect.candidate->parameters[s.parameter].name, value(strengths[p]),
+                          std::min(a, b), std::max(a, b)});
+    }
+    for (const ModelEffect &effect : model.effects)
+        for (std::size_t p = 0; p < effect.candidate->parameters.size(); ++p)
+            if (effect.candidate->is_choice(p)) {
+                const HypothesisParameter &parameter = effect.candidate->parameters[p];
+                result.push_back(
+                    {effect.candidate->id, parameter.name, parameter.weak, parameter.weak, parameter.weak});
+            }
+    return result;
+}
+
+Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change) {
+    Eigen::VectorXd result = kModelError * change;
+    for (Eigen::Index k = 0; k < change.size(); ++k)
+        if (list[static_cast<std::size_t>(k)].unit == "log")
+            result[k] = std::copysign(kModelError * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
+    return result;
+}
+
+Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd &strays,
+                                    const Eigen::VectorXd &error) {
+    const Covariance &covariance = model.full();
+    Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
+    variance += model.coefficients(covariance, kPartInIntervals * error).cwiseAbs2();
+    for (Eigen::Index k = 0; k < error.size(); ++k) {
+        // Beside the simulator's error, what a definition's two readings differ by.
+        const double readings = std::max(0.0, covariance.tolerance()[k] - std::abs(error[k]));
+        const double tolerance = readings + kPartInIntervals * std::abs(error[k]);
+        if (tolerance > 0.0)
+            variance += model.coefficients(covariance, tolerance * Eigen::VectorXd::Unit(error.size(), k)).cwiseAbs2();
+    }
+    Eigen::VectorXd result = variance.cwiseSqrt();
+    for (Eigen::Index p = 0; p < result.size(); ++p)
+        if (covariance.whiten(model.directions().col(p)).norm() < kNothingSaid)
+            result[p] = kAnyStrength;
+    return result;
+}
+
+Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
+                                  const EffectSettings &effects, const std::vector<Strength> &columns,
+                                  const Eigen::VectorXd &change, const Eigen::MatrixXd &jacobian) {
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(list.size()));
+    for (std::size_t p = 0; p < columns.size(); ++p) {
+        if (columns[p].parameter != 0)
+            continue;
+        const EffectSetting &effect = effects[columns[p].effect];
+        if (effect.id == "image_lag")
+            add_lag_readings(list, layout, effect.values.front(), change, result);
+        if (effect.id == "shot_noise")
+            add_photon_readings(list, change, result);
+        if (effect.id == "lens_distortion")
+            add_distortion_readings(list, effect.values.front(), jacobian.col(static_cast<Eigen::Index>(p)), result);
+    }
+    return result;
+}
+
+void weigh(std::vector<RankedEffect> &ranking) {
+    double best = 0.0, sum = 0.0;
+    for (const RankedEffect &ranked : ranking)
+        best = std::max(best, ranked.gain);
+    for (RankedEffect &ranked : ranking) {
+        ranked.probability = std::exp(-(best - ranked.gain) / (2.0 * kTemperature));
+        sum += ranked.probability;
+    }
+    for (RankedEffect &ranked : ranking)
+        ranked.probability /= sum;
+    std::stable_sort(ranking.begin(), ranking.end(),
+                     [](const RankedEffect &a, const RankedEffect &b) { return a.probability > b.probability; });
+}
+
+} // namespace clsp

@@ -1,0 +1,152 @@
+#include "inference/gap_test.hpp"
+
+#include "inference/distributions.hpp"
+#include "inference/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace clsp {
+namespace {
+
+std::vector<std::size_t> blocks_of(const Experiment &experiment) {
+    std::vector<std::size_t> blocks;
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
+        blocks.push_back(experiment.begin(s));
+    blocks.push_back(experiment.count());
+    return blocks;
+}
+
+// What is rare (a pixel above 95 % of the range) may happen in one part of the replicates and never in another, which is no
+// certainty there: of all replicates' deviation.
+constexpr double kLeastOfPart = 0.3;
+// A fit goes by the covariance of all replicates, so that of most of them says how far it strays.
+constexpr Eigen::Index kStrayFolds = 6;
+
+double excess_distance(double mean_square, double expected) { return std::sqrt(std::max(0.0, mean_square - expected)); }
+
+} // namespace
+
+Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws) {
+    // A statistic that is the same in all replicates (a count of what never happens) may take another value by chance about once in as
+    // many captures; a quarter of its unit keeps that from being a certainty.
+    const Eigen::Index count = draws.front().first.size();
+    Eigen::VectorXd result(count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+        const double value = draws.front().first[k];
+        const bool constant = std::all_of(draws.begin(), draws.end(), [&](const FoldStatistics &draw) {
+            return std::abs(draw.first[k] - value) <= 1e-9 * (1.0 + std::abs(value)) &&
+                   std::abs(draw.second[k] - value) <= 1e-9 * (1.0 + std::abs(value));
+        });
+        result[k] = std::max(list[static_cast<std::size_t>(k)].least_deviation, constant ? 0.25 : 1e-9 * (1.0 + std::abs(value)));
+    }
+    return result;
+}
+
+GapModel::GapModel(const Experiment &experiment, Replicates replicates, double level, Eigen::MatrixXd directions,
+                   const Eigen::VectorXd &tolerance)
+    : replicates_(std::move(replicates)), level_(level), directions_(std::move(directions)) {
+    const auto &draws = replicates_.draws;
+    const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(experiment.count());
+    const Eigen::VectorXd least = least_deviations(experiment.list(), draws);
+    const std::vector<std::size_t> blocks = blocks_of(experiment);
+    Eigen::MatrixXd full(n, count), folds(2 * n, count);
+    for (Eigen::Index r = 0; r < n; ++r) {
+        full.row(r) = draws[r].mean();
+        folds.row(r) = draws[r].first;
+        folds.row(n + r) = draws[r].second;
+    }
+    first_mean_ = folds.topRows(n).colwise().mean();
+    second_mean_ = folds.bottomRows(n).colwise().mean();
+    full_ = Covariance(full, blocks, least, tolerance);
+    fold_ = Covariance(folds, blocks, least, tolerance);
+    skewness_ = Eigen::VectorXd::Zero(count);
+    for (std::size_t s = 0; s + 1 < blocks.size(); ++s) {
+        const auto begin = static_cast<Eigen::Index>(blocks[s]);
+        const auto size = static_cast<Eigen::Index>(blocks[s + 1] - blocks[s]);
+        if (experiment.has_few_frames(s))
+            skewness_.segment(begin, size) = certain_skewness(full.middleCols(begin, size));
+    }
+    const Eigen::Index half = n / 2;
+    const Eigen::VectorXd least_of_part = this->least_of_part(least);
+    part_[0] = Covariance(full.topRows(half), blocks, least_of_part, tolerance);
+    part_[1] = Covariance(full.bottomRows(n - half), blocks, least_of_part, tolerance);
+    reference_.resize(n);
+    for (Eigen::Index r = 0; r < n; ++r) {
+        const Covariance &other = part_[r < half ? 1 : 0];
+        const Eigen::VectorXd difference = projected(full.row(r).transpose() - other.mean());
+        // Replicates have none of the model's error, a capture may have all of it.
+        reference_[r] = (other.whiten(difference).squaredNorm() + other.tolerance_square()) / static_cast<double>(count);
+    }
+}
+
+Eigen::VectorXd GapModel::least_of_part(const Eigen::VectorXd &least) const {
+    const Eigen::VectorXd spread = (full_.deviation().cwiseAbs2() - full_.tolerance().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    return least.cwiseMax(kLeastOfPart * spread);
+}
+
+Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const {
+    return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
+}
+
+Eigen::MatrixXd GapModel::strays(const Experiment &experiment, Fit fit) const {
+    const auto &draws = replicates_.draws;
+    const Eigen::Index n = static_cast<Eigen::Index>(draws.size());
+    const Eigen::VectorXd least = least_of_part(least_deviations(experiment.list(), draws));
+    Eigen::MatrixXd result(n, directions_.cols());
+    for (Eigen::Index k = 0; k < kStrayFolds; ++k) {
+        const Eigen::Index begin = k * n / kStrayFolds, end = (k + 1) * n / kStrayFolds;
+        Eigen::MatrixXd others(n - (end - begin), full_.mean().size());
+        for (Eigen::Index r = 0; r < others.rows(); ++r)
+            others.row(r) = draws[static_cast<std::size_t>(r < begin ? r : r + (end - begin))].mean();
+        const Covariance covariance(others, blocks_of(experiment), least, full_.tolerance());
+        for (Eigen::Index r = begin; r < end; ++r) {
+            const FoldStatistics &draw = draws[static_cast<std::size_t>(r)];
+            result.row(r) = coefficients(covariance, fit == Fit::kBoth ? draw.mean() - full_.mean() : draw.first - first_mean_);
+        }
+    }
+    return result;
+}
+
+Eigen::VectorXd GapModel::projected(const Eigen::VectorXd &difference) const {
+    if (directions_.cols() == 0)
+        return difference;
+    return difference - directions_ * coefficients(full_, difference);
+}
+
+GapTest GapModel::test(const FoldStatistics &statistics) const {
+    GapTest result;
+    const Eigen::VectorXd values = statistics.mean();
+    const double n = static_cast<double>(replicates_.draws.size());
+    const Eigen::Index count = values.size();
+    result.z = projected(values - full_.mean()).cwiseQuotient(full_.deviation()) / std::sqrt(1.0 + 1.0 / n);
+    Eigen::VectorXd p(count);
+    for (Eigen::Index k = 0; k < count; ++k)
+        p[k] = student_two_sided(without_skewness(result.z[k], skewness_[k]), n - 1.0);
+    std::vector<Eigen::Index> order(static_cast<std::size_t>(count));
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
+    std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return p[a] < p[b]; });
+    result.p_adjusted.resize(count);
+    double adjusted = 0.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        adjusted = std::max(adjusted, std::min(1.0, p[order[i]] * static_cast<double>(count - i)));
+        result.p_adjusted[order[i]] = adjusted;
+    }
+    double square = 0.0;
+    for (const Covariance &part : part_)
+        square += 0.5 * part.whiten(projected(values - part.mean())).squaredNorm() / static_cast<double>(count);
+    const double mean = reference_.mean();
+    const double variance = (reference_.array() - mean).square().sum() / (n - 1.0);
+    const double p_distance = gamma_upper(square, mean, variance);
+    // Bonferroni over the two ways of looking: one large deviation, or many small ones.
+    result.p_value = std::min(1.0, 2.0 * std::min(result.p_adjusted.minCoeff(), p_distance));
+    result.detected = result.p_value <= level_;
+    result.distance = excess_distance(square, mean);
+    std::vector<double> sorted(reference_.data(), reference_.data() + reference_.size());
+    std::sort(sorted.begin(), sorted.end());
+    result.null_95 = excess_distance(sorted[static_cast<std::size_t>(0.95 * (n - 1.0) + 0.5)], mean);
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,73 @@
+// Whether a capture differs from what a model gives, and in which statistics.
+#pragma once
+
+#include "inference/covariance.hpp"
+#include "inference/experiment.hpp"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <vector>
+
+namespace clsp {
+
+// Replicates of one model: the baseline, or the baseline with effects.
+struct Replicates {
+    EffectSettings effects;
+    CalibratedLevels levels;
+    std::vector<FoldStatistics> draws;
+};
+
+struct GapTest {
+    bool detected = false;
+    double p_value = 1.0;
+    double distance = 0.0; // root of the mean squared whitened difference beyond what chance gives, see excess_distance()
+    double null_95 = 0.0;  // what chance alone exceeds once in twenty times
+    Eigen::VectorXd z;          // of each statistic
+    Eigen::VectorXd p_adjusted; // Holm: of each statistic, over all statistics
+};
+
+class GapModel {
+  public:
+    GapModel() = default;
+    // At least 8 replicates. directions: changes of the mean statistics per unit of each fitted parameter (no columns: none were); what
+    // lies along them is no gap. tolerance: standard deviation of the model's own error in each statistic.
+    GapModel(const Experiment &experiment, Replicates replicates, double level, Eigen::MatrixXd directions,
+             const Eigen::VectorXd &tolerance);
+
+    const Replicates &replicates() const { return replicates_; }
+    const Eigen::MatrixXd &directions() const { return directions_; }
+    const Covariance &full() const { return full_; } // of the mean of both halves
+    const Covariance &fold() const { return fold_; } // of one half
+    const Eigen::VectorXd &first_mean() const { return first_mean_; } // of the first halves
+    const Eigen::VectorXd &second_mean() const { return second_mean_; }
+    // The test of the statistics of a whole capture.
+    GapTest test(const FoldStatistics &statistics) const;
+    // The coefficients of the directions that fit a difference from the mean best.
+    Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
+
+    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by a
+    // covariance of replicates that it is not among: how far a fit strays by chance. One row a replicate.
+    enum class Fit { kBoth, kFirst };
+    Eigen::MatrixXd strays(const Experiment &experiment, Fit fit) const;
+
+  private:
+    // Standard deviations below which those of a part of the replicates are not trusted; least: those of all of them.
+    Eigen::VectorXd least_of_part(const Eigen::VectorXd &least) const;
+    // Without what lies along the directions.
+    Eigen::VectorXd projected(const Eigen::VectorXd &difference) const;
+
+    Replicates replicates_;
+    double level_ = 0.0;
+    Eigen::MatrixXd directions_;
+    Covariance full_, fold_;
+    Covariance part_[2];        // of either half of the replicates, which the other half is measured by
+    Eigen::VectorXd skewness_;  // of the statistics of few frames, 0 of all others
+    Eigen::VectorXd reference_; // squared distances of replicates that their covariance has not seen
+    Eigen::VectorXd first_mean_, second_mean_;
+};
+
+// Standard deviations below which no statistic is trusted.
+Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws);
+
+} // namespace clsp

@@ -1,0 +1,112 @@
+#include "inference/gauss_newton.hpp"
+
+#include "inference/least_squares.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// A round is taken back where the squared distance grew by that factor.
+constexpr double kMuchWorse = 1.5;
+// So many rounds have a chance, however far they are; and that many that gain nothing.
+constexpr int kHopefulRounds = 2, kIdleRounds = 2;
+
+// Broyden's update: the matrix nearest to the last one that tells what a step did.
+void update_secant(Eigen::MatrixXd &jacobian, const Eigen::VectorXd &moved, const Eigen::VectorXd &changed) {
+    const double square = moved.squaredNorm();
+    if (square > 0.0)
+        jacobian += (changed - jacobian * moved) * moved.transpose() / square;
+}
+
+} // namespace
+
+std::vector<bool> concerned_sequences(Experiment &experiment, const std::string &id) {
+    std::vector<bool> result;
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
+        result.push_back(experiment.simulator().concerns(id, s));
+    return result;
+}
+
+Eigen::VectorXd slope(Experiment &experiment, const EffectModel &model, Eigen::Index p, const Pool &pool,
+                      const GaussNewtonOptions &options) {
+    EffectModel moved = model;
+    const double step = move_one(moved, p, options.part);
+    return simulate_change(experiment, pool, moved.settings(), concerned_sequences(experiment, model.id_of(p)),
+                           options.seed, options.seeds)
+               .mean /
+           step;
+}
+
+GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Origin &origin,
+                            const std::vector<Eigen::VectorXd> &known, const GaussNewtonOptions &options,
+                            const std::function<void(Eigen::Index)> &report) {
+    const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
+    const bool all_fresh =
+        std::none_of(known.begin(), known.end(), [](const Eigen::VectorXd &column) { return column.size() > 0; });
+    const Eigen::VectorXd target_of_origin =
+        experiment.real().mean() - origin.covariance.mean() + origin.pool.mean(options.seeds);
+    GaussNewtonFit best;
+    Eigen::VectorXd best_mean, step;
+    int idle = 0;
+    // The linear step from the best model, and the squared distance that it should leave.
+    const auto solve = [&](GaussNewtonFit &fit, const Eigen::VectorXd &mean) {
+        const Eigen::VectorXd target = origin.covariance.whiten(target_of_origin - mean);
+        const Eigen::MatrixXd columns = whiten_columns(origin.covariance, fit.jacobian);
+        step = solve_least_squares(columns, target);
+        fit.square = (target - columns * step).squaredNorm();
+    };
+    for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {
+        GaussNewtonFit now;
+        now.model = model;
+        now.pool = simulate_pool(experiment, model.settings(), options.seed, options.seeds);
+        const Eigen::VectorXd mean = now.pool.mean(options.seeds);
+        now.jacobian.resize(mean.size(), parameters);
+        const bool secant = round >= options.rounds;
+        if (secant) {
+            now.jacobian = best.jacobian;
+            update_secant(now.jacobian, model.distance_from(best.model), mean - best_mean);
+        } else {
+            std::vector<Eigen::Index> unknown;
+            for (Eigen::Index p = 0; p < parameters; ++p) {
+                const std::size_t k = static_cast<std::size_t>(p);
+                if (round == 0 && k < known.size() && known[k].size())
+                    now.jacobian.col(p) = known[k];
+                else
+                    unknown.push_back(p);
+            }
+            experiment.side_by_side(unknown.size(), [&](std::size_t i) {
+                if (report)
+                    report(unknown[i]);
+                now.jacobian.col(unknown[i]) = slope(experiment, model, unknown[i], now.pool, options);
+            });
+        }
+        solve(now, mean);
+        idle = now.square > (1.0 - options.least_gain) * best.square ? idle + 1 : 0;
+        if (now.square > (secant ? 1.0 : kMuchWorse) * best.square) {
+            // A step too far: what it told goes into the next one.
+            if (!secant)
+                update_secant(now.jacobian = best.jacobian, model.distance_from(best.model), mean - best_mean);
+            best.jacobian = std::move(now.jacobian);
+            const double square = best.square;
+            solve(best, best_mean);
+            best.square = square;
+        } else {
+            best = std::move(now);
+            best_mean = mean;
+        }
+        if ((round >= kHopefulRounds && best.square > options.hopeless) ||
+            (options.least_gain > 0.0 && idle == kIdleRounds))
+            break;
+        model = best.model;
+        const double moved = move_strengths(model, step, options.strongest);
+        const bool near = moved < options.near && (all_fresh || round > 0);
+        const bool near_enough = round + 1 >= options.rounds && moved < options.far;
+        if (near || near_enough || model.distance_from(best.model).squaredNorm() == 0.0)
+            break;
+    }
+    return best;
+}
+
+} // namespace clsp

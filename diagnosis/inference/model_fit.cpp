@@ -1,0 +1,440 @@
+#include "inference/model_fit.hpp"
+
+#include "inference/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numeric>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// Models on the way are judged by some of the replicates, if those leave no doubt that a residual remains.
+constexpr double kNoDoubt = 1e-9;
+// Residuals in doubt are judged by that many times as many replicates as others.
+constexpr std::uint32_t kConfirming = 2;
+constexpr double kBeyondDoubt = 1e-6, kPartOfLevel = 0.1;
+// Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
+// usual ones.
+constexpr double kNothingMoved = 0.004, kFine = 0.15;
+// And one that takes less than that from the squared distance is not judged; nor one that takes less than that part of
+// what is beyond chance: where much is left, an effect is missing, and strengths are to be fitted once more.
+constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
+// Of the squared distance: what a whole number one further must leave at the most to be tried.
+constexpr double kStepped = 0.8;
+// Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
+constexpr int kSecantRounds = 4;
+constexpr double kFar = 0.15;
+// A strength at which every parameter's range has ended.
+constexpr double kAnyFar = 1e3;
+// Captures on either side of a strength by which a slope is measured in the end.
+constexpr std::size_t kSlopeSeeds = 4;
+// Captures that tell what the image's border does, if there are as many replicates of the baseline. Means that differ by
+// less than so many of their errors do so by chance, once in eighty times, and variances by less than that ratio, once in
+// a hundred times: an allowance for what is chance would only hide effects.
+constexpr std::size_t kBorderedCaptures = 24;
+constexpr double kChanceOfMean = 2.5, kChanceOfVariance = 2.2;
+// Of the baseline's progress: its replicates.
+constexpr double kOfReplicates = 0.6;
+
+std::string label(const EffectSettings &effects) {
+    std::string result;
+    for (const EffectSetting &effect : effects)
+        result += (result.empty() ? "" : " + ") + effect.id;
+    return result;
+}
+
+} // namespace
+
+void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double from, double to) const {
+    const std::string what = "simulating " + (replicates.effects.empty() ? "the baseline" : label(replicates.effects));
+    const std::size_t first = replicates.draws.size();
+    if (first >= count)
+        return;
+    std::vector<std::uint64_t> seeds(count - first);
+    std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + first);
+    std::vector<FoldStatistics> draws =
+        experiment_.replicates(replicates.effects, replicates.levels, seeds, [&](std::size_t r) {
+            report(from + (to - from) * static_cast<double>(first + r) / count, what);
+        });
+    std::move(draws.begin(), draws.end(), std::back_inserter(replicates.draws));
+}
+
+Differences ModelFit::differences(const FittedModel &fitted) const {
+    Differences result{experiment_.real().first - fitted.model.first_mean(),
+                       experiment_.real().second - fitted.model.second_mean()};
+    if (fitted.correction.size()) {
+        result.first -= fitted.correction;
+        result.second -= fitted.correction;
+    }
+    return result;
+}
+
+std::vector<bool> ModelFit::concerned(const std::string &id) const {
+    return concerned_sequences(experiment_, id);
+}
+
+double ModelFit::held_out(const FittedModel &fitted, const Response *response, double *strength) const {
+    const Covariance &covariance = fitted.model.fold();
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
+    const Differences d = differences(fitted);
+    const Eigen::VectorXd halves[2] = {covariance.whiten(d.first), covariance.whiten(d.second)};
+    const Eigen::VectorXd both = 0.5 * (halves[0] + halves[1]);
+    if (!response) {
+        double sum = 0.0;
+        for (int h = 0; h < 2; ++h)
+            sum += (halves[1 - h] - jacobian * solve_least_squares(jacobian, halves[h])).squaredNorm();
+        return sum;
+    }
+    double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
+    for (double u = kWeakest; u <= strongest_; u += kStrengthStep) {
+        const Eigen::VectorXd change = covariance.whiten(response->at(u));
+        for (int h = 0; h < 3; ++h) {
+            const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);
+            if (square < best[h]) {
+                best[h] = square;
+                at[h] = u;
+            }
+        }
+    }
+    if (strength)
+        *strength = at[2];
+    double sum = 0.0;
+    for (int h = 0; h < 2; ++h) {
+        const Eigen::VectorXd change = covariance.whiten(response->at(at[h]));
+        const Eigen::VectorXd beta = solve_least_squares(jacobian, halves[h] - change);
+        Eigen::VectorXd rest = halves[1 - h] - change;
+        if (beta.size())
+            rest -= jacobian * beta;
+        sum += rest.squaredNorm();
+    }
+    return sum;
+}
+
+double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitted) const {
+    const Eigen::VectorXd difference = experiment_.real().mean() - fitted.model.full().mean();
+    return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
+}
+
+// The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
+// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model
+// where it is no chance.
+Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
+    const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
+    const std::vector<SequenceLayout> &sequences = experiment_.layout().sequences;
+    if (std::none_of(sequences.begin(), sequences.end(), [](const SequenceLayout &s) { return is_laser(s.scene); }))
+        return result;
+    std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
+    std::iota(seeds.begin(), seeds.end(), options_.seed + 1);
+    std::vector<FoldStatistics> bordered_draws;
+    const auto before_each = [&](std::size_t i) {
+        report(from + (to - from) * static_cast<double>(i) / static_cast<double>(seeds.size()),
+               "simulating the image's border");
+    };
+    // An image that is as large as any may be has no room for one.
+    if (!possible([&] { bordered_draws = experiment_.bordered_replicates(replicates.levels, seeds, before_each); }))
+        return result;
+    struct Moments {
+        Eigen::ArrayXd mean, variance;
+        double count;
+    };
+    const auto moments = [&](const std::vector<FoldStatistics> &of) {
+        Eigen::ArrayXXd values(count, static_cast<Eigen::Index>(of.size()));
+        for (std::size_t r = 0; r < of.size(); ++r)
+            values.col(static_cast<Eigen::Index>(r)) = of[r].mean();
+        const double n = static_cast<double>(of.size());
+        const Eigen::ArrayXd mean = values.rowwise().mean();
+        return Moments{mean, (values.colwise() - mean).square().rowwise().sum() / (n - 1.0), n};
+    };
+    const Moments baseline = moments(replicates.draws), bordered = moments(bordered_draws);
+    for (std::size_t s = 0; s < sequences.size(); ++s) {
+        if (!is_laser(sequences[s].scene))
+            continue;
+        for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s));
+             ++k) {
+            const double difference = bordered.mean[k] - baseline.mean[k];
+            const double chance = baseline.variance[k] / baseline.count + bordered.variance[k] / bordered.count;
+            double square = 0.0;
+            if (difference * difference > kChanceOfMean * kChanceOfMean * chance)
+                square += difference * difference - chance;
+            if (bordered.variance[k] > kChanceOfVariance * baseline.variance[k])
+                square += bordered.variance[k] - baseline.variance[k];
+            result[k] = std::sqrt(square);
+        }
+    }
+    return result;
+}
+
+FittedModel ModelFit::fit_baseline(double to) {
+    const std::vector<bool> all(experiment_.layout().sequences.size(), true);
+    const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
+    report(0.0, "calibrating the baseline");
+    Replicates replicates{{}, experiment_.calibrate({}, all, nullptr), {}};
+    const CalibratedLevels levels = replicates.levels;
+    replicate(replicates, options_.null_replicates, 0.0, kOfReplicates * to);
+    border_error_ = border_error(replicates, kOfReplicates * to, to);
+    FittedModel baseline;
+    baseline.jacobian.resize(count, 0);
+    baseline.model =
+        GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, border_error_);
+    baseline.residual = baseline.model.test(experiment_.real());
+    baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
+    baseline_ = baseline.model;
+    if (baseline.residual.detected)
+        baseline_pool_ = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
+    baseline_work_ = experiment_.work();
+    return baseline;
+}
+
+FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &wanted, const Origin *origin) {
+    GaussNewtonOptions options;
+    options.seed = options_.seed;
+    options.seeds = options_.pool_seeds;
+    // What is known is of another strength.
+    const bool alone = model.strengths.size() == 1 && wanted.known.cols() == 0;
+    options.rounds = wanted.near || alone ? 1 : kGaussNewtonRounds;
+    options.secant_rounds = kSecantRounds;
+    options.part = wanted.part;
+    options.near = wanted.part * kNear;
+    options.far = wanted.part * kFar;
+    options.strongest = strongest_;
+    std::vector<Eigen::VectorXd> columns;
+    for (Eigen::Index p = 0; p < wanted.known.cols(); ++p)
+        columns.push_back(wanted.known.col(p));
+    const Origin baseline{baseline_.full(), baseline_pool_};
+    GaussNewtonFit reached = gauss_newton(experiment_, model, origin ? *origin : baseline, columns, options,
+                                          [&](Eigen::Index p) { report(wanted.from, "fitting " + model.id_of(p)); });
+    FittedModel fitted;
+    if (reached.square > wanted.worth)
+        return fitted;
+    model = std::move(reached.model);
+    pool = std::move(reached.pool);
+    fitted.effects = model.settings();
+    fitted.jacobian = std::move(reached.jacobian);
+    fitted.columns = model.strengths;
+    fitted.part = wanted.part;
+    fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
+    judge(fitted, {fitted.effects, pool.levels, {}}, std::min(wanted.replicates, options_.model_replicates),
+          wanted.from, wanted.to);
+    if (fitted.residual.p_value > kNoDoubt)
+        judge(fitted, fitted.model.replicates(), options_.model_replicates, wanted.from, wanted.to);
+    return fitted;
+}
+
+double ModelFit::worth_replacing(const FittedModel &fitted) const {
+    const double now = square_by(fitted.model.full(), fitted);
+    return now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
+}
+
+bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    EffectModel onward = model;
+    bool goes_on = false;
+    for (std::size_t p = 0; p < onward.strengths.size(); ++p) {
+        Strength &s = onward.strengths[p];
+        const ModelEffect &effect = onward.effects[s.effect];
+        if (s.reach > kWeakest || effect.candidate->parameters[s.parameter].whole || !is_at(s.strength, kStrongest) ||
+            fitted.step[static_cast<Eigen::Index>(p)] < kNear)
+            continue;
+        const double end = effect.candidate->snapped(s.parameter, kAnyFar, effect.sign);
+        if (end > s.strength) {
+            s.reach = end;
+            goes_on = true;
+        }
+    }
+    FitOptions options;
+    options.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+    options.from = options.to = at;
+    options.worth = worth_replacing(fitted);
+    return goes_on && replace(model, pool, fitted, std::move(onward), options);
+}
+
+void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    EffectModel moved = model;
+    if (move_strengths(moved, fitted.step, strongest_) < kNothingMoved)
+        return;
+    FitOptions fine;
+    fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+    fine.from = fine.to = at;
+    fine.near = true;
+    fine.part = kFine;
+    fine.worth = worth_replacing(fitted);
+    replace(model, pool, fitted, std::move(moved), fine);
+}
+
+bool ModelFit::replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start,
+                       const FitOptions &options) {
+    Pool own;
+    FittedModel again;
+    const Origin origin{fitted.model.full(), pool};
+    if (!possible([&] { again = fit(start, own, options, &origin); }) || again.effects.empty())
+        return false;
+    // By as many replicates as the other one: the score depends on how many there are.
+    judge(fitted, fitted.model.replicates(), static_cast<std::uint32_t>(again.model.replicates().draws.size()),
+          options.from, options.to);
+    if (again.score >= fitted.score)
+        return false;
+    model = std::move(start);
+    pool = std::move(own);
+    fitted = std::move(again);
+    return true;
+}
+
+void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    for (std::size_t p = 0; p < model.strengths.size(); ++p) {
+        const Strength here = model.strengths[p];
+        const ModelEffect &effect = model.effects[here.effect];
+        const HypothesisParameter &parameter = effect.candidate->parameters[here.parameter];
+        if (!parameter.whole)
+            continue;
+        const Covariance &covariance = fitted.model.full();
+        const Eigen::Index column = static_cast<Eigen::Index>(p), columns = fitted.jacobian.cols();
+        Eigen::MatrixXd others(fitted.jacobian.rows(), columns - 1);
+        others << fitted.jacobian.leftCols(column), fitted.jacobian.rightCols(columns - column - 1);
+        const Eigen::VectorXd left = experiment_.real().mean() - covariance.mean();
+        double least = kStepped * square_by(covariance, fitted);
+        EffectModel best;
+        for (const double step : {-1.0, 1.0}) {
+            const double value = effect.candidate->value(here.parameter, here.strength, effect.sign) + step;
+            if (value < parameter.minimum || value > parameter.maximum)
+                continue;
+            EffectModel moved = model;
+            moved.strengths[p].strength = effect.candidate->strength(here.parameter, value, effect.sign);
+            possible([&] {
+                const Change change = simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(column)),
+                                                      options_.seed, kSearchSeeds);
+                const double square =
+                    residual_square(whiten_columns(covariance, others), covariance.whiten(left - change.mean));
+                if (square < least) {
+                    least = square;
+                    best = std::move(moved);
+                }
+            });
+        }
+        FitOptions options;
+        options.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+        options.from = options.to = at;
+        if (!best.effects.empty())
+            replace(model, pool, fitted, std::move(best), options);
+    }
+}
+
+void ModelFit::confirm(FittedModel &fitted, double at) {
+    const double level = options_.residual_level;
+    if (fitted.residual.p_value > std::max(kSeldom, level) ||
+        fitted.residual.p_value < std::min(kBeyondDoubt, kPartOfLevel * level))
+        return;
+    const double score = fitted.score; // of others, with fewer replicates, that it is compared with
+    judge(fitted, fitted.model.replicates(), kConfirming * options_.model_replicates, at, at);
+    fitted.score = score;
+}
+
+void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to) {
+    if (replicates.draws.size() >= count)
+        return;
+    replicate(replicates, count, from, to);
+    // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
+    const Eigen::VectorXd of_effects =
+        simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
+        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.columns, fitted.change, fitted.jacobian);
+    const Eigen::VectorXd tolerance = (of_effects.cwiseAbs2() + border_error_.cwiseAbs2()).cwiseSqrt();
+    fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
+    const Covariance &covariance = fitted.model.full();
+    Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());
+    step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
+    fitted.step = step;
+    fitted.correction = fitted.jacobian * step;
+    fitted.residual = fitted.model.test(experiment_.real());
+    fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
+}
+
+Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
+                                         double part) const {
+    const Strength &moved_one = model.strengths[static_cast<std::size_t>(strength)];
+    // A step of a whole number is no small one: the other side's is another one.
+    const bool whole = model.effects[moved_one.effect].candidate->parameters[moved_one.parameter].whole;
+    Eigen::MatrixXd slopes(replicates.draws.front().first.size(), 0), sides = slopes;
+    const auto measure = [&](std::size_t side) {
+        EffectModel moved = model;
+        const double step = move_one(moved, strength, side == 0 || whole ? part : -part);
+        const EffectSettings settings = moved.settings();
+        const CalibratedLevels levels =
+            experiment_.calibrate(settings, concerned(model.id_of(strength)), &replicates.levels);
+        std::vector<std::uint64_t> seeds(kSlopeSeeds); // those of the first replicates, others for each side
+        std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + side * kSlopeSeeds);
+        const std::vector<FoldStatistics> draws = experiment_.replicates(settings, levels, seeds, {});
+        Eigen::MatrixXd of_side(slopes.rows(), static_cast<Eigen::Index>(kSlopeSeeds));
+        for (std::size_t r = 0; r < kSlopeSeeds; ++r)
+            of_side.col(static_cast<Eigen::Index>(r)) =
+                (draws[r].mean() - replicates.draws[side * kSlopeSeeds + r].mean()) / step;
+        slopes.conservativeResize(Eigen::NoChange, slopes.cols() + of_side.cols());
+        slopes.rightCols(of_side.cols()) = of_side;
+        sides.conservativeResize(Eigen::NoChange, sides.cols() + 1);
+        sides.rightCols<1>() = of_side.rowwise().mean();
+    };
+    for (std::size_t side = 0; side < 2; ++side)
+        possible([&] { measure(side); }); // or the other side alone
+    if (slopes.cols() == 0)
+        return {};
+    const Eigen::ArrayXd mean = slopes.rowwise().mean().array();
+    const double count = static_cast<double>(slopes.cols());
+    const Eigen::ArrayXd square =
+        (slopes.colwise() - mean.matrix()).array().square().rowwise().sum() / (count * (count - 1.0)) +
+        0.25 * (sides.leftCols<1>() - sides.rightCols<1>()).array().square();
+    // What is no larger than its error says nothing, and would say it with a weight (James and Stein's estimate).
+    return mean * (1.0 - square / mean.square().max(1e-300)).max(0.0);
+}
+
+void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model, double at) {
+    const Replicates &replicates = fitted.model.replicates();
+    Eigen::MatrixXd jacobian = fitted.jacobian;
+    for (Eigen::Index p = 0; p < jacobian.cols(); ++p) {
+        report(at, "measuring " + model.id_of(p));
+        const Eigen::VectorXd measured = measured_slope(replicates, model, p, fitted.part);
+        if (measured.size())
+            jacobian.col(p) = measured;
+    }
+    const GapModel model_of_changes(experiment_, replicates, options_.residual_level, jacobian,
+                                    fitted.model.full().tolerance());
+    const Covariance &covariance = model_of_changes.full();
+    Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, experiment_.real().mean() - covariance.mean())
+                                    .cwiseMax(-kLargestStep)
+                                    .cwiseMin(kLargestStep);
+    for (Eigen::Index p = 0; p < strengths.size(); ++p) {
+        const Strength &s = model.strengths[static_cast<std::size_t>(p)];
+        const ModelEffect &effect = model.effects[s.effect];
+        strengths[p] = effect.candidate->snapped(s.parameter, s.strength + strengths[p], effect.sign);
+    }
+    const Eigen::MatrixXd strays = model_of_changes.strays(experiment_, GapModel::Fit::kBoth);
+    fitted.parameters = fitted_parameters(
+        model, strengths,
+        strength_deviations(model_of_changes, strays, simulator_error(experiment_.list(), fitted.change)),
+        static_cast<double>(strays.rows()));
+}
+
+void ModelFit::complete(Path &path, const FittedModel &baseline, double at) {
+    const Eigen::MatrixXd &jacobian = path.models.back().jacobian;
+    for (std::size_t n = 0; n + 1 < path.models.size(); ++n) {
+        if (!path.models[n].effects.empty())
+            continue;
+        EffectModel part = path.model.first(n + 1);
+        Pool pool;
+        FitOptions options;
+        options.replicates = few_replicates();
+        options.from = options.to = at;
+        options.known = jacobian.leftCols(static_cast<Eigen::Index>(part.strengths.size()));
+        options.near = true; // to show how the gap shrinks; nothing is chosen by it
+        // What cannot be simulated without those that come after it does nothing without them.
+        if (!possible([&] { path.models[n] = fit(part, pool, options); }))
+            path.models[n] = n ? path.models[n - 1] : baseline;
+        path.steps[n].residual = path.models[n].residual;
+    }
+}
+
+std::size_t most_effects(const ModelFit &fits, const Path &path) {
+    return fits.options().max_effects + (path.models.empty() ? 0 : path.model.slight_count(path.models.back().step));
+}
+
+} // namespace clsp

@@ -1,0 +1,158 @@
+// Fitting models of effects to a capture: strengths by common random numbers, judged by replicates of their own. What
+// the search and its exchanges are made of.
+#pragma once
+
+#include "inference/gauss_newton.hpp"
+#include "inference/search.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+// Of the pool's seeds, for the search; fits use all.
+constexpr std::uint32_t kSearchSeeds = 1;
+
+// A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
+// of chance.
+constexpr double kSeldom = 0.05;
+
+// Of the squared distance: what a fit of another form of an effect (Candidate::told_by_fit) must be better than that of
+// the catalogue's own to be taken, as a parameter means something else in each.
+constexpr double kFormMargin = 20.0;
+
+// Effects in the order in which they were found.
+struct Path {
+    EffectModel model;
+    Pool pool; // of the whole model
+    std::map<const Candidate *, Eigen::VectorXd>
+        looks; // each other effect's change of the statistics when it was last looked at
+    std::vector<SearchStep> steps;
+    std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
+    // Of effects whose form the capture does not tell (exchange_forms): the values of the other one.
+    std::map<std::string, std::vector<double>> other_forms;
+    double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
+    double strongest = kStrongest;             // how far its strengths may go
+};
+
+// The two halves' differences from a model.
+struct Differences {
+    Eigen::VectorXd first, second;
+    Eigen::VectorXd mean() const { return 0.5 * (first + second); }
+};
+
+// What a fit may go by. known: the changes by the model's first parameters when they were last fitted, for the first
+// round; may have no columns. replicates: that many judge the model, or all that the options of the search say where
+// they leave a doubt.
+struct FitOptions {
+    std::uint32_t replicates = 0;
+    double from = 0.0, to = 0.0; // of the progress
+    Eigen::MatrixXd known = {};
+    bool near = false;    // the strengths are near the right ones: one round with changes of its own does
+    double part = 1.0;    // of the usual finite differences
+    double worth = 1e300; // a fit that leaves a larger squared distance, by its origin's covariance, is not judged
+};
+
+class ModelFit {
+  public:
+    ModelFit(Experiment &experiment, const SearchOptions &options, const Progress &progress)
+        : experiment_(experiment), options_(options), progress_(progress) {}
+
+    Experiment &experiment() const { return experiment_; }
+    const SearchOptions &options() const { return options_; }
+    // How far strengths go.
+    double strongest() const { return strongest_; }
+    void set_strongest(double strongest) { strongest_ = strongest; }
+    void report(double fraction, const std::string &what) const {
+        if (progress_ && experiment_.on_callers_thread())
+            progress_(what, fraction);
+    }
+
+    // The baseline, calibrated and tested; all other fits go from it. To be called first.
+    FittedModel fit_baseline(double to);
+    // Half captures of the baseline: fit_baseline()'s common random numbers.
+    const Pool &baseline_pool() const { return baseline_pool_; }
+    // The model's strengths and its pool: by Gauss-Newton rounds, then replicates and a last, linear step. origin: null
+    // for the baseline. A fit that is not worth being judged has no effects.
+    FittedModel fit(EffectModel &model, Pool &pool, const FitOptions &options, const Origin *origin = nullptr);
+    // Takes whole numbers one further where that leaves less: what differs between two of them says little of the next,
+    // and a number that was chosen while other effects were missing does not come back by slopes.
+    void step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
+    // Where strengths stand at the search's end, though their parameters' ranges go on and the last step leads there,
+    // the fit goes on, up to the ends of these ranges. The better of both stays; false if that is the one before.
+    bool go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
+    // Fits again from where the last, linear step of a fit led, by small differences: for statistics that bend sharply.
+    // The better of both stays.
+    void polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at);
+    // Twice as many replicates for a fit whose residual is in doubt by those that it has: what is left of a path of
+    // light that the model lacks is to be seen, and what few replicates make of chance is not.
+    void confirm(FittedModel &fitted, double at);
+    // The rest of a fit, by `count` replicates; nothing where it has as many.
+    void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
+    // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
+    // with. Where an effect is a few draws itself (power that flickers, air, hot pixels), two captures say of some
+    // statistics how they answer to these draws, not to the effect. And where a statistic bends sharply (codes of
+    // coarse steps), a slope is that of one side.
+    void measure_parameters(FittedModel &fitted, const EffectModel &model, double at);
+    // Enough to see that much is missing.
+    std::uint32_t few_replicates() const {
+        return std::min(options_.model_replicates, std::max(12u, options_.model_replicates / 2));
+    }
+    // Fits what a path has without a model (see Path).
+    void complete(Path &path, const FittedModel &baseline, double at);
+
+    // Sequences in which an effect shows.
+    std::vector<bool> concerned(const std::string &id) const;
+    Differences differences(const FittedModel &fitted) const;
+    // Squared distance of each half after the fit to the other half, summed. response: of one effect more, its strength
+    // fitted, too.
+    double held_out(const FittedModel &fitted, const Response *response = nullptr, double *strength = nullptr) const;
+    // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
+    // two models differ by chance, too.
+    double square_by(const Covariance &covariance, const FittedModel &fitted) const;
+    // What was asked for beside the baseline's (Experiment::work). No search goes on for ever: after so much of it no
+    // step begins, and what is not explained by then is unknown.
+    double work() const { return experiment_.work() - baseline_work_; }
+    bool may_go_on() {
+        ended_early_ = ended_early_ || work() >= options_.most_work;
+        return !ended_early_;
+    }
+    bool ended_early() const { return ended_early_; }
+    // What the squared distance of both halves has beyond chance.
+    double excess_square(const FittedModel &fitted) const {
+        return held_out(fitted) - 2.0 * static_cast<double>(experiment_.count());
+    }
+
+  private:
+    // A column of the Jacobian, on both sides of a strength and by the replicates' own random numbers: less by what it
+    // is uncertain of and by what the sides differ. part: of the usual finite differences.
+    Eigen::VectorXd measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,
+                                   double part) const;
+    // The squared distance that another fit may leave at the most to take this one's place.
+    double worth_replacing(const FittedModel &fitted) const;
+    // A fit that starts from another's pool takes its place, with model and pool, if it is better.
+    bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, const FitOptions &options);
+    // Draws replicates until there are `count`.
+    void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
+
+    Experiment &experiment_;
+    SearchOptions options_;
+    Progress progress_;
+    double strongest_ = kStrongest;
+    Eigen::VectorXd border_error(const Replicates &replicates, double from, double to) const;
+
+    GapModel baseline_;
+    Eigen::VectorXd border_error_; // of every model, a standard deviation
+    Pool baseline_pool_;
+    double baseline_work_ = 0.0;
+    bool ended_early_ = false;
+};
+
+// A path may have that many effects: slight ones, which are not named, take nobody's place.
+std::size_t most_effects(const ModelFit &fits, const Path &path);
+
+} // namespace clsp

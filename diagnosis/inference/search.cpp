@@ -1,0 +1,677 @@
+#include "inference/search.hpp"
+
+#include "inference/swap.hpp"
+#include "inference/least_squares.hpp"
+#include "inference/model_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numeric>
+#include <string>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// Of the progress: the baseline is simulated; the second search begins, if there is one; the searches end.
+constexpr double kBegin = 0.3, kSecond = 0.7, kEnd = 0.98;
+constexpr int kFitRounds = 3;
+// Effects whose gain at a first look is less than that part of the best one's are not fitted.
+constexpr double kLeastLook = 0.2;
+// That many times as many are fitted as long as none bears out its first look.
+constexpr std::uint32_t kMorePatient = 2;
+// Later looks take the effects whose change at the last look promises most, and those only of which it promises
+// anything.
+constexpr std::size_t kMostLooks = 14;
+constexpr double kLeastPromise = 4.0;
+// Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
+constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
+// So are those farther behind where the best one explains less than that part: what an effect scatters by itself (power
+// that flickers) counts as not explained until it is simulated.
+constexpr double kDoubtful = 0.25;
+// Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
+constexpr double kLittleLeft = 0.02;
+constexpr int kMostExchanges = 3;
+// Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
+// covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
+constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
+// Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are
+// looked at again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one
+// of 1.
+constexpr double kPoorLook = 0.5;
+constexpr double kSecondLooks[] = {0.5, 1.0};
+// A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
+// f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
+constexpr double kPatientLook = 0.25;
+// There, the effects that are still missing explain less.
+constexpr double kLeastShareOfLittle = 0.04;
+
+struct Refined {
+    const Candidate *candidate;
+    double sign = 1.0;
+    double strength = 0.5;
+    double gain = 0.0; // screening, then held-out
+    double look = 0.0; // part of the squared distance, by screening
+    bool fitted = false;
+    std::vector<bool> concerned;
+    Response response;
+};
+
+double ratio_of(double part, double whole) {
+    return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
+}
+
+bool are_forms(const Refined &a, const Refined &b) {
+    return a.candidate != b.candidate && a.candidate->id == b.candidate->id;
+}
+
+// The best first; of an effect that may begin in several places (with_alternatives) the best alone, but that forms
+// which fits tell apart stay.
+void sort_by_gain(std::vector<Refined> &refined) {
+    std::stable_sort(refined.begin(), refined.end(),
+                     [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    keep_one_of_each(refined,
+                     [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->told_by_fit); });
+}
+
+// The first entries, so many effects; forms of one count once.
+void keep_effects(std::vector<Refined> &refined, std::size_t most) {
+    std::size_t kept = 0, effects = 0;
+    for (; kept < refined.size(); ++kept) {
+        const auto is_form = [&](const Refined &before) { return are_forms(before, refined[kept]); };
+        const auto here = refined.begin() + static_cast<std::ptrdiff_t>(kept);
+        if (std::none_of(refined.begin(), here, is_form) && ++effects > most)
+            break;
+    }
+    refined.resize(kept);
+}
+
+// Leaves one form of each effect, by their fits: the catalogue's own unless the other is clearly better.
+void decide_forms(std::vector<Refined> &refined) {
+    std::vector<const Candidate *> out;
+    for (const Refined &form : refined) {
+        if (!form.candidate->told_by_fit)
+            continue;
+        const auto own =
+            std::find_if(refined.begin(), refined.end(), [&](const Refined &other) { return are_forms(form, other); });
+        if (own != refined.end())
+            out.push_back(form.fitted && form.gain > own->gain + kFormMargin ? own->candidate : form.candidate);
+    }
+    const auto is_out = [&](const Refined &one) {
+        return std::find(out.begin(), out.end(), one.candidate) != out.end();
+    };
+    refined.erase(std::remove_if(refined.begin(), refined.end(), is_out), refined.end());
+}
+
+// Where the capture does not tell which form an effect has, each of its parameters may be what it is in the other one,
+// too.
+void include_other_forms(Path &path) {
+    for (std::size_t k = 0; k < path.model.effects.size(); ++k) {
+        const Candidate &candidate = *path.model.effects[k].candidate;
+        const auto other = path.other_forms.find(candidate.id);
+        if (other == path.other_forms.end())
+            continue;
+        for (FittedParameter &parameter : path.models.back().parameters)
+            for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+                if (parameter.effect == candidate.id && parameter.name == candidate.parameters[p].name) {
+                    parameter.low = std::min(parameter.low, other->second[p]);
+                    parameter.high = std::max(parameter.high, other->second[p]);
+                }
+    }
+}
+
+class Search {
+  public:
+    Search(ModelFit &fits, const std::vector<Candidate> &candidates)
+        : fits_(fits), experiment_(fits.experiment()), candidates_(candidates) {}
+
+    SearchResult run();
+
+  private:
+    // Effects by what they promise at a first look. fresh: none is put aside by its last look.
+    std::vector<Refined> screen(Path &path, const FittedModel &fitted, bool fresh);
+    // Fits the promising ones of them; false if no fit bears out a look.
+    bool refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at);
+    void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
+    // The gain by a straight line from one strength to another, held out, where that is more than by the first look.
+    void look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted);
+    void remember_looks(const std::vector<Refined> &refined); // the first ones
+    SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
+                         const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
+    std::size_t best_of(std::vector<FittedModel> &fits, double margin, double at) const;
+    // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
+    bool grow(Path &path, const FittedModel &current, double from, double share);
+
+    // Effects that explain the gap, within the range that is common for each if any do.
+    Path explain(const FittedModel &baseline);
+    // Adds effects until nothing is left or nothing helps; or until one of them goes far: false, and it may go on.
+    enum class Until { kFar, kDone };
+    bool grow_all(Path &path, const FittedModel &baseline, Until until);
+    Path empty_path(double from, double to) const; // of the progress
+    // Exchanges effects, adds others, takes out what is needless.
+    void finish(Path &path, const FittedModel &baseline);
+    // An effect is far beyond its range.
+    static bool goes_far(const Path &path);
+    // A strength stands at the end of the common range, its last step leads out of it, and the wide search found it
+    // there.
+    static bool leads_out(const Path &common, const Path &wide);
+    static bool begins_elsewhere(const Path &a, const Path &b) {
+        return a.steps.empty() || b.steps.empty() || a.steps.front().added != b.steps.front().added;
+    }
+    bool is_explained(Path &path) {
+        if (path.models.empty())
+            return false;
+        fits_.confirm(path.models.back(), path.progress);
+        return !path.models.back().residual.detected;
+    }
+
+    // Little of the baseline's excess is left, but what is left is seldom by chance.
+    bool nearly_explained(const FittedModel &fitted) const {
+        return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * baseline_excess_;
+    }
+
+    ModelFit &fits_;
+    // The baseline's excess is so large that effects bend on their way to it.
+    bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(experiment_.count()); }
+
+    double baseline_excess_ = 0.0;
+    bool patient_ = false; // first effects get second looks in any case, and more of them a fit
+    std::vector<FirstLook> looks_;
+    Experiment &experiment_;
+    const std::vector<Candidate> &candidates_;
+};
+
+std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool fresh) {
+    const EffectModel &model = path.model;
+    const Covariance &covariance = fitted.model.fold();
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
+    const Eigen::VectorXd target = covariance.whiten(fits_.differences(fitted).mean());
+    // What a change promises beside the parameters that are there; its sign.
+    const auto gain_of = [&](const Eigen::VectorXd &change, double &sign) {
+        const Promise promise = promise_of(covariance.whiten(change), jacobian, target);
+        sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
+        return promise.gain;
+    };
+    std::vector<Refined> result;
+    for (const Candidate &candidate : candidates_) {
+        Refined refined;
+        refined.candidate = &candidate;
+        refined.concerned = fits_.concerned(candidate.id);
+        if (model.has(candidate) ||
+            std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
+            continue;
+        const auto look = path.looks.find(&candidate);
+        refined.gain = fresh || look == path.looks.end() ? 1e300 : gain_of(look->second, refined.sign);
+        if (refined.gain > kLeastPromise)
+            result.push_back(std::move(refined));
+    }
+    if (!path.looks.empty() && !fresh) {
+        sort_by_gain(result);
+        keep_effects(result, kMostLooks);
+    }
+    std::vector<Change> changes(result.size()); // of no size where the simulator refuses
+    std::vector<double> looked(result.size());
+    experiment_.side_by_side(result.size(), [&](std::size_t i) {
+        const Candidate &candidate = *result[i].candidate;
+        fits_.report(0.0, "screening " + candidate.id);
+        for (const double strength : Candidate::kLooks) {
+            EffectModel with = model;
+            with.add(candidate, 1.0, strength);
+            Change change;
+            if (!possible([&] {
+                    change = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
+                                             fits_.options().seed, kSearchSeeds);
+                }))
+                continue;
+            double sign = 1.0;
+            const bool nothing = change.mean.isZero(0.0);
+            // Where it does nothing half way, it may do the opposite on either side.
+            const bool enough = !nothing && (strength == Candidate::kLooks[0] || gain_of(change.mean, sign) <= 0.0 ||
+                                             sign > 0.0 || candidate.has_direction());
+            if (!nothing || changes[i].mean.size() == 0) {
+                changes[i] = std::move(change);
+                looked[i] = strength;
+            }
+            if (enough)
+                break;
+        }
+    });
+    for (std::size_t i = 0; i < result.size(); ++i) {
+        Refined &refined = result[i];
+        const Candidate &candidate = *refined.candidate;
+        Change &change = changes[i];
+        refined.gain = 0.0;
+        if (change.mean.size() == 0)
+            continue;
+        path.looks[&candidate] = change.mean;
+        const double gain = gain_of(change.mean, refined.sign);
+        if (refined.sign > 0.0) {
+            refined.gain = gain;
+            refined.response.add(candidate.snapped(0, looked[i]), std::move(change));
+        } else {
+            // The other direction of an effect that has one; others cannot be negative.
+            if (candidate.has_direction())
+                refined.gain = gain;
+            else
+                refined.sign = 1.0;
+        }
+    }
+    const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
+    const auto best = std::max_element(result.begin(), result.end(), promised);
+    const bool poor = best != result.end() && best->gain < kPoorLook * target.squaredNorm();
+    if ((poor || (patient_ && model.effects.empty())) &&
+        fits_.excess_square(fitted) > kLarge * static_cast<double>(experiment_.count()))
+        look_again(result, path, fitted);
+    sort_by_gain(result);
+    for (Refined &refined : result)
+        refined.look = ratio_of(refined.gain, target.squaredNorm());
+    return result;
+}
+
+void Search::look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted) {
+    struct Look {
+        std::size_t place;
+        double sign, gain;
+        Response response;
+    };
+    std::vector<Look> looks;
+    for (std::size_t i = 0; i < refined.size(); ++i) {
+        const bool turns = refined[i].candidate->has_direction();
+        for (const double sign : {1.0, -1.0})
+            if (sign > 0.0 || turns)
+                looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
+    }
+    const double before = fits_.held_out(fitted);
+    experiment_.side_by_side(looks.size(), [&](std::size_t k) {
+        Look &look = looks[k];
+        const Refined &of = refined[look.place];
+        fits_.report(0.0, "screening " + of.candidate->id);
+        possible([&] {
+            for (const double asked : kSecondLooks) {
+                const double strength = of.candidate->snapped(0, asked, look.sign);
+                if (!look.response.empty() && look.response.distance(strength) <= kNear)
+                    continue;
+                EffectModel with = path.model;
+                with.add(*of.candidate, look.sign, strength);
+                look.response.add(strength, simulate_change(experiment_, path.pool, with.settings(), of.concerned,
+                                                            fits_.options().seed, kSearchSeeds));
+            }
+            look.gain =
+                0.5 * (before - fits_.held_out(fitted, &look.response)); // of two halves, a promise is of their mean
+        });
+    });
+    for (Look &look : looks) {
+        Refined &of = refined[look.place];
+        if (look.gain <= of.gain)
+            continue;
+        of.gain = look.gain;
+        of.sign = look.sign;
+        of.response = std::move(look.response);
+    }
+}
+
+void Search::remember_looks(const std::vector<Refined> &refined) {
+    if (!looks_.empty())
+        return;
+    for (const Refined &candidate : refined)
+        looks_.push_back({candidate.candidate->id, candidate.look, candidate.fitted});
+    std::stable_sort(looks_.begin(), looks_.end(),
+                     [](const FirstLook &a, const FirstLook &b) { return a.share > b.share; });
+}
+
+void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
+    const auto change_at = [&](double strength) {
+        EffectModel with = model;
+        with.add(*refined.candidate, refined.sign, strength);
+        return simulate_change(experiment_, pool, with.settings(), refined.concerned, fits_.options().seed,
+                               kSearchSeeds);
+    };
+    std::vector<double> strengths;
+    for (const double asked : {0.0, 0.5, 1.0}) {
+        const double strength = refined.candidate->snapped(0, asked, refined.sign);
+        if ((refined.response.empty() || refined.response.distance(strength) > kNear) &&
+            std::find(strengths.begin(), strengths.end(), strength) == strengths.end())
+            strengths.push_back(strength);
+    }
+    std::vector<Change> changes(strengths.size());
+    experiment_.side_by_side(strengths.size(), [&](std::size_t i) { changes[i] = change_at(strengths[i]); });
+    for (std::size_t i = 0; i < strengths.size(); ++i)
+        refined.response.add(strengths[i], std::move(changes[i]));
+    const double before = fits_.held_out(fitted);
+    for (int round = 0;; ++round) {
+        const double after = fits_.held_out(fitted, &refined.response, &refined.strength);
+        refined.strength = refined.candidate->snapped(0, refined.strength, refined.sign);
+        refined.gain = before - after;
+        if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
+            break;
+        refined.response.add(refined.strength, change_at(refined.strength));
+    }
+}
+
+SearchStep Search::described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
+                             const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const {
+    const double gain = current.score - fits[best].score, excess = fits_.excess_square(current);
+    SearchStep step;
+    step.added = finalists[best]->candidate->id;
+    step.residual = fits[best].residual;
+    for (const Refined &candidate : refined) {
+        if (!candidate.fitted)
+            continue;
+        RankedEffect ranked;
+        ranked.effect = candidate.candidate->id;
+        const std::size_t place = std::find(finalists.begin(), finalists.end(), &candidate) - finalists.begin();
+        ranked.simulated = place < finalists.size();
+        // The held-out gain of a fit, put on the scale of the replicates' by the best one's.
+        ranked.gain = ranked.simulated ? current.score - fits[place].score
+                                       : std::min(candidate.gain - finalists[best]->gain + gain, gain);
+        if (ranked.simulated) {
+            ranked.values = fits[place].effects.back().values;
+            ranked.distance_after = fits[place].residual.distance;
+        } else {
+            EffectModel with;
+            with.add(*candidate.candidate, candidate.sign, candidate.strength);
+            ranked.values = with.settings().back().values;
+            ranked.distance_after =
+                std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
+        }
+        step.ranking.push_back(ranked);
+    }
+    weigh(step.ranking);
+    return step;
+}
+
+bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at) {
+    const double excess = fits_.excess_square(current);
+    const double first_look = refined.empty() ? 0.0 : refined.front().gain;
+    // The best gain of a fit, and at the first look the best gain that a fit bore out.
+    double explained = 0.0, borne_out = 0.0;
+    std::uint32_t tried = 0;
+    const double least_look = kLeastLook * (patient_ ? kPatientLook : 1.0);
+    for (Refined &candidate : refined) {
+        const double look = candidate.gain;
+        candidate.gain = 0.0;
+        if (look <= 0.0)
+            continue;
+        // Another form of what was fitted is, too; else what promises enough, and if one effect explains nearly all,
+        // was at least half as good at a first look.
+        const bool is_form = std::any_of(refined.begin(), refined.end(), [&](const Refined &other) {
+            return other.fitted && are_forms(other, candidate);
+        });
+        const std::uint32_t most = fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient);
+        if (!is_form && (look < least_look * borne_out || tried >= most ||
+                         (explained > kNearlyAll * excess && look < kFirstLook * first_look)))
+            continue;
+        fits_.report(at, "fitting " + candidate.candidate->id);
+        candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
+        if (!candidate.fitted) {
+            candidate.gain = 0.0;
+            continue;
+        }
+        tried += is_form ? 0 : 1;
+        explained = std::max(explained, candidate.gain);
+        if (candidate.gain >= kLeastGain)
+            borne_out = std::max(borne_out, look);
+    }
+    decide_forms(refined);
+    return borne_out > 0.0;
+}
+
+// The best of some models by as many replicates each, as the score depends on how many there are: all that there may be
+// where few leave a doubt.
+std::size_t Search::best_of(std::vector<FittedModel> &fits, double margin, double at) const {
+    std::size_t most = 0;
+    for (const FittedModel &fitted : fits)
+        most = std::max(most, fitted.model.replicates().draws.size());
+    std::vector<std::size_t> running(fits.size());
+    std::iota(running.begin(), running.end(), std::size_t{0});
+    const auto judge = [&](std::size_t count) {
+        for (const std::size_t i : running)
+            fits_.judge(fits[i], fits[i].model.replicates(), static_cast<std::uint32_t>(count), at, at);
+        std::stable_sort(running.begin(), running.end(),
+                         [&](std::size_t a, std::size_t b) { return fits[a].score < fits[b].score; });
+    };
+    judge(most);
+    const double first = fits[running.front()].score;
+    const auto is_out = [&](std::size_t i) { return fits[i].score > first + margin; };
+    const std::vector<std::size_t> ranked = running;
+    running.erase(std::remove_if(running.begin(), running.end(), is_out), running.end());
+    if (running.size() > 1) {
+        const std::size_t still = running.size();
+        judge(fits_.options().model_replicates);
+        // The others stay as far behind as they were.
+        for (std::size_t i = still; i < ranked.size(); ++i)
+            fits[ranked[i]].score += fits[running.front()].score - first;
+    }
+    return running.front();
+}
+
+bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
+    const double excess = fits_.excess_square(current);
+    const bool little = excess <= kLittleLeft * baseline_excess_, stale = !path.looks.empty();
+    std::vector<Refined> refined = screen(path, current, false);
+    const bool borne_out = refine_all(refined, path, current, from + 0.2 * share);
+    remember_looks(refined);
+    // The last looks may be of another picture: what is lopsided shows late under a defocus.
+    if (!borne_out && little && stale) {
+        refined = screen(path, current, true);
+        refine_all(refined, path, current, from + 0.2 * share);
+    }
+    std::stable_sort(refined.begin(), refined.end(),
+                     [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
+    // Those that the last comparison must decide between: by replicates of their own.
+    std::vector<EffectModel> models;
+    std::vector<Pool> pools;
+    std::vector<FittedModel> fits;
+    std::vector<const Refined *> finalists;
+    const double best_gain = refined.empty() ? 0.0 : refined.front().gain;
+    const double margin = std::max(kFinalMargin, kFinalMarginShare * best_gain);
+    const bool doubtful = best_gain < kDoubtful * excess;
+    const auto is_near = [&](const Refined &candidate) { return candidate.gain >= best_gain - margin; };
+    const auto contends = [&](const Refined &candidate) {
+        return candidate.gain >= kLeastGain && (doubtful || is_near(candidate));
+    };
+    for (const Refined &candidate : refined) {
+        if (models.size() == fits_.options().finalists || !contends(candidate))
+            break;
+        const double begin =
+            from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / fits_.options().finalists);
+        EffectModel with = path.model;
+        with.add(*candidate.candidate, candidate.sign, candidate.strength);
+        Pool own;
+        FittedModel fitted;
+        const Origin origin{current.model.full(), path.pool};
+        FitOptions options;
+        options.replicates = fits_.few_replicates();
+        options.from = begin;
+        options.to = begin + 0.6 * share / fits_.options().finalists;
+        options.known = current.jacobian;
+        if (!possible([&] { fitted = fits_.fit(with, own, options, &origin); }) || fitted.effects.empty())
+            continue;
+        finalists.push_back(&candidate);
+        models.push_back(std::move(with));
+        pools.push_back(std::move(own));
+        fits.push_back(std::move(fitted));
+    }
+    if (fits.empty())
+        return false;
+    const std::size_t best = best_of(fits, margin, from + share);
+    fits_.go_on(models[best], pools[best], fits[best], from + share);
+    if (nearly_explained(fits[best])) {
+        fits_.step_whole_numbers(models[best], pools[best], fits[best], from + share);
+        fits_.polish(models[best], pools[best], fits[best], from + share);
+        // Which may be what led to the search's end.
+        if (fits_.go_on(models[best], pools[best], fits[best], from + share))
+            fits_.polish(models[best], pools[best], fits[best], from + share);
+    }
+    const double gain = current.score - fits[best].score;
+    // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
+    // very different ones.
+    const double least_share = little ? kLeastShareOfLittle : kLeastShare;
+    const bool is_large_part =
+        excess > kLarge * static_cast<double>(experiment_.count()) && finalists[best]->gain > kMostOfLarge * excess;
+    if ((gain < kLeastGain && !is_large_part) ||
+        (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
+        return false;
+    path.steps.push_back(described(refined, finalists, fits, best, current));
+    path.model = std::move(models[best]);
+    path.pool = std::move(pools[best]);
+    path.models.push_back(std::move(fits[best]));
+    return true;
+}
+
+bool is_far(const EffectModel &model, const Strength &s) {
+    const HypothesisParameter &p = model.effects[s.effect].candidate->parameters[s.parameter];
+    return p.weak != p.strong && s.strength > kCommon;
+}
+
+bool Search::goes_far(const Path &path) {
+    return std::any_of(path.model.strengths.begin(), path.model.strengths.end(),
+                       [&](const Strength &s) { return is_far(path.model, s); });
+}
+
+bool Search::leads_out(const Path &common, const Path &wide) {
+    for (std::size_t k = 0; k < common.model.strengths.size(); ++k) {
+        const Strength &s = common.model.strengths[k];
+        const ModelEffect &effect = common.model.effects[s.effect];
+        if (!is_at(s.strength, kCommon) || common.models.back().step[static_cast<Eigen::Index>(k)] <= 0.0)
+            continue;
+        for (const Strength &other : wide.model.strengths) {
+            const ModelEffect &found = wide.model.effects[other.effect];
+            if (found.candidate->id == effect.candidate->id && found.sign == effect.sign &&
+                other.parameter == s.parameter && is_far(wide.model, other))
+                return true;
+        }
+    }
+    return false;
+}
+
+bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
+    while (!is_explained(path) && path.model.effects.size() < most_effects(fits_, path) && fits_.may_go_on()) {
+        if (until == Until::kFar && goes_far(path))
+            return false;
+        const double share = 0.5 * (path.progress_end - path.progress);
+        const FittedModel current = path.models.empty() ? baseline : path.models.back();
+        if (!grow(path, current, path.progress, share))
+            break;
+        path.progress += share;
+    }
+    return true;
+}
+
+Path Search::empty_path(double from, double to) const {
+    Path path;
+    path.strongest = fits_.strongest();
+    path.pool = fits_.baseline_pool();
+    path.progress = from;
+    path.progress_end = to;
+    return path;
+}
+
+void Search::finish(Path &path, const FittedModel &baseline) {
+    const auto exchange_effects = [&] {
+        for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
+            if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
+                !exchange(fits_, path, path.progress))
+                break;
+            grow_all(path, baseline, Until::kDone);
+        }
+    };
+    exchange_effects();
+    // Forms were chosen when other effects were missing.
+    const bool is_certain = path.models.empty() || (path.models.size() == 1 && is_explained(path));
+    if (!is_certain && fits_.may_go_on() && exchange_forms(fits_, path, candidates_, path.progress) &&
+        !is_explained(path)) {
+        grow_all(path, baseline, Until::kDone);
+        exchange_effects();
+    }
+    for (int exchanges = 0; exchanges < kMostExchanges && path.models.size() > 1 && is_explained(path); ++exchanges) {
+        Path before = path;
+        if (!fits_.may_go_on() || !exchange_look_alikes(fits_, path, path.progress))
+            break;
+        if (!is_explained(path)) { // likelier, and yet not all
+            path = std::move(before);
+            break;
+        }
+    }
+    if (is_explained(path) && path.models.size() > 2)
+        prune(fits_, path, path.progress);
+}
+
+Path Search::explain(const FittedModel &baseline) {
+    // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier. But one
+    // that the common range only holds back is not within it: the last step makes up for what is missing, or goes too
+    // far, or another effect does.
+    Path common;
+    bool held_back = false;
+    const auto common_explains = [&](const Path &wide) {
+        fits_.set_strongest(kCommon);
+        common = empty_path(kSecond, kEnd);
+        grow_all(common, baseline, Until::kDone);
+        finish(common, baseline);
+        fits_.set_strongest(kStrongest);
+        const bool explained = is_explained(common);
+        held_back = explained && leads_out(common, wide);
+        return explained && !held_back;
+    };
+    Path path = empty_path(kBegin, kSecond);
+    const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
+    if (far && fits_.may_go_on() && common_explains(path))
+        return common;
+    if (!grown)
+        grow_all(path, baseline, Until::kDone);
+    finish(path, baseline);
+    if (!far && goes_far(path) && fits_.may_go_on() && common_explains(path))
+        return common;
+    if (held_back)
+        return is_explained(path) ? path : common;
+    // Neither need explain the gap, and either may have come farther.
+    const bool common_is_better =
+        !common.models.empty() && (path.models.empty() || common.models.back().score < path.models.back().score);
+    return common_is_better && !is_explained(path) ? common : path;
+}
+
+SearchResult Search::run() {
+    SearchResult result;
+    result.baseline = fits_.fit_baseline(kBegin);
+    const FittedModel &baseline = result.baseline;
+    baseline_excess_ = fits_.excess_square(baseline);
+    if (baseline.residual.detected) {
+        Path path = explain(baseline);
+        if (is_large() && fits_.may_go_on() && !is_explained(path)) {
+            patient_ = true;
+            Path first = empty_path(kSecond, kEnd);
+            if (grow(first, baseline, kSecond, kEnd - kSecond) && begins_elsewhere(first, path)) {
+                Path again = explain(baseline);
+                if (is_explained(again))
+                    path = std::move(again);
+            }
+        }
+        if (!path.models.empty()) {
+            fits_.set_strongest(path.strongest);
+            fits_.complete(path, baseline, path.progress);
+            fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
+                        0.98, 0.99);
+            fits_.confirm(path.models.back(), 0.99);
+            fits_.measure_parameters(path.models.back(), path.model, 0.99);
+            include_other_forms(path);
+        }
+        result.steps = std::move(path.steps);
+        result.models = std::move(path.models);
+        result.looks = std::move(looks_);
+        result.ended_early = fits_.ended_early();
+        result.work = fits_.work();
+    }
+    fits_.report(1.0, "done");
+    return result;
+}
+
+} // namespace
+
+SearchResult search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+                    const Progress &progress) {
+    ModelFit fits(experiment, options, progress);
+    return Search(fits, candidates).run();
+}
+
+} // namespace clsp

@@ -1,0 +1,481 @@
+#include "inference/swap.hpp"
+
+#include "inference/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are
+// tried for each.
+constexpr double kLeastAlike = 0.5;
+constexpr std::size_t kMostAlike = 2;
+// And so many that did nearly as well as the one that was added, by what they gained over what that did.
+constexpr std::size_t kMostRivals = 2;
+constexpr double kLeastRival = 0.5;
+// Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
+constexpr double kLookAlike = 0.8;
+// Quick fits may differ by that much of a squared distance by chance; replicates of whole fits tell them apart. So many
+// are made.
+constexpr double kQuicklyAlike = 40.0;
+constexpr std::size_t kMostWhole = 2;
+constexpr int kExchangeRounds = 8;
+constexpr double kHopeless = 4.0; // after some rounds
+constexpr double kLeastRoundGain = 0.02;
+// Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
+constexpr std::size_t kMostAdded = 5;
+// A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
+// of a squared distance. And where much more is left, an exchange that takes away little of it explains nothing.
+constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
+// What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it, and after
+// that for replicates.
+constexpr double kLeastNeeded = 60.0;
+// An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
+// added: there a residual says that something is missing, here the best of many may have fitted noise.
+constexpr double kLeastWorth = 30.0;
+// A form whose fit is that much worse is not made better by small differences.
+constexpr double kHopelessForm = 3.0 * kFormMargin;
+// A strength at which most effects do little.
+constexpr double kNothing = -0.4;
+
+// An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
+// at the end. place: the number of effects where none goes.
+struct Move {
+    std::size_t place;
+    const Candidate *candidate;
+    double sign, alike;
+    bool shares;
+};
+
+// Which effect a move takes out: where there are as many as there may be, sharing takes the place of the last one,
+// which did least.
+std::size_t goes_out(const Path &path, const Move &move, std::size_t max_effects) {
+    if (!move.shares)
+        return move.place; // also where none goes
+    return path.model.effects.size() < max_effects ? path.model.effects.size() : path.model.effects.size() - 1;
+}
+
+// Adds the effects that did next best when the one at `place` was chosen: the others' strengths, wrong at the time, may
+// have chosen.
+void add_rivals(const Path &path, std::size_t place, std::vector<Move> &moves) {
+    const SearchStep &step = path.steps[place];
+    double best = 0.0;
+    for (const RankedEffect &ranked : step.ranking)
+        best = std::max(best, ranked.gain);
+    std::size_t added = 0;
+    for (const RankedEffect &ranked : step.ranking) { // the likeliest first
+        const auto look = std::find_if(path.looks.begin(), path.looks.end(),
+                                       [&](const auto &entry) { return entry.first->id == ranked.effect; });
+        if (added == kMostRivals || ranked.gain < kLeastRival * best || look == path.looks.end() ||
+            path.model.has(*look->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
+                return move.candidate->id == ranked.effect;
+            }))
+            continue;
+        moves.push_back({place, look->first, 1.0, 0.0, false});
+        ++added;
+    }
+}
+
+std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    std::vector<Move> result;
+    for (std::size_t place = 0; place < path.model.effects.size(); ++place) {
+        std::vector<Move> alike;
+        for (const auto &[candidate, look] : path.looks) {
+            if (path.model.has(*candidate))
+                continue;
+            const Eigen::VectorXd change = covariance.whiten(look);
+            Move best{place, candidate, 1.0, 0.0, share};
+            for (std::size_t p = 0; p < path.model.strengths.size(); ++p) {
+                if (path.model.strengths[p].effect != place)
+                    continue;
+                const Eigen::VectorXd column = covariance.whiten(whole.jacobian.col(static_cast<Eigen::Index>(p)));
+                const double cosine = change.dot(column) / std::max(1e-30, change.norm() * column.norm());
+                if (cosine < 0.0 && !candidate->has_direction())
+                    continue;
+                if (std::abs(cosine) > best.alike) {
+                    best.alike = std::abs(cosine);
+                    best.sign = cosine < 0.0 ? -1.0 : 1.0;
+                }
+            }
+            if (best.alike > kLeastAlike &&
+                goes_out(path, best, max_effects) != (share ? place : path.model.effects.size()))
+                alike.push_back(best);
+        }
+        std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
+            return a.alike != b.alike ? a.alike > b.alike : before(*a.candidate, *b.candidate);
+        });
+        keep_one_of_each(alike, [](const Move &move) { return move.candidate->id; });
+        std::vector<Move> tried(alike.begin(),
+                                alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kMostAlike)));
+        if (!share)
+            add_rivals(path, place, tried);
+        result.insert(result.end(), tried.begin(), tried.end());
+    }
+    return result;
+}
+
+// One effect more. A search that fits strengths one effect at a time may see no gain in what only helps once the
+// others have moved far.
+std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    const Eigen::VectorXd target = covariance.whiten(fits.differences(whole).mean());
+    const Eigen::MatrixXd jacobian = whiten_columns(covariance, whole.jacobian);
+    std::vector<std::pair<double, Move>> promising;
+    for (const auto &[candidate, look] : path.looks) {
+        if (path.model.has(*candidate))
+            continue;
+        const Promise promise = promise_of(covariance.whiten(look), jacobian, target);
+        const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
+        if (promise.gain >= kLeastGain && (sign > 0.0 || candidate->has_direction()))
+            promising.push_back({promise.gain, {path.model.effects.size(), candidate, sign, 0.0, false}});
+    }
+    std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
+        return a.first != b.first ? a.first > b.first : before(*a.second.candidate, *b.second.candidate);
+    });
+    keep_one_of_each(promising, [](const auto &entry) { return entry.second.candidate->id; });
+    std::vector<Move> result;
+    for (std::size_t i = 0; i < std::min(promising.size(), kMostAdded); ++i)
+        result.push_back(promising[i].second);
+    return result;
+}
+
+// What an exchange must leave to be worth a fit, where the squared distance is `now`.
+double worth_of(const ModelFit &fits, double now) {
+    return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.experiment().count());
+}
+
+// What a few rounds of a fit reach, by common random numbers from the path's model, whose squared distance is `now`.
+GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &path, double now) {
+    const FittedModel &start = path.models.back();
+    std::vector<Eigen::VectorXd> known(model.strengths.size());
+    for (std::size_t p = 0; p < model.strengths.size(); ++p)
+        for (std::size_t q = 0; q < path.model.strengths.size(); ++q)
+            if (model.strengths[p].parameter == path.model.strengths[q].parameter &&
+                model.effects[model.strengths[p].effect].candidate ==
+                    path.model.effects[path.model.strengths[q].effect].candidate)
+                known[p] = start.jacobian.col(static_cast<Eigen::Index>(q));
+    GaussNewtonOptions options;
+    options.seed = fits.options().seed;
+    options.seeds = kSearchSeeds;
+    options.secant_rounds = kExchangeRounds;
+    options.near = options.far = kNear;
+    options.strongest = fits.strongest();
+    options.hopeless = kHopeless * now;
+    options.least_gain = kLeastRoundGain;
+    return gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
+}
+
+// Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
+void halve(EffectModel &model, std::size_t effect) {
+    const Candidate &candidate = *model.effects[effect].candidate;
+    const double sign = model.effects[effect].sign;
+    for (Strength &s : model.strengths) {
+        const HypothesisParameter &parameter = candidate.parameters[s.parameter];
+        if (s.effect != effect)
+            continue;
+        if (!candidate.is_varied(s.parameter)) { // what is given away may have moved it
+            s.strength = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
+            continue;
+        }
+        // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no
+        // measure of it.
+        const double value = candidate.value(s.parameter, s.strength, sign);
+        const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
+                            : parameter.weak < parameter.strong ? candidate.strength(s.parameter, 0.5 * value, sign)
+                                                                : 0.5 * (s.strength + kNothing);
+        s.strength = std::max(kWeakest, half);
+        s.strength = candidate.snapped(s.parameter, s.strength, sign);
+    }
+}
+
+// A move, the model with it, and the squared distance that a quick fit leaves.
+struct Promising {
+    const Move *move;
+    EffectModel model;
+    double square;
+};
+
+// Of some moves the best and what a quick fit does not tell from it, where they leave a squared distance below `least`.
+std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::vector<Move> &tried, double least,
+                                  double at) {
+    const FittedModel &whole = path.models.back();
+    const double now = fits.square_by(whole.model.full(), whole);
+    std::vector<GaussNewtonFit> reached(tried.size());
+    fits.experiment().side_by_side(tried.size(), [&](std::size_t i) {
+        const Move &move = tried[i];
+        const bool adds = move.place == path.model.effects.size();
+        const std::string what =
+            "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
+        fits.report(at, what + " for " + move.candidate->id);
+        EffectModel model = path.model;
+        if (move.shares)
+            halve(model, move.place);
+        if (const std::size_t out = goes_out(path, move, most_effects(fits, path)); out < model.effects.size())
+            model = model.without(out);
+        model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
+        possible([&] {
+            reached[i] = quick_fit(fits, model, path, now);
+            reached[i].square += adds ? kLeastGain : 0.0;
+        });
+    });
+    std::vector<Promising> result;
+    for (std::size_t i = 0; i < tried.size(); ++i)
+        if (reached[i].square < least)
+            result.push_back({&tried[i], std::move(reached[i].model), reached[i].square});
+    std::stable_sort(result.begin(), result.end(),
+                     [](const Promising &a, const Promising &b) { return a.square < b.square; });
+    result.erase(std::remove_if(result.begin(), result.end(),
+                                [best = result.empty() ? 0.0 : result.front().square](const Promising &one) {
+                                    return one.square > best + kQuicklyAlike;
+                                }),
+                 result.end());
+    if (result.size() > kMostWhole)
+        result.erase(result.begin() + kMostWhole, result.end());
+    return result;
+}
+
+// An effect that would have done nearly as well in the place of the one that is there: the data may not tell which.
+void note_rival(SearchStep &step, const std::string &effect, const FittedModel &fitted, double behind) {
+    double chosen = 0.0;
+    for (const RankedEffect &ranked : step.ranking)
+        if (ranked.effect == step.added)
+            chosen = ranked.gain;
+    RankedEffect rival;
+    rival.effect = effect;
+    rival.values = fitted.effects.back().values;
+    rival.distance_after = fitted.residual.distance;
+    rival.simulated = true;
+    rival.gain = std::min(chosen, chosen - behind);
+    const auto known = std::find_if(step.ranking.begin(), step.ranking.end(),
+                                    [&](const RankedEffect &ranked) { return ranked.effect == effect; });
+    if (known == step.ranking.end())
+        step.ranking.push_back(rival);
+    else if (known->gain < rival.gain)
+        *known = rival;
+    weigh(step.ranking);
+}
+
+// A path's models before an effect, and none yet for those from there on.
+std::vector<FittedModel> models_until(const Path &path, std::size_t effect, std::size_t count) {
+    std::vector<FittedModel> result(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(effect));
+    result.resize(count);
+    return result;
+}
+
+// The path after a move, if it is better; else the move's effect may be noted as a rival.
+std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
+    const FittedModel &whole = path.models.back();
+    Path other;
+    other.looks = path.looks;
+    other.other_forms = path.other_forms;
+    other.progress = path.progress;
+    other.progress_end = path.progress_end;
+    other.strongest = path.strongest;
+    other.model = std::move(model);
+    FittedModel fitted;
+    const Origin origin{whole.model.full(), path.pool};
+    FitOptions options;
+    options.replicates = fits.options().model_replicates;
+    options.from = options.to = at;
+    options.near = true;
+    options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
+    if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
+        return {};
+    if (fitted.residual.p_value <= kSeldom)
+        fits.polish(other.model, other.pool, fitted, at);
+    if (fitted.score > whole.score - kLeastGain) {
+        if (!move.shares && move.place < path.steps.size())
+            note_rival(path.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
+        return {};
+    }
+    const double gain = whole.score - fitted.score;
+    RankedEffect ranked;
+    ranked.effect = move.candidate->id;
+    ranked.values = fitted.effects.back().values;
+    ranked.distance_after = fitted.residual.distance;
+    ranked.simulated = true;
+    ranked.gain = gain;
+    SearchStep step;
+    step.added = ranked.effect;
+    other.steps = path.steps;
+    const std::size_t begin = goes_out(path, move, most_effects(fits, path));
+    if (begin < path.models.size()) {
+        // What the effect that goes out was worth, and more.
+        step.ranking = path.steps[begin].ranking;
+        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
+                                          [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
+                           step.ranking.end());
+        double worth = 0.0;
+        for (const RankedEffect &r : step.ranking)
+            worth = std::max(worth, r.gain);
+        ranked.gain += worth;
+        other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(begin));
+    }
+    step.ranking.push_back(ranked);
+    weigh(step.ranking);
+    other.steps.push_back(std::move(step));
+    other.models = models_until(path, begin, other.steps.size());
+    other.steps.back().residual = fitted.residual;
+    other.models.back() = std::move(fitted);
+    return other;
+}
+
+// Makes the best of some moves by their own replicates; false if none is better than what is there.
+bool make_best(ModelFit &fits, Path &path, std::vector<Promising> moves, double at) {
+    std::optional<Path> best;
+    for (Promising &one : moves)
+        if (std::optional<Path> other = moved(fits, path, *one.move, std::move(one.model), at);
+            other && (!best || other->models.back().score < best->models.back().score))
+            best = std::move(other);
+    if (!best)
+        return false;
+    path = std::move(*best);
+    return true;
+}
+
+// The changes by the strengths of all effects but one.
+Eigen::MatrixXd columns_without(const Path &path, std::size_t out) {
+    const Eigen::MatrixXd &all = path.models.back().jacobian;
+    Eigen::MatrixXd result(all.rows(), all.cols());
+    Eigen::Index columns = 0;
+    for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
+        if (path.model.strengths[p].effect != out)
+            result.col(columns++) = all.col(static_cast<Eigen::Index>(p));
+    return result.leftCols(columns);
+}
+
+// The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
+double loss_without(const ModelFit &fits, const Path &path, std::size_t out, const EffectModel &others) {
+    const FittedModel &whole = path.models.back();
+    const Covariance &covariance = whole.model.full();
+    const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
+    const Change loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
+                                        fits.options().pool_seeds);
+    return residual_square(whiten_columns(covariance, columns_without(path, out)), covariance.whiten(loss.mean));
+}
+
+} // namespace
+
+bool exchange(ModelFit &fits, Path &path, double at) {
+    const auto improves = [&](const std::vector<Move> &tried) {
+        const FittedModel &whole = path.models.back();
+        const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
+        return make_best(fits, path, best_moves(fits, path, tried, least, at), at);
+    };
+    const bool missing = path.models.back().residual.detected;
+    const std::size_t most = most_effects(fits, path);
+    std::vector<Move> tried = moves_of(path, false, most);
+    if (missing && path.model.effects.size() < most) {
+        const std::vector<Move> additions = additions_of(fits, path);
+        tried.insert(tried.end(), additions.begin(), additions.end());
+    }
+    return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
+}
+
+bool exchange_look_alikes(ModelFit &fits, Path &path, double at) {
+    std::vector<Move> tried = moves_of(path, false, most_effects(fits, path));
+    tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kLookAlike; }),
+                tried.end());
+    if (tried.empty())
+        return false;
+    // Beside what the same few random numbers leave of the effects that are there.
+    const FittedModel &whole = path.models.back();
+    const double now = fits.square_by(whole.model.full(), whole);
+    double least = now;
+    if (!possible([&] { least = quick_fit(fits, path.model, path, now).square; }))
+        return false;
+    return make_best(fits, path, best_moves(fits, path, tried, least + kQuicklyAlike, at), at);
+}
+
+bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {
+    bool changed = false;
+    for (std::size_t place = 0; place < path.model.effects.size(); ++place)
+        for (const Candidate &form : candidates) {
+            const Candidate &now = *path.model.effects[place].candidate;
+            if (form.id != now.id || form.told_by_fit == now.told_by_fit)
+                continue;
+            fits.report(at, "another form of " + form.id);
+            FittedModel &whole = path.models.back();
+            EffectModel model = path.model;
+            model.effects[place].candidate = &form;
+            Pool pool;
+            FittedModel fitted;
+            const Origin origin{whole.model.full(), path.pool};
+            FitOptions options;
+            options.replicates = fits.options().model_replicates;
+            options.from = options.to = at;
+            options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
+            if (!possible([&] { fitted = fits.fit(model, pool, options, &origin); }) || fitted.effects.empty())
+                continue;
+            // A score depends on how many replicates there are.
+            const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
+            fits.judge(whole, whole.model.replicates(), count, at, at);
+            if (fitted.score > whole.score + kHopelessForm)
+                continue;
+            if (fitted.residual.p_value <= kSeldom)
+                fits.polish(model, pool, fitted, at);
+            // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
+            path.other_forms.erase(form.id);
+            const bool is_taken = fitted.score <= whole.score - (form.told_by_fit ? kFormMargin : -kFormMargin);
+            if (std::abs(fitted.score - whole.score) < kFormMargin)
+                path.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
+            if (!is_taken)
+                continue;
+            for (RankedEffect &ranked : path.steps[place].ranking)
+                if (ranked.effect == form.id)
+                    ranked.values = fitted.effects[place].values;
+            path.model = std::move(model);
+            path.pool = std::move(pool);
+            path.models = models_until(path, place, path.models.size());
+            path.steps.back().residual = fitted.residual;
+            path.models.back() = std::move(fitted);
+            changed = true;
+            break;
+        }
+    return changed;
+}
+
+void prune(ModelFit &fits, Path &path, double at) {
+    for (std::size_t out = 0; out + 1 < path.model.effects.size();) {
+        EffectModel others = path.model.without(out);
+        Pool pool;
+        FittedModel fitted;
+        const auto explains = [&] {
+            const FittedModel &whole = path.models.back();
+            const Covariance &covariance = whole.model.full();
+            const double now = fits.square_by(covariance, whole);
+            const Origin origin{covariance, path.pool};
+            FitOptions options;
+            options.replicates = fits.options().model_replicates;
+            options.from = options.to = at;
+            options.known = columns_without(path, out);
+            options.worth = now + kLeastNeeded;
+            fitted = fits.fit(others, pool, options, &origin);
+            if (!fitted.effects.empty())
+                fits.confirm(fitted, at);
+            return !fitted.effects.empty() && !fitted.residual.detected &&
+                   fits.square_by(covariance, fitted) <= now + kLeastWorth;
+        };
+        bool needless = false;
+        possible([&] { needless = loss_without(fits, path, out, others) <= kLeastNeeded && explains(); });
+        if (!needless) {
+            ++out;
+            continue;
+        }
+        path.model = std::move(others);
+        path.pool = std::move(pool);
+        path.models = models_until(path, out, path.models.size() - 1);
+        path.steps.erase(path.steps.begin() + static_cast<std::ptrdiff_t>(out));
+        path.steps.back().residual = fitted.residual;
+        path.models.back() = std::move(fitted);
+    }
+}
+
+} // namespace clsp

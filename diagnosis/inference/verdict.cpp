@@ -1,0 +1,76 @@
+#include "inference/verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+namespace {
+
+constexpr double kLeastPValue = 1e-300;
+// Effects at least that probable are named among the equivalent ones.
+constexpr double kLeastProbability = 0.05;
+// An effect's own statistics are those that it moves by that many standard deviations.
+constexpr double kOwnDeviations = 4.0;
+// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
+constexpr double kExplained = 3.0;
+// Beside an unknown cause so many effects count as found that together take away that part of the gap.
+constexpr std::size_t kMany = 4;
+constexpr double kNearlyWhole = 0.8;
+
+} // namespace
+
+double reported_p_value(double p) {
+    return std::max(p, kLeastPValue);
+}
+
+bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
+    double sum = 0.0, count = 0.0;
+    for (Eigen::Index k = 0; k < moved.size(); ++k)
+        if (std::abs(moved[k]) > kOwnDeviations) {
+            sum += z[k] * z[k];
+            ++count;
+        }
+    return count > 0.0 && sum / count < kExplained;
+}
+
+bool are_found(std::size_t count, double fraction) {
+    return count >= kMany && fraction >= kNearlyWhole;
+}
+
+std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
+                                 const std::vector<Candidate> &candidates) {
+    std::vector<bool> result;
+    for (const SearchStep &step : steps) {
+        const auto candidate =
+            std::find_if(candidates.begin(), candidates.end(), [&](const Candidate &c) { return c.id == step.added; });
+        bool slight = false;
+        for (std::size_t p = 0; candidate != candidates.end() && p < candidate->parameters.size(); ++p)
+            for (const FittedParameter &fitted : parameters)
+                if (fitted.effect == step.added && fitted.name == candidate->parameters[p].name)
+                    slight = slight || candidate->is_slight(p, fitted.value);
+        result.push_back(slight);
+    }
+    if (std::find(result.begin(), result.end(), false) == result.end())
+        result.assign(steps.size(), false);
+    return result;
+}
+
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result) {
+    result.verdict = Verdict::kNamed;
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+        const SearchStep &step = steps[i];
+        if (i < slight.size() && slight[i])
+            continue;
+        result.effects.push_back(step.added);
+        result.probability = std::min(result.probability, step.ranking.front().probability);
+        if (step.ranking.front().probability >= 1.0 - kLeastProbability)
+            continue;
+        for (const RankedEffect &ranked : step.ranking)
+            if (ranked.probability >= kLeastProbability) {
+                result.verdict = Verdict::kAmbiguous;
+                result.equivalent.push_back(ranked.effect);
+            }
+    }
+}
+
+} // namespace clsp

@@ -1,0 +1,33 @@
+// What a search's outcome is called.
+#pragma once
+
+#include "run/diagnose.hpp"
+#include "inference/effect_model.hpp"
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <vector>
+
+namespace clsp {
+
+// The tails of Student's and of the Gamma law underflow; no probability is 0.
+double reported_p_value(double p);
+
+// Whether what an effect moves agrees with the model in the end. moved: by the effect, in standard deviations; z: what
+// is left.
+bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z);
+
+// Whether so many effects, which together take away a part of the gap, count as found although something is left. Two
+// or three may imitate an unknown cause as far; many together do not.
+bool are_found(std::size_t count, double fraction);
+
+// Of each step's effect, whether it is far weaker than any of the catalogue's range, beside others that are not. What
+// so little of an effect does, the simulator's own error in the others' changes does, too: it is fitted, but not named.
+std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
+                                 const std::vector<Candidate> &candidates);
+
+// The effects of all steps but the slight ones, as the only explanation or as one of several. slight: empty if none is.
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result);
+
+} // namespace clsp

@@ -1,0 +1,126 @@
+#include "inference/workers.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <thread>
+#include <vector>
+
+namespace clsp {
+namespace {
+
+struct Stopped {};
+
+// How soon a lane that waits learns that it is to stop.
+constexpr std::chrono::milliseconds kLookUp{20};
+
+} // namespace
+
+void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
+               const std::function<void(std::size_t lane, const std::function<void()> &checkpoint)> &work) {
+    std::vector<std::exception_ptr> failures(count);
+    std::atomic<bool> stopped{false};
+    const std::function<void()> others = [&] {
+        if (stopped)
+            throw Stopped{};
+    };
+    const std::function<void()> callers = [&] {
+        others();
+        if (checkpoint)
+            checkpoint();
+    };
+    const auto run = [&](std::size_t lane, const std::function<void()> &its_checkpoint) {
+        try {
+            work(lane, its_checkpoint);
+        } catch (const Stopped &) {
+            // another lane has thrown
+        } catch (...) {
+            failures[lane] = std::current_exception();
+            stopped = true;
+        }
+    };
+    std::vector<std::thread> threads;
+    std::size_t started = 1;
+    threads.reserve(count);
+    try {
+        for (; started < count; ++started)
+            threads.emplace_back(run, started, others);
+    } catch (...) {
+        // No further thread to be had, or no memory for one: this one does the work.
+    }
+    if (count > 0)
+        run(0, callers);
+    for (std::size_t lane = started; lane < count && !stopped; ++lane)
+        run(lane, callers);
+    for (std::thread &thread : threads)
+        thread.join();
+    for (const std::exception_ptr &failure : failures)
+        if (failure)
+            std::rethrow_exception(failure);
+}
+
+void OpenTasks::run_one(Batch &batch, std::size_t i, std::unique_lock<std::mutex> &lock) {
+    ++batch.running;
+    lock.unlock();
+    std::exception_ptr failure;
+    try {
+        batch.task(i);
+    } catch (...) {
+        failure = std::current_exception();
+    }
+    lock.lock();
+    --batch.running;
+    if (failure) {
+        batch.end = batch.begin; // none more
+        if (!batch.failure || i < batch.failed) {
+            batch.failure = failure;
+            batch.failed = i;
+        }
+    }
+}
+
+void OpenTasks::run(std::size_t count, const std::function<void(std::size_t)> &task) {
+    Batch batch{task, 0, count};
+    std::unique_lock<std::mutex> lock(mutex_);
+    const auto place = open_.insert(open_.end(), &batch);
+    if (count > 1)
+        changed_.notify_all();
+    while (batch.begin < batch.end)
+        run_one(batch, batch.begin++, lock);
+    open_.erase(place);
+    changed_.wait(lock, [&] { return batch.running == 0; });
+    if (batch.failure)
+        std::rethrow_exception(batch.failure);
+}
+
+void OpenTasks::work(const std::function<void()> &checkpoint, const std::function<void()> &own) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    ++busy_;
+    lock.unlock();
+    std::exception_ptr failure;
+    try {
+        own();
+    } catch (...) {
+        failure = std::current_exception();
+    }
+    lock.lock();
+    --busy_;
+    changed_.notify_all();
+    if (failure)
+        std::rethrow_exception(failure);
+    while (busy_ > 0) {
+        const auto batch = std::find_if(open_.begin(), open_.end(), [](const Batch *b) { return b->begin < b->end; });
+        if (batch != open_.end()) {
+            run_one(**batch, --(*batch)->end, lock);
+            changed_.notify_all();
+            continue;
+        }
+        changed_.wait_for(lock, kLookUp);
+        lock.unlock();
+        checkpoint();
+        lock.lock();
+    }
+}
+
+} // namespace clsp

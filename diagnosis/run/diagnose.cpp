@@ -1,0 +1,282 @@
+#include "run/diagnose.hpp"
+
+#include "inference/gap_stages.hpp"
+#include "inference/shrinkage.hpp"
+#include "inference/verdict.hpp"
+#include "capture/capture_check.hpp"
+#include "measure/downstream.hpp"
+#include "measure/evidence.hpp"
+#include "runtime/error.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fmt/core.h>
+#include <set>
+#include <thread>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+// An effect that takes away that part of the gap of an unknown cause imitates it.
+constexpr double kAlike = 0.5;
+
+// The stage of the effect that imitates most of an unknown cause; empty if none does.
+std::string alike_stage(const DiagnosisResult &result) {
+    double before = 0.0, most = kAlike;
+    std::string stage;
+    for (const ShrinkStep &step : result.steps) {
+        if (step.fraction - before >= most) {
+            most = step.fraction - before;
+            stage = std::find_if(result.candidates.begin(), result.candidates.end(), [&](const Candidate &c) {
+                        return c.id == step.effect;
+                    })->stage;
+        }
+        before = std::max(before, step.fraction);
+    }
+    return stage;
+}
+
+// By an effect, in standard deviations.
+Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
+    const GapModel &before = step ? found.models[step - 1].model : found.baseline.model;
+    return (found.models[step].model.full().mean() - before.full().mean()).cwiseQuotient(before.full().deviation());
+}
+
+// A lit sequence without light has no level to be simulated at.
+constexpr double kLeastLightDn = 0.5;
+// Of a sequence, without those that its mask takes out: as the statistics ask for.
+constexpr int kLeastPixels = 64;
+// Captures of common random numbers that fits go by. What two of them say of a change holds for others only as far as
+// they are large: of 8 frames of 96 x 80 pixels two took an aperture of 0.62 times the f-number for 0.65, and a gap
+// remained. As many as make up for fewer pixels, at the cost of the usual ones.
+constexpr double kUsualPixels = 2.0 * 40 * 192 * 160;
+constexpr double kLeastSeeds = 2.0, kMostSeeds = 12.0;
+std::uint32_t pool_seeds_of(const Capture &capture) {
+    double pixels = 0.0;
+    for (const std::vector<std::uint16_t> &codes : capture.codes)
+        pixels += static_cast<double>(codes.size()) / static_cast<double>(capture.codes.size());
+    return static_cast<std::uint32_t>(std::clamp(std::ceil(kUsualPixels / pixels), kLeastSeeds, kMostSeeds));
+}
+
+// The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
+Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept,
+                  DiagnosisResult &result) {
+    Capture judged;
+    judged.layout = capture.layout;
+    judged.layout.sequences.clear();
+    const auto has_light = [](const SequenceSummary &seen) {
+        return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kLeastLightDn &&
+               seen.saturated_fraction <= kMostClipped;
+    };
+    const bool any_light = std::any_of(summary.sequences.begin(), summary.sequences.end(), has_light);
+    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
+        const SequenceLayout &sequence = capture.layout.sequences[s];
+        const SequenceSummary &seen = summary.sequences[s];
+        std::string reason;
+        const double unmasked =
+            std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
+        if (unmasked < kLeastPixels)
+            reason = fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kLeastPixels);
+        else if (seen.saturated_fraction > kMostClipped)
+            reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known",
+                                 100.0 * seen.saturated_fraction);
+        else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
+            reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
+                                 seen.level_above_dark_dn);
+        else if (sequence.scene != CaptureScene::kDark && seen.minimum == seen.maximum)
+            reason = fmt::format("all its codes are {}: no camera records light without noise", seen.minimum);
+        // Coarse steps may hide the noise of a dark sequence, which light then shows.
+        else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
+            reason =
+                fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
+        if (!reason.empty()) {
+            result.left_out.push_back(sequence.name);
+            result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));
+            continue;
+        }
+        result.judged.push_back(sequence.name);
+        judged.layout.sequences.push_back(sequence);
+        judged.codes.push_back(capture.codes[s]);
+        kept.push_back(seen);
+    }
+    return judged;
+}
+
+// What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in
+// them. Such effects leave the pool: what they do to the few statistics that there are, others do as well, and a
+// verdict would name what the same report says to be out of sight.
+void leave_untested(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences,
+                    std::vector<Candidate> &pool, DiagnosisResult &result) {
+    for (const CaptureAbility &ability : capture_abilities(layout, sequences))
+        if (!ability.can) {
+            result.untested_topics.push_back(ability.topic);
+            result.notes.push_back(fmt::format("cannot be told: {} ({})", ability.topic, ability.reason));
+        }
+    std::string unseen;
+    for (const EffectVisibility &effect : effect_visibilities(layout)) {
+        const auto candidate =
+            std::find_if(pool.begin(), pool.end(), [&](const Candidate &c) { return c.id == effect.id; });
+        if (candidate == pool.end() || !effect.sequences.empty())
+            continue;
+        pool.erase(candidate);
+        result.untested_effects.push_back(effect.id);
+        unseen += (unseen.empty() ? "" : ", ") + effect.id;
+    }
+    if (!unseen.empty())
+        result.notes.push_back("these effects cannot show in this capture: " + unseen);
+}
+
+// Whether there is a sequence of each scene, of laser light a resting and a moving one.
+bool has_every_kind(const CaptureLayout &layout) {
+    std::set<std::pair<CaptureScene, bool>> kinds;
+    for (const SequenceLayout &sequence : layout.sequences)
+        kinds.emplace(sequence.scene, sequence.moving);
+    return kinds.size() >= 6;
+}
+
+CalibrationResult calibration_of(const Experiment &experiment, const CalibratedLevels &levels) {
+    CalibrationResult result{levels.black_level_dn, levels.read_noise_dn, {}};
+    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
+        const SequenceLayout &sequence = experiment.layout().sequences[s];
+        SequenceLight light{sequence.name, experiment.real_level(s).mean_dn, 0.0, 0.0};
+        if (sequence.scene != CaptureScene::kDark) {
+            light.share = levels.signal_share[s];
+            light.light_dn = light.share * std::max(0.0, light.mean_dn - experiment.real_calibration().black_level_dn);
+        }
+        result.light.push_back(light);
+    }
+    return result;
+}
+
+} // namespace
+
+DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
+    const auto start = std::chrono::steady_clock::now();
+    const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    const CaptureSummary summary = summarize_capture(given);
+    DiagnosisResult result;
+    for (const CaptureWarning &warning : summary.warnings)
+        result.notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
+    std::vector<SequenceSummary> kept;
+    const Capture capture = judgeable(given, summary, kept, result);
+    if (capture.codes.empty()) {
+        std::string reasons;
+        for (const std::string &note : result.notes)
+            if (note.find(" was left out: ") != std::string::npos)
+                reasons += (reasons.empty() ? "" : "; ") + note;
+        throw Error(Status::kInvalidData,
+                    fmt::format("no sequence of the capture can be judged: {}. Check that the files belong to the "
+                                "scenes that capture.json names, and record again with another exposure",
+                                reasons));
+    }
+    const auto has_lit = [](const CaptureLayout &layout) {
+        return std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                           [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
+    };
+    result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
+    leave_untested(capture.layout, kept, pool, result);
+    Experiment experiment(std::move(context), capture, options.hypotheses, threads);
+    go_with_camera(pool, capture.layout, experiment.real_calibration().read_noise_dn);
+    std::string doing;
+    double fraction = 0.0;
+    const auto tell = [&] {
+        if (options.progress && !options.progress(doing, fraction))
+            throw Error(Status::kCancelled, "the diagnosis was cancelled by its progress callback");
+    };
+    experiment.checkpoint = tell;
+    SearchOptions search_options;
+    const std::uint64_t first_seed = seed_of_draws(options.seed);
+    search_options.seed = first_seed;
+    search_options.pool_seeds = pool_seeds_of(capture);
+    search_options.most_work *= search_options.pool_seeds / kLeastSeeds;
+    search_options.null_replicates = options.null_replicates;
+    search_options.max_effects = options.max_effects;
+    // With fewer kinds of sequences more effects look alike, and simulations take less time.
+    if (!has_every_kind(capture.layout))
+        search_options.refined *= 2;
+    search_options.level = options.level;
+    search_options.residual_level = 0.25 * options.level;
+    const std::vector<Candidate> tried = with_alternatives(pool);
+    const SearchResult found = search(experiment, tried, search_options, [&](const std::string &what, double part) {
+        doing = what;
+        fraction = std::max(fraction, part);
+        tell();
+    });
+
+    result.seed = options.seed;
+    result.level = options.level;
+    result.candidates = pool;
+    const GapTest &test = found.baseline.residual;
+    result.detected = test.detected;
+    result.p_value = reported_p_value(test.p_value);
+    result.distance = test.distance;
+    result.null_95 = test.null_95;
+    const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    result.calibration = calibration_of(experiment, found.baseline.model.replicates().levels);
+    if (!found.models.empty())
+        result.calibration_after = calibration_of(experiment, last.model.replicates().levels);
+    const Eigen::VectorXd real = experiment.real().mean();
+    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    if (result.detected && !found.models.empty())
+        shrunk = statistic_shrinkages(experiment, found.baseline, last);
+    for (std::size_t k = 0; k < experiment.count(); ++k)
+        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
+                                 reported_p_value(test.p_adjusted[k]), last.residual.z[k], shrunk[k]});
+    std::stable_sort(result.places.begin(), result.places.end(),
+                     [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
+    result.held_out = experiment.parted();
+    result.looks = found.looks;
+    result.work_captures = found.work;
+    result.ended_early = found.ended_early;
+    if (found.ended_early)
+        result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
+                                           "candidates (--without) leave more for the others",
+                                           search_options.most_work));
+    if (result.detected) {
+        result.residual_detected = last.residual.detected;
+        result.residual_p_value = reported_p_value(last.residual.p_value);
+        if (!found.models.empty()) {
+            result.ranking = found.steps.front().ranking;
+            result.parameters = last.parameters;
+            for (std::size_t i = 0; i < found.models.size(); ++i) {
+                const Shrinkage s = shrinkage(experiment, found.baseline, found.models[i], last);
+                result.found.push_back(found.steps[i].ranking.front());
+                result.steps.push_back({found.steps[i].added, s.after, s.fraction});
+                result.distance_before = s.before;
+                result.distance_after = s.after;
+                result.fraction = s.fraction;
+                result.fraction_95 = s.fraction_95;
+            }
+        }
+        const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
+        for (std::size_t i = 0; i < found.steps.size(); ++i)
+            if (slight[i])
+                result.notes.push_back(fmt::format(
+                    "{} was fitted, too, but is not named: it is far weaker than the catalogue has it, and beside "
+                    "stronger effects so little may be the simulator's error",
+                    found.steps[i].added));
+        if (last.residual.detected || found.models.empty()) {
+            result.verdict = Verdict::kUnknown;
+            const bool all = are_found(found.models.size(), result.fraction);
+            for (std::size_t i = 0; i < found.models.size(); ++i)
+                if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))
+                    result.effects.push_back(found.steps[i].added);
+            place_stages(experiment.layout(), result.places, alike_stage(result));
+        } else {
+            name_effects(found.steps, slight, result);
+        }
+    }
+    const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
+    result.downstream = measure_downstream(experiment, capture, found.baseline, final, first_seed);
+    result.measurements = measure_quantities(experiment, capture, found.baseline, final, first_seed);
+    if (options.evidence)
+        result.evidence =
+            std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, first_seed));
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return result;
+}
+
+} // namespace clsp

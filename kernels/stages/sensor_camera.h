@@ -1,0 +1,52 @@
+// What kernels that make a sensor's frames are given for it.
+//   OUTPUT_FORMAT
+#ifndef CLSP_SENSOR_CAMERA_H
+#define CLSP_SENSOR_CAMERA_H
+
+#include "common/common.h"
+
+#if OUTPUT_FORMAT == FORMAT_UINT8
+typedef uchar output_t;
+#elif OUTPUT_FORMAT == FORMAT_UINT16
+typedef ushort output_t;
+#else
+typedef float output_t;
+#endif
+
+// The same numbers as core/stages/sensor_camera.hpp.
+#define SENSOR_READ_NOISE 1u
+#define SENSOR_SHOT_NOISE 2u
+#define SENSOR_ROW_NOISE 4u
+#define SENSOR_COLUMN_NOISE 8u
+#define SENSOR_MOSAIC 16u
+#define SENSOR_GAMMA 32u
+#define SENSOR_LAG_FIRST 64u
+#define SENSOR_QUANTIZE 128u
+#define SENSOR_CROSSTALK 256u
+
+// The same members as SensorConstants there, of four bytes each.
+typedef struct {
+    uint switches, width, height, quarter, key_low, key_high, frame_low, frame_high;
+    float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
+    float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn, top_code, output_scale;
+} sensor_t;
+
+// Maps are NULL where their effect is off.
+#define SENSOR_PARAMETERS                                                                                                               \
+    sensor_t sensor, __global const float *offset, __global const uchar *response, __global const float *pixel_gain,                    \
+        __global const float *read_noise_map, __global float *lag_state, __global output_t *output, ulong output_offset, uint output_pitch
+#define SENSOR_CAMERA                                                                                                                   \
+    { sensor, offset, response, pixel_gain, read_noise_map, lag_state, output + output_offset, output_pitch }
+
+typedef struct {
+    sensor_t s;
+    __global const float *offset;
+    __global const uchar *response;
+    __global const float *pixel_gain;
+    __global const float *read_noise_map;
+    __global float *lag_state;
+    __global output_t *output;
+    uint output_pitch;
+} camera_t;
+
+#endif

@@ -1,0 +1,374 @@
+// Early choices that were wrong or needless: a path is begun with them, and must come out right. Captures of the simulator's own.
+#include "diagnosis/inference/attribution_support.hpp"
+#include "inference/candidate.hpp"
+#include "inference/swap.hpp"
+#include "inference/verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace clsp;
+using namespace clsp::attribution_test;
+
+class Exchange : public testing::Test {
+  protected:
+    SearchOptions options() const {
+        SearchOptions result;
+        result.seed = 3;
+        result.null_replicates = 24;
+        return result;
+    }
+    static FitOptions all_replicates(const ModelFit &fits) {
+        FitOptions result;
+        result.replicates = fits.options().model_replicates;
+        return result;
+    }
+    const Candidate &candidate(const std::string &id) const {
+        return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    }
+    // The effects in this order, fitted one after the other; looks at those named besides.
+    Path path_of(ModelFit &fits, const std::vector<std::string> &effects, const std::vector<std::string> &looks,
+                 double first_strength = 0.5) {
+        Path path;
+        for (const std::string &id : effects) {
+            path.model.add(candidate(id), 1.0, path.steps.empty() ? first_strength : 0.5);
+            path.models.push_back(fits.fit(path.model, path.pool, all_replicates(fits)));
+            SearchStep step;
+            step.added = id;
+            step.residual = path.models.back().residual;
+            RankedEffect ranked;
+            ranked.effect = id;
+            ranked.gain = 1000.0;
+            step.ranking = {ranked};
+            weigh(step.ranking);
+            path.steps.push_back(step);
+        }
+        for (const std::string &id : looks) {
+            EffectModel with = path.model;
+            with.add(candidate(id), 1.0, 0.5);
+            path.looks[&candidate(id)] =
+                simulate_change(fits.experiment(), path.pool, with.settings(), fits.concerned(id), fits.options().seed, kSearchSeeds).mean;
+        }
+        return path;
+    }
+    static std::vector<std::string> names(const Path &path) {
+        std::vector<std::string> result;
+        for (const ModelEffect &effect : path.model.effects)
+            result.push_back(effect.candidate->id);
+        return result;
+    }
+    // Steps, models and effects say the same.
+    static void expect_consistent(ModelFit &fits, Path path, const FittedModel &baseline) {
+        fits.complete(path, baseline, 0.0);
+        ASSERT_EQ(path.steps.size(), path.model.effects.size());
+        ASSERT_EQ(path.models.size(), path.model.effects.size());
+        for (std::size_t n = 0; n < path.steps.size(); ++n) {
+            EXPECT_EQ(path.steps[n].added, path.model.effects[n].candidate->id);
+            EXPECT_EQ(path.steps[n].ranking.front().effect, path.steps[n].added);
+            EXPECT_EQ(path.models[n].effects.size(), n + 1);
+            EXPECT_EQ(path.steps[n].residual.distance, path.models[n].residual.distance);
+        }
+        EXPECT_EQ(path.pool.effects, path.models.back().effects);
+    }
+    std::vector<Candidate> all = candidates({}, {});
+};
+
+TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
+    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    const FittedModel baseline = fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
+    ASSERT_TRUE(path.models.back().residual.detected);
+    EXPECT_TRUE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"row_noise", "crosstalk"}));
+    EXPECT_FALSE(path.models.back().residual.detected);
+    fits.measure_parameters(path.models.back(), path.model, 0.0);
+    EXPECT_NEAR(path.models.back().parameters.back().value, 0.22, 0.03);
+    expect_consistent(fits, path, baseline);
+}
+
+TEST_F(Exchange, WhatIsMissingIsAdded) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"crosstalk", {0.15}}}, kCaptureSeed + 9), {}, 2);
+    for (const std::uint32_t most : {1u, 6u}) {
+        SearchOptions limited = options();
+        limited.max_effects = most;
+        ModelFit fits(experiment, limited, {});
+        const FittedModel baseline = fits.fit_baseline(0.0);
+        Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
+        ASSERT_TRUE(path.models.back().residual.detected);
+        EXPECT_EQ(exchange(fits, path, 0.0), most > 1);
+        expect_consistent(fits, path, baseline);
+        if (most == 1)
+            continue;
+        EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "crosstalk"}));
+        EXPECT_FALSE(path.models.back().residual.detected);
+        fits.measure_parameters(path.models.back(), path.model, 0.0);
+        EXPECT_NEAR(path.models.back().parameters.back().value, 0.15, 0.02);
+    }
+}
+
+TEST_F(Exchange, NothingForWhatIsRight) {
+    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    const FittedModel baseline = fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
+    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
+    expect_consistent(fits, path, baseline);
+}
+
+// Two names for one thing: nothing is exchanged, but the choice is no certain one any more.
+TEST_F(Exchange, WhatDoesAsWellIsARival) {
+    std::vector<Hypothesis> twins(2);
+    for (std::size_t i = 0; i < twins.size(); ++i) {
+        Hypothesis &twin = twins[i];
+        twin.id = i == 0 ? "tilt" : "slope";
+        twin.stage = "optics";
+        twin.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
+        twin.apply = [](const HypothesisFrame &frame) {
+            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
+                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at)
+                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
+        };
+    }
+    Experiment experiment(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5, twins), twins, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    all = candidates(twins, {});
+    Path path = path_of(fits, {"tilt", "row_noise"}, {"slope"});
+    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_EQ(names(path), (std::vector<std::string>{"tilt", "row_noise"}));
+    const std::vector<RankedEffect> &ranking = path.steps.front().ranking;
+    ASSERT_EQ(2u, ranking.size());
+    EXPECT_EQ(1u, path.steps.back().ranking.size());
+    for (const RankedEffect &ranked : ranking) {
+        EXPECT_TRUE(ranked.effect == "tilt" || ranked.effect == "slope");
+        EXPECT_GT(ranked.probability, 0.1);
+    }
+    DiagnosisResult result;
+    name_effects(path.steps, {}, result);
+    EXPECT_EQ(Verdict::kAmbiguous, result.verdict);
+    EXPECT_EQ((std::vector<std::string>{"tilt", "row_noise"}), result.effects);
+    EXPECT_EQ(2u, result.equivalent.size());
+}
+
+// A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.
+TEST_F(Exchange, ADoubtfulResidualIsConfirmed) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"vignetting"}, {});
+    const FittedModel fitted = path.models.back();
+    const std::size_t count = fitted.model.replicates().draws.size();
+    ASSERT_EQ(count, fits.options().model_replicates);
+    for (const double p : {0.5, 1e-9}) {
+        FittedModel sure = fitted;
+        sure.residual.p_value = p;
+        fits.confirm(sure, 0.0);
+        EXPECT_EQ(sure.model.replicates().draws.size(), count) << p;
+        EXPECT_EQ(sure.residual.p_value, p);
+    }
+    for (const double p : {0.02, 0.001}) {
+        FittedModel doubtful = fitted;
+        doubtful.residual.p_value = p;
+        doubtful.residual.detected = p < fits.options().residual_level;
+        fits.confirm(doubtful, 0.0);
+        EXPECT_EQ(doubtful.model.replicates().draws.size(), 2 * count) << p;
+        EXPECT_EQ(doubtful.score, fitted.score);
+        // The model is right: what p was made to say does not stay.
+        EXPECT_GT(doubtful.residual.p_value, fits.options().residual_level);
+        EXPECT_FALSE(doubtful.residual.detected);
+        // The same replicates, and others.
+        for (std::size_t i = 0; i < count; ++i)
+            EXPECT_EQ(doubtful.model.replicates().draws[i].first, fitted.model.replicates().draws[i].first);
+    }
+}
+
+// Bits that an early step of a search took for one too few: no slope leads back from there.
+TEST_F(Exchange, WholeNumbersGoOneFurther) {
+    Experiment experiment(context(), simulated({{"adc_bits", {8.0}}, {"vignetting", {0.3}}}, kCaptureSeed + 14), {}, 2);
+    for (const double bits : {7.0, 8.0}) {
+        ModelFit fits(experiment, options(), {});
+        fits.fit_baseline(0.0);
+        EffectModel model;
+        model.add(candidate("adc_bits"), 1.0, candidate("adc_bits").strength(0, bits));
+        model.add(candidate("vignetting"), 1.0, candidate("vignetting").strength(0, 0.3));
+        const std::uint32_t seeds = fits.options().pool_seeds, count = fits.options().model_replicates;
+        Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, seeds, nullptr);
+        FittedModel fitted;
+        fitted.effects = model.settings();
+        fitted.jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(experiment.count()), 2);
+        fitted.change = pool.mean(seeds) - fits.baseline_pool().mean(seeds);
+        fits.judge(fitted, {fitted.effects, pool.levels, {}}, count, 0.0, 0.0);
+        ASSERT_EQ(fitted.residual.detected, bits != 8.0);
+        const double before = fitted.score;
+        fits.step_whole_numbers(model, pool, fitted, 0.0);
+        EXPECT_EQ(model.settings()[0].values[0], 8.0) << bits;
+        EXPECT_EQ(fitted.effects, model.settings());
+        EXPECT_EQ(pool.effects, model.settings());
+        EXPECT_FALSE(fitted.residual.detected) << bits;
+        EXPECT_EQ(fitted.score < before, bits != 8.0);
+    }
+}
+
+TEST_F(Exchange, ASearchEndsAtItsMostWork) {
+    const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
+    const auto found = [&](double most_work, std::uint32_t null_replicates) {
+        Experiment experiment(context(), capture, {}, 2);
+        SearchOptions limited = options();
+        limited.most_work = most_work;
+        limited.null_replicates = null_replicates;
+        return search(experiment, all, limited, {});
+    };
+    const SearchResult whole = found(3000.0, 24), little = found(10.0, 24);
+    EXPECT_FALSE(whole.ended_early);
+    EXPECT_EQ(whole.models.size(), 3u);
+    // The first step takes more: it is the last one.
+    EXPECT_TRUE(little.ended_early);
+    EXPECT_EQ(little.models.size(), 1u);
+    EXPECT_TRUE(little.models.back().residual.detected);
+    // However many replicates the baseline has, they are not the search's work.
+    const SearchResult many = found(500.0, 600);
+    EXPECT_FALSE(many.ended_early);
+    EXPECT_EQ(many.models.size(), 3u);
+}
+
+// An effect that only stood for later ones, and is not named, leaves its place to one that is missing.
+TEST_F(Exchange, SlightEffectsTakeNoPlace) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
+    SearchOptions few = options();
+    few.max_effects = 2;
+    ModelFit fits(experiment, few, {});
+    fits.fit_baseline(0.0);
+    const Path right = path_of(fits, {"vignetting", "row_noise"}, {});
+    EXPECT_EQ(right.model.slight_count(right.models.back().step), 0u);
+    EXPECT_EQ(most_effects(fits, right), 2u);
+    const Path with_slight = path_of(fits, {"depolarization", "vignetting"}, {}, -0.3);
+    EXPECT_EQ(with_slight.model.slight_count(with_slight.models.back().step), 1u);
+    EXPECT_EQ(most_effects(fits, with_slight), 3u);
+    EXPECT_EQ(most_effects(fits, Path{}), 2u);
+    // By the strength that the last step leads to; and what is slight alone is all that there is.
+    EffectModel model;
+    model.add(candidate("vignetting"), 1.0, -0.15);
+    model.add(candidate("row_noise"), 1.0, 0.5);
+    EXPECT_EQ(model.slight_count({}), 0u);
+    EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -0.2)), 1u);
+    EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -1.0)), 0u);
+}
+
+TEST_F(Exchange, NeedlessEffectsArePruned) {
+    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    const FittedModel baseline = fits.fit_baseline(0.0);
+    Path path = path_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
+    ASSERT_FALSE(path.models.back().residual.detected); // a flexible effect too many does no harm but for its name
+    prune(fits, path, 0.0);
+    EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "row_noise"}));
+    EXPECT_FALSE(path.models.back().residual.detected);
+    expect_consistent(fits, path, baseline);
+}
+
+// Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and may land beside it (here at 389).
+TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
+    Experiment experiment(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 8), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    const Candidate &well = candidate("full_well");
+    EffectModel model;
+    model.add(well, 1.0, well.strength(0, 330.0));
+    Pool pool;
+    FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
+    fits.measure_parameters(fitted, model, 0.0);
+    const FittedParameter first = fitted.parameters.front();
+    EXPECT_GT(std::abs(first.value - 380.0), 6.0);
+    const double score = fitted.score;
+    fits.polish(model, pool, fitted, 0.0);
+    EXPECT_LT(fitted.score, score - 20.0);
+    fits.measure_parameters(fitted, model, 0.0);
+    EXPECT_NEAR(fitted.parameters.front().value, 380.0, 4.0);
+    EXPECT_LT(fitted.parameters.front().low, 380.0);
+    EXPECT_GT(fitted.parameters.front().high, 380.0);
+    EXPECT_FALSE(fitted.residual.detected);
+    EXPECT_EQ(pool.effects, fitted.effects);
+    // What is right becomes no worse.
+    const double polished = fitted.score;
+    fits.polish(model, pool, fitted, 0.0);
+    EXPECT_LE(fitted.score, polished);
+}
+
+// A display's gamma lies beyond where the search for one ends (0.57).
+TEST_F(Exchange, AFitGoesOnWhereTheSearchEnds) {
+    Experiment experiment(context(), simulated({{"gamma", {0.48}}}, kCaptureSeed + 11), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    fits.fit_baseline(0.0);
+    EffectModel model;
+    model.add(candidate("gamma"), 1.0, 1.6);
+    Pool pool;
+    FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
+    EXPECT_EQ(model.strengths.front().strength, kStrongest);
+    const double score = fitted.score;
+    EXPECT_TRUE(fits.go_on(model, pool, fitted, 0.0));
+    EXPECT_LT(fitted.score, score);
+    EXPECT_EQ(pool.effects, fitted.effects);
+    fits.measure_parameters(fitted, model, 0.0);
+    EXPECT_LE(fitted.parameters.front().low, 0.48);
+    EXPECT_GE(fitted.parameters.front().high, 0.48);
+    EXPECT_NEAR(fitted.parameters.front().value, 0.48, 0.02);
+    // No later step takes it back, and none takes it out of the parameter's own range.
+    EffectModel moved = model;
+    move_strengths(moved, Eigen::VectorXd::Zero(1));
+    EXPECT_EQ(moved.strengths.front().strength, model.strengths.front().strength);
+    for (int i = 0; i < 30; ++i)
+        move_strengths(moved, Eigen::VectorXd::Ones(1));
+    EXPECT_NEAR(moved.settings().front().values.front(), candidate("gamma").parameters.front().minimum, 1e-12);
+    // What ends within the search's range stays as it is.
+    EXPECT_FALSE(fits.go_on(model, pool, fitted, 0.0));
+    fits.set_strongest(kCommon);
+    EffectModel common;
+    common.add(candidate("gamma"), 1.0, 1.0);
+    Pool own;
+    FittedModel held = fits.fit(common, own, all_replicates(fits));
+    EXPECT_EQ(common.strengths.front().strength, kCommon);
+    EXPECT_FALSE(fits.go_on(common, own, held, 0.0));
+}
+
+// Strengths far from where they begin: rounds with secants lead there at one simulation each.
+TEST_F(Exchange, SecantsReachStrengthsThatAreFar) {
+    Experiment experiment(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 2);
+    ModelFit fits(experiment, options(), {});
+    const FittedModel baseline = fits.fit_baseline(0.0);
+    EffectModel model;
+    model.add(candidate("row_noise"), 1.0, 1.0);
+    model.add(candidate("crosstalk"), 1.0, 0.0);
+    GaussNewtonOptions rounds;
+    rounds.seed = fits.options().seed;
+    rounds.seeds = 2;
+    rounds.near = rounds.far = 0.02;
+    const Origin origin{baseline.model.full(), fits.baseline_pool()};
+    const auto values = [](const GaussNewtonFit &fit) {
+        const EffectSettings effects = fit.model.settings();
+        return std::vector<double>{effects[0].values[0], effects[1].values[0]};
+    };
+    int columns = 0;
+    const auto count = [&](Eigen::Index) { ++columns; };
+    const GaussNewtonFit one = gauss_newton(experiment, model, origin, {}, rounds, count);
+    EXPECT_EQ(values(one)[0], candidate("row_noise").value(0, 1.0)) << "no step was looked at";
+    rounds.secant_rounds = 10;
+    const GaussNewtonFit many = gauss_newton(experiment, model, origin, {}, rounds, count);
+    EXPECT_EQ(4, columns) << "no column of a Jacobian after the first round";
+    EXPECT_NEAR(values(many)[0], 0.9, 0.1);
+    EXPECT_NEAR(values(many)[1], 0.3, 0.02);
+    EXPECT_LT(many.square, 0.2 * one.square);
+    EXPECT_EQ(many.pool.effects, many.model.settings());
+    // Known columns are not simulated again.
+    columns = 0;
+    gauss_newton(experiment, model, origin, {many.jacobian.col(0), many.jacobian.col(1)}, rounds, count);
+    EXPECT_EQ(0, columns);
+}
+
+} // namespace
