@@ -1,4 +1,4 @@
-"""What every pytest suite shares: `reference` on the path, one context for the session, a table of measured errors.
+"""What every pytest suite shares: `reference`, `gap_check` and `thesis` on the path, one context for the session, a table of measured errors.
 
 Without an OpenCL device every test of the library fails: a suite that skips itself shows nothing.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "validation")]
 # What the user of this machine has measured is no part of the tests.
 os.environ.setdefault("CLSPECKLE_TUNING", "off")
 

@@ -165,7 +165,7 @@ std::vector<Effect> make_catalogue() {
      }},
     // Sensor.
     {"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
-     "stages/aperture.cl: aperture_intensity, stages/aperture_lanes.cl", kSetsAperture,
+     "stages/aperture.cl: aperture_intensity (PIXEL_TAPS)", kSetsAperture,
      {{"fill_factor", "1", 0.01, 1.0, 1.0, 1.0}},
      [](Model &m, Values v) { m.aperture.fill_factor = v[0]; }},
     {"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",

@@ -48,6 +48,14 @@ ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device,
                     fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
                                 "built-in kernels",
                                 parameters_.kernel_dir));
+    // Where nobody looks, an edited kernel would do nothing in silence.
+    for (std::size_t i = 0; !parameters_.kernel_dir.empty() && i < kEmbeddedKernelCount; ++i) {
+        const fs::path name = kEmbeddedKernels[i].name;
+        std::error_code ignored;
+        if (name.has_parent_path() && fs::is_regular_file(parameters_.kernel_dir / name.filename(), ignored))
+            throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, but the built-in kernel is {}; put it there",
+                                                 parameters_.kernel_dir, name.filename().string(), name.string()));
+    }
     common_options_ = "-cl-std=CL1.2";
     // With square roots rounded right, random numbers have the same bits on every device.
     if (device_.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT)

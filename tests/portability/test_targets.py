@@ -101,7 +101,7 @@ def test_every_kernel_compiles(programs: list[Program], target: str) -> None:
         for program, done in zip(chosen, pool.map(lambda p: compile_program(p, target), chosen), strict=True):
             assert done.returncode == 0, f"{program[1]}\n{done.stderr[:8000]}"
             compiled.update(ENTRY[target].findall(done.stdout))
-    files = [path.read_text() for path in (ROOT / "kernels").glob("*.cl")]
+    files = [path.read_text() for path in (ROOT / "kernels").rglob("*.cl")]
     kernels = {kernel for file in files if not (without_double and NEEDS_DOUBLE in file) for kernel in KERNEL.findall(file)}
     assert len(kernels) > 40
     assert not kernels - compiled

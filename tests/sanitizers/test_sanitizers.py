@@ -210,7 +210,7 @@ def test_every_kernel_ran(watched: tuple[Done, str]) -> None:
     log = watched[0].stdout
     ran = set(re.findall(r"Instructions executed for kernel '(\w+)'", log))
     kernels = set()
-    for path in (ROOT / "kernels").glob("*.cl"):
+    for path in (ROOT / "kernels").rglob("*.cl"):
         kernels |= set(re.findall(r"__kernel\s+(?:GROUP_SIZE\s+)?void\s+(\w+)", path.read_text()))
     assert kernels
     assert not kernels - ran, f"all_stages.cpp does not run {sorted(kernels - ran)}"
@@ -225,9 +225,10 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_oclgrind_sees_faults(fault: str, tmp_path: Path) -> None:
-    source = (ROOT / "kernels" / "stages/philox.cl").read_text()
+    source = (ROOT / "kernels" / "stages" / "philox.cl").read_text()
     assert source.count(WRITE) == 1
     faulty, found = FAULTS[fault]
-    (tmp_path / "stages/philox.cl").write_text(source.replace(WRITE, faulty))
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "philox.cl").write_text(source.replace(WRITE, faulty))
     done, errors = oclgrind("philox", CLSPECKLE_KERNEL_DIR=str(tmp_path))
     assert found in errors, f"{fault} goes unseen: {errors[-2000:]}{done.stdout[-2000:]}"

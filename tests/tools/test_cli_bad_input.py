@@ -328,8 +328,8 @@ def test_usage_errors(refused) -> None:
 
 def test_kernel_folder_that_is_wrong(refused, ideal: Path, tmp_path: Path) -> None:
     """A broken kernel override is the device's business: exit code 2 and the compiler's words."""
-    (tmp_path / "kernels").mkdir()
-    (tmp_path / "kernels" / "stages/phase_state.h").write_text("this is not OpenCL C")  # of all phase kernels
+    (tmp_path / "kernels" / "stages").mkdir(parents=True)
+    (tmp_path / "kernels" / "stages" / "phase_state.h").write_text("this is not OpenCL C")  # of all phase kernels
     environment = {**os.environ, "CLSPECKLE_KERNEL_DIR": str(tmp_path / "kernels")}
     assert "phase" in refused("render", ideal, "-o", "out", code=2, env=environment)
     environment["CLSPECKLE_KERNEL_DIR"] = str(tmp_path / "no such folder")

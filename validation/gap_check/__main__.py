@@ -32,7 +32,7 @@ prints how often it was right.
   power      effects below their weakest strength, for 4, 8, 16 and 32 frames: what can be seen; OUT/power.{json,md,png}
   effects    lists what the generator can switch on
 
-Examples (with the folder `tests` on PYTHONPATH):
+Examples (with the folder `validation` on PYTHONPATH):
   python -m gap_check all --plan small --out check --command "build/bin/clspeckle diagnose"
   python -m gap_check score --out ../shared/gap/practice --reports reports   # sets that hold key.json themselves
   python -m gap_check one --out set --effect defocus=0.5 --effect shot_noise=1

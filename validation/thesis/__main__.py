@@ -3,7 +3,7 @@
 Each experiment runs from its settings in config.json, and leaves in OUT/NAME its data (data.npz), its figure (figure.png) and its
 verdicts (verdicts.json): what was measured beside what theory says. `page` makes a page of all that OUT holds.
 
-Examples (with the folder `bench` on PYTHONPATH):
+Examples (with the folder `validation` on PYTHONPATH):
   python -m thesis list
   python -m thesis run --out thesis-figures
   python -m thesis run decorrelation beam_profile --out thesis-figures

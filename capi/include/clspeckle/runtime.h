@@ -73,7 +73,8 @@ typedef struct ClspContextDesc {
      *  "accelerator", or a part of the device's or platform's name in any case. NULL (default): the environment variable
      *  CLSPECKLE_DEVICE if set, else the best device. */
     const char *device;
-    /** Folder with *.cl files that replace the built-in kernels of the same name, for editing a kernel without a rebuild.
+    /** Folder with files that replace the built-in kernels of the same path ("stages/phase.cl", "common/philox.h"), for
+     *  editing a kernel without a rebuild.
      *  NULL (default): the environment variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones. */
     const char *kernel_dir;
     /** Folder of the program cache and the tuning record (tuning.h). NULL (default): CLSPECKLE_CACHE_DIR, else $XDG_CACHE_HOME/clspeckle, else

@@ -63,7 +63,7 @@ def plain(camera: clspeckle.Pipeline) -> npt.NDArray[Any]:
 def assert_names_what_exists(kernel: str) -> None:
     """``file: function (OPTION), file`` of the kernels' folder: the file is there, and says the other two."""
     for part in kernel.split(", "):
-        match = re.fullmatch(r"(\w+\.(?:cl|h))(?:: (\w+))?(?: \((\w+)\))?", part)
+        match = re.fullmatch(r"([\w/]+\.(?:cl|h))(?:: (\w+))?(?: \((\w+)\))?", part)
         assert match, kernel
         source = (KERNELS / match[1]).read_text(encoding="utf-8")
         for word in filter(None, match.groups()[1:]):

@@ -91,7 +91,8 @@ def test_no_device_says_what_was_seen() -> None:
 
 
 def test_a_broken_kernel_brings_the_build_log(tmp_path: Path) -> None:
-    (tmp_path / "stages/phase_state.h").write_text("this is not OpenCL C;\n")  # of all phase kernels
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "phase_state.h").write_text("this is not OpenCL C;\n")  # of all phase kernels
     with clspeckle.Context(kernel_dir=tmp_path) as context, pytest.raises(errors.BuildError) as caught:
         clspeckle.Phase((8, 8), context=context).refresh(0)
     assert caught.value.build_log

@@ -70,6 +70,7 @@ def test_a_kernel_that_does_not_build_is_found_before_the_first_command(
     monkeypatch.setenv("CLSPECKLE_FFT", "fused-lanes")
     for file in files:
         text = (KERNELS / file).read_text()
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_text(f"#if {condition}\n#error broken on purpose\n#endif\n{text}")
     context = clspeckle.Context(kernel_dir=tmp_path)
     pipeline = clspeckle.Pipeline.from_parameters(SHAPE, context=context, relative_diameter=0.5, seed=1, **camera)

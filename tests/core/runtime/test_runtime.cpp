@@ -367,6 +367,7 @@ class Programs : public DeviceTest {
         std::string source = read(fs::path(CLSP_KERNEL_SOURCE_DIR) / name);
         const std::size_t at = source.find(from);
         ASSERT_NE(std::string::npos, at) << name << " has no " << from;
+        fs::create_directories((to / name).parent_path());
         write(to / name, source.replace(at, from.size(), by));
     }
 };
@@ -485,6 +486,10 @@ TEST_F(Programs, EditedKernelTakesEffectAndHasItsOwnCacheKey) {
     fs::create_directory(empty);
     desc.kernel_dir = empty.c_str();
     EXPECT_EQ(built_in.words, fill(desc).words);
+    // Where it replaces nothing, it says so.
+    write(empty / "philox.h", "");
+    ClspContext misplaced = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the built-in kernel is common/philox.h", clspContextCreate(&desc, &misplaced));
 }
 
 TEST_F(Programs, BrokenKernelGivesTheBuildLog) {

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "bench"))
+sys.path.insert(0, str(ROOT / "validation"))
 from thesis import __main__ as program
 from thesis import experiment, intensity_law, theory
 from thesis.page import write_page
@@ -58,7 +58,7 @@ def settings(folder: Path) -> Path:
 
 
 def thesis(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(filter(None, (str(ROOT / "bench"), os.environ.get("PYTHONPATH"))))
+    path = os.pathsep.join(filter(None, (str(ROOT / "validation"), os.environ.get("PYTHONPATH"))))
     command = [sys.executable, "-m", "thesis", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}, check=False)
 

@@ -200,8 +200,8 @@ class Context(Handle):
         device: which device: a :class:`Device`, its selector "platform:device", "gpu", "cpu", "accelerator", or a
             part of the device's or platform's name in any case. None: the environment variable CLSPECKLE_DEVICE if
             set, else the best device.
-        kernel_dir: folder with ``*.cl`` files that replace the built-in kernels of the same name. None: the environment
-            variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones.
+        kernel_dir: folder with files that replace the built-in kernels of the same path (``stages/phase.cl``).
+            None: the environment variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones.
         cache_dir: folder of the program cache and the tuning record (:func:`tune`). None: CLSPECKLE_CACHE_DIR, else
             ``$XDG_CACHE_HOME/clspeckle``, else ``~/.cache/clspeckle``.
         disk_cache: "on", "off" or "auto": as CLSPECKLE_DISK_CACHE says; else on, except on PoCL, which has a cache of
