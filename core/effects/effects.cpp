@@ -30,82 +30,132 @@ SensorParameters &sensor(Model &model, const char *effect) { return needed(model
 constexpr std::uint32_t kLineCount = 5;
 // An angle of any sign, from any start; radians.
 constexpr double kTurn = 6.28318530717958647692;
+constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
+
+constexpr const char *kBeforeSpeckle =
+    "it changes the light before the speckle forms, and finished frames hold no speckle for the changed light";
+constexpr const char *kField = "it works on the field, and frames hold its intensity without the phase";
 
 std::vector<Effect> make_catalogue() {
     return {
     // Laser.
-    {"linewidth", "laser",
+    Effect{"linewidth", "laser",
      "several lines add in intensity; each turns with the surface's height, U_k = U exp(i k s h)",
      "stages/field.cl: field_illuminate (LINES)", kSetsPipeline,
      {{"dephasing_rad", "rad", 0.0, 1000.0, 0.5, 1.2}},
      [](Model &m, Values v) {
          m.pipeline.line_count = kLineCount;
          m.pipeline.dephasing_rad = v[0];
-     }},
-    {"power_flicker", "laser", "one factor 1 + sigma n for each frame's laser light",
+     },
+     {kInSpeckle}, {kInSpeckle},
+     "speckle contrast falls, the size of the grain stays",
+     "each line has a speckle pattern of its own, and finished frames hold one that all lines share", {4}}
+        .told_from("depolarization",
+                   "board_moving behind a linear analyser: contrast returns to 1 only for depolarization")
+        .told_from("motion_decorrelation",
+                   "board_static: motion in the exposure leaves it alone, several lines do not"),
+    Effect{"power_flicker", "laser", "one factor 1 + sigma n for each frame's laser light",
      "stages/aperture.cl: aperture_intensity", kSetsPipeline,
      {{"sigma", "1", 0.0, 1.0, 0.02, 0.1}},
-     [](Model &m, Values v) { m.pipeline.power_flicker = v[0]; }},
-    {"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "stages/dots.cl: dots_render", kSetsDots,
+     [](Model &m, Values v) { m.pipeline.power_flicker = v[0]; },
+     {kInSpeckle}, {kInSpeckle, SceneMotion::kAny, 2},
+     "all laser light rises and falls together from frame to frame", "", {1}}
+        .scales_light()
+        .told_from("surface_boiling", "board_static with more frames: flicker is common to all pixels"),
+    Effect{"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "stages/dots.cl: dots_render", kSetsDots,
      {{"delta_nm", "nm", -200.0, 200.0, 4.0, 12.0}},
      [](Model &m, Values v) {
          dots(m, "wavelength_shift").relative_wavelength_shift = v[0] * 1e-9 / m.aperture.wavelength_m;
-     }},
-    {"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "stages/dots.cl: dots_render", kSetsDots,
+     },
+     {kInDots}, {kInDots},
+     "dots move radially, in proportion to the radius", kBeforeSpeckle, {1}}
+        .told_from("lens_distortion", "dots that reach into the corners: r against r^3"),
+    Effect{"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "stages/dots.cl: dots_render", kSetsDots,
      {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kTurn, kTurn, 0.0, 0.0}},
      [](Model &m, Values v) {
          dots(m, "beam_skew").beam_skew = v[0];
          m.dots->beam_skew_angle_rad = v[1];
-     }},
-    {"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "stages/dots.cl: dots_render", kSetsDots,
+     },
+     {kInDots}, {kInDots},
+     "dots are lopsided", kBeforeSpeckle, {1}}
+        .with_forms("angle_rad", {kEighthTurn, 2.0 * kEighthTurn, 3.0 * kEighthTurn}),
+    Effect{"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "stages/dots.cl: dots_render", kSetsDots,
      {{"flatness", "1", 0.0, 4.0, 0.5, 1.0}},
-     [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; }},
+     [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; },
+     {kInDots}, {kInDots},
+     "dots have flat tops and steep flanks", kBeforeSpeckle, {1}},
     // Diffractive optical element.
-    {"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
-     [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; }},
-    {"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "stages/dots.cl: dots_render", kSetsDots,
+     [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; },
+     {kInDots}, {kInDots},
+     "a bright dot on the optical axis", kBeforeSpeckle, {1}},
+    Effect{"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}, {"lattice_direction", "1", 0.0, 2.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          dots(m, "ghost_dots").ghost_relative_intensity = v[0];
          m.dots->ghost_direction = static_cast<DotsParameters::GhostDirection>(std::lround(v[1]));
-     }},
-    {"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "stages/dots.cl: dots_render", kSetsDots,
+     },
+     {kInDots}, {kInDots},
+     "faint dots between the dots", kBeforeSpeckle, {1}}
+        .with_forms("lattice_direction", {1.0, 2.0}),
+    Effect{"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "stages/dots.cl: dots_render", kSetsDots,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
-     [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; }},
+     [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; },
+     {kInDots}, {kInDots},
+     "even, speckled light between the dots", kBeforeSpeckle, {1}}
+        .told_from("ambient_light", "dots with the laser off and the shutter open"),
     // Surface.
-    {"depolarization", "surface", "the returned light has another degree of polarization",
+    Effect{"depolarization", "surface", "the returned light has another degree of polarization",
      "stages/aperture.cl: aperture_intensity", kSetsAperture | kSetsPhase,
      {{"degree_of_polarization", "1", 0.0, 1.0, 0.7, 0.0}},
      [](Model &m, Values v) {
          m.aperture.degree_of_polarization = v[0];
          m.phase.polarization_count = 2;
-     }},
-    {"low_roughness", "surface", "part of the field keeps its phase: U = sqrt(I0) (sqrt(1 - c) z + sqrt(c))",
+     },
+     {kInSpeckle}, {kInSpeckle},
+     "contrast falls towards 0.71, and the intensity law changes with it", "", {2}}
+        .told_from("motion_decorrelation",
+                   "board_static: motion in the exposure leaves it alone, depolarization does not"),
+    Effect{"low_roughness", "surface", "part of the field keeps its phase: U = sqrt(I0) (sqrt(1 - c) z + sqrt(c))",
      "stages/field.cl: field_illuminate (COHERENT)", kSetsPipeline,
      {{"coherent_fraction", "1", 0.0, 1.0, 0.1, 0.5}},
-     [](Model &m, Values v) { m.pipeline.coherent_fraction = v[0]; }},
-    {"subsurface_scattering", "surface", "a fraction of the light is spread by exp(-r / L) before the speckle forms",
+     [](Model &m, Values v) { m.pipeline.coherent_fraction = v[0]; },
+     {kInSpeckle}, {kInSpeckle},
+     "light that keeps its phase lowers the contrast and turns the law into Rice's", kField, {1}},
+    Effect{"subsurface_scattering", "surface", "a fraction of the light is spread by exp(-r / L) before the speckle forms",
      "stages/filter.cl", kSetsPipeline,
      {{"length_px", "px", 0.01, 1000.0, 1.5, 4.0}, {"fraction", "1", 0.0, 1.0, 0.6, 0.6}},
      [](Model &m, Values v) {
          m.pipeline.subsurface_length_px = v[0];
          m.pipeline.subsurface_fraction = v[1];
-     }},
+     },
+     {kInDots}, {kInDots},
+     "dots have exponential tails; even light stays even", kBeforeSpeckle, {1}}
+        .also_acts_where_light_is_shaped(kInSpeckle),
     // Motion.
-    {"motion_decorrelation", "motion",
+    Effect{"motion_decorrelation", "motion",
      "frames drawn anew change while the shutter is open: correlation exp(-l) (0) or exp(-l^2) (1) over a path l",
      "stages/phase.cl: phase_advance", kSetsPipeline,
      {{"lags", "1", 0.0, 16.0, 0.4, 2.5}, {"correlation_law", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          m.pipeline.exposure_path = v[0];
          m.pipeline.exposure_correlation = v[1] == 0.0 ? ExposureCorrelation::kField : ExposureCorrelation::kGaussian;
-     }},
-    {"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
+     },
+     {kInSpeckle, SceneMotion::kMoving}, {kInSpeckle, SceneMotion::kMoving},
+     "contrast falls while the surface moves, and only then",
+     "an exposure holds patterns that change from one into the other, and finished frames hold none between them", {5}}
+        .needs_gaussian_field()
+        .with_forms("correlation_law", {1.0}, true),
+    Effect{"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
      "stages/phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},
-     [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; }},
-    {"airflow", "motion", "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
+     [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; },
+     {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
+     "the speckle of a resting surface changes, everywhere on its own",
+     "a static scene's frames hold one speckle pattern, and not what it changes into", {1, 0, true}}
+        .needs_gaussian_field(),
+    Effect{"airflow", "motion", "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
      "stages/airflow.cl, stages/field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
@@ -117,37 +167,67 @@ std::vector<Effect> make_catalogue() {
          // A frozen screen that goes on by its scale in that time leaves a pixel with exp(-(t / correlation_frames)^2).
          m.pipeline.airflow.correlation_frames = v[3] == 0.0 ? v[2] : std::numeric_limits<double>::infinity();
          m.pipeline.airflow.wind_px = v[3] == 0.0 ? 0.0 : v[1] / v[2];
-     }},
-    {"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
+     },
+     {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
+     "the speckle of a resting surface shivers, in patches", kField, {1, 1, true}}
+        .with_forms("correlation_law", {1.0}, true)
+        .told_from("surface_boiling", "board_static behind a closed tube: air is still in it")
+        .told_from("vibration", "board_static behind a closed tube: air is still in it"),
+    Effect{"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
      "stages/aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,
      {{"rms_px", "px", 0.0, 100.0, 0.05, 0.3}},
-     [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; }},
+     [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; },
+     {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
+     "the speckle of a resting surface shifts as a whole", "", {1}},
     // Optics.
-    {"defocus", "optics", "quadratic pupil phase, w waves at the rim", "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
+    Effect{"defocus", "optics", "quadratic pupil phase, w waves at the rim", "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
      kSetsAperture,
      {{"waves", "waves", -100.0, 100.0, 0.6, 1.5}},
-     [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; }},
-    {"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "stages/lens.cl: lens_finish", kSetsLens,
+     [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; },
+     {kInSpeckle}, {kInDots},
+     "dots widen, the grain stays; on an even board the grain's law does not change", kField, {1}}
+        .is_even()
+        .told_from("beam_flat_top",
+                   "dots at two focus settings: defocus changes the dots' width, the beam's shape stays")
+        .told_from("subsurface_scattering", "dots on a metallic diffuser: no light spreads below its surface"),
+    Effect{"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "stages/lens.cl: lens_finish", kSetsLens,
      {{"corner_loss", "1", 0.0, 1.0, 0.12, 0.45}},
-     [](Model &m, Values v) { m.lens.vignetting_corner_loss = v[0]; }},
-    {"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
+     [](Model &m, Values v) { m.lens.vignetting_corner_loss = v[0]; },
+     {kInLight}, {kInLight},
+     "light falls off towards the corners", "", {1}}
+        .scales_light()
+        .told_from("ghost_dots", "flat: it shows the lens's fall-off alone"),
+    Effect{"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
      "stages/aperture.cl: aperture_pupil", kSetsAperture,
      {{"f_number_ratio", "1", 0.05, 20.0, 1.12, 1.45}},
      [](Model &m, Values v) {
          m.aperture.f_number *= v[0];
          m.aperture.relative_diameter /= v[0]; // 0 stays 0: from the f-number
-     }},
-    {"pupil_obstruction", "optics", "the centre of the pupil is blocked", "stages/aperture.cl: aperture_pupil", kSetsAperture,
+     },
+     {kInSpeckle}, {kInSpeckle},
+     "the grain has another size than the f-number says", kField, {1}}
+        .told_from("pixel_integration", "board_moving at two f-numbers: the pixel's area stays, the grain changes")
+        .told_from("pupil_obstruction", "board_moving at two f-numbers, and the spectrum near the cut-off")
+        .told_from("crosstalk", "board_moving at two f-numbers: cross-talk does not change with the aperture"),
+    Effect{"pupil_obstruction", "optics", "the centre of the pupil is blocked", "stages/aperture.cl: aperture_pupil", kSetsAperture,
      {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
-     [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; }},
-    {"glare", "optics", "a fraction of the image light is spread over wide tails", "stages/filter.cl, stages/lens.cl: lens_finish",
+     [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; },
+     {kInSpeckle}, {kInSpeckle},
+     "the grain is finer, with rings in its autocorrelation", kField, {1}},
+    Effect{"glare", "optics", "a fraction of the image light is spread over wide tails", "stages/filter.cl, stages/lens.cl: lens_finish",
      kSetsLens,
      {{"fraction", "1", 0.0, 1.0, 0.05, 0.2}, {"scale_px", "px", 0.1, 1000.0, 6.0, 6.0}},
      [](Model &m, Values v) {
          m.lens.glare_fraction = v[0];
          m.lens.glare_scale_px = v[1];
-     }},
-    {"ambient_light", "optics", "constant light on everything but dark frames", "stages/lens.cl: lens_finish",
+     },
+     {kInSpeckle}, {kInSpeckle},
+     "light between the dots, and less contrast on a board", "", {1, 1}}
+        .also_acts_where_light_is_shaped(kInFlat)
+        .told_from("scatter_background",
+                   "board with a dark half: glare reaches into it, the element's scatter does not")
+        .told_from("subsurface_scattering", "dots on a metallic diffuser: no light spreads below its surface"),
+    Effect{"ambient_light", "optics", "constant light on everything but dark frames", "stages/lens.cl: lens_finish",
      kSetsLens,
      {{"level_dn", "DN", 0.0, 65535.0, 6.0, 40.0}},
      [](Model &m, Values v) {
@@ -156,54 +236,91 @@ std::vector<Effect> make_catalogue() {
              throw Error(Status::kInvalidArgument,
                          "the effect ambient_light is a level in DN, but the sensor's exposure_gain_dn is 0");
          m.lens.ambient = v[0] / gain;
-     }},
-    {"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "stages/lens.cl: lens_distort", kSetsLens,
+     },
+     {kInLight}, {kInSpeckle},
+     "even light without speckle: less contrast, a floor between the dots", "", {1}}
+        .scales_light()
+        .told_from("low_roughness", "board with the laser off and the shutter open"),
+    Effect{"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "stages/lens.cl: lens_distort", kSetsLens,
      {{"k1", "1", -0.148, 1.0, 0.01, 0.05}},
      [](Model &m, Values v) {
          m.lens.radius_unit = RadiusUnit::kCorner;
          m.lens.k1 = v[0];
-     }},
+     },
+     {kInDots}, {kInDots},
+     "dots move radially, as the cube of the radius", "", {1}}
+        .also_acts_where_light_is_shaped(kInLight),
     // Sensor.
-    {"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
+    Effect{"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
      "stages/aperture.cl: aperture_intensity (PIXEL_TAPS)", kSetsAperture,
      {{"fill_factor", "1", 0.01, 1.0, 1.0, 1.0}},
-     [](Model &m, Values v) { m.aperture.fill_factor = v[0]; }},
-    {"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
+     [](Model &m, Values v) { m.aperture.fill_factor = v[0]; },
+     {kInSpeckle}, {kInSpeckle},
+     "less contrast, and neighbouring pixels alike", "", {1}}
+        .told_from("crosstalk",
+                   "flat with shot noise at a high level: cross-talk correlates neither noise before nor after it as a pixel's area does"),
+    Effect{"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
      "stages/sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
-     [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; }},
-    {"shot_noise", "sensor", "Poisson noise of the signal", "stages/sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
+     [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; },
+     {kInLight}, {kInSpeckle},
+     "neighbouring pixels alike, in dots and grain", "", {1}},
+    Effect{"shot_noise", "sensor", "Poisson noise of the signal", "stages/sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
      {{"dn_per_electron", "DN/e", 1e-6, 1e6, 0.08, 0.5}},
      [](Model &m, Values v) {
          sensor(m, "shot_noise").shot_noise = true;
          m.sensor->conversion_gain_dn_per_e = v[0];
-     }},
-    {"prnu", "sensor", "the pixels' gains vary", "stages/sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
+     },
+     {kInLight}, {kInLight, SceneMotion::kStatic, 2},
+     "temporal variance grows in proportion to the light", "", {1}}
+        .told_from("power_flicker", "flat: lamp light does not flicker with the laser"),
+    Effect{"prnu", "sensor", "the pixels' gains vary", "stages/sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.006, 0.03}},
-     [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; }},
-    {"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+     [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; },
+     {kInLight}, {kInFlat, SceneMotion::kAny, 2},
+     "a pattern that grows with the light and stays in the pixels", "", {1}}
+        .told_from("bayer_mismatch", "flat with more frames, for the 2 x 2 means"),
+    Effect{"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
-     [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; }},
-    {"column_fpn", "sensor", "the columns' offsets vary, constant in time", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+     [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; },
+     {kInAll}, {kInDark | kInFlat | kInDots, SceneMotion::kAny, 2},
+     "a pattern of offsets that stays in the pixels", "", {1}}
+        .told_from("hot_pixels", "dark with more frames and a longer exposure")
+        .told_from("column_fpn", "dark with more frames"),
+    Effect{"column_fpn", "sensor", "the columns' offsets vary, constant in time", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
-     [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; }},
-    {"hot_pixels", "sensor", "few pixels with large offsets", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+     [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; },
+     {kInAll}, {kInDark | kInFlat},
+     "stripes along the columns that stay", "", {1}},
+    Effect{"hot_pixels", "sensor", "few pixels with large offsets", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
      [](Model &m, Values v) {
          sensor(m, "hot_pixels").hot_pixel_fraction = v[0];
          m.sensor->hot_pixel_mean_dn = v[1];
-     }},
-    {"row_noise", "sensor", "the rows' offsets vary, new in each frame", "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
+     },
+     {kInAll}, {kInDark | kInFlat | kInDots},
+     "few pixels far above the others, also in the dark", "", {1}},
+    Effect{"row_noise", "sensor", "the rows' offsets vary, new in each frame", "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
-     [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; }},
-    {"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "stages/sensor_pixel.h: expose_pixel (GAMMA)",
+     [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; },
+     {kInAll}, {kInAll, SceneMotion::kStatic, 2},
+     "stripes along the rows, others in each frame", "", {1}},
+    Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "stages/sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
      {{"gamma", "1", 0.1, 10.0, 0.93, 0.75}},
-     [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; }},
-    {"full_well", "sensor", "the signal clips below the converter's maximum", "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
+     [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; },
+     {kInLight}, {kInLight},
+     "the law of speckle bends; of even light only its noise and patterns do", "", {1}}
+        .told_from("full_well",
+                   "board_moving at several levels of light: the full well ends speckle at one level, a bent response bends it at all")
+        .told_from("depolarization",
+                   "board_moving at several levels of light: a bent response changes the law of speckle by the level, polarization does not"),
+    Effect{"full_well", "sensor", "the signal clips below the converter's maximum", "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
-     [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; }},
-    {"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
+     [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; },
+     {kInLight}, {kInLight},
+     "bright speckle and dots pile up at a level below the top code", "", {1}},
+    Effect{"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
      "stages/sensor_pixel.h: expose_pixel (CODE_STEP)", kSetsSensor,
      {{"bits", "bits", 1.0, 16.0, 8.0, 6.0, true}},
      [](Model &m, Values v) {
@@ -212,8 +329,10 @@ std::vector<Effect> make_catalogue() {
              throw Error(Status::kInvalidArgument,
                          fmt::format("bits of the effect adc_bits is {}, but the sensor has {}", v[0], s.bits));
          s.effective_bits = static_cast<std::uint32_t>(std::lround(v[0]));
-     }},
-    {"bayer_mismatch", "sensor", "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
+     },
+     {kInAll}, {kInAll},
+     "codes are missing: only multiples of a power of two occur", "", {1}},
+    Effect{"bayer_mismatch", "sensor", "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
      "stages/sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
      {{"delta", "1", -1.0, 1.0, 0.015, 0.06}, {"green_diagonal", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
@@ -221,10 +340,15 @@ std::vector<Effect> make_catalogue() {
          const bool main_diagonal = std::lround(v[1]) == 1;
          gain[main_diagonal ? 0 : 1] *= 1.0 - v[0];
          gain[main_diagonal ? 3 : 2] *= 1.0 + v[0];
-     }},
-    {"image_lag", "sensor", "a fraction of the previous frame's signal remains", "stages/sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
+     },
+     {kInLight}, {kInLight},
+     "the sites of the 2 x 2 mosaic differ", "", {1}}
+        .with_forms("green_diagonal", {1.0}),
+    Effect{"image_lag", "sensor", "a fraction of the previous frame's signal remains", "stages/sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
-     [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; }},
+     [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; },
+     {kInLight}, {kInSpeckle, SceneMotion::kMoving, 2},
+     "the frame before shows through", "", {1}},
     };
 }
 

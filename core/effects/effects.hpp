@@ -1,9 +1,10 @@
-// The catalogue of effects that make a camera's picture differ from the ideal one. One effect is one entry of one table: its id, where it acts,
-// its parameters with units and ranges, its kernel, and what it sets in the model.
+// The catalogue of effects that make a camera's picture differ from the ideal one. One effect is one record: its id,
+// its parameters with units and ranges, its kernel, what it sets in the model, and all that a diagnosis asks of it.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace clsp {
@@ -28,6 +29,45 @@ enum : unsigned {
     kSetsSensor = 32,
 };
 
+// Scenes of a capture, as bits: 1 << CaptureScene.
+enum : unsigned {
+    kInDark = 1,
+    kInFlat = 2,
+    kInBoard = 4,
+    kInDots = 8,
+    kInSpeckle = kInBoard | kInDots,
+    kInLight = kInFlat | kInSpeckle,
+    kInAll = kInDark | kInLight,
+};
+enum class SceneMotion { kAny, kStatic, kMoving };
+
+// Which sequences of a capture something holds for.
+struct EffectScenes {
+    unsigned scenes;
+    SceneMotion motion = SceneMotion::kAny;
+    std::uint32_t frames = 1; // least number
+};
+
+// What simulating it takes, beside a frame without it.
+struct EffectCost {
+    unsigned patterns;        // so many speckle patterns in the place of one
+    unsigned filters = 0;     // convolutions of a frame
+    bool every_frame = false; // a pattern of a resting scene does not serve all its frames
+};
+
+// Values of a numbered or periodic parameter from which a search begins, too: what one of them changes says nothing of
+// another.
+struct EffectForms {
+    const char *parameter;
+    std::vector<double> values;
+    bool told_by_fit; // first looks do not tell the forms apart
+};
+
+// An effect that a capture may not tell from this one, and the capture that would.
+struct LookAlike {
+    const char *id, *capture;
+};
+
 struct Effect {
     const char *id;
     const char *stage; // laser, doe, surface, motion, optics or sensor
@@ -36,6 +76,38 @@ struct Effect {
     unsigned sets;
     std::vector<EffectParameter> parameters;
     void (*apply)(PipelineModel &model, const double *values);
+    EffectScenes acts;      // where it changes codes, whatever its parameters; none elsewhere
+    EffectScenes shows;     // where statistics can tell it
+    const char *symptom;    // what of a capture shows it, in words
+    const char *unfinished; // why it cannot be put into finished frames; "" if it can
+    EffectCost cost;
+
+    // What few effects have.
+    bool whole_image = false;   // a factor or offset of the whole intensity image
+    bool gaussian_only = false; // a field of unit phasors has nothing in between that it could be
+    unsigned acts_shaped = 0;   // scenes where it acts only if a hypothesis makes the ideal image uneven
+    bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
+    std::vector<EffectForms> forms = {};
+    std::vector<LookAlike> look_alikes = {};
+
+    Effect scales_light() const { return with(&Effect::whole_image, true); }
+    Effect needs_gaussian_field() const { return with(&Effect::gaussian_only, true); }
+    Effect also_acts_where_light_is_shaped(unsigned scenes) const { return with(&Effect::acts_shaped, scenes); }
+    Effect is_even() const { return with(&Effect::even, true); }
+    Effect with_forms(const char *parameter, std::vector<double> values, bool told_by_fit = false) const {
+        return with(&Effect::forms, {{parameter, std::move(values), told_by_fit}});
+    }
+    Effect told_from(const char *other, const char *capture) const {
+        Effect result = *this;
+        result.look_alikes.push_back({other, capture});
+        return result;
+    }
+
+    template <typename T> Effect with(T Effect::*member, T value) const {
+        Effect result = *this;
+        result.*member = std::move(value);
+        return result;
+    }
 };
 
 // In the order in which light meets them.

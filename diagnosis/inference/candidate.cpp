@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
-#include <iterator>
 #include <utility>
 
 namespace clsp {
@@ -28,31 +27,10 @@ constexpr double kSlight = -0.25;
 // Where a count of none lies on a scale of ratios.
 constexpr double kNoneOfThem = 0.25;
 
-// What a dot that is lopsided along x changes says nothing of one that is lopsided along y: a search begins at either. So with
-// the forms of an effect that are numbered.
-struct Alternative {
-    const char *effect, *parameter;
-    double usual;
-    bool told_by_fit = false;
-};
-constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
-constexpr Alternative kAlternatives[] = {{"beam_skew", "angle_rad", kEighthTurn},
-                                         {"beam_skew", "angle_rad", 2.0 * kEighthTurn},
-                                         {"beam_skew", "angle_rad", 3.0 * kEighthTurn},
-                                         {"ghost_dots", "lattice_direction", 1.0},
-                                         {"ghost_dots", "lattice_direction", 2.0},
-                                         {"bayer_mismatch", "green_diagonal", 1.0},
-                                         {"motion_decorrelation", "correlation_law", 1.0, true},
-                                         {"airflow", "correlation_law", 1.0, true}};
-
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
 constexpr double kSheetFactor = 2.0; // coarse codes, too, show more noise than there is, or none
 constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
-
-// Effects whose first parameter's sign no statistic shows: the conjugate of an even pupil has the mirrored point spread, and the speckle's law
-// knows no mirror. They are looked for, and reported, on the catalogue's side of 0.
-constexpr const char *kEvenEffects[] = {"defocus"};
 
 struct Scale {
     double weak, strong;
@@ -177,7 +155,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
         Candidate candidate{effect.id, effect.stage, effect.summary, {}, false};
         for (const EffectParameter &p : effect.parameters)
             candidate.parameters.push_back({p.name, p.unit, p.minimum, p.maximum, p.weak, p.strong, p.whole});
-        if (std::find(std::begin(kEvenEffects), std::end(kEvenEffects), candidate.id) != std::end(kEvenEffects))
+        if (effect.even)
             candidate.parameters.front().minimum = 0.0;
         result.push_back(std::move(candidate));
     }
@@ -223,18 +201,22 @@ bool before(const Candidate &a, const Candidate &b) {
 }
 
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
-    for (const Alternative &alternative : kAlternatives) {
+    for (const Effect &effect : effect_catalogue()) {
         // The catalogue's own comes first.
-        const auto found = std::find_if(candidates.begin(), candidates.end(),
-                                        [&](const Candidate &c) { return c.id == alternative.effect; });
+        const auto found =
+            std::find_if(candidates.begin(), candidates.end(), [&](const Candidate &c) { return c.id == effect.id; });
         if (found == candidates.end())
             continue;
-        Candidate other = *found;
-        other.told_by_fit = alternative.told_by_fit;
-        for (HypothesisParameter &p : other.parameters)
-            if (p.name == alternative.parameter)
-                p.weak = p.strong = alternative.usual;
-        candidates.push_back(std::move(other));
+        const Candidate usual = *found;
+        for (const EffectForms &forms : effect.forms)
+            for (const double value : forms.values) {
+                Candidate other = usual;
+                other.told_by_fit = forms.told_by_fit;
+                for (HypothesisParameter &p : other.parameters)
+                    if (p.name == forms.parameter)
+                        p.weak = p.strong = value;
+                candidates.push_back(std::move(other));
+            }
     }
     return candidates;
 }

@@ -1,5 +1,6 @@
 #include "inference/experiment.hpp"
 
+#include "capture/applicability.hpp"
 #include "inference/workers.hpp"
 #include "runtime/error.hpp"
 #include "stages/philox.hpp"
@@ -421,22 +422,19 @@ std::uint64_t Experiment::work_of(const EffectSettings &effects, std::size_t seq
     // a screen of air or a filter of the whole image three (bench_gap_simulator).
     constexpr std::uint64_t kMeasuring = 2, kFilter = 3;
     const SequenceLayout &layout = layout_.sequences[sequence];
-    const auto has = [&](std::string_view id) {
-        return std::any_of(effects.begin(), effects.end(), [&](const EffectSetting &e) { return e.id == id; });
-    };
     if (layout.scene == CaptureScene::kDark || layout.scene == CaptureScene::kFlat)
         return kMeasuring * frame_count;
     // A moving surface has a pattern of its own in every frame; some effects take several for one.
-    const bool has_air = has("airflow") && !layout.moving;
-    const bool every_frame = layout.moving || has_air || has("surface_boiling");
-    std::uint64_t patterns = 1;
-    if (has("linewidth"))
-        patterns *= 4;
-    if (has("motion_decorrelation") && layout.moving)
-        patterns *= 5;
-    if (has("depolarization"))
-        patterns *= 2;
-    const std::uint64_t filters = (has("glare") ? kFilter : 0) + (has_air ? kFilter : 0);
+    bool every_frame = layout.moving;
+    std::uint64_t patterns = 1, filters = 0;
+    for (const EffectSetting &setting : effects) {
+        if (!in_catalogue(setting.id) || !acts_in(find_effect(setting.id), layout))
+            continue;
+        const EffectCost &cost = find_effect(setting.id).cost;
+        patterns *= cost.patterns;
+        filters += kFilter * cost.filters;
+        every_frame = every_frame || cost.every_frame;
+    }
     return kMeasuring * frame_count + (patterns + filters) * (every_frame ? frame_count : 1);
 }
 

@@ -1,17 +1,15 @@
 #include "simulator/finished_frames.hpp"
 
+#include "capture/applicability.hpp"
 #include "simulator/host_noise.hpp"
 #include "simulator/sample_filters.hpp"
 #include "runtime/error.hpp"
-#include "simulator/effect_reach.hpp"
 #include "simulator/sensor_side.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <fmt/core.h>
-#include <string_view>
 #include <utility>
 
 namespace clsp {
@@ -29,40 +27,11 @@ constexpr double kGainTolerance = 1e-4;
 // Relative amplitude of the white noise that measures what a chain of filters leaves of noise.
 constexpr double kProbe = 0.02;
 
-struct Refusal {
-    std::string_view effect;
-    const char *reason;
-};
-constexpr const char *kBeforeSpeckle =
-    "it changes the light before the speckle forms, and finished frames hold no speckle for the changed light";
-constexpr const char *kField = "it works on the field, and frames hold its intensity without the phase";
-constexpr Refusal kRefusals[] = {
-    {"linewidth", "each line has a speckle pattern of its own, and finished frames hold one that all lines share"},
-    {"wavelength_shift", kBeforeSpeckle},
-    {"beam_skew", kBeforeSpeckle},
-    {"beam_flat_top", kBeforeSpeckle},
-    {"zero_order", kBeforeSpeckle},
-    {"ghost_dots", kBeforeSpeckle},
-    {"scatter_background", kBeforeSpeckle},
-    {"low_roughness", kField},
-    {"subsurface_scattering", kBeforeSpeckle},
-    {"motion_decorrelation",
-     "an exposure holds patterns that change from one into the other, and finished frames hold none between them"},
-    {"surface_boiling", "a static scene's frames hold one speckle pattern, and not what it changes into"},
-    {"airflow", kField},
-    {"defocus", kField},
-    {"aperture_mismatch", kField},
-    {"pupil_obstruction", kField},
-};
-
 } // namespace
 
 std::string finished_frames_refusal(const std::string &effect, const CaptureLayout &layout) {
-    for (const Refusal &refusal : kRefusals)
-        if (effect == refusal.effect)
-            return refusal.reason;
     if (effect != "depolarization")
-        return {};
+        return in_catalogue(effect) ? find_effect(effect).unfinished : "";
     if (layout.degree_of_polarization < 1.0)
         return "light that is polarized in part holds two patterns already, and mixing frames would make it four";
     const auto mixable = [](const SequenceLayout &s) { return is_laser(s.scene) && s.moving && s.frame_count >= 4; };
@@ -357,7 +326,7 @@ FinishedFrames::~FinishedFrames() = default;
 bool FinishedFrames::concerns(const std::string &effect, std::size_t sequence) const {
     const Implementation &self = *implementation_;
     if (!finished_frames_refusal(effect, self.layout).empty() ||
-        !effect_reaches(effect, self.layout.sequences[sequence], self.layout.field, false))
+        !acts_in(find_effect(effect), self.layout.sequences[sequence], self.layout.field, false))
         return false;
     const SequenceLayout &of = self.layout.sequences[sequence];
     // A shift needs the picture that the frames share.
@@ -391,9 +360,7 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
     double restored_variance = 0.0;
     // What happens to offsets and codes needs no light.
     const bool works_on_light = !dark && std::any_of(here.begin(), here.end(), [](const EffectSetting &effect) {
-        constexpr std::array<std::string_view, 5> kBehind = {"dsnu", "column_fpn", "hot_pixels", "row_noise",
-                                                             "adc_bits"};
-        return std::find(kBehind.begin(), kBehind.end(), effect.id) == kBehind.end();
+        return !in_catalogue(effect.id) || !(find_effect(effect.id).acts.scenes & kInDark);
     });
     if (works_on_light) {
         parted = self.part(sequence);

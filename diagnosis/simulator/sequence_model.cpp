@@ -1,8 +1,7 @@
 #include "simulator/sequence_model.hpp"
 
-#include "effects/effects.hpp"
+#include "capture/applicability.hpp"
 #include "runtime/error.hpp"
-#include "simulator/effect_reach.hpp"
 #include "simulator/opencl_hypothesis.hpp"
 
 #include <algorithm>
@@ -178,7 +177,7 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
         const std::vector<double> values =
             check_effect_values(effect, setting->values.empty() ? nullptr : setting->values.data(),
                                 static_cast<std::uint32_t>(setting->values.size()));
-        if (!effect_reaches(effect.id, of, layout.field, !result.on_irradiance.empty()))
+        if (!acts_in(effect, of, layout.field, !result.on_irradiance.empty()))
             continue;
         const std::string id = effect.id;
         if (id == "ambient_light") { // in DN of the sequence, whose gain is not the model's
@@ -186,11 +185,8 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
             continue;
         }
         effect.apply(result.model, values.data());
-        const EffectPart part = effect_part(id);
-        if (part == EffectPart::kOptics)
-            result.optical.push_back({id, values});
-        else if (part == EffectPart::kSensor)
-            result.sensor.push_back({id, values});
+        if (!effect.whole_image)
+            (effect.sets == kSetsSensor ? result.sensor : result.optical).push_back({id, values});
     }
     for (const std::string &id : ids)
         if (!find_hypothesis(hypotheses, id))

@@ -1,9 +1,8 @@
 #include "simulator/simulator.hpp"
 
-#include "effects/effects.hpp"
+#include "capture/applicability.hpp"
 #include "runtime/error.hpp"
 #include "runtime/launch_guard.hpp"
-#include "simulator/effect_reach.hpp"
 #include "simulator/opencl_hypothesis.hpp"
 #include "simulator/optics.hpp"
 #include "simulator/sensor_side.hpp"
@@ -256,7 +255,7 @@ bool Simulator::concerns(const std::string &id, std::size_t sequence) const {
     for (const Hypothesis &hypothesis : self.hypotheses)
         if (hypothesis.id == id)
             return layout.scene != CaptureScene::kDark || hypothesis.point == HypothesisPoint::kCodes;
-    return effect_reaches(id, layout, self.layout.field, false);
+    return acts_in(find_effect(id), layout, self.layout.field, false);
 }
 
 std::vector<EffectSetting> Simulator::concerning(const std::vector<EffectSetting> &effects,
@@ -271,7 +270,7 @@ std::vector<EffectSetting> Simulator::concerning(const std::vector<EffectSetting
     std::vector<EffectSetting> result;
     for (const EffectSetting &effect : effects)
         if (is_hypothesis(effect) ? concerns(effect.id, sequence)
-                                  : effect_reaches(effect.id, self.layout.sequences[sequence], self.layout.field,
+                                  : acts_in(find_effect(effect.id), self.layout.sequences[sequence], self.layout.field,
                                                    !model.on_irradiance.empty()))
             result.push_back(effect);
     // Hypotheses work one after the other as they are given; the catalogue's effects do so in its own order.
