@@ -526,7 +526,8 @@ TEST_F(Programs, BrokenKernelGivesTheBuildLog) {
     const clspeckle::Context repaired(desc);
     EXPECT_CLSP_OK(clspPhiloxEnqueueFill(repaired, queue, &philox, &image.view, 0, nullptr, nullptr));
     // A file that includes itself ends with an error, not with a full stack.
-    write(folder.path() / "philox.h", "#include \"philox.h\"\n");
+    fs::create_directory(folder.path() / "common");
+    write(folder.path() / "common/philox.h", "#include \"common/philox.h\"\n");
     const clspeckle::Context endless(desc);
     EXPECT_CLSP_FAILS(CLSP_ERROR_BUILD, "common/philox.h",
                       clspPhiloxEnqueueFill(endless, queue, &philox, &image.view, 0, nullptr, nullptr));
@@ -536,7 +537,7 @@ TEST_F(Programs, BrokenKernelGivesTheBuildLog) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "common/philox.h",
                       clspPhiloxEnqueueFill(unreadable, queue, &philox, &image.view, 0, nullptr, nullptr));
     fs::remove(folder.path() / "common/philox.h");
-    write(folder.path() / "philox.h", "#include \"missing.h\"\n");
+    write(folder.path() / "common/philox.h", "#include \"missing.h\"\n");
     const clspeckle::Context incomplete(desc);
     EXPECT_CLSP_FAILS(CLSP_ERROR_BUILD, "missing.h",
                       clspPhiloxEnqueueFill(incomplete, queue, &philox, &image.view, 0, nullptr, nullptr));
