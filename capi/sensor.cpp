@@ -5,15 +5,11 @@
 #include "handles.hpp"
 #include "runtime/checks.hpp"
 #include "stages/sensor.hpp"
+#include "stages/sensor_datasheet.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cctype>
-#include <cmath>
 #include <cstddef>
 #include <fmt/core.h>
-#include <iterator>
-#include <string>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -59,121 +55,31 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.read_noise_spread, p.read_noise_spread);
     field(d.shot_noise, p.shot_noise, "desc->shot_noise");
     field(d.effective_bits, p.effective_bits);
+    field(d.photons_per_unit, p.photons_per_unit);
+    field(d.quantum_efficiency, p.quantum_efficiency);
+    field(d.full_well_e, p.full_well_e);
 };
 
-ClspSensorDesc sensor_defaults() {
-    auto desc = to_c<ClspSensorDesc>(kFields, SensorParameters());
-    desc.quantum_efficiency = 1.0;
-    return desc;
-}
-
-// Equal but for the rounding of whoever multiplied it out.
-bool agree(double a, double b) {
-    return std::abs(a - b) <= 1e-9 * std::abs(b);
-}
-
-// The exposure gain, also where it is given in photons.
-double exposure_gain_of(const ClspSensorDesc &d) {
-    check_not_negative(d.photons_per_unit, "photons_per_unit");
-    if (!(d.quantum_efficiency > 0.0 && d.quantum_efficiency <= 1.0))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("quantum_efficiency is {}, it must be above 0 and at most 1 (electrons per photon)",
-                                d.quantum_efficiency));
-    if (d.photons_per_unit == 0.0)
-        return d.exposure_gain_dn;
-    if (d.conversion_gain_dn_per_e == 0.0)
-        throw Error(Status::kInvalidArgument, "photons_per_unit needs to know what an electron is: set "
-                                              "conversion_gain_dn_per_e, which is 0");
-    const double gain = d.conversion_gain_dn_per_e * d.quantum_efficiency * d.photons_per_unit;
-    if (d.exposure_gain_dn != SensorParameters().exposure_gain_dn && !agree(d.exposure_gain_dn, gain))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("exposure_gain_dn is {}, but photons_per_unit, quantum_efficiency and "
-                                "conversion_gain_dn_per_e make it {}; give the one or the other",
-                                d.exposure_gain_dn, gain));
-    return gain;
-}
-
-// Where the signal clips, also where it is given in electrons.
-double saturation_of(const ClspSensorDesc &d) {
-    check_not_negative(d.full_well_e, "full_well_e");
-    if (d.full_well_e == 0.0)
-        return d.saturation_dn;
-    if (d.conversion_gain_dn_per_e == 0.0)
-        throw Error(Status::kInvalidArgument,
-                    "full_well_e needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
-    const double saturation = d.conversion_gain_dn_per_e * d.full_well_e;
-    if (saturation <= d.black_level_dn)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("full_well_e is {}, which is {} DN at conversion_gain_dn_per_e = {}: it must be above "
-                                "the black level, black_level_dn = {}",
-                                d.full_well_e, saturation, d.conversion_gain_dn_per_e, d.black_level_dn));
-    if (!std::isinf(d.saturation_dn) && !agree(d.saturation_dn, saturation))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("saturation_dn is {}, but full_well_e and conversion_gain_dn_per_e make it {}; give "
-                                "the one or the other",
-                                d.saturation_dn, saturation));
-    return saturation;
+ClspSensorDesc desc_of(const SensorDatasheet &datasheet) {
+    return to_c<ClspSensorDesc>(kFields, datasheet);
 }
 
 SensorParameters parameters_of(const ClspSensorDesc *desc) {
-    const ClspSensorDesc d = read_struct(desc, sensor_defaults(), "desc");
+    const ClspSensorDesc d = read_struct(desc, desc_of({}), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    auto p = from_c<SensorParameters>(kFields, d);
-    p.exposure_gain_dn = exposure_gain_of(d);
-    p.saturation_dn = saturation_of(d);
-    return p;
-}
-
-struct Profile {
-    const char *name;
-    void (*apply)(ClspSensorDesc &desc);
-};
-
-// docs/sensor.md says where each number comes from.
-void os04a10(ClspSensorDesc &desc) {
-    desc.width = 2688;
-    desc.height = 1520;
-    desc.bits = 10;
-    desc.black_level_dn = 64.0;
-    desc.read_noise_dn = 0.015 * 1023.0;
-    desc.conversion_gain_dn_per_e = 0.08;
-    desc.full_well_e = 12000.0;
-    desc.quantum_efficiency = 0.4;
-    desc.dark_current_e_per_s = 10.0;
-    desc.prnu = 0.01;
-    desc.dsnu_dn = 0.5;
-    desc.hot_pixel_fraction = 1e-4;
-}
-
-constexpr std::array<Profile, 1> kProfiles{{{"OS04A10", os04a10}}};
-
-std::string lower(std::string text) {
-    std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-    return text;
-}
-
-const Profile &profile_of(const std::string &name) {
-    std::string known;
-    for (const Profile &profile : kProfiles) {
-        if (lower(profile.name) == lower(name))
-            return profile;
-        known += fmt::format("{}\"{}\"", known.empty() ? "" : ", ", profile.name);
-    }
-    throw Error(Status::kInvalidArgument, fmt::format("name is \"{}\", expected one of {}", name, known));
+    return from_c<SensorDatasheet>(kFields, d).parameters();
 }
 
 } // namespace
 
 extern "C" {
 
-CLSP_INIT(SensorDesc, desc, sensor_defaults())
+CLSP_INIT(SensorDesc, desc, desc_of({}))
 
 CLSP_API ClspStatus clspSensorDescFromProfile(ClspSensorDesc *desc, uint32_t struct_size, const char *name) {
     return guarded("clspSensorDescFromProfile", [&] {
-        ClspSensorDesc values = sensor_defaults();
         required(name, "name");
-        profile_of(name).apply(values);
-        init_struct(desc, struct_size, values, "desc");
+        init_struct(desc, struct_size, desc_of(sensor_profile(name)), "desc");
     });
 }
 

@@ -16,7 +16,7 @@
 
 namespace clsp {
 
-// The members and defaults of ClspSensorDesc, but for the views in photons and electrons, which are worked out before.
+// What a sensor does, all in DN; sensor_datasheet.hpp has the view in photons and electrons.
 struct SensorParameters {
     std::uint32_t width = 0, height = 0;
     std::uint32_t bits = 10;
