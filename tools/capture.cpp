@@ -1,10 +1,12 @@
 #include "capture.hpp"
 
-#include "commands.hpp"
+#include "context.hpp"
 #include "effects.hpp"
 #include "errors.hpp"
-#include "files.hpp"
+#include "interrupt.hpp"
 #include "io/image_io.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -13,22 +13,14 @@
 #include "input.hpp"
 #include "options.hpp"
 
-#include <clspeckle/clspeckle.hpp>
-
 #include <cstdint>
 #include <string>
 #include <vector>
 
 namespace tools {
 
-/** A context on the device that a selector names; empty: the best one. */
-clspeckle::Context make_context(const std::string &device);
-
 /** @return the exit code: exit_device if there is no device that can be used. */
 int run_devices(const std::string &device, Console &console);
-
-/** Lists the catalogue of effects. */
-void run_effects(Console &console);
 
 /** @param folder where the files go. */
 void run_render(Config &config, Input &input, const std::string &folder, Console &console);
@@ -57,12 +49,6 @@ struct TuneArguments {
 
 /** Measures the engines of a device and keeps the fastest. */
 void run_tune(const TuneArguments &arguments, Console &console);
-
-/** Throws Interrupted once the user has asked the program to stop. */
-void check_interrupt();
-
-/** A progress function that draws the bar and stops the call once the user has asked for it. */
-clspeckle::Progress progress_on(Console &console);
 
 } // namespace tools
 

@@ -11,7 +11,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <sstream>
 
 namespace tools {
 
@@ -121,39 +120,6 @@ void Console::clear_progress() {
     std::fputs("\r\x1b[K", stderr);
     std::fflush(stderr);
     bar_shown_ = false;
-}
-
-std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent) {
-    std::vector<std::size_t> widths;
-    for (const auto &row : rows) {
-        widths.resize(std::max(widths.size(), row.size()), 0);
-        for (std::size_t i = 0; i < row.size(); ++i)
-            widths[i] = std::max(widths[i], row[i].size());
-    }
-    std::string text;
-    for (const auto &row : rows) {
-        std::string line = indent;
-        for (std::size_t i = 0; i < row.size(); ++i)
-            line += i + 1 < row.size() ? fmt::format("{:<{}}  ", row[i], widths[i]) : row[i];
-        line.erase(line.find_last_not_of(' ') + 1);
-        text += (text.empty() ? "" : "\n") + line;
-    }
-    return text;
-}
-
-std::string wrapped(const std::string &text, const std::string &indent, std::size_t width) {
-    std::istringstream words(text);
-    std::string result;
-    std::size_t used = 0;
-    for (std::string word; words >> word;) {
-        if (used > 0 && indent.size() + used + 1 + word.size() > width) {
-            result += "\n";
-            used = 0;
-        }
-        result += (used == 0 ? indent : " ") + word;
-        used += word.size() + (used == 0 ? 0 : 1);
-    }
-    return result;
 }
 
 double now() {

@@ -5,8 +5,6 @@
 #ifndef CLSPECKLE_TOOLS_CONSOLE_HPP
 #define CLSPECKLE_TOOLS_CONSOLE_HPP
 
-#include "options.hpp"
-
 #include <cstdint>
 #include <cstdio>
 #include <string>
@@ -59,12 +57,6 @@ class Console {
     double started_ = 0;
     double drawn_ = 0;
 };
-
-/** Columns of text, left-aligned, the first row as header. */
-std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent = "");
-
-/** Words broken into lines that begin with an indent. */
-std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110);
 
 /** Seconds on a steady clock. */
 double now();

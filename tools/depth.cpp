@@ -1,8 +1,11 @@
 #include "depth.hpp"
 
-#include "commands.hpp"
+#include "context.hpp"
 #include "errors.hpp"
 #include "files.hpp"
+#include "interrupt.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -2,7 +2,7 @@
 
 #include "doe_files.hpp"
 #include "errors.hpp"
-#include "files.hpp"
+#include "json.hpp"
 #include "output.hpp"
 
 #include <fmt/format.h>

@@ -1,10 +1,10 @@
 #include "commands.hpp"
 
+#include "context.hpp"
 #include "errors.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
-
-#include <cstdlib>
 
 namespace tools {
 
@@ -54,21 +54,7 @@ std::string engine_of(const ClspDeviceInfo &info) {
     }
 }
 
-extern "C" void show_warning(void *, std::uint32_t level, const char *message) {
-    if (Console *console = Console::current(); console && level == CLSP_LOG_WARNING)
-        console->warn(message);
-}
-
 } // namespace
-
-clspeckle::Context make_context(const std::string &device) {
-    auto desc = clspeckle::make<ClspContextDesc>();
-    desc.device = device.empty() ? nullptr : device.c_str();
-    // Otherwise the library prints, and more than warnings if it is told to.
-    if (const char *log = std::getenv("CLSPECKLE_LOG"); !log || !*log)
-        desc.log = show_warning;
-    return clspeckle::Context(desc);
-}
 
 int run_devices(const std::string &device, Console &console) {
     const std::vector<ClspDeviceInfo> devices = clspeckle::devices();

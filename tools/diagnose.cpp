@@ -1,10 +1,11 @@
 #include "diagnose.hpp"
 
-#include "commands.hpp"
+#include "context.hpp"
 #include "effects.hpp"
 #include "errors.hpp"
 #include "hypothesis_file.hpp"
-#include "options.hpp"
+#include "interrupt.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

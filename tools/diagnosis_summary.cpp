@@ -1,6 +1,7 @@
 #include "diagnose.hpp"
+
 #include "effects.hpp"
-#include "options.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

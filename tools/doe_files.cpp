@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "files.hpp"
+#include "json.hpp"
 
 #include <clspeckle/clspeckle.hpp>
 

@@ -7,7 +7,7 @@
 
 #include "console.hpp"
 #include "io/image_io.hpp"
-#include "options.hpp"
+#include "json.hpp"
 
 #include <functional>
 #include <initializer_list>

@@ -1,11 +1,14 @@
 #include "doe_pattern.hpp"
 
-#include "commands.hpp"
+#include "context.hpp"
 #include "doe_files.hpp"
 #include "errors.hpp"
 #include "files.hpp"
+#include "interrupt.hpp"
 #include "io/image_io.hpp"
+#include "json.hpp"
 #include "number_options.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

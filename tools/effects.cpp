@@ -1,7 +1,7 @@
 #include "effects.hpp"
 
-#include "commands.hpp"
 #include "errors.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -5,15 +5,15 @@
 #ifndef CLSPECKLE_TOOLS_EFFECTS_HPP
 #define CLSPECKLE_TOOLS_EFFECTS_HPP
 
+#include "console.hpp"
+#include "json.hpp"
+
 #include <clspeckle/clspeckle.hpp>
-#include <nlohmann/json.hpp>
 
 #include <string>
 #include <vector>
 
 namespace tools {
-
-using Json = nlohmann::ordered_json;
 
 /** An effect that is on, with all its parameters in order. */
 struct EffectSetting {
@@ -32,6 +32,9 @@ EffectSetting effect_from_json(const std::string &id, const Json &parameters, co
 Json effect_parameters(const EffectSetting &setting);
 /** As --effect takes it. */
 std::string effect_text(const EffectSetting &setting);
+
+/** Lists the catalogue. */
+void run_effects(Console &console);
 
 } // namespace tools
 

@@ -5,15 +5,10 @@
 #ifndef CLSPECKLE_TOOLS_FILES_HPP
 #define CLSPECKLE_TOOLS_FILES_HPP
 
-#include "options.hpp"
-
 #include <string>
 #include <vector>
 
 namespace tools {
-
-/** Reads a JSON file; throws InputError with the file's name and the place of the fault. */
-Json read_json(const std::string &path);
 
 /** What images are wanted for. */
 enum class Purpose { ideal_images, measurement };

@@ -1,10 +1,11 @@
 #include "gap_check.hpp"
 
-#include "commands.hpp"
 #include "errors.hpp"
 #include "files.hpp"
+#include "interrupt.hpp"
 #include "io/image_io.hpp"
-#include "options.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

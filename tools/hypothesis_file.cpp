@@ -1,8 +1,8 @@
 #include "hypothesis_file.hpp"
 
 #include "errors.hpp"
-#include "files.hpp"
-#include "options.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -2,6 +2,8 @@
 
 #include "errors.hpp"
 #include "files.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

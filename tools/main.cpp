@@ -1,6 +1,8 @@
 #include "commands.hpp"
 #include "doe.hpp"
 #include "errors.hpp"
+#include "interrupt.hpp"
+#include "text.hpp"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -12,49 +14,16 @@
 #endif
 
 #include <algorithm>
-#include <atomic>
 #include <charconv>
-#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <map>
 #include <new>
 #include <sstream>
-#include <thread>
 #include <type_traits>
 
 namespace {
-
-std::atomic<bool> stop_requested{false};
-
-void request_stop(int) {
-    stop_requested = true;
-}
-
-void handle_signals() {
-    struct sigaction action {};
-    action.sa_handler = request_stop;
-    // A second Ctrl-C ends the program at once.
-    action.sa_flags = static_cast<int>(SA_RESETHAND);
-    ::sigaction(SIGINT, &action, nullptr);
-    ::sigaction(SIGTERM, &action, nullptr);
-    // Ctrl-C goes to all processes of the terminal, also to the linker that a driver runs, whose failure makes PoCL end
-    // this program. What is blocked stays blocked in processes that are started: every thread blocks the signals but
-    // one, which does nothing else.
-    sigset_t stops;
-    ::sigemptyset(&stops);
-    ::sigaddset(&stops, SIGINT);
-    ::sigaddset(&stops, SIGTERM);
-    ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
-    std::thread([stops] {
-        ::pthread_sigmask(SIG_UNBLOCK, &stops, nullptr);
-        for (;;)
-            ::pause();
-    }).detach();
-    // A file that grows over the user's limit is then an error that can be reported and cleaned up after.
-    std::signal(SIGXFSZ, SIG_IGN);
-}
 
 constexpr const char *exit_codes = R"(Exit codes:
   0  success
@@ -867,23 +836,6 @@ int run(int argc, char **argv) {
     return code;
 }
 
-} // namespace
-
-void tools::check_interrupt() {
-    if (stop_requested)
-        throw Interrupted();
-}
-
-clspeckle::Progress tools::progress_on(Console &console) {
-    return [&console](const std::string &what, double fraction) {
-        check_interrupt();
-        console.progress(fraction, what);
-        return true;
-    };
-}
-
-namespace {
-
 /** The message and the exit code of what ended the program. The library's errors without the names of C functions. */
 int explain(const std::exception &ended) {
     try {
@@ -913,7 +865,8 @@ int run_guarded(int argc, char **argv) {
         return complain(tools::exit_interrupted, error.what());
     } catch (const std::exception &error) {
         // Ctrl-C also reaches the compiler that a driver runs: what fails then fails because of it.
-        return stop_requested ? complain(tools::exit_interrupted, tools::Interrupted().what()) : explain(error);
+        return tools::stop_requested() ? complain(tools::exit_interrupted, tools::Interrupted().what())
+                                       : explain(error);
     }
 }
 
@@ -941,7 +894,7 @@ void keep_heaps_small() {
 
 int main(int argc, char **argv) {
     keep_heaps_small();
-    handle_signals();
+    tools::handle_signals();
     const int code = run_guarded(argc, argv);
     silence_exit();
     return code;

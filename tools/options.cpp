@@ -1,7 +1,8 @@
 #include "options.hpp"
 
 #include "errors.hpp"
-#include "files.hpp"
+#include "json.hpp"
+#include "text.hpp"
 
 #include <clspeckle/clspeckle.hpp>
 #include <fmt/format.h>
@@ -10,7 +11,6 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <numeric>
 
 namespace tools {
 
@@ -372,21 +372,6 @@ Json parsed(const Option &o, const std::string &text) {
     }
 }
 
-std::size_t edit_distance(const std::string &a, const std::string &b) {
-    std::vector<std::size_t> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 1; i <= a.size(); ++i) {
-        std::size_t diagonal = row[0];
-        row[0] = i;
-        for (std::size_t j = 1; j <= b.size(); ++j) {
-            const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-            diagonal = row[j];
-            row[j] = std::min({row[j] + 1, row[j - 1] + 1, replace});
-        }
-    }
-    return row[b.size()];
-}
-
 std::vector<std::string> section_names() {
     std::vector<std::string> names;
     for (const Option &o : option_table())
@@ -458,19 +443,6 @@ const Option &option(const std::string &id) {
         if (o.id() == id)
             return o;
     throw std::logic_error("there is no option " + id);
-}
-
-std::string nearest(const std::string &word, const std::vector<std::string> &candidates) {
-    std::string best;
-    std::size_t least = ~std::size_t{0};
-    for (const std::string &candidate : candidates) {
-        const std::size_t distance = edit_distance(word, candidate);
-        if (distance < least) {
-            least = distance;
-            best = candidate;
-        }
-    }
-    return best;
 }
 
 Config::Config() {

@@ -10,8 +10,6 @@
 
 #include "effects.hpp"
 
-#include <nlohmann/json.hpp>
-
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -54,9 +52,6 @@ struct Option {
 const std::vector<Option> &option_table();
 /** The option of "section.key"; it must exist. */
 const Option &option(const std::string &id);
-
-/** The candidate with the smallest edit distance to `word`. */
-std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
 
 /** Where a value comes from; a later one beats an earlier one. */
 enum class Layer { fallback, sequence, file, command_line };

@@ -1,8 +1,11 @@
 #include "commands.hpp"
 
+#include "context.hpp"
 #include "errors.hpp"
 #include "files.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -1,7 +1,10 @@
 #include "commands.hpp"
 
+#include "context.hpp"
 #include "errors.hpp"
 #include "files.hpp"
+#include "interrupt.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,8 @@
 #include "commands.hpp"
 
+#include "context.hpp"
 #include "errors.hpp"
+#include "text.hpp"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,28 @@
+/**
+ * @file text.hpp
+ * @brief Text for eyes.
+ */
+#ifndef CLSPECKLE_TOOLS_TEXT_HPP
+#define CLSPECKLE_TOOLS_TEXT_HPP
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace tools {
+
+/** Columns of text, left-aligned, the first row as header. */
+std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent = "");
+
+/** Words broken into lines that begin with an indent. */
+std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110);
+
+/** How many letters must be added, removed or replaced to make one word of the other. */
+std::size_t edit_distance(const std::string &a, const std::string &b);
+
+/** The candidate with the smallest edit distance to `word`. */
+std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
+
+} // namespace tools
+
+#endif // CLSPECKLE_TOOLS_TEXT_HPP
