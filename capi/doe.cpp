@@ -171,7 +171,7 @@ CLSP_API ClspStatus clspDoePatternGetInfo(ClspDoePattern pattern, ClspDoePattern
     return guarded("clspDoePatternGetInfo", [&] {
         const auto p = object(pattern);
         required(info, "info");
-        const DoePatternBooks &b = p->result().books;
+        const DoePowerBudget &b = p->result().budget;
         ClspDoePatternInfo i{};
         i.source = static_cast<std::uint32_t>(p->source());
         i.image_width = b.image_width;

@@ -116,7 +116,7 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     return clspeckle::DoePattern(context, desc, progress_on(console));
 }
 
-Json books_of(const ClspDoePatternInfo &i) {
+Json budget_of(const ClspDoePatternInfo &i) {
     return {{"projection", "direction_cosines"},
             {"quantity", "radiant_intensity"},
             {"half_extent_x", i.half_extent_x},
@@ -286,15 +286,15 @@ void run(const DoePatternArguments &a, bool to_file, Console &console) {
     const ClspDoePatternInfo info = pattern.info();
     check_zoom(a.zoom, info.half_extent_x, info.half_extent_y);
     check_interrupt();
-    Json books = books_of(info);
+    Json budget = budget_of(info);
     if (to_file) {
         const std::vector<float> texels = pattern.texels();
-        write_npy_with_json(stem, info.image_width, info.image_height, texels, books.dump(2) + "\n");
+        write_npy_with_json(stem, info.image_width, info.image_height, texels, budget.dump(2) + "\n");
     } else if (a.figure) {
         write_figure(a.output, info, pattern.texels(), a.zoom);
     }
     if (console.json()) {
-        console.result(books.dump(2));
+        console.result(budget.dump(2));
         return;
     }
     print_books(info, console);

@@ -55,18 +55,18 @@ class Hash {
     std::uint64_t a_ = 0xcbf29ce484222325u, b_ = 0x9ae16a3b2f90404fu;
 };
 
-static_assert(std::is_trivially_copyable_v<DoePatternBooks>, "the books are stored as they are");
+static_assert(std::is_trivially_copyable_v<DoePowerBudget>, "the budget is stored as it is");
 
 struct Header {
     char magic[16];
     char key[32];
     std::uint64_t texel_count, dot_count, hash;
-    DoePatternBooks books;
+    DoePowerBudget budget;
 };
 
 std::uint64_t content_hash(const DoePatternResult &result) {
     Hash hash;
-    hash.add(&result.books, sizeof result.books);
+    hash.add(&result.budget, sizeof result.budget);
     hash.add(result.texels.data(), result.texels.size() * sizeof(float));
     hash.add(result.dot_shares.data(), result.dot_shares.size() * sizeof(double));
     return hash.digest()[0];
@@ -132,14 +132,14 @@ std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, co
     Header header{};
     if (ignored || !file.read(reinterpret_cast<char *>(&header), sizeof header))
         return nullptr;
-    const std::uint64_t texels = std::uint64_t{header.books.image_width} * header.books.image_height;
+    const std::uint64_t texels = std::uint64_t{header.budget.image_width} * header.budget.image_height;
     constexpr std::uint64_t kMost = std::uint64_t{1} << 32;
     if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 ||
         std::memcmp(header.key, key.data(), sizeof header.key) != 0 || header.texel_count != texels || texels > kMost ||
         header.dot_count > kMost || size != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
         return nullptr;
     auto result = std::make_shared<DoePatternResult>();
-    result->books = header.books;
+    result->budget = header.budget;
     result->texels.resize(texels);
     result->dot_shares.resize(header.dot_count);
     if (!file.read(reinterpret_cast<char *>(result->texels.data()), std::streamsize(texels * sizeof(float))) ||
@@ -157,7 +157,7 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     header.texel_count = result.texels.size();
     header.dot_count = result.dot_shares.size();
     header.hash = content_hash(result);
-    header.books = result.books;
+    header.budget = result.budget;
     write_whole_file(path_of(folder, key), [&](std::ostream &file) {
         file.write(reinterpret_cast<const char *>(&header), sizeof header);
         file.write(reinterpret_cast<const char *>(result.texels.data()),

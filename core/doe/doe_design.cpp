@@ -17,7 +17,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// Powers of the orders behind a phase, and what goes elsewhere. The books are those of the base band |m| < width / 2,
+// Powers of the orders behind a phase, and what goes elsewhere. The budget is that of the base band |m| < width / 2,
 // |n| < height / 2, where the pixel's envelope leaves sinc^2 of each order's power; the rest of it lies beyond.
 void measure_design(DoeDevice &device, DoeDesign &design) {
     const DoeDesignParameters &p = design.parameters;

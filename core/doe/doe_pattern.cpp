@@ -82,15 +82,15 @@ std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &con
     DoeLight light = field.evaluate(spot);
 
     auto result = std::make_shared<DoePatternResult>();
-    DoePatternBooks &books = result->books;
+    DoePowerBudget &budget = result->budget;
     const double half_u = spot.half_u_per_m * element.mean_wavelength_m,
                  half_v = spot.half_v_per_m * element.mean_wavelength_m;
-    begin_books(p, beam, half_u, half_v, books);
+    begin_power_budget(p, beam, half_u, half_v, budget);
     if (p.periodic) {
-        books.order_spacing_x = element.mean_wavelength_m / (p.width * p.pixel_pitch_m);
-        books.order_spacing_y = element.mean_wavelength_m / (p.height * p.pixel_pitch_m);
+        budget.order_spacing_x = element.mean_wavelength_m / (p.width * p.pixel_pitch_m);
+        budget.order_spacing_y = element.mean_wavelength_m / (p.height * p.pixel_pitch_m);
     }
-    books.device_memory_bytes = light.device_memory_bytes;
+    budget.device_memory_bytes = light.device_memory_bytes;
     if (element.orders) {
         balance_orders(element, light, *result);
         add_scatter(element, light.texel_shares);

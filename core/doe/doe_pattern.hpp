@@ -60,14 +60,14 @@ struct SpotPatternParameters : PatternImage {
 };
 
 // What doe.h calls ClspDoePatternInfo, and the texels.
-struct DoePatternBooks : PatternImage {
+struct DoePowerBudget : PatternImage {
     double dots = 0, zero_order = 0, ghosts = 0, scatter = 0, inside_image = 0, uniformity_rms = 0;
     double divergence_x_rad = 0, divergence_y_rad = 0, m_squared = 0, order_spacing_x = 0, order_spacing_y = 0;
     std::uint64_t device_memory_bytes = 0;
 };
 
 struct DoePatternResult {
-    DoePatternBooks books;
+    DoePowerBudget budget;
     std::vector<float> texels;      // W/sr, image_height x image_width
     std::vector<double> dot_shares; // of the wanted dots
 };

@@ -29,9 +29,9 @@ double uniformity(const std::vector<double> &shares, const std::vector<double> &
 // Marks the texels around a direction that are nearer to it than to any before.
 class Capture {
   public:
-    Capture(const DoePatternBooks &books, double reach_u, double reach_v)
-        : width_(int(books.image_width)), height_(int(books.image_height)), texel_u_(2 * books.half_extent_x / width_),
-          texel_v_(2 * books.half_extent_y / height_), reach_u_(std::max(reach_u, 1.5 * texel_u_)),
+    Capture(const DoePowerBudget &budget, double reach_u, double reach_v)
+        : width_(int(budget.image_width)), height_(int(budget.image_height)), texel_u_(2 * budget.half_extent_x / width_),
+          texel_v_(2 * budget.half_extent_y / height_), reach_u_(std::max(reach_u, 1.5 * texel_u_)),
           reach_v_(std::max(reach_v, 1.5 * texel_v_)), owner(std::size_t(width_) * std::size_t(height_), -1),
           distance_(owner.size(), std::numeric_limits<float>::max()) {}
 
@@ -63,12 +63,12 @@ class Capture {
 
 } // namespace
 
-void begin_books(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
-                 DoePatternBooks &books) {
-    static_cast<PatternImage &>(books) = image;
-    books.m_squared = beam.m_squared();
-    books.divergence_x_rad = std::asin(std::min(1.0, half_u));
-    books.divergence_y_rad = std::asin(std::min(1.0, half_v));
+void begin_power_budget(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
+                 DoePowerBudget &budget) {
+    static_cast<PatternImage &>(budget) = image;
+    budget.m_squared = beam.m_squared();
+    budget.divergence_x_rad = std::asin(std::min(1.0, half_u));
+    budget.divergence_y_rad = std::asin(std::min(1.0, half_v));
 }
 
 void balance_orders(const DoeElement &element, const DoeLight &light, DoePatternResult &result) {
@@ -80,7 +80,7 @@ void balance_orders(const DoeElement &element, const DoeLight &light, DoePattern
     double total = 0;
     for (const double power : light.order_power)
         total += power;
-    DoePatternBooks &books = result.books;
+    DoePowerBudget &budget = result.budget;
     bool zero_wanted = false;
     for (const auto &dot : element.dots) {
         const auto m = static_cast<std::int64_t>(dot[0]), n = static_cast<std::int64_t>(dot[1]);
@@ -90,22 +90,22 @@ void balance_orders(const DoeElement &element, const DoeLight &light, DoePattern
         else if (m < -(columns / 2) || m > (columns - 1) / 2 || n < -(rows / 2) || n > (rows - 1) / 2)
             share = 0; // beyond the sampling limit
         result.dot_shares.push_back(share);
-        books.dots += share;
+        budget.dots += share;
         zero_wanted = zero_wanted || (m == 0 && n == 0);
     }
-    books.zero_order = zero_wanted ? 0 : bin(0, 0);
+    budget.zero_order = zero_wanted ? 0 : bin(0, 0);
     for (const SpectralLine &line : element.lines)
-        books.scatter -= line.share * std::expm1(-std::pow(element.phase_noise(line.wavelength_m), 2));
+        budget.scatter -= line.share * std::expm1(-std::pow(element.phase_noise(line.wavelength_m), 2));
     // Over all orders that share a bin the envelope sums to 1, so that the bins hold all light.
-    books.ghosts = total - books.dots - books.zero_order;
-    books.uniformity_rms = element.dots.empty() ? 0 : uniformity(result.dot_shares, element.weights);
+    budget.ghosts = total - budget.dots - budget.zero_order;
+    budget.uniformity_rms = element.dots.empty() ? 0 : uniformity(result.dot_shares, element.weights);
 }
 
 void balance_aperture(const DoeElement &element, const std::vector<float> &texel_shares, double half_u, double half_v,
                       DoePatternResult &result) {
-    DoePatternBooks &books = result.books;
+    DoePowerBudget &budget = result.budget;
     constexpr int kZero = -2, kTwin = -3; // -1: nobody's
-    Capture capture(books, 2 * half_u, 2 * half_v);
+    Capture capture(budget, 2 * half_u, 2 * half_v);
     bool zero_wanted = false;
     for (std::size_t i = 0; i < element.dots.size(); ++i) {
         const auto [u, v] = element.direction(i, element.mean_wavelength_m);
@@ -125,15 +125,15 @@ void balance_aperture(const DoeElement &element, const std::vector<float> &texel
         const int owner = capture.owner[at];
         if (owner >= 0) {
             result.dot_shares[std::size_t(owner)] += texel_shares[at];
-            books.dots += texel_shares[at];
+            budget.dots += texel_shares[at];
         } else if (owner == kZero) {
-            books.zero_order += texel_shares[at];
+            budget.zero_order += texel_shares[at];
         } else if (owner == kTwin) {
-            books.ghosts += texel_shares[at];
+            budget.ghosts += texel_shares[at];
         }
     }
-    books.scatter = 1 - books.dots - books.zero_order - books.ghosts;
-    books.uniformity_rms = element.dots.empty() ? 0 : uniformity(result.dot_shares, element.weights);
+    budget.scatter = 1 - budget.dots - budget.zero_order - budget.ghosts;
+    budget.uniformity_rms = element.dots.empty() ? 0 : uniformity(result.dot_shares, element.weights);
 }
 
 void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
@@ -162,15 +162,15 @@ void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
 }
 
 void finish_texels(std::vector<float> texel_shares, DoePatternResult &result) {
-    DoePatternBooks &books = result.books;
-    const std::size_t width = books.image_width, height = books.image_height;
-    const double texel_u = 2 * books.half_extent_x / double(width), texel_v = 2 * books.half_extent_y / double(height);
-    books.inside_image = 0;
+    DoePowerBudget &budget = result.budget;
+    const std::size_t width = budget.image_width, height = budget.image_height;
+    const double texel_u = 2 * budget.half_extent_x / double(width), texel_v = 2 * budget.half_extent_y / double(height);
+    budget.inside_image = 0;
     for (std::size_t j = 0; j < height; ++j) {
         double row = 0;
         for (std::size_t i = 0; i < width; ++i) {
-            const double u = (double(i) + 0.5) * texel_u - books.half_extent_x,
-                         v = (double(j) + 0.5) * texel_v - books.half_extent_y;
+            const double u = (double(i) + 0.5) * texel_u - budget.half_extent_x,
+                         v = (double(j) + 0.5) * texel_v - budget.half_extent_y;
             const double cosine_squared = 1 - u * u - v * v;
             float &texel = texel_shares[j * width + i];
             if (!(cosine_squared > 0)) {
@@ -178,10 +178,10 @@ void finish_texels(std::vector<float> texel_shares, DoePatternResult &result) {
                 continue;
             }
             row += texel;
-            texel = static_cast<float>(books.power_w * std::max(0.0, double(texel)) * std::sqrt(cosine_squared) /
+            texel = static_cast<float>(budget.power_w * std::max(0.0, double(texel)) * std::sqrt(cosine_squared) /
                                        (texel_u * texel_v));
         }
-        books.inside_image += row;
+        budget.inside_image += row;
     }
     result.texels = std::move(texel_shares);
 }

@@ -7,8 +7,8 @@
 namespace clsp {
 
 // What is known before any light is counted; half_u, half_v: a spot's half-angle in direction cosines.
-void begin_books(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
-                 DoePatternBooks &books);
+void begin_power_budget(const PatternImage &image, const BeamProfile &beam, double half_u, double half_v,
+                 DoePowerBudget &budget);
 // From the bins of the cell's transform.
 void balance_orders(const DoeElement &element, const DoeLight &light, DoePatternResult &result);
 // From the texels; half_u, half_v: a spot's half-angle at the mean wavelength.

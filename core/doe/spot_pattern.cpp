@@ -54,9 +54,9 @@ std::shared_ptr<DoePattern> make_spot_pattern(const SpotPatternParameters &p) {
     const BeamProfile beam(p.beam);
     const SpotShape spot = make_spot_shape(beam);
     auto result = std::make_shared<DoePatternResult>();
-    DoePatternBooks &books = result->books;
-    begin_books(p, beam, spot.half_u_per_m * p.wavelength_m, spot.half_v_per_m * p.wavelength_m, books);
-    books.dots = 1;
+    DoePowerBudget &budget = result->budget;
+    begin_power_budget(p, beam, spot.half_u_per_m * p.wavelength_m, spot.half_v_per_m * p.wavelength_m, budget);
+    budget.dots = 1;
 
     const double texel_u = 2 * p.half_extent_x / p.image_width, texel_v = 2 * p.half_extent_y / p.image_height;
     const double node_x = spot.step_u_per_m * p.wavelength_m / texel_u,

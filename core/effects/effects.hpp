@@ -64,7 +64,7 @@ struct EffectForms {
 };
 
 // An effect that a capture may not tell from this one, and the capture that would.
-struct LookAlike {
+struct ConfusableEffect {
     const char *id, *capture;
 };
 
@@ -88,7 +88,7 @@ struct Effect {
     unsigned acts_shaped = 0;   // scenes where it acts only if a hypothesis makes the ideal image uneven
     bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
     std::vector<EffectForms> forms = {};
-    std::vector<LookAlike> look_alikes = {};
+    std::vector<ConfusableEffect> confusable_effects = {};
 
     Effect scales_light() const { return with(&Effect::whole_image, true); }
     Effect needs_gaussian_field() const { return with(&Effect::gaussian_only, true); }
@@ -99,7 +99,7 @@ struct Effect {
     }
     Effect told_from(const char *other, const char *capture) const {
         Effect result = *this;
-        result.look_alikes.push_back({other, capture});
+        result.confusable_effects.push_back({other, capture});
         return result;
     }
 

@@ -197,14 +197,14 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
     if (dark)
         on_dark();
     const CalibratedLevels begin = result;
-    run_tasks(lit, {}, [&](const Task &task, const Lane &lane) {
+    run_tasks(lit, {}, [&](const Task &task, const Worker &worker) {
         const std::size_t s = task.sequence;
         const bool is_coarse = coarse && layout_.sequences[s].scene == CaptureScene::kFlat;
         result.signal_share[s] = part(is_coarse ? 'S' : 's', s, begin, [&](CalibratedLevels &own) {
             if (is_coarse)
-                calibrate_coarse_signal(lane.simulator, effects, s, step, own);
+                calibrate_coarse_signal(worker.simulator, effects, s, step, own);
             else
-                calibrate_signal(lane.simulator, effects, s, step, own);
+                calibrate_signal(worker.simulator, effects, s, step, own);
         })[2];
     });
     return result;
@@ -225,14 +225,14 @@ double Experiment::noise_between_steps(const EffectSettings &effects, std::size_
         for (std::size_t k = first; k < last; ++k)
             for (std::size_t i = 0; i < kNoisePoints; ++i)
                 tasks.push_back({k * kNoisePoints + i, sequences[k], kCalibrationSeed});
-        run_tasks(tasks, {}, [&](const Task &task, const Lane &lane) {
+        run_tasks(tasks, {}, [&](const Task &task, const Worker &worker) {
             const std::size_t k = task.seed_index / kNoisePoints, i = task.seed_index % kNoisePoints;
             CalibratedLevels levels = begin;
             levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kNoisePoints - 1);
             if (k > 0)
                 levels.black_level_dn = found[0][i].black_level_dn;
             const bool scattered = 2 * i + 1 == kNoisePoints;
-            found[k][i] = stepped_level(lane.simulator, effects, task.sequence, step_dn, scattered, levels);
+            found[k][i] = stepped_level(worker.simulator, effects, task.sequence, step_dn, scattered, levels);
         });
     };
     find(0, 1); // the flats' light stands on the black level

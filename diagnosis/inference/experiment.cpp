@@ -17,9 +17,9 @@ namespace {
 
 using Codes = std::vector<std::vector<std::uint16_t>>;
 
-// Each lane has memory of its own for the frames of one sequence. There are twice as many as processors: one waits for
+// Each worker has memory of its own for the frames of one sequence. There are twice as many as processors: one waits for
 // its kernels while another one measures.
-constexpr std::size_t kMostLanes = 8, kLanesPerThread = 2;
+constexpr std::size_t kMostWorkers = 8, kWorkersPerThread = 2;
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
 constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 
@@ -61,11 +61,11 @@ void cut_border(std::uint16_t *codes, std::uint32_t frame_count, const CaptureLa
 
 } // namespace
 
-// Lives as long as a thread works in a lane.
+// Lives as long as a thread works in a worker.
 struct Experiment::Inside {
-    Inside(const Experiment *experiment_, std::size_t lane_, const std::function<void()> &checkpoint_,
+    Inside(const Experiment *experiment_, std::size_t worker_, const std::function<void()> &checkpoint_,
            OpenTasks &tasks_)
-        : experiment(experiment_), lane(lane_), checkpoint(checkpoint_), tasks(tasks_), before(here) {
+        : experiment(experiment_), worker(worker_), checkpoint(checkpoint_), tasks(tasks_), before(here) {
         here = this;
     }
     Inside(const Inside &) = delete;
@@ -73,9 +73,9 @@ struct Experiment::Inside {
     ~Inside() { here = before; }
 
     const Experiment *const experiment;
-    const std::size_t lane;
+    const std::size_t worker;
     const std::function<void()> &checkpoint;
-    OpenTasks &tasks;           // of all lanes
+    OpenTasks &tasks;           // of all workers
     const Inside *const before; // of another experiment
     static thread_local const Inside *here;
 };
@@ -88,17 +88,17 @@ Experiment::Experiment(std::shared_ptr<Context> context, const Capture &real, st
     // The caller's functions are called on the caller's thread, one at a time.
     const bool calls_back = std::any_of(hypotheses.begin(), hypotheses.end(),
                                         [](const Hypothesis &hypothesis) { return bool(hypothesis.apply); });
-    const std::size_t lanes =
-        !calls_back && threads > 1 ? std::min<std::size_t>(kLanesPerThread * threads, kMostLanes) : 1;
+    const std::size_t workers =
+        !calls_back && threads > 1 ? std::min<std::size_t>(kWorkersPerThread * threads, kMostWorkers) : 1;
     const statistics::StatisticsChoice statistics_choice = statistics::environment_statistics_choice();
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
+    for (std::size_t worker = 0; worker < workers; ++worker) {
         simulators_.push_back(std::make_unique<Simulator>(context_, real.layout, hypotheses));
-        simulators_.back()->set_cache_bytes(kCacheBytes / lanes);
-        if (lane == device_sums_.size()) // none is made after one that could not be
+        simulators_.back()->set_cache_bytes(kCacheBytes / workers);
+        if (worker == device_sums_.size()) // none is made after one that could not be
             if (auto sums = statistics::make_device_sums(context_, statistics_choice))
                 device_sums_.push_back(std::move(sums));
     }
-    if (device_sums_.size() < lanes)
+    if (device_sums_.size() < workers)
         device_sums_.clear();
     if (!device_sums_.empty())
         context_->log(LogLevel::kInfo, "the device takes the statistics' sums over pixels");
@@ -306,12 +306,12 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < seeds.size(); ++i)
         tasks.push_back({i, by_work_.back(), seeds[i]}); // all dark sequences; the last one is one if any is
-    run_tasks(tasks, {}, [&](const Task &task, const Lane &lane) {
+    run_tasks(tasks, {}, [&](const Task &task, const Worker &worker) {
         const std::size_t i = task.seed_index;
         std::vector<SpareBuffers<std::uint16_t>::Buffer> codes(sequences);
         const auto codes_of = [&](std::size_t s) {
             if (codes[s].empty())
-                codes[s] = frames(lane.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
+                codes[s] = frames(worker.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
             return codes[s].data();
         };
         std::vector<SequenceLevel> levels(sequences);
@@ -329,7 +329,7 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         for (std::size_t s = 0; s < sequences; ++s)
             if (dark[s] && concerned[s])
                 take(i, s, memo_.value(statistics_key(i, s), [&] {
-                    return measured(s, folds, codes_of(s), calibrations[i], lane);
+                    return measured(s, folds, codes_of(s), calibrations[i], worker);
                 }));
     });
     tasks.clear();
@@ -337,11 +337,11 @@ void Experiment::simulate(const EffectSettings &effects, const CalibratedLevels 
         for (const std::size_t s : by_work_)
             if (!dark[s] && concerned[s])
                 tasks.push_back({i, s, seeds[i]});
-    run_tasks(tasks, before_each, [&](const Task &task, const Lane &lane) {
+    run_tasks(tasks, before_each, [&](const Task &task, const Worker &worker) {
         const std::size_t i = task.seed_index, s = task.sequence;
         take(i, s, memo_.value(statistics_key(i, s), [&] {
-            const auto codes = frames(lane.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
-            return measured(s, folds, codes.data(), calibrations[i], lane);
+            const auto codes = frames(worker.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
+            return measured(s, folds, codes.data(), calibrations[i], worker);
         }));
     });
 }
@@ -350,30 +350,30 @@ void Experiment::run_tasks(const std::vector<Task> &tasks, const std::function<v
                            const DoTask &work) {
     if (const Inside *place = inside()) {
         place->tasks.run(tasks.size(), [&](std::size_t t) {
-            const Inside &helper = *inside(); // perhaps another lane
+            const Inside &helper = *inside(); // perhaps another worker
             helper.checkpoint();
-            work(tasks[t], lane(helper.lane, 1));
+            work(tasks[t], worker(helper.worker, 1));
         });
         return;
     }
-    const std::size_t lanes = simulators_.size(), busy = std::clamp<std::size_t>(tasks.size(), 1, lanes);
-    // A lane with company measures on its own thread: starting others for so little takes longer.
+    const std::size_t workers = simulators_.size(), busy = std::clamp<std::size_t>(tasks.size(), 1, workers);
+    // A worker with company measures on its own thread: starting others for so little takes longer.
     const unsigned threads = std::max(1u, threads_ / static_cast<unsigned>(busy));
     std::vector<std::atomic<bool>> begun(tasks.size());
-    run_lanes(lanes, checkpoint, [&](std::size_t number, const std::function<void()> &lane_checkpoint) {
+    run_workers(workers, checkpoint, [&](std::size_t number, const std::function<void()> &worker_checkpoint) {
         std::size_t seed_index = 0;
         const auto run = [&](std::size_t t) {
-            if (begun[t].exchange(true))
+            if (begun[t].swap(true))
                 return;
             if (number == 0 && before_each && tasks[t].seed_index >= seed_index) {
                 before_each(tasks[t].seed_index);
                 seed_index = tasks[t].seed_index + 1;
             }
-            lane_checkpoint();
-            work(tasks[t], lane(number, threads));
+            worker_checkpoint();
+            work(tasks[t], worker(number, threads));
         };
         for (std::size_t t = 0; t < tasks.size(); ++t)
-            if (lane_of(tasks[t].sequence, tasks[t].seed) == number)
+            if (worker_of(tasks[t].sequence, tasks[t].seed) == number)
                 run(t);
         for (std::size_t t = tasks.size(); t-- > 0;)
             run(t);
@@ -388,11 +388,11 @@ void Experiment::side_by_side(std::size_t count, const std::function<void(std::s
     }
     std::atomic<std::size_t> next{0};
     OpenTasks tasks;
-    run_lanes(simulators_.size(), checkpoint, [&](std::size_t lane, const std::function<void()> &lane_checkpoint) {
-        const Inside inside(this, lane, lane_checkpoint, tasks);
-        tasks.work(lane_checkpoint, [&] {
+    run_workers(simulators_.size(), checkpoint, [&](std::size_t worker, const std::function<void()> &worker_checkpoint) {
+        const Inside inside(this, worker, worker_checkpoint, tasks);
+        tasks.work(worker_checkpoint, [&] {
             for (std::size_t i = next++; i < count; i = next++) {
-                lane_checkpoint();
+                worker_checkpoint();
                 work(i);
             }
         });
@@ -408,12 +408,12 @@ const Experiment::Inside *Experiment::inside() const {
 
 bool Experiment::on_callers_thread() const {
     const Inside *place = inside();
-    return !place || place->lane == 0;
+    return !place || place->worker == 0;
 }
 
 Simulator &Experiment::simulator_of(std::size_t sequence, std::uint64_t seed) const {
     const Inside *place = inside();
-    return *simulators_[place ? place->lane : lane_of(sequence, seed)];
+    return *simulators_[place ? place->worker : worker_of(sequence, seed)];
 }
 
 std::uint64_t Experiment::work_of(const EffectSettings &effects, std::size_t sequence,
@@ -473,14 +473,14 @@ Calibration Experiment::calibration_of(const Codes &codes) const {
 
 std::vector<double> Experiment::measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
                                          const std::uint16_t *codes, const Calibration &calibration,
-                                         const Lane &lane) const {
+                                         const Worker &worker) const {
     const std::size_t values = end(sequence) - begin(sequence);
     std::vector<double> result(static_cast<std::size_t>(folds) * values);
-    statistics.compute(codes, calibration, result.data(), lane.threads, lane.device);
+    statistics.compute(codes, calibration, result.data(), worker.threads, worker.device);
     if (folds == Folds::kBoth) {
         const std::size_t step = frame_count(sequence, folds) - half_count(sequence);
-        statistics.compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, lane.threads,
-                           lane.device);
+        statistics.compute(codes + step * layout_.pixel_count(), calibration, result.data() + values, worker.threads,
+                           worker.device);
     }
     return result;
 }
@@ -496,7 +496,7 @@ void Experiment::measure(std::size_t sequence, const std::uint16_t *codes, const
     const SequenceStatistics &statistics = elsewhere_.empty() ? statistics_[sequence] : elsewhere_[sequence];
     const Inside *place = inside();
     put(sequence,
-        measured(statistics, sequence, Folds::kBoth, codes, calibration, lane(place ? place->lane : 0, threads_)),
+        measured(statistics, sequence, Folds::kBoth, codes, calibration, worker(place ? place->worker : 0, threads_)),
         into);
 }
 

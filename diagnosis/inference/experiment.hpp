@@ -103,11 +103,11 @@ class Experiment {
     // has one of its own, as far from the data sheet's as the real one may be.
     CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
 
-    // Calls work(0) ... work(count - 1), which are to be independent of each other: each in a lane that simulates and
-    // measures what the work asks for, helped by lanes that have run out of work. Within such work, all of them on its
+    // Calls work(0) ... work(count - 1), which are to be independent of each other: each in a worker that simulates and
+    // measures what the work asks for, helped by workers that have run out of work. Within such work, all of them on its
     // own thread.
     void side_by_side(std::size_t count, const std::function<void(std::size_t)> &work);
-    // Whether this is the thread that progress may be told on: other lanes' are not.
+    // Whether this is the thread that progress may be told on: other workers' are not.
     bool on_callers_thread() const;
 
     // How much has been asked for so far, in whole captures without effects: by the number of frames, and of interference
@@ -123,22 +123,22 @@ class Experiment {
     std::uint32_t half_count(std::size_t sequence) const;
     std::uint32_t frame_count(std::size_t sequence, Folds folds) const;
     // What simulates and measures, used by one thread at a time.
-    struct Lane {
+    struct Worker {
         Simulator &simulator;
         statistics::DeviceSums *device; // nullptr: the host sums over pixels
         unsigned threads;               // that measuring may use
     };
-    Lane lane(std::size_t number, unsigned threads) const {
+    Worker worker(std::size_t number, unsigned threads) const {
         return {*simulators_[number], device_sums_.empty() ? nullptr : device_sums_[number].get(), threads};
     }
     // Statistics of the halves of a sequence that are asked for, one after the other.
     std::vector<double> measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
-                                 const Calibration &calibration, const Lane &lane) const {
-        return measured(statistics_[sequence], sequence, folds, codes, calibration, lane);
+                                 const Calibration &calibration, const Worker &worker) const {
+        return measured(statistics_[sequence], sequence, folds, codes, calibration, worker);
     }
     std::vector<double> measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
-                                 const std::uint16_t *codes, const Calibration &calibration, const Lane &lane) const;
-    // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, lanes side by side;
+                                 const std::uint16_t *codes, const Calibration &calibration, const Worker &worker) const;
+    // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, workers side by side;
     // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated again.
     using TakeValues =
         std::function<void(std::size_t seed_index, std::size_t sequence, const std::vector<double> &values)>;
@@ -147,24 +147,24 @@ class Experiment {
                   const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
     // What the frames of a sequence depend on beside the seed.
     MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;
-    struct Inside; // which lane a thread works in
+    struct Inside; // which worker a thread works in
     const Inside *inside() const;
     // One sequence, drawn from one seed.
     struct Task {
         std::size_t seed_index, sequence;
         std::uint64_t seed;
     };
-    // Lanes side by side: each does its own tasks, then what the others have not begun. before_each: called with the
+    // Workers side by side: each does its own tasks, then what the others have not begun. before_each: called with the
     // seed_index of tasks as they come (may be empty).
-    using DoTask = std::function<void(const Task &task, const Lane &lane)>;
+    using DoTask = std::function<void(const Task &task, const Worker &worker)>;
     void run_tasks(const std::vector<Task> &tasks, const std::function<void(std::size_t)> &before_each,
                    const DoTask &work);
     // The simulator that draws a sequence unless another one helps out: the same for the same random numbers, as it
     // keeps the light that it drew last.
-    std::size_t lane_of(std::size_t sequence, std::uint64_t seed) const {
+    std::size_t worker_of(std::size_t sequence, std::uint64_t seed) const {
         return (places_[sequence] + seed) % simulators_.size();
     }
-    // That lane's; in the work of side_by_side() the work's own.
+    // That worker's; in the work of side_by_side() the work's own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
     void sort_by_work();
     // What some of a sequence's frames take to simulate and measure.
@@ -211,7 +211,7 @@ class Experiment {
     std::shared_ptr<Context> context_;
     CaptureLayout layout_;
     unsigned threads_;
-    // Sequences are simulated and measured side by side, each lane by a simulator of its own.
+    // Sequences are simulated and measured side by side, each worker by a simulator of its own.
     std::vector<std::unique_ptr<Simulator>> simulators_;
     std::vector<std::unique_ptr<statistics::DeviceSums>> device_sums_; // one for each, or none
     Memo memo_;

@@ -1,5 +1,5 @@
 // Fitting models of effects to a capture: strengths by common random numbers, judged by replicates of their own. What
-// the search and its exchanges are made of.
+// the search and its swaps are made of.
 #pragma once
 
 #include "inference/gauss_newton.hpp"
@@ -33,7 +33,7 @@ struct Path {
         looks; // each other effect's change of the statistics when it was last looked at
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
-    // Of effects whose form the capture does not tell (exchange_forms): the values of the other one.
+    // Of effects whose form the capture does not tell (swap_forms): the values of the other one.
     std::map<std::string, std::vector<double>> other_forms;
     double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
     double strongest = kStrongest;             // how far its strengths may go

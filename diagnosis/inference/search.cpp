@@ -30,9 +30,9 @@ constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
 // So are those farther behind where the best one explains less than that part: what an effect scatters by itself (power
 // that flickers) counts as not explained until it is simulated.
 constexpr double kDoubtful = 0.25;
-// Where the squared distance fell below that part and is still too large, effects are exchanged; that often.
+// Where the squared distance fell below that part and is still too large, effects are swapped; that often.
 constexpr double kLittleLeft = 0.02;
-constexpr int kMostExchanges = 3;
+constexpr int kMostSwaps = 3;
 // Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
 // covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
 constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
@@ -149,7 +149,7 @@ class Search {
     enum class Until { kFar, kDone };
     bool grow_all(Path &path, const FittedModel &baseline, Until until);
     Path empty_path(double from, double to) const; // of the progress
-    // Exchanges effects, adds others, takes out what is needless.
+    // Swaps effects, adds others, takes out what is needless.
     void finish(Path &path, const FittedModel &baseline);
     // An effect is far beyond its range.
     static bool goes_far(const Path &path);
@@ -569,25 +569,25 @@ Path Search::empty_path(double from, double to) const {
 }
 
 void Search::finish(Path &path, const FittedModel &baseline) {
-    const auto exchange_effects = [&] {
-        for (int exchanges = 0; exchanges < kMostExchanges; ++exchanges) {
+    const auto swap_effects = [&] {
+        for (int swaps = 0; swaps < kMostSwaps; ++swaps) {
             if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
-                !exchange(fits_, path, path.progress))
+                !swap(fits_, path, path.progress))
                 break;
             grow_all(path, baseline, Until::kDone);
         }
     };
-    exchange_effects();
+    swap_effects();
     // Forms were chosen when other effects were missing.
     const bool is_certain = path.models.empty() || (path.models.size() == 1 && is_explained(path));
-    if (!is_certain && fits_.may_go_on() && exchange_forms(fits_, path, candidates_, path.progress) &&
+    if (!is_certain && fits_.may_go_on() && swap_forms(fits_, path, candidates_, path.progress) &&
         !is_explained(path)) {
         grow_all(path, baseline, Until::kDone);
-        exchange_effects();
+        swap_effects();
     }
-    for (int exchanges = 0; exchanges < kMostExchanges && path.models.size() > 1 && is_explained(path); ++exchanges) {
+    for (int swaps = 0; swaps < kMostSwaps && path.models.size() > 1 && is_explained(path); ++swaps) {
         Path before = path;
-        if (!fits_.may_go_on() || !exchange_look_alikes(fits_, path, path.progress))
+        if (!fits_.may_go_on() || !swap_confusable_effects(fits_, path, path.progress))
             break;
         if (!is_explained(path)) { // likelier, and yet not all
             path = std::move(before);

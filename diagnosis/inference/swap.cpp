@@ -18,18 +18,18 @@ constexpr std::size_t kMostAlike = 2;
 constexpr std::size_t kMostRivals = 2;
 constexpr double kLeastRival = 0.5;
 // Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
-constexpr double kLookAlike = 0.8;
+constexpr double kConfusable = 0.8;
 // Quick fits may differ by that much of a squared distance by chance; replicates of whole fits tell them apart. So many
 // are made.
 constexpr double kQuicklyAlike = 40.0;
 constexpr std::size_t kMostWhole = 2;
-constexpr int kExchangeRounds = 8;
+constexpr int kSwapRounds = 8;
 constexpr double kHopeless = 4.0; // after some rounds
 constexpr double kLeastRoundGain = 0.02;
 // Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
 constexpr std::size_t kMostAdded = 5;
 // A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
-// of a squared distance. And where much more is left, an exchange that takes away little of it explains nothing.
+// of a squared distance. And where much more is left, an swap that takes away little of it explains nothing.
 constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
 // What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it, and after
 // that for replicates.
@@ -42,7 +42,7 @@ constexpr double kHopelessForm = 3.0 * kFormMargin;
 // A strength at which most effects do little.
 constexpr double kNothing = -0.4;
 
-// An exchange to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
+// An swap to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
 // at the end. place: the number of effects where none goes.
 struct Move {
     std::size_t place;
@@ -146,7 +146,7 @@ std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
     return result;
 }
 
-// What an exchange must leave to be worth a fit, where the squared distance is `now`.
+// What an swap must leave to be worth a fit, where the squared distance is `now`.
 double worth_of(const ModelFit &fits, double now) {
     return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.experiment().count());
 }
@@ -164,7 +164,7 @@ GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &p
     GaussNewtonOptions options;
     options.seed = fits.options().seed;
     options.seeds = kSearchSeeds;
-    options.secant_rounds = kExchangeRounds;
+    options.secant_rounds = kSwapRounds;
     options.near = options.far = kNear;
     options.strongest = fits.strongest();
     options.hopeless = kHopeless * now;
@@ -212,7 +212,7 @@ std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::v
         const Move &move = tried[i];
         const bool adds = move.place == path.model.effects.size();
         const std::string what =
-            "exchanging " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
+            "swapping " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
         fits.report(at, what + " for " + move.candidate->id);
         EffectModel model = path.model;
         if (move.shares)
@@ -363,7 +363,7 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
 
 } // namespace
 
-bool exchange(ModelFit &fits, Path &path, double at) {
+bool swap(ModelFit &fits, Path &path, double at) {
     const auto improves = [&](const std::vector<Move> &tried) {
         const FittedModel &whole = path.models.back();
         const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
@@ -379,9 +379,9 @@ bool exchange(ModelFit &fits, Path &path, double at) {
     return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
 }
 
-bool exchange_look_alikes(ModelFit &fits, Path &path, double at) {
+bool swap_confusable_effects(ModelFit &fits, Path &path, double at) {
     std::vector<Move> tried = moves_of(path, false, most_effects(fits, path));
-    tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kLookAlike; }),
+    tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kConfusable; }),
                 tried.end());
     if (tried.empty())
         return false;
@@ -394,7 +394,7 @@ bool exchange_look_alikes(ModelFit &fits, Path &path, double at) {
     return make_best(fits, path, best_moves(fits, path, tried, least + kQuicklyAlike, at), at);
 }
 
-bool exchange_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {
+bool swap_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {
     bool changed = false;
     for (std::size_t place = 0; place < path.model.effects.size(); ++place)
         for (const Candidate &form : candidates) {

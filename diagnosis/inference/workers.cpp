@@ -12,13 +12,13 @@ namespace {
 
 struct Stopped {};
 
-// How soon a lane that waits learns that it is to stop.
+// How soon a worker that waits learns that it is to stop.
 constexpr std::chrono::milliseconds kLookUp{20};
 
 } // namespace
 
-void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
-               const std::function<void(std::size_t lane, const std::function<void()> &checkpoint)> &work) {
+void run_workers(std::size_t count, const std::function<void()> &checkpoint,
+               const std::function<void(std::size_t worker, const std::function<void()> &checkpoint)> &work) {
     std::vector<std::exception_ptr> failures(count);
     std::atomic<bool> stopped{false};
     const std::function<void()> others = [&] {
@@ -30,13 +30,13 @@ void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
         if (checkpoint)
             checkpoint();
     };
-    const auto run = [&](std::size_t lane, const std::function<void()> &its_checkpoint) {
+    const auto run = [&](std::size_t worker, const std::function<void()> &its_checkpoint) {
         try {
-            work(lane, its_checkpoint);
+            work(worker, its_checkpoint);
         } catch (const Stopped &) {
-            // another lane has thrown
+            // another worker has thrown
         } catch (...) {
-            failures[lane] = std::current_exception();
+            failures[worker] = std::current_exception();
             stopped = true;
         }
     };
@@ -51,8 +51,8 @@ void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
     }
     if (count > 0)
         run(0, callers);
-    for (std::size_t lane = started; lane < count && !stopped; ++lane)
-        run(lane, callers);
+    for (std::size_t worker = started; worker < count && !stopped; ++worker)
+        run(worker, callers);
     for (std::thread &thread : threads)
         thread.join();
     for (const std::exception_ptr &failure : failures)

@@ -10,19 +10,19 @@
 
 namespace clsp {
 
-// Calls work(lane, checkpoint) for the lanes 0 ... count - 1, the first on this thread, each other on one of its own,
-// and returns when all have ended. Work is to call its checkpoint now and then: it ends the lane once another one has
-// thrown, and in lane 0 it calls `checkpoint` (may be empty). Throws what the first lane that failed has thrown.
-void run_lanes(std::size_t count, const std::function<void()> &checkpoint,
-               const std::function<void(std::size_t lane, const std::function<void()> &checkpoint)> &work);
+// Calls work(worker, checkpoint) for the workers 0 ... count - 1, the first on this thread, each other on one of its own,
+// and returns when all have ended. Work is to call its checkpoint now and then: it ends the worker once another one has
+// thrown, and in worker 0 it calls `checkpoint` (may be empty). Throws what the first worker that failed has thrown.
+void run_workers(std::size_t count, const std::function<void()> &checkpoint,
+               const std::function<void(std::size_t worker, const std::function<void()> &checkpoint)> &work);
 
-// What lanes that work side by side have laid open to each other: one that has nothing left of its own helps the others.
+// What workers that work side by side have laid open to each other: one that has nothing left of its own helps the others.
 class OpenTasks {
   public:
-    // Runs own(), which may call run(); then helps, until no lane is left in its own(). One that comes before any other
-    // has begun its own does not wait for them: own() is to end only when all of the lanes' work has been begun.
+    // Runs own(), which may call run(); then helps, until no worker is left in its own(). One that comes before any other
+    // has begun its own does not wait for them: own() is to end only when all of the workers' work has been begun.
     void work(const std::function<void()> &checkpoint, const std::function<void()> &own);
-    // Calls task(0) ... task(count - 1), which are to be independent of each other, on this thread or on those of lanes
+    // Calls task(0) ... task(count - 1), which are to be independent of each other, on this thread or on those of workers
     // that help; returns when all have ended. Throws what the first of them that failed has thrown.
     void run(std::size_t count, const std::function<void(std::size_t)> &task);
 
@@ -39,7 +39,7 @@ class OpenTasks {
     std::mutex mutex_;
     std::condition_variable changed_;
     std::list<Batch *> open_;
-    std::size_t busy_ = 0; // lanes with work of their own
+    std::size_t busy_ = 0; // workers with work of their own
 };
 
 } // namespace clsp

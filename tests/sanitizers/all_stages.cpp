@@ -416,7 +416,7 @@ void run_doe() {
         const ClspDoePatternInfo info = clspeckle::DoePattern(context, desc).info();
         const double sum = info.dots + info.zero_order + info.ghosts + info.scatter;
         if (!(std::abs(sum - 1) < 1e-5))
-            throw std::runtime_error("the books of a diffractive element add up to " + std::to_string(sum));
+            throw std::runtime_error("the power budget of a diffractive element adds up to " + std::to_string(sum));
     };
     desc.half_extent_x = desc.half_extent_y = 0.15;
     check_books();

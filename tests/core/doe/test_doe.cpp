@@ -1,4 +1,4 @@
-// Patterns of diffractive elements: every call of doe.h, its defaults, its books, and what bad arguments get.
+// Patterns of diffractive elements: every call of doe.h, its defaults, its budget, and what bad arguments get.
 #include "test_support.hpp"
 
 #include <numeric>

@@ -71,10 +71,10 @@ TEST(EffectRecords, EvenEffectsHaveBothSigns) {
         }
 }
 
-TEST(EffectRecords, LookAlikesAreEffectsAndEachPairStandsOnce) {
+TEST(EffectRecords, ConfusableAreEffectsAndEachPairStandsOnce) {
     std::set<std::set<std::string>> pairs;
     for (const Effect &effect : effect_catalogue())
-        for (const LookAlike &other : effect.look_alikes) {
+        for (const ConfusableEffect &other : effect.confusable_effects) {
             EXPECT_TRUE(in_catalogue(other.id)) << effect.id << " and " << other.id;
             EXPECT_TRUE(says_something(other.capture));
             EXPECT_TRUE(pairs.insert({effect.id, other.id}).second) << effect.id << " and " << other.id;

@@ -355,7 +355,7 @@ TEST(Response, ParabolasAreReproduced) {
     EXPECT_NEAR(response.distance(0.4), 0.1, 1e-12);
 }
 
-TEST(Advice, NamesACaptureForLookAlikes) {
+TEST(Advice, NamesACaptureForConfusableEffects) {
     EXPECT_TRUE(advice_for({}).empty());
     EXPECT_TRUE(advice_for({"linewidth"}).empty());
     const auto advice = advice_for({"depolarization", "linewidth"});
@@ -545,7 +545,7 @@ TEST(Diagnosis, WithoutDarkFramesEffectsAreStillNamed) {
 // Alone, a moving board shows a contrast: weak depolarization is one of three effects that lower it. All three are to be
 // fitted, though others promise more at a first look: otherwise the wrong one was named in half of such captures, and
 // the right one was never among the equivalent ones. (Of what a twentieth is likely, a twentieth is not listed.)
-TEST(Diagnosis, LookAlikesOfOneSequenceAreFittedToo) {
+TEST(Diagnosis, ConfusableEffectsOfOneSequenceAreFittedToo) {
     CaptureLayout layout = larger_layout();
     layout.sequences.erase(layout.sequences.begin() + 1);
     for (SequenceLayout &sequence : layout.sequences)

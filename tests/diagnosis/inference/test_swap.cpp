@@ -15,7 +15,7 @@ namespace {
 using namespace clsp;
 using namespace clsp::attribution_test;
 
-class Exchange : public testing::Test {
+class Swap : public testing::Test {
   protected:
     SearchOptions options() const {
         SearchOptions result;
@@ -78,13 +78,13 @@ class Exchange : public testing::Test {
     std::vector<Candidate> all = candidates({}, {});
 };
 
-TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
+TEST_F(Swap, AnEffectThatResemblesTheTrueOne) {
     Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {}, 2);
     ModelFit fits(experiment, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
     ASSERT_TRUE(path.models.back().residual.detected);
-    EXPECT_TRUE(exchange(fits, path, 0.0));
+    EXPECT_TRUE(swap(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"row_noise", "crosstalk"}));
     EXPECT_FALSE(path.models.back().residual.detected);
     fits.measure_parameters(path.models.back(), path.model, 0.0);
@@ -92,7 +92,7 @@ TEST_F(Exchange, AnEffectThatResemblesTheTrueOne) {
     expect_consistent(fits, path, baseline);
 }
 
-TEST_F(Exchange, WhatIsMissingIsAdded) {
+TEST_F(Swap, WhatIsMissingIsAdded) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"crosstalk", {0.15}}}, kCaptureSeed + 9), {}, 2);
     for (const std::uint32_t most : {1u, 6u}) {
         SearchOptions limited = options();
@@ -101,7 +101,7 @@ TEST_F(Exchange, WhatIsMissingIsAdded) {
         const FittedModel baseline = fits.fit_baseline(0.0);
         Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
         ASSERT_TRUE(path.models.back().residual.detected);
-        EXPECT_EQ(exchange(fits, path, 0.0), most > 1);
+        EXPECT_EQ(swap(fits, path, 0.0), most > 1);
         expect_consistent(fits, path, baseline);
         if (most == 1)
             continue;
@@ -112,18 +112,18 @@ TEST_F(Exchange, WhatIsMissingIsAdded) {
     }
 }
 
-TEST_F(Exchange, NothingForWhatIsRight) {
+TEST_F(Swap, NothingForWhatIsRight) {
     Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
     ModelFit fits(experiment, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
-    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_FALSE(swap(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
     expect_consistent(fits, path, baseline);
 }
 
-// Two names for one thing: nothing is exchanged, but the choice is no certain one any more.
-TEST_F(Exchange, WhatDoesAsWellIsARival) {
+// Two names for one thing: nothing is swapped, but the choice is no certain one any more.
+TEST_F(Swap, WhatDoesAsWellIsARival) {
     std::vector<Hypothesis> twins(2);
     for (std::size_t i = 0; i < twins.size(); ++i) {
         Hypothesis &twin = twins[i];
@@ -141,7 +141,7 @@ TEST_F(Exchange, WhatDoesAsWellIsARival) {
     fits.fit_baseline(0.0);
     all = candidates(twins, {});
     Path path = path_of(fits, {"tilt", "row_noise"}, {"slope"});
-    EXPECT_FALSE(exchange(fits, path, 0.0));
+    EXPECT_FALSE(swap(fits, path, 0.0));
     EXPECT_EQ(names(path), (std::vector<std::string>{"tilt", "row_noise"}));
     const std::vector<RankedEffect> &ranking = path.steps.front().ranking;
     ASSERT_EQ(2u, ranking.size());
@@ -158,7 +158,7 @@ TEST_F(Exchange, WhatDoesAsWellIsARival) {
 }
 
 // A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.
-TEST_F(Exchange, ADoubtfulResidualIsConfirmed) {
+TEST_F(Swap, ADoubtfulResidualIsConfirmed) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
     ModelFit fits(experiment, options(), {});
     fits.fit_baseline(0.0);
@@ -190,7 +190,7 @@ TEST_F(Exchange, ADoubtfulResidualIsConfirmed) {
 }
 
 // Bits that an early step of a search took for one too few: no slope leads back from there.
-TEST_F(Exchange, WholeNumbersGoOneFurther) {
+TEST_F(Swap, WholeNumbersGoOneFurther) {
     Experiment experiment(context(), simulated({{"adc_bits", {8.0}}, {"vignetting", {0.3}}}, kCaptureSeed + 14), {}, 2);
     for (const double bits : {7.0, 8.0}) {
         ModelFit fits(experiment, options(), {});
@@ -216,7 +216,7 @@ TEST_F(Exchange, WholeNumbersGoOneFurther) {
     }
 }
 
-TEST_F(Exchange, ASearchEndsAtItsMostWork) {
+TEST_F(Swap, ASearchEndsAtItsMostWork) {
     const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
     const auto found = [&](double most_work, std::uint32_t null_replicates) {
         Experiment experiment(context(), capture, {}, 2);
@@ -239,7 +239,7 @@ TEST_F(Exchange, ASearchEndsAtItsMostWork) {
 }
 
 // An effect that only stood for later ones, and is not named, leaves its place to one that is missing.
-TEST_F(Exchange, SlightEffectsTakeNoPlace) {
+TEST_F(Swap, SlightEffectsTakeNoPlace) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
     SearchOptions few = options();
     few.max_effects = 2;
@@ -261,7 +261,7 @@ TEST_F(Exchange, SlightEffectsTakeNoPlace) {
     EXPECT_EQ(model.slight_count(Eigen::Vector2d(-0.2, -1.0)), 0u);
 }
 
-TEST_F(Exchange, NeedlessEffectsArePruned) {
+TEST_F(Swap, NeedlessEffectsArePruned) {
     Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
     ModelFit fits(experiment, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
@@ -274,7 +274,7 @@ TEST_F(Exchange, NeedlessEffectsArePruned) {
 }
 
 // Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and may land beside it (here at 389).
-TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
+TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
     Experiment experiment(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 8), {}, 2);
     ModelFit fits(experiment, options(), {});
     fits.fit_baseline(0.0);
@@ -302,7 +302,7 @@ TEST_F(Exchange, AFitIsPolishedWhereStatisticsBend) {
 }
 
 // A display's gamma lies beyond where the search for one ends (0.57).
-TEST_F(Exchange, AFitGoesOnWhereTheSearchEnds) {
+TEST_F(Swap, AFitGoesOnWhereTheSearchEnds) {
     Experiment experiment(context(), simulated({{"gamma", {0.48}}}, kCaptureSeed + 11), {}, 2);
     ModelFit fits(experiment, options(), {});
     fits.fit_baseline(0.0);
@@ -338,7 +338,7 @@ TEST_F(Exchange, AFitGoesOnWhereTheSearchEnds) {
 }
 
 // Strengths far from where they begin: rounds with secants lead there at one simulation each.
-TEST_F(Exchange, SecantsReachStrengthsThatAreFar) {
+TEST_F(Swap, SecantsReachStrengthsThatAreFar) {
     Experiment experiment(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 2);
     ModelFit fits(experiment, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);

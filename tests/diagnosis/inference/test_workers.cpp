@@ -1,4 +1,4 @@
-// Lanes side by side: all are run, the caller's checkpoints are the caller's, and what a lane throws arrives.
+// Workers side by side: all are run, the caller's checkpoints are the caller's, and what a worker throws arrives.
 #include "inference/workers.hpp"
 
 #include <gtest/gtest.h>
@@ -14,30 +14,30 @@ namespace {
 
 using Checkpoint = std::function<void()>;
 
-TEST(Lanes, AllRunOnceAndTheFirstIsTheCallers) {
+TEST(Workers, AllRunOnceAndTheFirstIsTheCallers) {
     for (const std::size_t count : {0u, 1u, 2u, 7u}) {
         std::vector<int> runs(count, 0);
         std::vector<std::thread::id> threads(count);
         int checkpoints = 0;
-        run_lanes(
+        run_workers(
             count, [&] { ++checkpoints; },
-            [&](std::size_t lane, const Checkpoint &checkpoint) {
-                ++runs[lane];
-                threads[lane] = std::this_thread::get_id();
+            [&](std::size_t worker, const Checkpoint &checkpoint) {
+                ++runs[worker];
+                threads[worker] = std::this_thread::get_id();
                 checkpoint();
                 checkpoint();
             });
         EXPECT_EQ(std::vector<int>(count, 1), runs);
-        EXPECT_EQ(count > 0 ? 2 : 0, checkpoints) << "of lane 0 alone";
-        for (std::size_t lane = 0; lane < count; ++lane)
-            EXPECT_EQ(lane == 0, threads[lane] == std::this_thread::get_id()) << lane;
+        EXPECT_EQ(count > 0 ? 2 : 0, checkpoints) << "of worker 0 alone";
+        for (std::size_t worker = 0; worker < count; ++worker)
+            EXPECT_EQ(worker == 0, threads[worker] == std::this_thread::get_id()) << worker;
     }
-    run_lanes(2, {}, [](std::size_t, const Checkpoint &checkpoint) { checkpoint(); });
+    run_workers(2, {}, [](std::size_t, const Checkpoint &checkpoint) { checkpoint(); });
 }
 
-TEST(Lanes, TheyRunSideBySide) {
+TEST(Workers, TheyRunSideBySide) {
     std::atomic<int> here{0};
-    run_lanes(3, {}, [&](std::size_t, const Checkpoint &) {
+    run_workers(3, {}, [&](std::size_t, const Checkpoint &) {
         ++here;
         while (here < 3) // would never end one after the other
             std::this_thread::yield();
@@ -45,26 +45,26 @@ TEST(Lanes, TheyRunSideBySide) {
     EXPECT_EQ(3, here);
 }
 
-TEST(Lanes, TheFirstFailureByNumberArrives) {
+TEST(Workers, TheFirstFailureByNumberArrives) {
     for (int repetition = 0; repetition < 20; ++repetition) {
         std::string message;
         std::vector<int> ended(4, 0);
         try {
-            run_lanes(4, {}, [&](std::size_t lane, const Checkpoint &) {
-                ended[lane] = 1;
-                if (lane == 1 || lane == 3)
-                    throw std::runtime_error("lane " + std::to_string(lane));
+            run_workers(4, {}, [&](std::size_t worker, const Checkpoint &) {
+                ended[worker] = 1;
+                if (worker == 1 || worker == 3)
+                    throw std::runtime_error("worker " + std::to_string(worker));
             });
         } catch (const std::runtime_error &error) {
             message = error.what();
         }
-        EXPECT_EQ("lane 1", message);
+        EXPECT_EQ("worker 1", message);
         EXPECT_EQ(std::vector<int>(4, 1), ended);
     }
 }
 
-TEST(Lanes, TheCallersCancellationEndsTheOthers) {
-    EXPECT_THROW(run_lanes(
+TEST(Workers, TheCallersCancellationEndsTheOthers) {
+    EXPECT_THROW(run_workers(
                      3, [] { throw std::domain_error("cancelled"); },
                      [&](std::size_t, const Checkpoint &checkpoint) {
                          for (;;) {
@@ -75,11 +75,11 @@ TEST(Lanes, TheCallersCancellationEndsTheOthers) {
                  std::domain_error);
 }
 
-TEST(Lanes, AnyLanesFailureEndsTheOthers) {
+TEST(Workers, AnyWorkersFailureEndsTheOthers) {
     for (const std::size_t failing : {0u, 1u, 2u})
-        EXPECT_THROW(run_lanes(3, {},
-                               [&](std::size_t lane, const Checkpoint &checkpoint) {
-                                   if (lane == failing)
+        EXPECT_THROW(run_workers(3, {},
+                               [&](std::size_t worker, const Checkpoint &checkpoint) {
+                                   if (worker == failing)
                                        throw std::domain_error("broken");
                                    for (;;) {
                                        checkpoint();
@@ -99,23 +99,23 @@ TEST(OpenTasks, EachRunsOnceWithoutHelp) {
         EXPECT_EQ(1, count);
 }
 
-// Lanes one to three have no work of their own: none of the tasks would end without their help.
-TEST(OpenTasks, LanesWithoutWorkHelp) {
+// Workers one to three have no work of their own: none of the tasks would end without their help.
+TEST(OpenTasks, WorkersWithoutWorkHelp) {
     OpenTasks open;
     std::atomic<int> together{0}, runs{0};
     std::atomic<bool> begun{false};
-    std::vector<std::atomic<int>> by_lane(4);
-    run_lanes(4, {}, [&](std::size_t lane, const Checkpoint &checkpoint) {
+    std::vector<std::atomic<int>> by_worker(4);
+    run_workers(4, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
         thread_local std::size_t here;
-        here = lane;
+        here = worker;
         open.work(checkpoint, [&] {
-            while (lane != 0 && !begun) // those that come before anybody has work would go again
+            while (worker != 0 && !begun) // those that come before anybody has work would go again
                 std::this_thread::yield();
-            if (lane == 0)
+            if (worker == 0)
                 open.run(40, [&](std::size_t i) {
                     begun = true;
                     ++runs;
-                    ++by_lane[here];
+                    ++by_worker[here];
                     if (i == 0 || i >= 37)
                         for (++together; together < 4;)
                             std::this_thread::yield();
@@ -123,24 +123,24 @@ TEST(OpenTasks, LanesWithoutWorkHelp) {
         });
     });
     EXPECT_EQ(40, runs);
-    for (const auto &count : by_lane)
+    for (const auto &count : by_worker)
         EXPECT_GE(count, 1);
 }
 
-// Every lane lays its tasks open, one after the other, and nothing is lost or done twice.
-TEST(OpenTasks, ManyLanesAndManyTasks) {
+// Every worker lays its tasks open, one after the other, and nothing is lost or done twice.
+TEST(OpenTasks, ManyWorkersAndManyTasks) {
     for (int repetition = 0; repetition < 20; ++repetition) {
         OpenTasks open;
         std::vector<std::atomic<int>> runs(4 * 30 * 3);
-        run_lanes(4, {}, [&](std::size_t lane, const Checkpoint &checkpoint) {
+        run_workers(4, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
             open.work(checkpoint, [&] {
                 for (std::size_t batch = 0; batch < 30; ++batch) {
                     std::atomic<int> ended{0};
-                    open.run(lane == 3 ? 0 : 3, [&](std::size_t i) {
-                        ++runs[(lane * 30 + batch) * 3 + i];
+                    open.run(worker == 3 ? 0 : 3, [&](std::size_t i) {
+                        ++runs[(worker * 30 + batch) * 3 + i];
                         ++ended;
                     });
-                    EXPECT_EQ(lane == 3 ? 0 : 3, ended) << "run() returned before its tasks had";
+                    EXPECT_EQ(worker == 3 ? 0 : 3, ended) << "run() returned before its tasks had";
                 }
             });
         });
@@ -154,9 +154,9 @@ TEST(OpenTasks, AFailureIsTheOwners) {
     for (std::size_t failing = 0; failing < 6; ++failing) {
         OpenTasks open;
         std::string message;
-        run_lanes(3, {}, [&](std::size_t lane, const Checkpoint &checkpoint) {
+        run_workers(3, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
             open.work(checkpoint, [&] {
-                if (lane != 0)
+                if (worker != 0)
                     return;
                 try {
                     open.run(6, [&](std::size_t i) {
@@ -175,13 +175,13 @@ TEST(OpenTasks, AFailureIsTheOwners) {
 TEST(OpenTasks, CancellationReachesThoseThatHelp) {
     OpenTasks open;
     std::atomic<int> working{0};
-    EXPECT_THROW(run_lanes(
+    EXPECT_THROW(run_workers(
                      3, [] { throw std::domain_error("cancelled"); },
-                     [&](std::size_t lane, const Checkpoint &checkpoint) {
+                     [&](std::size_t worker, const Checkpoint &checkpoint) {
                          open.work(checkpoint, [&] {
-                             for (++working; lane == 0 && working < 3;)
+                             for (++working; worker == 0 && working < 3;)
                                  std::this_thread::yield();
-                             while (lane != 0) { // the caller's lane has nothing to do, and is told all the same
+                             while (worker != 0) { // the caller's worker has nothing to do, and is told all the same
                                  checkpoint();
                                  std::this_thread::yield();
                              }

@@ -227,7 +227,7 @@ TEST_F(Diagnosis, RefusesBadHypotheses) {
     EXPECT_EQ(made, nullptr);
 }
 
-// On the device, in as many lanes as there are: the same as the function on the caller's thread, to the last digit of what
+// On the device, in as many workers as there are: the same as the function on the caller's thread, to the last digit of what
 // single precision leaves the same.
 TEST_F(Diagnosis, HypothesisAsOpenclSource) {
     clspeckle::Hypothesis ramp;
