@@ -137,7 +137,7 @@ Json budget_of(const ClspDoePatternInfo &i) {
             {"device_memory_bytes", i.device_memory_bytes}};
 }
 
-void print_books(const ClspDoePatternInfo &i, Console &console) {
+void print_budget(const ClspDoePatternInfo &i, Console &console) {
     const char *source = i.source == CLSP_DOE_SOURCE_DISK ? "from the cache" : "computed";
     console.print(fmt::format(
         "{} x {} texels over +-{:.4f} x +-{:.4f} in direction cosines, {}; spots +-{:.3g} x +-{:.3g} mrad (M^2 {:g})",
@@ -297,7 +297,7 @@ void run(const DoePatternArguments &a, bool to_file, Console &console) {
         console.result(budget.dump(2));
         return;
     }
-    print_books(info, console);
+    print_budget(info, console);
     if (to_file)
         console.print(fmt::format(
             "Look it up with: clspeckle render SCENE -o FOLDER --pattern {}.npy --pattern-projection direction_cosines "

@@ -363,7 +363,7 @@ void Experiment::run_tasks(const std::vector<Task> &tasks, const std::function<v
     run_workers(workers, checkpoint, [&](std::size_t number, const std::function<void()> &worker_checkpoint) {
         std::size_t seed_index = 0;
         const auto run = [&](std::size_t t) {
-            if (begun[t].swap(true))
+            if (begun[t].exchange(true))
                 return;
             if (number == 0 && before_each && tasks[t].seed_index >= seed_index) {
                 before_each(tasks[t].seed_index);

@@ -2,7 +2,6 @@
 #include "diagnosis/simulator/gap_simulator_support.hpp"
 
 #include "effects/effects.hpp"
-#include "simulator/effect_reach.hpp"
 #include "simulator/sequence_model.hpp"
 
 #include <algorithm>
