@@ -3,7 +3,7 @@
 //   A  rows: field, forward transform; the kept lines
 //   B  kept lines, along the columns: forward transform, pupil, inverse transform, in place
 //   C  rows: inverse transform of the kept lines, |V|^2
-// It has two shapes: lanes for CPUs (fused_lanes.cpp), and work-groups for GPUs (fused_groups.cpp).
+// It has two shapes: lanes for CPUs (cpu/cpu_engine.cpp), and work-groups for GPUs (gpu/gpu_engine.cpp).
 #pragma once
 
 #include "runtime/command_chain.hpp"

@@ -62,7 +62,7 @@ std::string program_of(const Hypothesis &hypothesis) {
                        "#line 1 \"parameters of {0}\"\n"
                        "typedef struct {{{1} }} hypothesis_values;\n"
                        "#define HYPOTHESIS_VALUES(values) {{{2}}}\n"
-                       "#include \"hypothesis.cl\"\n"
+                       "#include \"diagnosis/hypothesis.cl\"\n"
                        "#line 1 \"{0}\"\n{3}\n",
                        hypothesis.id, members, places,
                        source.compare(0, 3, kByteOrderMark) == 0 ? source.substr(3) : source);

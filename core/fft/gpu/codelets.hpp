@@ -74,7 +74,7 @@ std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const Group
 
 constexpr const char *kFusedGroupCodeletsName = "fft/gpu/codelets.h";
 
-// The text that the kernels fused_groups_*.cl include under that name. It reads the types of fft/gpu/work_groups.h and defines
+// The text that the kernels of fft/gpu include under that name. It reads the types of fft/gpu/work_groups.h and defines
 //   FFT_LENGTH, FFT_LINES, FFT_ITEMS, FFT_GROUP_ITEMS
 //   FFT_ACROSS      1: neighbouring work-items take neighbouring lines
 //   FFT_HELD        points that a work-item holds in re[] and im[]

@@ -64,13 +64,14 @@ struct GroupKernel {
 
 // A kernel may need more registers or local memory than its work-groups leave it; then these become smaller. Lines stay
 // a multiple of `lines_of`.
-GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const GroupBand &band, const char *name,
+GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, const GroupBand &band, const char *pass,
                   const std::string &options, std::uint32_t lines_of = 1) {
+    const std::string name = fmt::format("fused_groups_{}", pass);
     for (;;) {
         const ProgramCache::GeneratedHeader codelets{kFusedGroupCodeletsName, group_codelets(plan, shape, band)};
         // Denormal numbers mean nothing here, and cost GPUs a test at each root.
         const cl::Kernel kernel =
-            context.kernel(fmt::format("{}.cl", name), name, "-cl-denorms-are-zero " + options, &codelets);
+            context.kernel(fmt::format("fft/gpu/{}.cl", pass), name, "-cl-denorms-are-zero " + options, &codelets);
         const std::uint64_t own_bytes = kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(context.device()),
                             tile_bytes = group_tile_bytes(plan, shape),
                             local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
@@ -182,7 +183,7 @@ std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
 
 GroupKernel FusedGroups::build_inverse(const GroupShape &shape, const std::string &options,
                                        std::uint32_t lines_of) const {
-    return build(*context_, row_plan_, shape, row_band_, "fused_groups_rows_inverse",
+    return build(*context_, row_plan_, shape, row_band_, "rows_inverse",
                  fmt::format("-DOVERSAMPLING={} -DPADDED={} {}", pixel_samples_,
                              grid_.width * pixel_samples_ < grid_.grid_width ? 1 : 0, options),
                  lines_of);
@@ -248,7 +249,7 @@ GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
     if (found != fields_.end())
         return found->second;
     return fields_
-        .emplace(field_options, build(*context_, row_plan_, row_shape_, row_band_, "fused_groups_rows_forward",
+        .emplace(field_options, build(*context_, row_plan_, row_shape_, row_band_, "rows_forward",
                                       fmt::format("{} -DOVERSAMPLING={}", field_options, grid_.oversampling)))
         .first->second;
 }
@@ -256,7 +257,7 @@ GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
 GroupKernel &FusedGroups::columns_kernel(bool shifted) {
     GroupKernel &columns = shifted ? shifted_columns_ : columns_;
     if (!columns.kernel())
-        columns = build(*context_, column_plan_, column_shape_, column_band_, "fused_groups_columns",
+        columns = build(*context_, column_plan_, column_shape_, column_band_, "columns",
                         fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT={}", complex_pupil_ ? 1 : 0, shifted ? 1 : 0));
     return columns;
 }

@@ -1,5 +1,5 @@
 // Pass B of the fused speckle engine: LANES kept lines at once, transformed along the columns, multiplied by the pupil and transformed back,
-// in place (the layout is in fused_rows_forward.cl): also between the stages, as a tile beside the lines would need as much of the caches again.
+// in place (the layout is in rows_forward.cl): also between the stages, as a tile beside the lines would need as much of the caches again.
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the kept lines
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil

@@ -1,5 +1,5 @@
 // Pass B of the fused speckle engine for work-groups: FFT_LINES neighbouring kept lines, transformed along the columns, multiplied by the pupil
-// and transformed back, in place (the layout is in fused_groups.h).
+// and transformed back, in place (the layout is in work_groups.h).
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "fft/gpu/work_groups.h"

@@ -31,7 +31,7 @@ TEST(BuildLog, LinesOfTheWholeProgramBecomeFilesAndLines) {
                                        {"<kernel>:12", "of a user:41"}})
         EXPECT_EQ(std::string(place) + ":19: error: what",
                   with_files_and_lines(std::string(whole) + ":19: error: what", kProgram));
-    EXPECT_EQ("frame.cl:3:7: error: unknown type\nfloat a;\n      ^\npixel.h:1:7: note: here\n1 error generated.\n",
+    EXPECT_EQ("frame.cl:3:7: error: unknown type\nfloat a;\n      ^\ncommon/pixel.h:1:7: note: here\n1 error generated.\n",
               with_files_and_lines("<kernel>:7:7: error: unknown type\nfloat a;\n      ^\n"
                                    "<kernel>:4:7: note: here\n1 error generated.\n",
                                    kProgram));

@@ -1,0 +1,144 @@
+#!/usr/bin/env python3
+"""Whether two builds of clSpeckle make the same bytes: frames with every effect and engine, depth, and reports.
+
+    scripts/same_bytes.py BEFORE AFTER [--sets FOLDER ...] [--only TEXT] [--json]
+
+BEFORE and AFTER are build folders (with bin/clspeckle). Each case is a table row: the same command line is run by both
+programs, and every file that they write, with what they print, is compared. What depends on the run (times, versions) is left
+out of reports. Exit code 1 where something differs. A change that shall leave frames and reports as they are is run through this.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENE = ROOT / "examples" / "office" / "gbuffers" / "sequence.json"
+# Of a report: what the clock and the build say.
+OF_THE_RUN = {"seconds", "date", "version", "clspeckle_version", "library_version", "memory_bytes", "peak_memory_bytes"}
+DOTS = "# x y\n" + "".join(f"{x} {y}\n" for y in range(6, 72, 11) for x in range(5, 96, 11))
+
+Case = tuple[str, list[str], dict[str, str]]  # name, arguments, environment
+
+
+def write_inputs(folder: Path) -> None:
+    y, x = np.mgrid[0:72, 0:96]
+    image = 0.1 + np.exp(-(((x % 11 - 5) ** 2 + (y % 11 - 6) ** 2) / 4.0))
+    np.save(folder / "ideal.npy", image.astype(np.float32))
+    (folder / "dots.csv").write_text(DOTS)
+
+
+def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
+    """Each in the folder of the inputs; "{out}" is the case's own folder."""
+    render = ["render", "ideal.npy", "-o", "{out}", "--frames", "3", "--seed", "7", "--quiet"]
+    still = ["render", "ideal.npy", "ideal.npy", "ideal.npy", "-o", "{out}", "--seed", "7", "--quiet"]
+    for name, options in {
+        "plain": [],
+        "unpolarized": ["--degree-of-polarization", "0"],
+        "intensity": ["--no-sensor"],
+        "oversampled": ["--oversampling", "2", "--guard-px", "8"],
+        "unit phasors": ["--field", "unit_phasor"],
+        "profile": ["--sensor-profile", "OS04A10"],
+    }.items():
+        yield f"frame, {name}", render + options, {}
+    for engine in ("clfft", "fused-lanes", "fused-groups"):
+        for p in ("1", "0"):
+            yield f"engine {engine}, p = {p}", [*render, "--degree-of-polarization", p], {"CLSPECKLE_FFT": engine}
+    yield "scene", ["render", str(SCENE), "-o", "{out}", "--exposure-gain", "auto", "--frames", "2", "--quiet"], {}
+    moving = ["render", str(SCENE), "-o", "{out}", "--motion", "correlate", "--frames", "2", "--quiet"]
+    yield "scene in motion", moving, {}
+    listed = json.loads(subprocess.run([program, "effects", "--json"], check=True, capture_output=True, text=True).stdout)
+    yield "effects", ["effects", "--json"], {}
+    for effect in listed["effects"] if isinstance(listed, dict) else listed:
+        yield f"effect {effect['id']}", [*render, "--effect", effect["id"]], {}
+        yield f"effect {effect['id']}, at rest", [*still, "--effect", effect["id"]], {}
+        yield f"effect {effect['id']}, dots", ["render", *render[2:], "--dots", "dots.csv", "--effect", effect["id"]], {}
+    for capture in sets:
+        yield f"check of {capture.name}", ["capture", "check", str(capture)], {}
+        yield f"report of {capture.name}", ["diagnose", str(capture), "--json", "{out}/report.json", "--quiet"], {}
+
+
+def without_run(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: without_run(v) for k, v in value.items() if k not in OF_THE_RUN}
+    return [without_run(v) for v in value] if isinstance(value, list) else value
+
+
+def without_compiler(text: bytes) -> bytes:
+    """PoCL's compiler counts its warnings where a kernel is built for the first time."""
+    return b"\n".join(line for line in text.split(b"\n") if not re.fullmatch(rb"\d+ warnings? generated\.", line))
+
+
+def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
+    """What the command leaves: its exit code, what it prints, and its files."""
+    with tempfile.TemporaryDirectory() as out:
+        words = [word.replace("{out}", out) for word in case[1]]
+        environment = {**os.environ, "CLSPECKLE_TUNING": "off", **case[2]}
+        done = subprocess.run([program, *words], cwd=inputs, env=environment, capture_output=True, check=False)
+        said = {"exit code": str(done.returncode).encode(), "output": done.stdout, "messages": without_compiler(done.stderr)}
+        result = {name: text.replace(out.encode(), b"{out}") for name, text in said.items()}
+        for path in sorted(Path(out).rglob("*")):
+            if path.is_file():
+                content = path.read_bytes()
+                if path.suffix == ".json":
+                    content = json.dumps(without_run(json.loads(content))).encode()
+                result[str(path.relative_to(out))] = content
+    return result
+
+
+def difference(before: dict[str, bytes], after: dict[str, bytes]) -> str:
+    for name in [*before, *(name for name in after if name not in before)]:
+        a, b = before.get(name), after.get(name)
+        if a is None or b is None:
+            return f"{name}: only {'after' if a is None else 'before'}"
+        if a != b:
+            at = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
+            return f"{name}: from byte {at} of {len(a)} and {len(b)} on"
+    return ""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("before", type=Path, help="build folder of the one program")
+    parser.add_argument("after", type=Path, help="build folder of the other")
+    parser.add_argument("--sets", type=Path, nargs="*", default=[], help="folders of capture sets to diagnose with both")
+    parser.add_argument("--only", default="", help="only cases whose name contains this")
+    parser.add_argument("--json", action="store_true", help="print the outcome as JSON")
+    given = parser.parse_args()
+    programs = [(folder / "bin" / "clspeckle").resolve() for folder in (given.before, given.after)]
+    missing = [str(program) for program in programs if not program.is_file()]
+    if missing:
+        parser.error(f"no program at {', '.join(missing)}; name build folders in which clspeckle is built")
+    sets = [folder.resolve() for folder in given.sets]
+    different: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        inputs = Path(folder)
+        write_inputs(inputs)
+        chosen = [case for case in cases(programs[0], sets) if given.only in case[0]]
+        if not chosen:
+            parser.error(f"no case is named like {given.only!r}")
+        for number, case in enumerate(chosen, 1):
+            where = difference(*(outcome(program, case, inputs) for program in programs))
+            if where:
+                different[case[0]] = where
+            print(f"{number:4}/{len(chosen)}  {case[0]}: {where or 'same'}", file=sys.stderr, flush=True)
+    if given.json:
+        print(json.dumps({"cases": len(chosen), "different": different}, indent=2))
+    else:
+        print(f"{len(chosen) - len(different)} of {len(chosen)} cases are the same")
+    return 1 if different else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
