@@ -1,4 +1,4 @@
-// Philox4x32-10 on the device. kernels/common/philox.h has the arithmetic, common/philox.h of the C API the mapping.
+// Philox4x32-10 on the device. kernels/common/philox.h has the arithmetic, philox.h of the C API the mapping.
 #pragma once
 
 #include "runtime/command_chain.hpp"

@@ -214,7 +214,7 @@ INCOMPATIBLE_CHANGES = {
         "sensor.h", "    double black_level_dn;", "    int64_t black_level_dn;"
     ),
     "two members exchanged": replace(
-        "common/philox.h",
+        "philox.h",
         "    uint64_t seed;          /**< Default 0. */\n    uint64_t frame_index;",
         "    uint64_t frame_index;\n    uint64_t seed;",
     ),

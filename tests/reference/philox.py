@@ -62,7 +62,7 @@ def philox4x32_10(counters: NDArray[np.uint32], key: tuple[int, int] | NDArray[n
 
 
 def image_blocks(height: int, width: int, seed: int, frame_index: int, stream: int) -> NDArray[np.uint32]:
-    """Blocks of an image, shape (Q, width, 4) with Q = ceil(height / 4) (common/philox.h, image mapping).
+    """Blocks of an image, shape (Q, width, 4) with Q = ceil(height / 4) (philox.h, image mapping).
 
     Counter (x, y mod Q, frame & 0xffffffff, stream | (frame >> 32) << 16), key (seed & 0xffffffff, seed >> 32).
     """

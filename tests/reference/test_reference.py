@@ -32,7 +32,7 @@ def test_philox_against_randomgen():
 
 
 def test_image_mapping():
-    """Row by row from the sentence in common/philox.h, on a height that is not a multiple of 4."""
+    """Row by row from the sentence in philox.h, on a height that is not a multiple of 4."""
     height, width, seed, frame, stream = 10, 5, 0x1234567890ABCDEF, 5 << 32 | 6, 0x8001
     words = philox.image_words(height, width, seed, frame, stream)
     for y in range(height):

@@ -1,5 +1,5 @@
 /**
- * @file common/philox.h
+ * @file philox.h
  * @brief Philox4x32-10 on the device: raw blocks, and images of bits, uniforms and normals.
  *
  * Source: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC'11. Bit-exact with the Random123 library.

@@ -25,8 +25,8 @@
  *              r = exp(read_noise_spread * n7(x, y) - read_noise_spread^2): log-normal, mean square 1
  *     10. code = clip(d * round_half_to_even(v / d), 0, 2^bits - d),  d = 2^(bits - effective_bits)
  *
- * n1 to n7 are standard normal, from these Philox streams (common/philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b, n7 0x1a.
- * n4 takes a word for two pixels ("pair" in common/philox.h).
+ * n1 to n7 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b, n7 0x1a.
+ * n4 takes a word for two pixels ("pair" in philox.h).
  * n1, n2, n3, n7 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3 and n6 are images one pixel high, n5 is an image
  * one pixel wide. Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction,
  * its offset is -hot_pixel_mean_dn ln(u), u from stream 0x12; cold where the uniform of stream 0x13 is below cold_pixel_fraction.

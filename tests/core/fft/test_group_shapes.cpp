@@ -233,7 +233,7 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     // Lanes with a third of the light: fast, but wrong.
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / "clspeckle_test_group_shapes";
-    fs::create_directories(folder);
+    fs::create_directories(folder / "fft/cpu");
     std::ifstream original(fs::path(CLSP_KERNEL_SOURCE_DIR) / "fft/cpu/rows_inverse.cl");
     std::string text{std::istreambuf_iterator<char>(original), {}};
     const std::string name = " float weight,";

@@ -470,7 +470,7 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
     std::uint64_t size_bytes_ = 0;
 };
 
-/** Philox4x32-10, see common/philox.h. */
+/** Philox4x32-10, see philox.h. */
 namespace philox {
 
 /** Runs Philox on `count` counters of four uint32. @param local_size work-group size; 0 leaves it to the device. */
