@@ -1,7 +1,5 @@
 #include "fft/engine.hpp"
 
-#include "runtime/context.hpp"
-
 #include <fmt/core.h>
 
 namespace clsp {
@@ -9,8 +7,8 @@ namespace {
 
 constexpr Engine kEngines[] = {Engine::kClfft, Engine::kFusedLanes, Engine::kFusedGroups};
 
-bool is_of_type(const Context &context, cl_device_type type) {
-    return (context.device().getInfo<CL_DEVICE_TYPE>() & type) != 0;
+bool is_of_type(const cl::Device &device, cl_device_type type) {
+    return (device.getInfo<CL_DEVICE_TYPE>() & type) != 0;
 }
 
 } // namespace
@@ -43,14 +41,14 @@ std::string describe(const EngineSpec &spec) {
     return text;
 }
 
-Engine default_engine(const Context &context) {
-    return is_of_type(context, CL_DEVICE_TYPE_CPU)   ? Engine::kFusedLanes
-           : is_of_type(context, CL_DEVICE_TYPE_GPU) ? Engine::kFusedGroups
+Engine default_engine(const cl::Device &device) {
+    return is_of_type(device, CL_DEVICE_TYPE_CPU)   ? Engine::kFusedLanes
+           : is_of_type(device, CL_DEVICE_TYPE_GPU) ? Engine::kFusedGroups
                                                      : Engine::kClfft;
 }
 
-Engine fused_engine_for(const Context &context) {
-    return is_of_type(context, CL_DEVICE_TYPE_CPU) ? Engine::kFusedLanes : Engine::kFusedGroups;
+Engine fused_engine_for(const cl::Device &device) {
+    return is_of_type(device, CL_DEVICE_TYPE_CPU) ? Engine::kFusedLanes : Engine::kFusedGroups;
 }
 
 } // namespace clsp

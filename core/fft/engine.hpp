@@ -1,14 +1,14 @@
 // The engines that an aperture's transforms may have, and how one is named.
 #pragma once
 
+#include "runtime/opencl.hpp"
+
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace clsp {
-
-class Context;
 
 enum class Engine { kClfft, kFusedLanes, kFusedGroups };
 
@@ -44,8 +44,8 @@ std::optional<Engine> engine_of(const std::string &name);
 std::string describe(const EngineSpec &spec);
 
 // What devices get that no record speaks of.
-Engine default_engine(const Context &context);
+Engine default_engine(const cl::Device &device);
 // The shape of the fused engine that is made for a device.
-Engine fused_engine_for(const Context &context);
+Engine fused_engine_for(const cl::Device &device);
 
 } // namespace clsp

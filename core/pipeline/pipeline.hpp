@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pipeline/exposure_steps.hpp"
+#include "pipeline/pipeline_model.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"
@@ -38,23 +39,6 @@ struct PipelineStages {
     std::shared_ptr<Sensor> sensor;
 };
 
-// What belongs to no stage alone. The defaults are off.
-struct PipelineParameters {
-    std::uint64_t seed = 0;
-    std::uint32_t line_count = 1; // laser
-    double dephasing_rad = 0.0;
-    double power_flicker = 0.0;
-    double coherent_fraction = 0.0; // surface, where no material says otherwise
-    double subsurface_length_px = 0.0, subsurface_fraction = 0.0;
-    std::uint32_t sub_exposures = 0; // exposure; 0: as many as exposure_path takes
-    double exposure_path = 0.0;
-    ExposureCorrelation exposure_correlation = ExposureCorrelation::kField;
-    double shutter_fraction = 0.0; // of the motion between two frames
-    double boiling_correlation_frames = std::numeric_limits<double>::infinity();
-    AirflowParameters airflow;
-    double vibration_rms_px = 0.0;
-};
-
 struct Frame {
     Refresh refresh = Refresh::kMask;
     Illumination illumination = Illumination::kLaser;
@@ -67,16 +51,6 @@ struct Frame {
 struct StageTiming {
     std::string stage;
     double milliseconds;
-};
-
-// Every parameter of a pipeline and its stages: what an effect changes.
-struct PipelineModel {
-    PipelineParameters pipeline;
-    PhaseParameters phase;
-    ApertureParameters aperture;
-    LensParameters lens;
-    std::optional<DotsParameters> dots;
-    std::optional<SensorParameters> sensor;
 };
 
 class Pipeline {

@@ -199,7 +199,7 @@ std::vector<EngineChoice> Context::engine_choices(std::uint32_t width, std::uint
         add(Engine::kClfft, "CLSPECKLE_FFT is clfft");
         return choices;
     case FftChoice::kFused:
-        add(fused_engine_for(*this), "CLSPECKLE_FFT is fused");
+        add(fused_engine_for(device_), "CLSPECKLE_FFT is fused");
         break;
     case FftChoice::kFusedLanes:
         add(Engine::kFusedLanes, "CLSPECKLE_FFT is fused-lanes");
@@ -218,7 +218,7 @@ std::vector<EngineChoice> Context::engine_choices(std::uint32_t width, std::uint
                                                                 fmt::format("the shipped tuning record {}", name)))
                     choices.push_back(choice);
         }
-        switch (default_engine(*this)) {
+        switch (default_engine(device_)) {
         case Engine::kFusedLanes:
             add(Engine::kFusedLanes, "the default for CPUs");
             break;

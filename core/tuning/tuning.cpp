@@ -168,7 +168,7 @@ class SizeTuning {
 
     TunedSize run() {
         // The reference of the pictures comes first; the order of preference is made at the end.
-        const Engine preferred = default_engine(*context_);
+        const Engine preferred = default_engine(context_->device());
         std::vector<EngineSpec> specs = {{Engine::kClfft, {}, {}}, {Engine::kFusedGroups, {}, {}}};
         // Lanes are work-groups of one work-item: on GPUs they would only take the time to compile them.
         if (preferred != Engine::kFusedGroups)

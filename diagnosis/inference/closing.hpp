@@ -6,7 +6,6 @@
 #include "inference/experiment.hpp"
 #include "inference/gap_test.hpp"
 #include "inference/search.hpp"
-#include "run/compare.hpp"
 #include "simulator/finished_frames.hpp"
 
 #include <Eigen/Core>
@@ -17,6 +16,14 @@
 #include <vector>
 
 namespace clsp {
+
+// An effect of which the simulated frames seem to have more than the camera's: what is there cannot be taken out of
+// finished frames.
+struct SurplusEffect {
+    std::string effect;
+    double gain =
+        0.0; // by which its removal would lower the squared distance, by a straight line through its own answer
+};
 
 // Differences of two independent draws of our simulator with these effects: what real and simulated frames of one
 // camera differ by.

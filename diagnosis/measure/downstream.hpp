@@ -1,7 +1,7 @@
 // What a gap means for a depth camera: errors of the dots' centres, and of the depth that follows from them.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <cstdint>
 #include <functional>

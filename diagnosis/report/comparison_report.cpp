@@ -1,6 +1,6 @@
 #include "report/comparison_report.hpp"
 
-#include "run/compare.hpp"
+#include "measure/comparison_result.hpp"
 
 #include <cmath>
 #include <fmt/core.h>

@@ -1,7 +1,7 @@
 // What a comparison adds to the report of a diagnosis.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 #include "report/html_page.hpp"
 
 #include <nlohmann/json_fwd.hpp>

@@ -1,7 +1,7 @@
 // Names of statistics, regions, units, stages and effects in plain words.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <string>
 

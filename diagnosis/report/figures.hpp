@@ -1,7 +1,7 @@
 // Figures of the report as Vega specifications.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 #include "measure/evidence.hpp"
 #include "report/html_page.hpp"
 

@@ -1,7 +1,7 @@
 // The report of a diagnosis as one HTML page that needs nothing else: pictures and the plotting library are within.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <string>
 

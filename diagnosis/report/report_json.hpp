@@ -1,7 +1,7 @@
 // The report of a diagnosis as JSON (the gap report format, version 1).
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <string>
 

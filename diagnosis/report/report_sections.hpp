@@ -1,7 +1,7 @@
 // Sections of the HTML report.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 #include "measure/evidence.hpp"
 #include "report/html_page.hpp"
 

@@ -1,7 +1,7 @@
 #include "run/compare.hpp"
 
 #include "inference/shrinkage.hpp"
-#include "inference/verdict.hpp"
+#include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
 #include "inference/closing.hpp"
 #include "simulator/finished_frames.hpp"

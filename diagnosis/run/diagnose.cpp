@@ -1,8 +1,8 @@
 #include "run/diagnose.hpp"
 
-#include "inference/gap_stages.hpp"
+#include "measure/gap_stages.hpp"
 #include "inference/shrinkage.hpp"
-#include "inference/verdict.hpp"
+#include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"

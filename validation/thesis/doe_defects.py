@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from .experiment import Config, Experiment, Outcome, Progress, Verdict
 
 
-def binary_books(phase: np.ndarray, orders: np.ndarray, error: float) -> tuple[float, float]:
+def binary_power_budget(phase: np.ndarray, orders: np.ndarray, error: float) -> tuple[float, float]:
     """Zero order and sum of the wanted orders of a cell with two levels whose depth is 1 + error times what it should be.
 
     The transmission s is 1 or -1; with the error t = (1 - w) / 2 + s (1 + w) / 2, w = exp(i pi error): a constant, which is zero
@@ -96,7 +96,7 @@ def depth_errors(splitter: Splitter) -> tuple[dict[str, np.ndarray], list[Verdic
     for k, error in enumerate(errors):
         info = splitter.pattern(clspeckle.DoeDefects(relative_depth_error=float(error))).info
         measured[:, k] = info.zero_order, info.dots
-        expected[:, k] = binary_books(splitter.design.phase, splitter.orders, float(error))
+        expected[:, k] = binary_power_budget(splitter.design.phase, splitter.orders, float(error))
     verdicts = [
         Verdict(
             f"largest difference of the {name} share from theory, etch depth off by {errors.min():+.0%} to {errors.max():+.0%}",
@@ -236,7 +236,7 @@ def run(config: Config, progress: Progress) -> Outcome:
             float(centre / dots.mean()),
             float(share),
             float(share * 0.1),
-            f"by the pattern's books; 10 %: a speckle of {looks} looks deviates by {1 / np.sqrt(looks):.0%}, and tails leave the boxes alike",
+            f"by the pattern's power budget; 10 %: a speckle of {looks} looks deviates by {1 / np.sqrt(looks):.0%}, and tails leave the boxes alike",
         )
     )
     return Outcome(arrays, verdicts)

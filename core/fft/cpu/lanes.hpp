@@ -10,7 +10,7 @@ namespace clsp {
 
 // Whether random numbers may be drawn in lanes. Only on CPUs, whatever is forced: NVIDIA's compiler (580.159) gets some of
 // what is made of products of 64 bits in vectors wrong.
-inline bool draws_in_lanes(const Context &context) { return fused_engine_for(context) == Engine::kFusedLanes; }
+inline bool draws_in_lanes(const Context &context) { return fused_engine_for(context.device()) == Engine::kFusedLanes; }
 
 // Of line transforms and refreshes; an aperture's engine is its own matter (Context::engine_choices()).
 inline bool works_in_lanes(const Context &context) {

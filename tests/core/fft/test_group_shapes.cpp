@@ -226,7 +226,7 @@ TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
     const GroupLimits limits = group_limits(*context);
     EXPECT_GE(columns + 1, group_picks(make_group_plan(16), limits, true).size());
     EXPECT_GE(rows + 1, group_picks(make_group_plan(24), limits, false).size());
-    EXPECT_EQ(default_engine(*context), size.candidates[0].spec.engine); // the default is the first
+    EXPECT_EQ(default_engine(context->device()), size.candidates[0].spec.engine); // the default is the first
 }
 
 TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {

@@ -2,7 +2,7 @@
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/candidate.hpp"
 #include "inference/swap.hpp"
-#include "inference/verdict.hpp"
+#include "measure/verdict.hpp"
 
 #include <algorithm>
 #include <cmath>

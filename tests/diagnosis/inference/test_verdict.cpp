@@ -1,7 +1,7 @@
 // What a diagnosis says of what it found: stages of unexplained gaps, effects that count as found, names, probabilities. Made-up numbers.
 #include "inference/effect_model.hpp"
-#include "inference/gap_stages.hpp"
-#include "inference/verdict.hpp"
+#include "measure/gap_stages.hpp"
+#include "measure/verdict.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 // come from the library's own simulator, with other random numbers than those of the comparison.
 #include "run/compare.hpp"
 #include "simulator/finished_frames.hpp"
-#include "statistics/levels.hpp"
+#include "inference/levels.hpp"
 #include "capture/pairing.hpp"
 #include "simulator/sample_filters.hpp"
 #include "effects/effects.hpp"

@@ -475,7 +475,7 @@ class DoePattern(Handle):
 
     @property
     def info(self) -> DoePatternInfo:
-        """The energy books, the extent, the spots' size."""
+        """The power budget, the extent, the spots' size."""
         struct = _library.initialized(_library.ClspDoePatternInfo)
         _library.call("clspDoePatternGetInfo", self._get(), ctypes.byref(struct))
         values = {field.name: getattr(struct, field.name) for field in dataclasses.fields(DoePatternInfo)}

@@ -1,4 +1,4 @@
-#include "inference/verdict.hpp"
+#include "measure/verdict.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 // In which stage an unexplained gap lies, by the scenes that show it.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <string>
 #include <vector>

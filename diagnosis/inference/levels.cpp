@@ -1,4 +1,4 @@
-#include "statistics/levels.hpp"
+#include "inference/levels.hpp"
 
 #include "simulator/host_noise.hpp"
 #include "runtime/error.hpp"

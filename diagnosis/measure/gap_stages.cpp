@@ -1,4 +1,4 @@
-#include "inference/gap_stages.hpp"
+#include "measure/gap_stages.hpp"
 
 #include <algorithm>
 #include <cmath>

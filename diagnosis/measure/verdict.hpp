@@ -1,7 +1,7 @@
 // What a search's outcome is called.
 #pragma once
 
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 #include "inference/effect_model.hpp"
 
 #include <Eigen/Core>

@@ -1,0 +1,108 @@
+// What a diagnosis is asked, and what it finds: gap, place, cause, shrinkage.
+#pragma once
+
+#include "inference/search.hpp"
+#include "inference/shrinkage.hpp"
+#include "measure/measurements.hpp"
+#include "runtime/progress.hpp"
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct Evidence;
+struct Comparison;
+
+struct DiagnosisOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t null_replicates = 48;
+    double level = 0.02;              // probability of a false alarm
+    std::vector<std::string> without; // effects that are no candidates
+    std::vector<Hypothesis> hypotheses;
+    std::uint32_t max_effects = 6;
+    unsigned threads = 0;             // of the statistics; 0: as many as the machine has
+    ProgressFunction progress;
+    bool evidence = true;             // pictures and curves for the HTML report are collected
+};
+
+enum class Verdict { kNone, kNamed, kAmbiguous, kUnknown };
+
+// One statistic of the real capture against the baseline.
+struct GapPlace {
+    StatisticInfo statistic;
+    double real = 0.0, sim = 0.0, z = 0.0, p_adjusted = 1.0;
+    double z_after = 0.0;      // with the effects found
+    StatisticShrinkage shrink; // by the effects found; of nothing held out if there are none
+};
+
+struct ShrinkStep {
+    std::string effect;
+    double distance_after = 0.0, fraction = 0.0;
+};
+
+// What a gap means downstream: root mean square error of the dots' centres in single frames, in pixels.
+struct Downstream {
+    bool valid = false;
+    double real = 0.0, before = 0.0, after = 0.0;
+    // Depth error that follows, in mm, for the camera that depth_assumption states.
+    double depth_error_mm_real = 0.0, depth_error_mm_before = 0.0, depth_error_mm_after = 0.0;
+    std::string depth_assumption;
+};
+
+// What was adjusted before any gap was spoken of. A sequence's light is what the simulator is run at: gain times mean
+// intensity.
+struct SequenceLight {
+    std::string sequence;
+    double mean_dn = 0.0;               // of the camera's frames
+    double light_dn = 0.0, share = 0.0; // of the simulator's, and over the camera's mean above black; 0 of dark ones
+};
+struct CalibrationResult {
+    double black_level_dn = 0.0, read_noise_dn = 0.0;
+    std::vector<SequenceLight> light; // none of a comparison, whose sets have levels of their own
+};
+
+struct DiagnosisResult {
+    std::uint64_t seed = 0;
+    double level = 0.0;
+    Verdict verdict = Verdict::kNone;
+    bool detected = false;
+    double p_value = 1.0, distance = 0.0, null_95 = 0.0;
+    CalibrationResult calibration,
+        calibration_after;        // of the baseline; with the effects found, nothing if there are none
+    std::vector<GapPlace> places; // all statistics, worst first
+    std::vector<std::string> effects;
+    double probability = 1.0;
+    std::vector<std::string> equivalent;
+    std::vector<RankedEffect> ranking; // of the first step
+    std::vector<RankedEffect> found;   // the effect that each step added
+    std::vector<FirstLook> looks;      // at all effects that can show, before any was fitted; not of comparisons
+    std::vector<Candidate> candidates; // what the ranking was over
+    std::vector<FittedParameter> parameters; // of the effects found
+    // Shrinkage, on halves that the fit has not seen.
+    bool held_out = false;
+    double distance_before = 0.0, distance_after = 0.0, fraction = 0.0;
+    std::array<double, 2> fraction_95{};
+    bool residual_detected = false;
+    double residual_p_value = 1.0;
+    std::vector<ShrinkStep> steps;
+    Downstream downstream;
+    Measurements measurements; // none of a comparison, whose sets are brought to one light and noise first
+    std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
+    std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
+    std::vector<std::string> notes; // what could not be judged, and why
+    // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot
+    // show in them.
+    std::vector<std::string> judged, left_out, untested_topics, untested_effects;
+    // Every sequence with light was left out: the verdict is about dark frames, and speaks of no light.
+    bool no_light_judged = false;
+    // What the search asked for, in whole simulated captures without effects; whether it ended there with more to try.
+    double work_captures = 0.0;
+    bool ended_early = false;
+    double seconds = 0.0;
+};
+
+} // namespace clsp

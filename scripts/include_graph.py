@@ -1,0 +1,147 @@
+#!/usr/bin/env python3
+"""Circles and wrong arrows between the files of the project, from its #include and import lines.
+
+    scripts/include_graph.py [--root FOLDER] [--json]
+
+A C++ header and its source are one file here, and imports within Python functions count. Prints a line for each finding; exit
+code 1 if there are any:
+  circle   files that need each other, all of a circle in one line
+  arrow    a file that uses a folder which it must not know (ARROWS)
+  C word   a string in core or diagnosis that speaks of the C interface (CLSP_..., clspX...)
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import re
+import sys
+from pathlib import Path
+
+# Where quoted includes of a folder's files are looked for, beside their own folder.
+INCLUDES = {
+    "core": ["core"],
+    "io": ["."],
+    "diagnosis": ["diagnosis", "core", "."],
+    "capi": ["capi", "capi/include", "diagnosis", "core", "."],
+    "tools": ["tools", "capi/include", "bindings/cpp/include", "."],
+    "bindings/cpp": ["bindings/cpp/include", "capi/include"],
+}
+# The folders that a folder's files may use. The longest name that fits a file counts.
+ARROWS = {
+    "core": ["core"],
+    "core/runtime": ["core/runtime"],
+    "io": ["io"],
+    "diagnosis": ["diagnosis", "core", "io"],
+    "diagnosis/capture": ["diagnosis/capture", "core", "io"],
+    "diagnosis/simulator": ["diagnosis/simulator", "diagnosis/capture", "core"],
+    "diagnosis/statistics": ["diagnosis/statistics", "diagnosis/capture", "core"],
+    "diagnosis/inference": [f"diagnosis/{x}" for x in ("inference", "statistics", "simulator", "capture")] + ["core"],
+    "diagnosis/measure": [f"diagnosis/{x}" for x in ("measure", "inference", "statistics", "simulator", "capture")] + ["core"],
+    "capi": ["capi", "diagnosis", "core", "io"],
+    "bindings/cpp": ["bindings/cpp", "capi/include"],
+    "tools": ["tools", "bindings/cpp/include", "capi/include", "io"],
+}
+PACKAGES = {"clspeckle": "bindings/python/src", "gap_check": "validation", "thesis": "validation"}
+C_WORD = re.compile(r'"(?:[^"\\\n]|\\.)*?\b(CLSP_[A-Z]|clsp[A-Z]\w)(?:[^"\\\n]|\\.)*"')
+QUOTED = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
+
+
+def cpp_graph(root: Path) -> dict[str, set[str]]:
+    """The files that each file includes, by their paths below the root."""
+    graph: dict[str, set[str]] = {}
+    for top, folders in INCLUDES.items():
+        for path in sorted((root / top).rglob("*")):
+            if path.suffix not in (".cpp", ".hpp", ".h"):
+                continue
+            used = graph.setdefault(path.relative_to(root).as_posix(), set())
+            for name in QUOTED.findall(path.read_text()):
+                found = next((p for p in [path.parent / name, *(root / f / name for f in folders)] if p.is_file()), None)
+                if found:
+                    used.add(found.resolve().relative_to(root).as_posix())
+    return graph
+
+
+def python_graph(root: Path) -> dict[str, set[str]]:
+    graph: dict[str, set[str]] = {}
+    for package, folder in PACKAGES.items():
+        home = root / folder / package
+        for path in sorted(home.glob("*.py")):
+            used = graph.setdefault(path.relative_to(root).as_posix(), set())
+            for node in ast.walk(ast.parse(path.read_text())):
+                names: list[str] = []
+                if isinstance(node, ast.ImportFrom) and (node.level == 1 or (node.module or "").split(".")[0] == package):
+                    module = (node.module or "").removeprefix(package).removeprefix(".")
+                    names = [module] if module else [alias.name for alias in node.names]
+                elif isinstance(node, ast.Import):
+                    names = [a.name.partition(".")[2] for a in node.names if a.name.startswith(package + ".")]
+                used.update((home / f"{n}.py").relative_to(root).as_posix() for n in names if (home / f"{n}.py").is_file())
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Sets of files of which each reaches each other one."""
+    reach: dict[str, set[str]] = {}
+    for start in graph:
+        seen: set[str] = set()
+        todo = [start]
+        while todo:
+            for after in graph.get(todo.pop(), ()):
+                if after not in seen:
+                    seen.add(after)
+                    todo.append(after)
+        reach[start] = seen
+    found = {tuple(sorted(b for b in reach[a] if a in reach.get(b, ()))) for a in graph if a in reach[a]}
+    return [list(files) for files in sorted(found)]
+
+
+def units(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """A header and its source as one."""
+    result: dict[str, set[str]] = {}
+    for path, used in graph.items():
+        unit = path.rpartition(".")[0]
+        result.setdefault(unit, set()).update({u.rpartition(".")[0] for u in used} - {unit})
+    return result
+
+
+def wrong_arrows(graph: dict[str, set[str]]) -> list[str]:
+    result = []
+    for path, used in graph.items():
+        rooms = [room for room in ARROWS if path.startswith(room + "/")]
+        for other in sorted(used) if rooms else ():
+            if not any(other.startswith(allowed + "/") for allowed in ARROWS[max(rooms, key=len)]):
+                result.append(f"{path} -> {other}")
+    return result
+
+
+def c_words(root: Path) -> list[str]:
+    result = []
+    for top in ("core", "diagnosis"):
+        for path in sorted((root / top).rglob("*.[ch]pp")):
+            result += [f"{path.relative_to(root).as_posix()}: {m[0]}" for m in C_WORD.finditer(path.read_text())]
+    return result
+
+
+def findings(root: Path) -> list[str]:
+    root = root.resolve()
+    cpp, python = cpp_graph(root), python_graph(root)
+    return [
+        *(f"circle: {' '.join(files)}" for graph in (units(cpp), python) for files in circles(graph)),
+        *(f"arrow: {arrow}" for arrow in wrong_arrows(cpp)),
+        *(f"C word: {word}" for word in c_words(root)),
+    ]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--root", type=Path, default=Path(__file__).resolve().parents[1], help="the project's folder")
+    parser.add_argument("--json", action="store_true", help="print the findings as a JSON list")
+    given = parser.parse_args()
+    found = findings(given.root)
+    print(json.dumps(found, indent=2) if given.json else "\n".join(found))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""Arrows between files point one way: no new circle, no arrow to a folder above, no word of the C interface in the engine."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scripts" / "include_graph.py"
+sys.path.insert(0, str(SCRIPT.parent))
+
+import include_graph  # noqa: E402
+
+# What is still to be taken apart: a finding that is gone must leave this list, and none may join it.
+KNOWN = (Path(__file__).with_name("known_findings.txt")).read_text().splitlines()
+
+
+def test_findings_only_become_fewer() -> None:
+    found = include_graph.findings(ROOT)
+    new = [finding for finding in found if finding not in KNOWN]
+    assert not new, "new findings; scripts/include_graph.py says what they mean:\n" + "\n".join(new)
+    gone = [finding for finding in KNOWN if finding not in found]
+    assert not gone, "no longer there; take them out of known_findings.txt:\n" + "\n".join(gone)
+
+
+def test_each_kind_is_found(tmp_path: Path) -> None:
+    files = {
+        "core/a.hpp": "",
+        "core/a.cpp": '#include "a.hpp"\n#include "b.hpp"\n',
+        "core/b.hpp": '#include "a.hpp"\nconst char *kText = "use CLSP_FORMAT_UINT8";\n',
+        "core/runtime/low.hpp": '#include "a.hpp"\n',
+        "diagnosis/capture/c.cpp": '#include "run/d.hpp"\n',
+        "diagnosis/run/d.hpp": "",
+        "validation/thesis/one.py": "def later():\n    from . import two\n",
+        "validation/thesis/two.py": "from .one import later\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert include_graph.findings(tmp_path) == [
+        "circle: core/a core/b",
+        "circle: validation/thesis/one.py validation/thesis/two.py",
+        "arrow: core/runtime/low.hpp -> core/a.hpp",
+        "arrow: diagnosis/capture/c.cpp -> diagnosis/run/d.hpp",
+        'C word: core/b.hpp: "use CLSP_FORMAT_UINT8"',
+    ]
+    done = subprocess.run([sys.executable, SCRIPT, "--root", tmp_path], check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert len(done.stdout.splitlines()) == 5
