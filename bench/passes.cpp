@@ -46,7 +46,7 @@ class Passes {
     void run() {
         fmt::print("{}: {} x {}, D = {}, p = {}\n", context_->device().getInfo<CL_DEVICE_NAME>(), arguments_.width,
                    arguments_.height, arguments_.diameter, arguments_.degree_of_polarization);
-        if (clsp::default_engine(*context_) == clsp::Engine::kFusedLanes) {
+        if (clsp::default_engine(context_->device()) == clsp::Engine::kFusedLanes) {
             heading();
             row({clsp::Engine::kFusedLanes, {}, {}});
             return;
