@@ -23,7 +23,9 @@ KERNELS = Path(__file__).resolve().parents[3] / "kernels"
 IDS = [effect.id for effect in clspeckle.effects()]
 NEEDS_DOTS = [effect.id for effect in clspeckle.effects() if "stages/dots.cl" in effect.kernel]
 NEEDS_A_SENSOR = [
-    effect.id for effect in clspeckle.effects() if effect.stage == "sensor" and effect.kernel.startswith("stages/sensor")
+    effect.id
+    for effect in clspeckle.effects()
+    if effect.stage == "sensor" and effect.kernel.startswith("stages/sensor")
 ]
 
 
