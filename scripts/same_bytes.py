@@ -3,9 +3,10 @@
 
     scripts/same_bytes.py BEFORE AFTER [--sets FOLDER ...] [--only TEXT] [--json]
 
-BEFORE and AFTER are build folders (with bin/clspeckle). Each case is a table row: the same command line is run by both
-programs, and every file that they write, with what they print, is compared. What depends on the run (times, versions) is left
-out of reports. Exit code 1 where something differs. A change that shall leave frames and reports as they are is run through this.
+BEFORE and AFTER are build folders (with bin/clspeckle and lib/libclspeckle.so). Each case is a table row: the same command
+line is run by both programs, and every file that they write, with what they print, is compared. Dots and their effects, which
+`render` has not, go through the Python binding with either library. What depends on the run (times, versions) is left out of
+reports. A command that fails compares nothing, and counts as a difference. Exit code 1 where something differs. A change that shall leave frames and reports as they are is run through this.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import os
 import re
 import subprocess
 import sys
+import tarfile
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,10 +26,24 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-SCENE = ROOT / "examples" / "office" / "gbuffers" / "sequence.json"
+SCENE = ROOT / "examples" / "office" / "gbuffers"
 # Of a report: what the clock and the build say.
 OF_THE_RUN = {"seconds", "date", "version", "clspeckle_version", "library_version", "memory_bytes", "peak_memory_bytes"}
-DOTS = "# x y\n" + "".join(f"{x} {y}\n" for y in range(6, 72, 11) for x in range(5, 96, 11))
+# Four frames of ideal dots, drawn anew, at rest and drawn anew; arguments: effect ("" for none), output file.
+DOTS = """
+import sys
+import numpy as np
+import clspeckle
+y, x = np.mgrid[6:64:12, 6:96:12]
+with clspeckle.Context() as context:
+    dots = clspeckle.Dots((64, 96), np.stack([x.ravel(), y.ravel()], axis=1), sigma_px=2.0, scale=1.5, context=context)
+    camera = clspeckle.Pipeline.from_parameters((64, 96), dots=dots, context=context, seed=11, exposure_gain_dn=400.0)
+    if sys.argv[1]:
+        camera.set_effect(sys.argv[1])
+    np.save(sys.argv[2], [camera.render(frame_index=i, refresh=r) for i, r in enumerate(("all", None, None, "all"))])
+"""
+# Of the catalogue's effects, those of ideal dots alone.
+OF_DOTS = {"wavelength_shift", "beam_skew", "beam_flat_top", "zero_order", "ghost_dots", "scatter_background"}
 
 Case = tuple[str, list[str], dict[str, str]]  # name, arguments, environment
 
@@ -36,7 +52,11 @@ def write_inputs(folder: Path) -> None:
     y, x = np.mgrid[0:72, 0:96]
     image = 0.1 + np.exp(-(((x % 11 - 5) ** 2 + (y % 11 - 6) ** 2) / 4.0))
     np.save(folder / "ideal.npy", image.astype(np.float32))
-    (folder / "dots.csv").write_text(DOTS)
+    (folder / "dots.py").write_text(DOTS)
+    for name in ("sequence.json", "pattern.png"):
+        (folder / name).write_bytes((SCENE / name).read_bytes())
+    with tarfile.open(SCENE / "frames.tar.xz") as archive:
+        archive.extractall(folder, filter="data")
 
 
 def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
@@ -46,7 +66,7 @@ def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
     for name, options in {
         "plain": [],
         "unpolarized": ["--degree-of-polarization", "0"],
-        "intensity": ["--no-sensor"],
+        "intensity": ["--no-sensor", "--format", "float-npy"],
         "oversampled": ["--oversampling", "2", "--guard-px", "8"],
         "unit phasors": ["--field", "unit_phasor"],
         "profile": ["--sensor-profile", "OS04A10"],
@@ -55,15 +75,18 @@ def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
     for engine in ("clfft", "fused-lanes", "fused-groups"):
         for p in ("1", "0"):
             yield f"engine {engine}, p = {p}", [*render, "--degree-of-polarization", p], {"CLSPECKLE_FFT": engine}
-    yield "scene", ["render", str(SCENE), "-o", "{out}", "--exposure-gain", "auto", "--frames", "2", "--quiet"], {}
-    moving = ["render", str(SCENE), "-o", "{out}", "--motion", "correlate", "--frames", "2", "--quiet"]
+    yield "scene", ["render", "sequence.json", "-o", "{out}", "--exposure-gain", "auto", "--quiet"], {}
+    moving = ["render", "sequence.json", "-o", "{out}", "--motion", "correlate", "--quiet"]
     yield "scene in motion", moving, {}
     listed = json.loads(subprocess.run([program, "effects", "--json"], check=True, capture_output=True, text=True).stdout)
     yield "effects", ["effects", "--json"], {}
+    yield "dots", ["dots.py", "", "{out}/frames.npy"], {}
     for effect in listed["effects"] if isinstance(listed, dict) else listed:
-        yield f"effect {effect['id']}", [*render, "--effect", effect["id"]], {}
-        yield f"effect {effect['id']}, at rest", [*still, "--effect", effect["id"]], {}
-        yield f"effect {effect['id']}, dots", ["render", *render[2:], "--dots", "dots.csv", "--effect", effect["id"]], {}
+        name = effect["id"]
+        if name not in OF_DOTS:
+            yield f"effect {name}", [*render, "--effect", name], {}
+            yield f"effect {name}, at rest", [*still, "--effect", name], {}
+        yield f"effect {name}, dots", ["dots.py", name, "{out}/frames.npy"], {}
     for capture in sets:
         yield f"check of {capture.name}", ["capture", "check", str(capture)], {}
         yield f"report of {capture.name}", ["diagnose", str(capture), "--json", "{out}/report.json", "--quiet"], {}
@@ -85,7 +108,12 @@ def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as out:
         words = [word.replace("{out}", out) for word in case[1]]
         environment = {**os.environ, "CLSPECKLE_TUNING": "off", **case[2]}
-        done = subprocess.run([program, *words], cwd=inputs, env=environment, capture_output=True, check=False)
+        first: list[Path | str] = [program]
+        if words[0].endswith(".py"):
+            first = [sys.executable]
+            environment["CLSPECKLE_LIBRARY"] = str(program.parents[1] / "lib" / "libclspeckle.so")
+            environment["PYTHONPATH"] = str(ROOT / "bindings" / "python" / "src")
+        done = subprocess.run([*first, *words], cwd=inputs, env=environment, capture_output=True, check=False)
         said = {"exit code": str(done.returncode).encode(), "output": done.stdout, "messages": without_compiler(done.stderr)}
         result = {name: text.replace(out.encode(), b"{out}") for name, text in said.items()}
         for path in sorted(Path(out).rglob("*")):
@@ -98,6 +126,10 @@ def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
 
 
 def difference(before: dict[str, bytes], after: dict[str, bytes]) -> str:
+    if before["exit code"] != b"0" or after["exit code"] != b"0":
+        said = before if before["exit code"] != b"0" else after
+        last = said["messages"].decode(errors="replace").strip().splitlines()[-1:]
+        return f"fails {'before' if said is before else 'after'}, and compares nothing: {''.join(last)}"
     for name in [*before, *(name for name in after if name not in before)]:
         a, b = before.get(name), after.get(name)
         if a is None or b is None:

@@ -5,6 +5,7 @@
 #include "runtime/error.hpp"
 #include "runtime/whole_file.hpp"
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <fmt/core.h>
@@ -37,6 +38,30 @@ bool read_file(const fs::path &path, std::string &content) {
     return !file.bad();
 }
 
+// Where nobody looks, an edited kernel would do nothing in silence. A header of any other name may be a replaced
+// kernel's own; one with a built-in name may not.
+void check_kernel_dir(const std::string &folder) {
+    std::error_code ignored;
+    for (const fs::directory_entry &entry : fs::recursive_directory_iterator(folder, ignored)) {
+        const std::string name = fs::relative(entry.path(), folder, ignored).generic_string();
+        const auto is_it = [&](const EmbeddedKernel &kernel) { return name == kernel.name; };
+        const EmbeddedKernel *end = kEmbeddedKernels + kEmbeddedKernelCount;
+        if (!entry.is_regular_file(ignored) || std::any_of(kEmbeddedKernels, end, is_it))
+            continue;
+        std::string places;
+        for (const EmbeddedKernel *kernel = kEmbeddedKernels; kernel != end; ++kernel)
+            if (fs::path(kernel->name).filename() == entry.path().filename())
+                places += fmt::format("{}{}", places.empty() ? "" : " or ", kernel->name);
+        if (!places.empty())
+            throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, but the built-in kernel is {}; put it there",
+                                                 folder, name, places));
+        if (entry.path().extension() == ".cl")
+            throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, which is the path of no built-in kernel; "
+                                                 "kernels/ of the sources has their paths",
+                                                 folder, name));
+    }
+}
+
 constexpr char kCacheMagic[] = "clspeckle-program-1\n";
 
 } // namespace
@@ -48,14 +73,8 @@ ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device,
                     fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
                                 "built-in kernels",
                                 parameters_.kernel_dir));
-    // Where nobody looks, an edited kernel would do nothing in silence.
-    for (std::size_t i = 0; !parameters_.kernel_dir.empty() && i < kEmbeddedKernelCount; ++i) {
-        const fs::path name = kEmbeddedKernels[i].name;
-        std::error_code ignored;
-        if (name.has_parent_path() && fs::is_regular_file(parameters_.kernel_dir / name.filename(), ignored))
-            throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, but the built-in kernel is {}; put it there",
-                                                 parameters_.kernel_dir, name.filename().string(), name.string()));
-    }
+    if (!parameters_.kernel_dir.empty())
+        check_kernel_dir(parameters_.kernel_dir);
     common_options_ = "-cl-std=CL1.2";
     // With square roots rounded right, random numbers have the same bits on every device.
     if (device_.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT)

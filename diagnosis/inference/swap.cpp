@@ -29,7 +29,7 @@ constexpr double kLeastRoundGain = 0.02;
 // Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
 constexpr std::size_t kMostAdded = 5;
 // A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
-// of a squared distance. And where much more is left, an swap that takes away little of it explains nothing.
+// of a squared distance. And where much more is left, a swap that takes away little of it explains nothing.
 constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
 // What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it, and after
 // that for replicates.
@@ -146,7 +146,7 @@ std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
     return result;
 }
 
-// What an swap must leave to be worth a fit, where the squared distance is `now`.
+// What a swap must leave to be worth a fit, where the squared distance is `now`.
 double worth_of(const ModelFit &fits, double now) {
     return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.experiment().count());
 }

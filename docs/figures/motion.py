@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "bench")]
+sys.path[:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "validation")]
 from reference import motion
 from thesis.decorrelation import draw_series, moving_series
 from thesis.theory import field_correlation

@@ -34,6 +34,14 @@ def test_other_noise_is_seen(tmp_path: Path) -> None:
     assert "frame, plain: " in done.stderr and "from byte" in done.stderr
 
 
+def test_a_command_that_fails_on_both_sides_is_not_the_same(tmp_path: Path) -> None:
+    (tmp_path / "set").mkdir()  # without capture.json
+    done = run(BUILD, BUILD, "--sets", tmp_path / "set", "--only", "check of")
+    assert done.returncode == 1
+    assert "0 of 1 cases are the same" in done.stdout
+    assert "fails before, and compares nothing" in done.stderr
+
+
 def test_a_build_that_is_not_there_is_refused(tmp_path: Path) -> None:
     done = run(BUILD, tmp_path)
     assert done.returncode == 2

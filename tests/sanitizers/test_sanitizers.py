@@ -39,7 +39,7 @@ USERS_OF_CLFFT = {"test_group_shapes", "test_tuning"}
 # Programs of which a part is enough: the same code, hundreds of times.
 FILTERS = {
     "test_attribution": "-Diagnosis.N*:Diagnosis.S*:Diagnosis.W*:Diagnosis.A*",
-    "test_comparison": "-*NotToldApart*:*row_noise*:*shot_noise*:*crosstalk*",
+    "test_compare": "-*NotToldApart*:*row_noise*:*shot_noise*:*crosstalk*",
     "test_gap_simulator": "-*HundredsOfCalls*:*EffectsShow*:*AnEffectLeaves*",
     "test_gap_simulator_physics": "Physics.TheBaseline",
 }
@@ -161,8 +161,8 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
 
 THREADED = {
     "test_concurrency": [],
-    # Lanes side by side, and a whole diagnosis in them.
-    "test_attribution": ["--gtest_filter=Lanes*:OpenTasks*:Memo*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
+    # Workers side by side, and a whole diagnosis in them.
+    "test_attribution": ["--gtest_filter=Workers*:OpenTasks*:Memo*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
 }
 
 

@@ -169,10 +169,10 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.action in ("score", "all"):
             return _score(arguments)
     except (OSError, ValueError) as error:
-        print(f"withheld: {error}", file=sys.stderr)
+        print(f"gap_check: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("withheld: interrupted; the same command goes on", file=sys.stderr)
+        print("gap_check: interrupted; the same command goes on", file=sys.stderr)
         return 130
     return 0
 

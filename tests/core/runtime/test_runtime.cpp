@@ -490,6 +490,14 @@ TEST_F(Programs, EditedKernelTakesEffectAndHasItsOwnCacheKey) {
     write(empty / "philox.h", "");
     ClspContext misplaced = nullptr;
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the built-in kernel is common/philox.h", clspContextCreate(&desc, &misplaced));
+    fs::remove(empty / "philox.h");
+    fs::create_directory(empty / "stages");
+    write(empty / "stages/columns.cl", "");
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "fft/cpu/columns.cl or fft/gpu/columns.cl", clspContextCreate(&desc, &misplaced));
+    fs::remove(empty / "stages/columns.cl");
+    write(empty / "fused_columns.cl", "");
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "fused_columns.cl, which is the path of no built-in kernel",
+                      clspContextCreate(&desc, &misplaced));
 }
 
 TEST_F(Programs, BrokenKernelGivesTheBuildLog) {
