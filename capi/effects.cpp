@@ -27,7 +27,7 @@ CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info) {
             throw Error(Status::kInvalidArgument,
                         fmt::format("index is {}, there are {} effects (numbered from 0)", index, catalogue.size()));
         const Effect &effect = catalogue[index];
-        ClspEffectInfo result{}; // tests/effects checks that no text is cut
+        ClspEffectInfo result{}; // tests/core/effects checks that no text is cut
         copy_text(result.id, effect.id);
         copy_text(result.stage, effect.stage);
         copy_text(result.summary, effect.summary);

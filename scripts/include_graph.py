@@ -85,12 +85,12 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     reach: dict[str, set[str]] = {}
     for start in graph:
         seen: set[str] = set()
-        todo = [start]
-        while todo:
-            for after in graph.get(todo.pop(), ()):
+        waiting = [start]
+        while waiting:
+            for after in graph.get(waiting.pop(), ()):
                 if after not in seen:
                     seen.add(after)
-                    todo.append(after)
+                    waiting.append(after)
         reach[start] = seen
     found = {tuple(sorted(b for b in reach[a] if a in reach.get(b, ()))) for a in graph if a in reach[a]}
     return [list(files) for files in sorted(found)]

@@ -62,7 +62,8 @@ std::vector<Effect> make_catalogue() {
      "all laser light rises and falls together from frame to frame", "", {1}}
         .scales_light()
         .told_from("surface_boiling", "board_static with more frames: flicker is common to all pixels"),
-    Effect{"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"wavelength_shift", "laser", "dots move radially in the ratio of the wavelengths",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"delta_nm", "nm", -200.0, 200.0, 4.0, 12.0}},
      [](Model &m, Values v) {
          dots(m, "wavelength_shift").relative_wavelength_shift = v[0] * 1e-9 / m.aperture.wavelength_m;
@@ -70,7 +71,8 @@ std::vector<Effect> make_catalogue() {
      {kInDots}, {kInDots},
      "dots move radially, in proportion to the radius", kBeforeSpeckle, {1}}
         .told_from("lens_distortion", "dots that reach into the corners: r against r^3"),
-    Effect{"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kTurn, kTurn, 0.0, 0.0}},
      [](Model &m, Values v) {
          dots(m, "beam_skew").beam_skew = v[0];
@@ -79,18 +81,22 @@ std::vector<Effect> make_catalogue() {
      {kInDots}, {kInDots},
      "dots are lopsided", kBeforeSpeckle, {1}}
         .with_forms("angle_rad", {kEighthTurn, 2.0 * kEighthTurn, 3.0 * kEighthTurn}),
-    Effect{"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"beam_flat_top", "laser", "super-Gaussian dots, exp(-(r^2)^(1 + 2 f) / 2)",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"flatness", "1", 0.0, 4.0, 0.5, 1.0}},
      [](Model &m, Values v) { dots(m, "beam_flat_top").beam_flatness = v[0]; },
      {kInDots}, {kInDots},
      "dots have flat tops and steep flanks", kBeforeSpeckle, {1}},
     // Diffractive optical element.
-    Effect{"zero_order", "doe", "the undiffracted beam: one more dot on the axis", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"zero_order", "doe", "the undiffracted beam: one more dot on the axis",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1e6, 4.0, 20.0}},
      [](Model &m, Values v) { dots(m, "zero_order").zero_order_relative_intensity = v[0]; },
      {kInDots}, {kInDots},
      "a bright dot on the optical axis", kBeforeSpeckle, {1}},
-    Effect{"ghost_dots", "doe", "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"ghost_dots", "doe",
+     "faint copies of the lattice half way along its vectors: both (0), to the right (1), down (2)",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"relative_intensity", "1", 0.0, 1.0, 0.06, 0.25}, {"lattice_direction", "1", 0.0, 2.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
          dots(m, "ghost_dots").ghost_relative_intensity = v[0];
@@ -99,7 +105,8 @@ std::vector<Effect> make_catalogue() {
      {kInDots}, {kInDots},
      "faint dots between the dots", kBeforeSpeckle, {1}}
         .with_forms("lattice_direction", {1.0, 2.0}),
-    Effect{"scatter_background", "doe", "a fraction of the pattern's light is spread evenly", "stages/dots.cl: dots_render", kSetsDots,
+    Effect{"scatter_background", "doe", "a fraction of the pattern's light is spread evenly",
+     "stages/dots.cl: dots_render", kSetsDots,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
      [](Model &m, Values v) { dots(m, "scatter_background").scatter_fraction = v[0]; },
      {kInDots}, {kInDots},
@@ -123,7 +130,8 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { m.pipeline.coherent_fraction = v[0]; },
      {kInSpeckle}, {kInSpeckle},
      "light that keeps its phase lowers the contrast and turns the law into Rice's", kField, {1}},
-    Effect{"subsurface_scattering", "surface", "a fraction of the light is spread by exp(-r / L) before the speckle forms",
+    Effect{"subsurface_scattering", "surface",
+     "a fraction of the light is spread by exp(-r / L) before the speckle forms",
      "stages/filter.cl", kSetsPipeline,
      {{"length_px", "px", 0.01, 1000.0, 1.5, 4.0}, {"fraction", "1", 0.0, 1.0, 0.6, 0.6}},
      [](Model &m, Values v) {
@@ -147,7 +155,8 @@ std::vector<Effect> make_catalogue() {
      "an exposure holds patterns that change from one into the other, and finished frames hold none between them", {5}}
         .needs_gaussian_field()
         .with_forms("correlation_law", {1.0}, true),
-    Effect{"surface_boiling", "motion", "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
+    Effect{"surface_boiling", "motion",
+     "the speckle of a resting scene changes: field correlation exp(-1 / tau) a frame",
      "stages/phase.cl: phase_advance", kSetsPipeline,
      {{"correlation_frames", "frames", 1e-3, 1e9, 60.0, 6.0}},
      [](Model &m, Values v) { m.pipeline.boiling_correlation_frames = v[0]; },
@@ -155,7 +164,8 @@ std::vector<Effect> make_catalogue() {
      "the speckle of a resting surface changes, everywhere on its own",
      "a static scene's frames hold one speckle pattern, and not what it changes into", {1, 0, true}}
         .needs_gaussian_field(),
-    Effect{"airflow", "motion", "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
+    Effect{"airflow", "motion",
+     "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
      "stages/airflow.cl, stages/field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
@@ -180,7 +190,8 @@ std::vector<Effect> make_catalogue() {
      {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
      "the speckle of a resting surface shifts as a whole", "", {1}},
     // Optics.
-    Effect{"defocus", "optics", "quadratic pupil phase, w waves at the rim", "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
+    Effect{"defocus", "optics", "quadratic pupil phase, w waves at the rim",
+     "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
      kSetsAperture,
      {{"waves", "waves", -100.0, 100.0, 0.6, 1.5}},
      [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; },
@@ -190,7 +201,8 @@ std::vector<Effect> make_catalogue() {
         .told_from("beam_flat_top",
                    "dots at two focus settings: defocus changes the dots' width, the beam's shape stays")
         .told_from("subsurface_scattering", "dots on a metallic diffuser: no light spreads below its surface"),
-    Effect{"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner", "stages/lens.cl: lens_finish", kSetsLens,
+    Effect{"vignetting", "optics", "light falls off as 1 - a r^2, r = 1 in the corner",
+     "stages/lens.cl: lens_finish", kSetsLens,
      {{"corner_loss", "1", 0.0, 1.0, 0.12, 0.45}},
      [](Model &m, Values v) { m.lens.vignetting_corner_loss = v[0]; },
      {kInLight}, {kInLight},
@@ -209,12 +221,14 @@ std::vector<Effect> make_catalogue() {
         .told_from("pixel_integration", "board_moving at two f-numbers: the pixel's area stays, the grain changes")
         .told_from("pupil_obstruction", "board_moving at two f-numbers, and the spectrum near the cut-off")
         .told_from("crosstalk", "board_moving at two f-numbers: cross-talk does not change with the aperture"),
-    Effect{"pupil_obstruction", "optics", "the centre of the pupil is blocked", "stages/aperture.cl: aperture_pupil", kSetsAperture,
+    Effect{"pupil_obstruction", "optics", "the centre of the pupil is blocked",
+     "stages/aperture.cl: aperture_pupil", kSetsAperture,
      {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
      [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; },
      {kInSpeckle}, {kInSpeckle},
      "the grain is finer, with rings in its autocorrelation", kField, {1}},
-    Effect{"glare", "optics", "a fraction of the image light is spread over wide tails", "stages/filter.cl, stages/lens.cl: lens_finish",
+    Effect{"glare", "optics", "a fraction of the image light is spread over wide tails",
+     "stages/filter.cl, stages/lens.cl: lens_finish",
      kSetsLens,
      {{"fraction", "1", 0.0, 1.0, 0.05, 0.2}, {"scale_px", "px", 0.1, 1000.0, 6.0, 6.0}},
      [](Model &m, Values v) {
@@ -241,7 +255,8 @@ std::vector<Effect> make_catalogue() {
      "even light without speckle: less contrast, a floor between the dots", "", {1}}
         .scales_light()
         .told_from("low_roughness", "board with the laser off and the shutter open"),
-    Effect{"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner", "stages/lens.cl: lens_distort", kSetsLens,
+    Effect{"lens_distortion", "optics", "radial, x -> x (1 + k1 r^2), r = 1 at the corner",
+     "stages/lens.cl: lens_distort", kSetsLens,
      {{"k1", "1", -0.148, 1.0, 0.01, 0.05}},
      [](Model &m, Values v) {
          m.lens.radius_unit = RadiusUnit::kCorner;
@@ -265,7 +280,8 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "crosstalk").crosstalk_fraction = v[0]; },
      {kInLight}, {kInSpeckle},
      "neighbouring pixels alike, in dots and grain", "", {1}},
-    Effect{"shot_noise", "sensor", "Poisson noise of the signal", "stages/sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
+    Effect{"shot_noise", "sensor", "Poisson noise of the signal",
+     "stages/sensor_pixel.h: expose_pixel (SHOT_NOISE)", kSetsSensor,
      {{"dn_per_electron", "DN/e", 1e-6, 1e6, 0.08, 0.5}},
      [](Model &m, Values v) {
          sensor(m, "shot_noise").shot_noise = true;
@@ -287,12 +303,14 @@ std::vector<Effect> make_catalogue() {
      "a pattern of offsets that stays in the pixels", "", {1}}
         .told_from("hot_pixels", "dark with more frames and a longer exposure")
         .told_from("column_fpn", "dark with more frames"),
-    Effect{"column_fpn", "sensor", "the columns' offsets vary, constant in time", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+    Effect{"column_fpn", "sensor", "the columns' offsets vary, constant in time",
+     "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; },
      {kInAll}, {kInDark | kInFlat},
      "stripes along the columns that stay", "", {1}},
-    Effect{"hot_pixels", "sensor", "few pixels with large offsets", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+    Effect{"hot_pixels", "sensor", "few pixels with large offsets",
+     "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
      [](Model &m, Values v) {
          sensor(m, "hot_pixels").hot_pixel_fraction = v[0];
@@ -300,12 +318,14 @@ std::vector<Effect> make_catalogue() {
      },
      {kInAll}, {kInDark | kInFlat | kInDots},
      "few pixels far above the others, also in the dark", "", {1}},
-    Effect{"row_noise", "sensor", "the rows' offsets vary, new in each frame", "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
+    Effect{"row_noise", "sensor", "the rows' offsets vary, new in each frame",
+     "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; },
      {kInAll}, {kInAll, SceneMotion::kStatic, 2},
      "stripes along the rows, others in each frame", "", {1}},
-    Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1", "stages/sensor_pixel.h: expose_pixel (GAMMA)",
+    Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1",
+     "stages/sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
      {{"gamma", "1", 0.1, 10.0, 0.93, 0.75}},
      [](Model &m, Values v) { sensor(m, "gamma").gamma = v[0]; },
@@ -315,7 +335,8 @@ std::vector<Effect> make_catalogue() {
                    "board_moving at several levels of light: the full well ends speckle at one level, a bent response bends it at all")
         .told_from("depolarization",
                    "board_moving at several levels of light: a bent response changes the law of speckle by the level, polarization does not"),
-    Effect{"full_well", "sensor", "the signal clips below the converter's maximum", "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
+    Effect{"full_well", "sensor", "the signal clips below the converter's maximum",
+     "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},
      [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; },
      {kInLight}, {kInLight},
@@ -332,7 +353,8 @@ std::vector<Effect> make_catalogue() {
      },
      {kInAll}, {kInAll},
      "codes are missing: only multiples of a power of two occur", "", {1}},
-    Effect{"bayer_mismatch", "sensor", "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
+    Effect{"bayer_mismatch", "sensor",
+     "two sites of the 2x2 mosaic have gains 1 - d and 1 + d: top right and bottom left (0), the others (1)",
      "stages/sensor_pixel.h: expose_pixel (MOSAIC)", kSetsSensor,
      {{"delta", "1", -1.0, 1.0, 0.015, 0.06}, {"green_diagonal", "1", 0.0, 1.0, 0.0, 0.0, true}},
      [](Model &m, Values v) {
@@ -344,7 +366,8 @@ std::vector<Effect> make_catalogue() {
      {kInLight}, {kInLight},
      "the sites of the 2 x 2 mosaic differ", "", {1}}
         .with_forms("green_diagonal", {1.0}),
-    Effect{"image_lag", "sensor", "a fraction of the previous frame's signal remains", "stages/sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
+    Effect{"image_lag", "sensor", "a fraction of the previous frame's signal remains",
+     "stages/sensor_pixel.h: expose_pixel (LAG)", kSetsSensor,
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
      [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; },
      {kInLight}, {kInSpeckle, SceneMotion::kMoving, 2},
@@ -366,12 +389,14 @@ bool in_catalogue(const std::string &id) {
 }
 
 const Effect &find_effect(const std::string &id) {
+    const auto &catalogue = effect_catalogue();
+    const auto found =
+        std::find_if(catalogue.begin(), catalogue.end(), [&](const Effect &effect) { return id == effect.id; });
+    if (found != catalogue.end())
+        return *found;
     std::string ids;
-    for (const Effect &effect : effect_catalogue()) {
-        if (id == effect.id)
-            return effect;
+    for (const Effect &effect : catalogue)
         ids += fmt::format("{}{}", ids.empty() ? "" : ", ", effect.id);
-    }
     throw Error(Status::kInvalidArgument, fmt::format("there is no effect \"{}\"; the effects are {}", id, ids));
 }
 

@@ -42,8 +42,11 @@ bool read_file(const fs::path &path, std::string &content) {
 // kernel's own; one with a built-in name may not.
 void check_kernel_dir(const std::string &folder) {
     std::error_code ignored;
-    for (const fs::directory_entry &entry : fs::recursive_directory_iterator(folder, ignored)) {
-        const std::string name = fs::relative(entry.path(), folder, ignored).generic_string();
+    const auto options = fs::directory_options::skip_permission_denied;
+    // Step by step: a range's ++ would throw where a folder cannot be read.
+    for (fs::recursive_directory_iterator at(folder, options, ignored), last; at != last; at.increment(ignored)) {
+        const fs::directory_entry &entry = *at;
+        const std::string name = entry.path().lexically_relative(folder).generic_string(); // a link has its own name
         const auto is_it = [&](const EmbeddedKernel &kernel) { return name == kernel.name; };
         const EmbeddedKernel *end = kEmbeddedKernels + kEmbeddedKernelCount;
         if (!entry.is_regular_file(ignored) || std::any_of(kEmbeddedKernels, end, is_it))

@@ -63,7 +63,7 @@ template <typename T> class SpareBuffers {
     }
 
   private:
-    static constexpr std::size_t kMost = 8; // as many as lanes
+    static constexpr std::size_t kMost = 8; // as many as workers
     struct Spare {
         std::unique_ptr<T[]> values;
         std::size_t capacity = 0;

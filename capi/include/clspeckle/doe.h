@@ -95,7 +95,7 @@ typedef struct ClspDoePatternDesc {
     uint64_t phase_pitch_bytes;    /**< From row to row; 0 (default) means tightly packed. */
     double pixel_pitch_m;          /**< Of the DOE; must be given. */
     double wavelength_m;           /**< That the design is made for; default 940e-9. */
-    uint64_t dot_count;            /**< Number of wanted dots, for the books; 0 (default): not known. */
+    uint64_t dot_count;            /**< Number of wanted dots, for the power budget; 0 (default): not known. */
     const int32_t *dot_orders;     /**< count times m, n: wanted orders of a periodic design, each once. */
     const double *dot_directions;  /**< count times u, v at wavelength_m: wanted directions of a whole aperture. */
     const double *dot_weights;     /**< count wanted powers (any unit), above 0; NULL (default): all equal. */
@@ -179,7 +179,7 @@ typedef struct ClspDoePatternInfo {
     double half_extent_y;  /**< Likewise in v. */
     double power_w;        /**< Of the beam. */
     /** Share in the wanted dots. ORDERS: exact. APERTURE: in the texels within twice the spot's half-angle, and at least 1.5
-     *  texels, of a wanted direction: books of an image whose texels are wider than that depend on them. */
+     *  texels, of a wanted direction: the power budget of an image whose texels are wider than that depends on them. */
     double dots;
     double zero_order;     /**< Share in order (0, 0), unless it is wanted. */
     /** Share in other orders, those outside of the image and beyond 90 degrees included (ORDERS); around the twins -(u, v) of wanted

@@ -495,6 +495,13 @@ TEST_F(Programs, EditedKernelTakesEffectAndHasItsOwnCacheKey) {
     write(empty / "stages/columns.cl", "");
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "fft/cpu/columns.cl or fft/gpu/columns.cl", clspContextCreate(&desc, &misplaced));
     fs::remove(empty / "stages/columns.cl");
+    // A link is known by its own name, also behind a path with a final slash.
+    write(folder.path() / "mine.txt", read(fs::path(CLSP_KERNEL_SOURCE_DIR) / "stages/philox.cl"));
+    fs::create_symlink(folder.path() / "mine.txt", empty / "stages/philox.cl");
+    const std::string slash = empty.string() + "/";
+    desc.kernel_dir = slash.c_str();
+    EXPECT_EQ(built_in.words, fill(desc).words);
+    desc.kernel_dir = empty.c_str();
     write(empty / "fused_columns.cl", "");
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "fused_columns.cl, which is the path of no built-in kernel",
                       clspContextCreate(&desc, &misplaced));
