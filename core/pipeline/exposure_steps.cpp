@@ -12,6 +12,8 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint32_t kLeastSteps = 4;
 constexpr double kLongestPath = 32.0; // of exposure_modes()
+// By fewer lines of the laser: of the squared contrast of the whole exposure, to which a weak pattern adds little.
+constexpr double kLineError = 1e-3;
 
 // Correlation of the intensity over a path.
 double intensity_correlation(double path, Dynamics dynamics) {
@@ -45,14 +47,16 @@ double squared_contrast_of_steps(std::uint32_t count, double step, Dynamics dyna
 
 } // namespace
 
-ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, Dynamics dynamics,
-                             ExposureCorrelation correlation) {
+ExposureSteps exposure_steps(const ExposureParameters &p) {
+    const double exposure_path = p.path;
+    const std::uint32_t sub_exposures = p.sub_exposures;
+    const Dynamics dynamics = p.dynamics;
     ExposureSteps steps;
     if (exposure_path == 0.0) {
         steps.count = std::max(1u, sub_exposures);
         return steps;
     }
-    if (correlation == ExposureCorrelation::kGaussian) {
+    if (p.correlation == ExposureCorrelation::kGaussian) {
         if (sub_exposures != 0)
             throw Error(
                 Status::kInvalidArgument,
@@ -63,7 +67,7 @@ ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, 
             throw Error(Status::kInvalidArgument,
                         fmt::format("exposure_path is {}, with CLSP_EXPOSURE_CORRELATION_GAUSSIAN it must be 0 to {}",
                                     exposure_path, kLongestPath));
-        steps.modes = exposure_modes(exposure_path, correlation);
+        steps.modes = exposure_modes(exposure_path, p.correlation);
         steps.count = static_cast<std::uint32_t>(steps.modes.size());
         // So far that nothing is left of the field.
         if (dynamics == Dynamics::kContinuous)
@@ -94,6 +98,22 @@ ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, 
         steps.path = step;
     else
         steps.correlation = std::exp(-step);
+    return steps;
+}
+
+ExposureSteps independent_exposures(const ExposureParameters &p) {
+    ExposureSteps steps;
+    steps.independent = true;
+    steps.modes = p.path == 0.0 ? std::vector<ExposureMode>{{1.0, 1.0}} : exposure_modes(p.path, p.correlation);
+    steps.count = static_cast<std::uint32_t>(steps.modes.size());
+    double variance = 0.0;
+    for (const ExposureMode &mode : steps.modes)
+        variance += mode.weight * mode.weight;
+    const std::vector<LaserLine> lines = equal_lines(p.line_count);
+    for (const ExposureMode &mode : steps.modes) {
+        const double share = mode.weight * mode.weight / variance;
+        steps.lines.push_back(fewest_lines(lines, p.dephasing_rad, kLineError / (steps.count * share)));
+    }
     return steps;
 }
 

@@ -2,6 +2,8 @@
 #pragma once
 
 #include "pipeline/exposure_modes.hpp"
+#include "runtime/fields.hpp"
+#include "stages/laser_lines.hpp"
 #include "stages/phase.hpp"
 
 #include <cstdint>
@@ -21,11 +23,33 @@ struct ExposureSteps {
     double path = 0.0;               // between neighbours, for a continuous field
     double correlation = 1.0;        // likewise, for the others
     std::vector<ExposureMode> modes; // what each sub-exposure counts; empty: all alike
+    // Each sub-exposure is a pattern of its own, drawn by pattern_number(), and has its own lines of the laser.
+    bool independent = false;
+    std::vector<std::vector<LaserLine>> lines;
 };
+
+struct ExposureParameters {
+    double path = 0.0; // of the surface, in correlation lengths
+    std::uint32_t sub_exposures = 0;
+    ExposureCorrelation correlation = ExposureCorrelation::kField;
+    Dynamics dynamics = Dynamics::kReplace;
+    std::uint32_t line_count = 1;
+    double dephasing_rad = 0.0;
+};
+CLSP_EQUALITY(ExposureParameters, path, sub_exposures, correlation, dynamics, line_count, dephasing_rad)
 
 // sub_exposures 0: as many as it takes (at least 4, and twice the number of independent patterns; as many as there are
 // modes). Throws if there are too few, or if they are given with a Gaussian correlation.
-ExposureSteps exposure_steps(double exposure_path, std::uint32_t sub_exposures, Dynamics dynamics,
-                             ExposureCorrelation correlation);
+ExposureSteps exposure_steps(const ExposureParameters &parameters);
+
+// The fewest independent patterns, whatever the correlation, each with the fewest lines of the laser: together they
+// change the squared contrast by 1e-3 at most. For frames that are drawn anew, one by one.
+ExposureSteps independent_exposures(const ExposureParameters &parameters);
+
+// The number of an exposure's k-th independent pattern. Numbers of frames have 48 bits, of which these frames use 42.
+constexpr unsigned kPatternShift = 42;
+inline std::uint64_t pattern_number(std::uint64_t frame_index, std::uint32_t k) {
+    return frame_index | (std::uint64_t{k} << kPatternShift);
+}
 
 } // namespace clsp

@@ -3,7 +3,6 @@
 #include "effects/effects.hpp"
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "runtime/kernel_arguments.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
@@ -51,10 +50,31 @@ bool boils(const PipelineParameters &p) {
     return std::isfinite(p.boiling_correlation_frames);
 }
 
+// The parts that differ, as kSets* of effects.hpp.
+unsigned changed_parts(const PipelineModel &a, const PipelineModel &b) {
+    unsigned parts = 0;
+    const auto compare = [&](unsigned part, bool same) { parts |= same ? 0u : part; };
+    compare(kSetsPhase, a.phase == b.phase);
+    compare(kSetsAperture, a.aperture == b.aperture);
+    compare(kSetsLens, a.lens == b.lens);
+    compare(kSetsDots, a.dots == b.dots);
+    compare(kSetsSensor, a.sensor == b.sensor);
+    return parts;
+}
+
+// In the catalogue's order, whatever the order of the calls.
+PipelineModel with_effects(PipelineModel model, const std::map<std::string, std::vector<double>> &effects) {
+    for (const Effect &effect : effect_catalogue())
+        if (const auto found = effects.find(effect.id); found != effects.end())
+            effect.apply(model, found->second.data());
+    return model;
+}
+
 } // namespace
 
-Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters)
-    : context_(std::move(context)), stages_(std::move(stages)), parameters_(parameters) {
+Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters,
+                   PipelineOptions options)
+    : context_(std::move(context)), stages_(std::move(stages)), parameters_(parameters), options_(options) {
     check_stages();
     apply_own(model());
 }
@@ -152,8 +172,11 @@ void Pipeline::apply_stages(const PipelineModel &model, unsigned sets, unsigned 
 void Pipeline::apply_own(const PipelineModel &model) {
     const PipelineParameters &p = model.pipeline;
     check_parameters(p);
-    const ExposureSteps steps =
-        exposure_steps(p.exposure_path, p.sub_exposures, model.phase.dynamics, p.exposure_correlation);
+    const ExposureParameters exposure{p.exposure_path,       p.sub_exposures, p.exposure_correlation,
+                                      model.phase.dynamics, p.line_count,    p.dephasing_rad};
+    ExposureSteps steps = exposure_ == exposure              ? exposure_steps_
+                          : options_.independent_exposures ? independent_exposures(exposure)
+                                                           : exposure_steps(exposure);
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(
             Status::kInvalidArgument,
@@ -178,11 +201,16 @@ void Pipeline::apply_own(const PipelineModel &model) {
     std::unique_ptr<Airflow> airflow;
     if (p.airflow.rms_rad > 0.0 && !same_air)
         airflow = std::make_unique<Airflow>(context_, stages_.aperture->grid(), air);
-    auto new_field = std::make_unique<Field>(context_, stages_.aperture->grid());
-    new_field->configure(field);
-    field_ = std::move(new_field);
+    std::unique_ptr<Field> new_field;
+    if (!field_ || field_->parameters() != field) {
+        new_field = std::make_unique<Field>(context_, stages_.aperture->grid());
+        new_field->configure(field);
+    }
+    if (new_field)
+        field_ = std::move(new_field);
     parameters_ = p;
-    exposure_steps_ = steps;
+    exposure_ = exposure;
+    exposure_steps_ = std::move(steps);
     if (!same_air)
         airflow_ = std::move(airflow);
     allocate();
@@ -213,8 +241,8 @@ void Pipeline::allocate() {
             "above 0");
     const bool subsurface = p.subsurface_fraction > 0.0 || material_subsurface;
     // Where several fields are added, the ideal image cannot lie where the light is summed.
-    const bool many_fields =
-        p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 || stages_.materials;
+    const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 ||
+                             stages_.materials || options_.keeps_irradiance;
     image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
     image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
     image(distorted_, distorts, sizeof(float));
@@ -225,13 +253,15 @@ void Pipeline::allocate() {
     image(distorted_mask_, distorts, 1);
     image(distorted_motion_mask_, distorts && stages_.motion, 1);
     image(subsurface_weight_, material_subsurface, sizeof(float));
-    subsurface_.reset();
-    if (subsurface) {
+    subsurface_on_ = subsurface;
+    // The filter stays when it is switched off.
+    if (subsurface && subsurface_length_px_ != p.subsurface_length_px) {
         if (!filter_workspace_)
             filter_workspace_ = std::make_shared<FilterWorkspace>(context_);
         subsurface_ = std::make_unique<FftFilter>(context_, grid.width, grid.height,
                                                   exponential_guard_px(p.subsurface_length_px, grid.width, grid.height),
                                                   exponential_spread(p.subsurface_length_px), filter_workspace_);
+        subsurface_length_px_ = p.subsurface_length_px;
     }
     if (material_subsurface) {
         std::vector<float> fractions;
@@ -251,33 +281,33 @@ void Pipeline::keep_dark_frame() {
         dark_frame_.assign(p.dark_frame_dn, p.dark_frame_dn + std::size_t{p.width} * p.height);
 }
 
-void Pipeline::use_effects(Effects effects) {
-    keep_dark_frame();
+void Pipeline::use_model(const PipelineModel &wanted, unsigned parts) {
     const PipelineModel before = model();
-    PipelineModel base = base_ ? *base_ : before;
-    // What the host may have changed since: the exposure.
-    if (base.sensor)
-        base.sensor->exposure_gain_dn = before.sensor->exposure_gain_dn;
-    PipelineModel with = base;
-    unsigned sets = 0;
-    // In the catalogue's order, whatever the order of the calls. Stages whose effects stay as they were are left alone.
-    for (const Effect &effect : effect_catalogue()) {
-        const auto old = effects_.find(effect.id), now = effects.find(effect.id);
-        if (now != effects.end())
-            effect.apply(with, now->second.data());
-        if ((old == effects_.end()) != (now == effects.end()) || (now != effects.end() && old->second != now->second))
-            sets |= effect.sets;
-    }
     unsigned applied = 0;
     try {
-        apply_stages(with, sets, applied);
-        apply_own(with);
+        apply_stages(wanted, parts, applied);
+        apply_own(wanted);
     } catch (...) {
         unsigned restored = 0;
         apply_stages(before, applied, restored);
         apply_own(before);
         throw;
     }
+}
+
+void Pipeline::configure(const PipelineModel &wanted) {
+    use_model(wanted, changed_parts(model(), wanted));
+}
+
+void Pipeline::use_effects(Effects effects) {
+    keep_dark_frame();
+    PipelineModel base = base_ ? *base_ : model();
+    // What the host may have changed since: the exposure.
+    if (base.sensor)
+        base.sensor->exposure_gain_dn = stages_.sensor->parameters().exposure_gain_dn;
+    const PipelineModel with = with_effects(base, effects);
+    // Stages whose effects stay as they were are left alone.
+    use_model(with, changed_parts(with_effects(base, effects_), with));
     effects_ = std::move(effects);
     if (effects_.empty())
         base_.reset();
@@ -305,15 +335,17 @@ ImageView Pipeline::own_image(const DeviceBuffer &buffer, Format format) const {
                        {grid.width, grid.height}, {format});
 }
 
-// The images of a frame, checked; those that a frame has not are empty.
-struct Pipeline::Checked {
+// The host's images of a frame, checked; those that a frame has not are empty.
+struct Pipeline::Images {
     ImageView output, mask, material, irradiance;
     ImageView light; // what the lens and the sensor get; the output where there are neither
 };
 
-Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
+Pipeline::Images Pipeline::check_images(const Frame &frame) {
     const ::cl_context cl_context = context_->cl_context()();
     check_frame_index(frame.frame_index);
+    if (exposure_steps_.independent && frame.frame_index >> kPatternShift)
+        throw Error(Status::kInternal, "a number of a frame with independent exposures has more than 42 bits");
     stages_.aperture->check_workspace();
     if (stages_.lens && (stages_.lens->distorts() != lens_distorts_ || stages_.lens->finishes() != lens_finishes_))
         allocate(); // the lens was changed by its owner
@@ -328,7 +360,7 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
                     fmt::format("illumination is {}, expected CLSP_ILLUMINATION_LASER, _INCOHERENT or _DARK",
                                 static_cast<std::uint32_t>(frame.illumination)));
     const bool laser = frame.illumination == Illumination::kLaser;
-    Checked images;
+    Images images;
     images.output = stages_.sensor ? stages_.sensor->check_output(frame.output, laser && exposes_in_last_pass())
                                    : check_image(frame.output, "output", cl_context, size, {Format::kFloat32});
     check_writable(images.output, "output");
@@ -342,41 +374,13 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     };
     if (frame.refresh_mask)
         images.mask = input(frame.refresh_mask, "refresh_mask", {Format::kUint8});
-    if (stages_.sensor || (stages_.lens && stages_.lens->finishes()))
-        images.light = own_image(light_);
-    else
-        images.light = images.output;
-
+    images.light = stages_.sensor || finishes() ? own_image(light_) : images.output;
     // Surfaces move and live whatever the light.
-    if (frame.motion) {
-        if (!stages_.motion)
-            throw Error(Status::kInvalidArgument,
-                        "motion was given to a pipeline without a motion stage; make the pipeline with one");
-        stages_.motion->check(*frame.motion);
-        const PhaseAdvance advance = stages_.motion->advance();
-        if (stages_.lens && stages_.lens->distorts()) {
-            const auto check_distort = [&](const ImageView &image, const DeviceBuffer &buffer) {
-                if (image)
-                    stages_.lens->check_distort(image, own_image(buffer, image.format), Interpolation::kNearest);
-            };
-            check_distort(advance.mask, distorted_motion_mask_);
-            check_distort(advance.path, distorted_path_);
-            check_distort(advance.correlation, distorted_correlation_);
-            if (advance.shift)
-                stages_.lens->check_distort_shift(advance.shift, own_image(distorted_shift_, Format::kFloat32x2));
-        }
-    }
-    prepare_advances(frame, images);
-    if (images.mask && stages_.lens && stages_.lens->distorts())
-        stages_.lens->check_distort(images.mask, own_image(distorted_mask_, Format::kUint8), Interpolation::kNearest);
-    if (images.mask)
-        stages_.phase->prepare_masked_refresh();
-    if (frame.illumination == Illumination::kDark) {
-        dark_.get(*context_);
+    if (frame.motion && !stages_.motion)
+        throw Error(Status::kInvalidArgument,
+                    "motion was given to a pipeline without a motion stage; make the pipeline with one");
+    if (frame.illumination == Illumination::kDark)
         return images;
-    }
-    if (frame.illumination == Illumination::kIncoherent)
-        stages_.aperture->prepare_incoherent();
     if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
         throw Error(
             Status::kInvalidArgument,
@@ -410,278 +414,214 @@ Pipeline::Checked Pipeline::check_frame(const Frame &frame) {
     } else {
         images.irradiance = input(frame.irradiance, "irradiance", {Format::kFloat32});
     }
-    if (stages_.lens && stages_.lens->distorts())
-        stages_.lens->check_distort(images.irradiance, own_image(distorted_), Interpolation::kCubic);
-    if (!laser)
-        return images;
-    if (stages_.materials) {
+    if (laser && stages_.materials) {
         if (!frame.material)
             throw Error(Status::kInvalidArgument,
                         "material is missing; this pipeline has a material table and needs each pixel's material id");
         images.material = input(frame.material, "material", {Format::kUint8});
     }
-    if (stages_.lens && stages_.lens->distorts()) {
-        if (images.material)
-            stages_.lens->check_distort(images.material, own_image(distorted_material_, Format::kUint8),
-                                        Interpolation::kNearest);
-    }
-    // As in enqueue_laser().
-    const bool drawn_anew = frame.refresh == Refresh::kAll;
-    Exposure exposure;
-    exposure.field = field_.get();
-    stages_.aperture->check_phase(*stages_.phase, field_.get());
-    exposure.screen = airflow_ && !drawn_anew ? &airflow_->screen() : nullptr;
-    exposure.moves_image = parameters_.vibration_rms_px > 0.0 && !drawn_anew;
-    exposure.adds = exposures_of(frame, drawn_anew) > 1;
-    if (exposes_in_last_pass())
-        exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
-    stages_.aperture->prepare(*stages_.phase, exposure);
     return images;
 }
 
-bool Pipeline::blurs(const Frame &frame) const {
-    return parameters_.shutter_fraction > 0.0 && frame.motion && stages_.motion->advance().path;
+bool Pipeline::distorts() const {
+    return stages_.lens && stages_.lens->distorts();
 }
 
-std::uint32_t Pipeline::exposures_of(const Frame &frame, bool fresh) const {
-    if (blurs(frame) && !fresh)
-        return blur_steps(parameters_);
-    return frame.refresh == Refresh::kAll ? exposure_steps_.count : 1;
-}
-
-void Pipeline::prepare_advances(const Frame &frame, const Checked &images) {
-    Phase &phase = *stages_.phase;
-    const double boiling = std::exp(-1.0 / parameters_.boiling_correlation_frames);
-    if (frame.motion || boils(parameters_)) {
-        PhaseAdvance advance = frame.motion ? stages_.motion->advance() : PhaseAdvance{};
-        if (!advance.mask)
-            advance.mask = images.mask;
-        if (boils(parameters_) && !advance.correlation)
-            advance.uniform_correlation *= boiling;
-        phase.check_advance(advance);
-        if (boils(parameters_) && advance.correlation) {
-            PhaseAdvance more;
-            more.uniform_correlation = boiling;
-            phase.check_advance(more);
-        }
-    }
-    if (frame.illumination != Illumination::kLaser)
-        return;
-    PhaseAdvance step;
-    if (frame.refresh != Refresh::kAll && blurs(frame) && blur_steps(parameters_) > 1) {
-        step.path = stages_.motion->advance().path;
-        phase.check_advance(step);
-    } else if (frame.refresh == Refresh::kAll && exposure_steps_.count > 1) {
-        step.uniform_path = exposure_steps_.path;
-        step.uniform_correlation = exposure_steps_.correlation;
-        phase.check_advance(step);
-    }
+bool Pipeline::finishes() const {
+    return stages_.lens && stages_.lens->finishes();
 }
 
 bool Pipeline::exposes_in_last_pass() const {
-    return stages_.sensor && !(stages_.lens && stages_.lens->finishes()) && stages_.aperture->exposes(*stages_.sensor);
+    return stages_.sensor && !finishes() && stages_.aperture->exposes(*stages_.sensor);
 }
 
-struct Pipeline::Surface {
-    PhaseAdvance advance; // of this frame
-    bool fresh = false;   // all of it was drawn anew
-};
+ImageView Pipeline::plan_distortion(FramePlan &plan, const ImageView &image, const DeviceBuffer &distorted,
+                                    Interpolation interpolation, bool adds_step) {
+    if (!image || !distorts())
+        return image;
+    const ImageView out = own_image(distorted, image.format);
+    if (adds_step)
+        plan.add(frame_step::Distort{stages_.lens.get(), image, out, interpolation});
+    return out;
+}
 
-Pipeline::Surface Pipeline::enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images) {
-    Phase &phase = *stages_.phase;
+PhaseAdvance Pipeline::plan_surface(FramePlan &plan, const Frame &frame, ImageView mask, bool fresh) {
+    Phase *phase = stages_.phase.get();
     const PipelineParameters &p = parameters_;
-    ImageView mask = images.mask;
-    Surface surface;
-    PhaseAdvance &advance = surface.advance;
-    if (frame.motion)
-        advance = stages_.motion->enqueue_compute(chain, *frame.motion);
-    if (stages_.lens && stages_.lens->distorts()) {
-        const auto distort = [&](ImageView &image, const DeviceBuffer &buffer) {
-            if (!image)
-                return;
-            const ImageView out = own_image(buffer, image.format);
-            stages_.lens->enqueue_distort(chain, image, out, Interpolation::kNearest);
-            image = out;
-        };
-        distort(mask, distorted_mask_);
-        distort(advance.mask, distorted_motion_mask_);
-        distort(advance.path, distorted_path_);
-        distort(advance.correlation, distorted_correlation_);
-        if (advance.shift) {
-            const ImageView out = own_image(distorted_shift_, Format::kFloat32x2);
-            stages_.lens->enqueue_distort_shift(chain, advance.shift, out);
-            advance.shift = out;
-        }
+    const std::uint64_t number = frame.frame_index;
+    PhaseAdvance advance;
+    if (frame.motion) {
+        // Surfaces are of one material for all stages, unless the motion's input says otherwise.
+        MotionInput input = *frame.motion;
+        if (!input.material && stages_.motion->parameters().materials)
+            input.material = frame.material;
+        plan.add(frame_step::ComputeMotion{stages_.motion.get(), input});
+        advance = stages_.motion->advance();
     }
-    surface.fresh = frame.refresh == Refresh::kAll || !phase.refreshed();
-    const bool lives = boils(p) && !surface.fresh;
-    if (surface.fresh) {
-        phase.enqueue_refresh(chain, frame.frame_index, {});
+    mask = plan_distortion(plan, mask, distorted_mask_, Interpolation::kNearest);
+    advance.mask = plan_distortion(plan, advance.mask, distorted_motion_mask_, Interpolation::kNearest);
+    advance.path = plan_distortion(plan, advance.path, distorted_path_, Interpolation::kNearest);
+    advance.correlation =
+        plan_distortion(plan, advance.correlation, distorted_correlation_, Interpolation::kNearest);
+    if (advance.shift && distorts()) {
+        const ImageView out = own_image(distorted_shift_, Format::kFloat32x2);
+        plan.add(frame_step::DistortShift{stages_.lens.get(), advance.shift, out});
+        advance.shift = out;
+    }
+    const bool lives = boils(p) && !fresh;
+    if (fresh) {
+        plan.add(frame_step::DrawPhase{phase, number, {}});
     } else if (frame.motion || lives) {
         if (mask && !advance.mask)
             advance.mask = mask;
         else if (mask)
-            phase.enqueue_refresh(chain, frame.frame_index, mask);
+            plan.add(frame_step::DrawPhase{phase, number, mask});
         if (lives && !advance.correlation)
             advance.uniform_correlation *= std::exp(-1.0 / p.boiling_correlation_frames);
         // The rest of the way is gone while the shutter is open.
         const std::uint32_t parts = blur_steps(p);
         if (advance.path && frame.illumination == Illumination::kLaser)
             advance.path_scale = 1.0 - p.shutter_fraction + p.shutter_fraction / parts;
-        phase.enqueue_advance(chain, frame.frame_index, advance);
+        plan.add(frame_step::AdvancePhase{phase, number, advance});
         if (lives && advance.correlation) {
             PhaseAdvance boiling;
             boiling.uniform_correlation = std::exp(-1.0 / p.boiling_correlation_frames);
             boiling.substep = kMaxSubstep;
-            phase.enqueue_advance(chain, frame.frame_index, boiling);
+            plan.add(frame_step::AdvancePhase{phase, number, boiling});
         }
     } else if (mask) {
-        phase.enqueue_refresh(chain, frame.frame_index, mask);
+        plan.add(frame_step::DrawPhase{phase, number, mask});
     }
-    return surface;
+    return advance;
 }
 
-void Pipeline::enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images) {
-    Phase &phase = *stages_.phase;
+ImageView Pipeline::plan_subsurface(FramePlan &plan, const Frame &frame, const ImageView &irradiance,
+                                    const ImageView &material) {
+    if (!subsurface_on_)
+        return irradiance;
+    // The host's image stays as it is.
+    const ImageView spread = irradiance_ && !distorted_ ? own_image(irradiance_) : irradiance;
+    if (frame.keeps_irradiance)
+        return spread;
+    ImageView weight;
+    if (subsurface_weight_) {
+        plan.add(frame_step::LookUpMaterial{&material_lookup_, material,
+                                            static_cast<cl_uint>(stages_.materials->materials().size()),
+                                            subsurface_table_.get(), subsurface_weight_.get()});
+        weight = own_image(subsurface_weight_);
+    }
+    plan.add(frame_step::Spread{subsurface_.get(), irradiance, spread, parameters_.subsurface_fraction, weight});
+    return spread;
+}
+
+void Pipeline::plan_laser(FramePlan &plan, const Frame &frame, const Images &images, bool fresh) {
+    Phase *phase = stages_.phase.get();
     const PipelineParameters &p = parameters_;
-    const FieldGrid &grid = stages_.aperture->grid();
-    ImageView irradiance = images.irradiance, material = images.material;
-    if (stages_.pattern)
-        stages_.pattern->enqueue_lookup(chain, *frame.geometry, irradiance);
-    else if (stages_.dots)
-        stages_.dots->enqueue_render(chain, irradiance);
-    const Surface surface = enqueue_surface(chain, frame, images);
+    if (stages_.pattern && !frame.keeps_irradiance)
+        plan.add(frame_step::LookUpPattern{stages_.pattern.get(), *frame.geometry, images.irradiance});
+    else if (stages_.dots && !frame.keeps_irradiance)
+        plan.add(frame_step::RenderDots{stages_.dots.get(), images.irradiance});
+    const PhaseAdvance advance = plan_surface(plan, frame, images.mask, fresh);
     // The lens shows geometry and light at the same distorted places; speckle arises behind it.
-    if (stages_.lens && stages_.lens->distorts()) {
-        const ImageView out = own_image(distorted_);
-        stages_.lens->enqueue_distort(chain, irradiance, out, Interpolation::kCubic);
-        irradiance = out;
-        if (material) {
-            const ImageView ids = own_image(distorted_material_, Format::kUint8);
-            stages_.lens->enqueue_distort(chain, material, ids, Interpolation::kNearest);
-            material = ids;
-        }
-    }
+    ImageView irradiance =
+        plan_distortion(plan, images.irradiance, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
+    const ImageView material =
+        plan_distortion(plan, images.material, distorted_material_, Interpolation::kNearest);
+    irradiance = plan_subsurface(plan, frame, irradiance, material);
 
-    if (subsurface_) {
-        ImageView weight;
-        if (subsurface_weight_) {
-            KernelArguments(material_lookup_)
-                .add(material)
-                .add(static_cast<cl_uint>(stages_.materials->materials().size()))
-                .add(subsurface_table_.get())
-                .add(subsurface_weight_.get())
-                .add(cl_uint{grid.width})
-                .add(cl_uint{grid.height});
-            chain.run("subsurface", material_lookup_, grid.width, grid.height);
-            weight = own_image(subsurface_weight_);
-        }
-        // The host's image stays as it is.
-        const ImageView spread = irradiance_ && !distorted_ ? own_image(irradiance_) : irradiance;
-        subsurface_->enqueue(chain, "subsurface", irradiance, spread, p.subsurface_fraction, weight);
-        irradiance = spread;
-    }
-
-    const bool blurred = blurs(frame) && !surface.fresh;
-    const std::uint32_t count = exposures_of(frame, surface.fresh);
+    const bool drawn_anew = frame.refresh == Refresh::kAll;
     Exposure exposure;
     exposure.field = field_.get();
     exposure.material = material;
-    exposure.gain = std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
+    const double gain =
+        std::max(0.0, 1.0 + p.power_flicker * host_normals(p.seed, frame.frame_index, kStreamFlicker)[0]);
     // What shakes or bends a still picture; in frames drawn anew nothing would show it. Those begin a scene of their
     // own.
-    if (frame.refresh == Refresh::kAll) {
-        if (airflow_)
-            airflow_->reset();
-    } else {
-        if (airflow_) {
-            airflow_->enqueue_advance(chain, frame.frame_index);
-            exposure.screen = &airflow_->screen();
-        }
-        if (p.vibration_rms_px > 0.0) {
-            const auto shift = host_normals(p.seed, frame.frame_index, kStreamVibration);
-            exposure.shift_x_px = p.vibration_rms_px * shift[0];
-            exposure.shift_y_px = p.vibration_rms_px * shift[1];
-            exposure.moves_image = true;
-        }
+    if (drawn_anew && airflow_)
+        plan.add(frame_step::ResetAir{airflow_.get()});
+    if (!drawn_anew && airflow_) {
+        plan.add(frame_step::AdvanceAir{airflow_.get(), frame.frame_index});
+        exposure.screen = &airflow_->screen();
     }
-    const double gain = exposure.gain;
+    if (!drawn_anew && p.vibration_rms_px > 0.0) {
+        const auto shift = host_normals(p.seed, frame.frame_index, kStreamVibration);
+        exposure.shift_x_px = p.vibration_rms_px * shift[0];
+        exposure.shift_y_px = p.vibration_rms_px * shift[1];
+        exposure.moves_image = true;
+    }
+    // Parts of an exposure: of the way that the surface goes, or of what a surface drawn anew does meanwhile.
+    const ExposureSteps &steps = exposure_steps_;
+    const bool blurred = p.shutter_fraction > 0.0 && advance.path && !fresh && !drawn_anew;
+    const std::uint32_t count = blurred ? blur_steps(p) : drawn_anew ? steps.count : 1;
+    const bool has_modes = drawn_anew && (count > 1 || steps.independent) && !steps.modes.empty();
     exposure.gain = gain / count;
-    const bool has_modes = !blurred && count > 1 && !exposure_steps_.modes.empty();
     for (std::uint32_t i = 0; i < count; ++i) {
         if (has_modes) {
-            exposure.gain = gain * exposure_steps_.modes[i].weight;
-            exposure.coherent_gain = exposure_steps_.modes[i].coherent_gain;
+            exposure.gain = gain * steps.modes[i].weight;
+            exposure.coherent_gain = steps.modes[i].coherent_gain;
         }
-        if (i > 0) {
+        if (!steps.lines.empty())
+            exposure.lines = &steps.lines[i];
+        if (i > 0 && steps.independent) {
+            plan.add(frame_step::DrawPhase{phase, pattern_number(frame.frame_index, i), {}});
+        } else if (i > 0) {
             PhaseAdvance step;
             if (blurred) {
-                step.path = surface.advance.path;
+                step.path = advance.path;
                 step.path_scale = p.shutter_fraction / count;
                 step.continues = true;
             } else {
-                step.uniform_path = exposure_steps_.path;
-                step.uniform_correlation = exposure_steps_.correlation;
+                step.uniform_path = steps.path;
+                step.uniform_correlation = steps.correlation;
             }
             step.substep = i;
-            phase.enqueue_advance(chain, frame.frame_index, step);
-            exposure.adds = true;
+            plan.add(frame_step::AdvancePhase{phase, frame.frame_index, step});
         }
+        exposure.adds = i > 0;
         if (i + 1 == count && exposes_in_last_pass())
             exposure.exposed = {stages_.sensor.get(), frame.frame_index, images.output};
-        stages_.aperture->enqueue_intensity(chain, phase, irradiance, images.light, exposure);
+        plan.add(frame_step::Image{stages_.aperture.get(), phase, irradiance, images.light, exposure});
     }
 }
 
-void Pipeline::enqueue_checked(CommandChain &chain, const Frame &frame, const Checked &images) {
-    const FieldGrid &grid = stages_.aperture->grid();
+void Pipeline::plan_frame(FramePlan &plan, const Frame &frame, bool fresh) {
+    const Images images = check_images(frame);
+    plan.clear();
     if (frame.illumination == Illumination::kLaser) {
-        enqueue_laser(chain, frame, images);
-    } else if (frame.illumination == Illumination::kIncoherent) {
-        enqueue_surface(chain, frame, images);
-        ImageView irradiance = images.irradiance;
-        if (stages_.lens && stages_.lens->distorts()) {
-            irradiance = own_image(distorted_);
-            stages_.lens->enqueue_distort(chain, images.irradiance, irradiance, Interpolation::kCubic);
-        }
-        stages_.aperture->enqueue_incoherent(chain, irradiance, images.light);
+        plan_laser(plan, frame, images, fresh);
     } else {
-        enqueue_surface(chain, frame, images);
-        cl::Kernel &dark = dark_.get(*context_);
-        KernelArguments(dark).add(images.light).add(cl_uint{grid.width}).add(cl_uint{grid.height});
-        chain.run("intensity", dark, grid.width, grid.height);
+        plan_surface(plan, frame, images.mask, fresh);
+        if (frame.illumination == Illumination::kIncoherent) {
+            const ImageView irradiance =
+                plan_distortion(plan, images.irradiance, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
+            plan.add(frame_step::ImageIncoherent{stages_.aperture.get(), irradiance, images.light});
+        } else {
+            plan.add(frame_step::Darken{&dark_, context_.get(), images.light});
+        }
     }
     ImageView light = images.light;
-    if (stages_.lens && stages_.lens->finishes()) {
+    if (finishes()) {
         const ImageView out = stages_.sensor ? light : images.output;
-        stages_.lens->enqueue_finish(chain, light, out, frame.illumination == Illumination::kDark);
+        plan.add(frame_step::FinishLens{stages_.lens.get(), light, out, frame.illumination == Illumination::kDark});
         light = out;
     }
     if (stages_.sensor && !(frame.illumination == Illumination::kLaser && exposes_in_last_pass()))
-        stages_.sensor->enqueue_expose(chain, light, frame.frame_index, images.output);
+        plan.add(frame_step::Expose{stages_.sensor.get(), light, frame.frame_index, images.output});
 }
 
-void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *given, std::size_t count, cl_uint num_waits,
+void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::size_t count, cl_uint num_waits,
                               const cl_event *waits, cl_event *event) {
-    // Surfaces are of one material for all stages, unless the motion's input says otherwise.
-    const auto completed = [&](const Frame &frame, MotionInput &motion) {
-        Frame full = frame;
-        if (frame.motion && !frame.motion->material && stages_.motion && stages_.motion->parameters().materials) {
-            motion = *frame.motion;
-            motion.material = frame.material;
-            full.motion = &motion;
-        }
-        return full;
-    };
     // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
     context_->check_queue(queue);
     check_wait_list(context_->cl_context()(), num_waits, waits);
-    MotionInput motion;
-    std::vector<Checked> images;
-    images.reserve(count);
+    plans_.resize(std::max(plans_.size(), count));
+    bool drawn = stages_.phase->refreshed();
     for (std::size_t i = 0; i < count; ++i)
         try {
-            images.push_back(check_frame(completed(given[i], motion)));
+            if (!drawn)
+                plan_frame(plans_[i], frames[i], false); // builds what the frames after this one will need
+            plan_frame(plans_[i], frames[i], !drawn || frames[i].refresh == Refresh::kAll);
+            drawn = true;
         } catch (const Error &error) {
             if (count == 1)
                 throw;
@@ -692,7 +632,7 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *given, std::s
     CommandChain chain(queue, num_waits, waits, &next_profile_);
     for (std::size_t i = 0; i < count; ++i) {
         next_profile_.entries.clear();
-        enqueue_checked(chain, completed(given[i], motion), images[i]);
+        plans_[i].enqueue(chain);
         if (i + 1 == count)
             chain.finish(event);
         // Only now is it the last frame: a refused one leaves the times of the one before.
@@ -707,8 +647,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
     if (!phase.refreshed()) {
         enqueue_frame(queue, frame, 0, nullptr, nullptr);
         check_opencl(clFinish(queue), "clFinish");
-        phase.forget();
-        forget_frames();
+        forget();
         return;
     }
     const std::uint64_t epoch = phase.epoch();
@@ -730,6 +669,11 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         throw;
     }
     restore();
+    forget_frames();
+}
+
+void Pipeline::forget() {
+    stages_.phase->forget();
     forget_frames();
 }
 

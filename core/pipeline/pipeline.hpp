@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pipeline/exposure_steps.hpp"
+#include "pipeline/frame_plan.hpp"
 #include "pipeline/pipeline_model.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/airflow.hpp"
@@ -46,6 +47,14 @@ struct Frame {
     const Geometry *geometry = nullptr;
     const MotionInput *motion = nullptr;
     ImageDescription irradiance, refresh_mask, material, output;
+    // The light on the surface is that of the frame before; only of a pipeline that keeps_irradiance.
+    bool keeps_irradiance = false;
+};
+
+// How a pipeline is used.
+struct PipelineOptions {
+    bool keeps_irradiance = false;      // frames may have the light of the frame before
+    bool independent_exposures = false; // exposures of frames drawn anew are made of independent_exposures()
 };
 
 struct StageTiming {
@@ -55,9 +64,15 @@ struct StageTiming {
 
 class Pipeline {
   public:
-    Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters);
+    Pipeline(std::shared_ptr<Context> context, PipelineStages stages, const PipelineParameters &parameters,
+             PipelineOptions options = {});
 
     const std::shared_ptr<Context> &context() const { return context_; }
+
+    // Takes the parameters; stages whose own stay the same are left alone. After an error all is as it was.
+    void configure(const PipelineModel &model);
+    // The next frame is the first one: it draws the surface, and no frame was before it.
+    void forget();
 
     // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their
     // defaults. After an error all is as it was.
@@ -81,7 +96,7 @@ class Pipeline {
     std::vector<StageTiming> timings();
 
   private:
-    struct Checked; // the images of a frame, checked
+    struct Images;
     using Effects = std::map<std::string, std::vector<double>>;
 
     void check_stages() const;
@@ -90,6 +105,7 @@ class Pipeline {
     void apply_own(const PipelineModel &model);
     // applied: the parts that have been changed, also if a later one throws.
     void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
+    void use_model(const PipelineModel &wanted, unsigned parts);
     void use_effects(Effects effects);
     // The sensor's dark frame, which changes of the sensor must not lose.
     void keep_dark_frame();
@@ -97,25 +113,31 @@ class Pipeline {
     void forget_frames();
     // Buffers and filters that the parameters ask for.
     void allocate();
-    Checked check_frame(const Frame &frame);
-    void enqueue_checked(CommandChain &chain, const Frame &frame, const Checked &images);
+    ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
+    bool distorts() const;
+    bool finishes() const;
     // The laser's frames get their codes in the aperture's last pass, not in a command of the sensor's.
     bool exposes_in_last_pass() const;
-    ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
-    struct Surface; // what became of the surface since the last frame
-    // Whether the surface moves while the shutter is open, unless all of it is drawn anew.
-    bool blurs(const Frame &frame) const;
-    // Sub-exposures of a frame. fresh: all of the surface is drawn anew.
-    std::uint32_t exposures_of(const Frame &frame, bool fresh) const;
-    // Checks all advances of the phase that enqueue_surface() and enqueue_laser() will ask for, which builds their kernels.
-    void prepare_advances(const Frame &frame, const Checked &images);
-    Surface enqueue_surface(CommandChain &chain, const Frame &frame, const Checked &images);
-    void enqueue_laser(CommandChain &chain, const Frame &frame, const Checked &images);
+
+    Images check_images(const Frame &frame);
+    // A frame's steps, checked. fresh: all of the surface is drawn anew.
+    void plan_frame(FramePlan &plan, const Frame &frame, bool fresh);
+    void plan_laser(FramePlan &plan, const Frame &frame, const Images &images, bool fresh);
+    // What becomes of the surface since the last frame.
+    PhaseAdvance plan_surface(FramePlan &plan, const Frame &frame, ImageView mask, bool fresh);
+    ImageView plan_subsurface(FramePlan &plan, const Frame &frame, const ImageView &irradiance,
+                              const ImageView &material);
+    // The image as the lens shows it; itself where the lens moves nothing, or if it is empty.
+    ImageView plan_distortion(FramePlan &plan, const ImageView &image, const DeviceBuffer &distorted,
+                              Interpolation interpolation, bool adds_step = true);
 
     std::shared_ptr<Context> context_;
     PipelineStages stages_;
     PipelineParameters parameters_;
+    PipelineOptions options_;
+    std::optional<ExposureParameters> exposure_; // what exposure_steps_ were made of
     ExposureSteps exposure_steps_;
+    std::vector<FramePlan> plans_; // of the last frames; kept for their memory
     Effects effects_;
     std::optional<PipelineModel> base_; // without effects; while there are any
     std::vector<float> dark_frame_;
@@ -125,6 +147,8 @@ class Pipeline {
         distorted_shift_, distorted_mask_, distorted_motion_mask_, subsurface_weight_, subsurface_table_;
     std::shared_ptr<FilterWorkspace> filter_workspace_;
     std::unique_ptr<FftFilter> subsurface_;
+    double subsurface_length_px_ = 0.0; // that it was made for
+    bool subsurface_on_ = false;
     std::unique_ptr<Airflow> airflow_;
     std::unique_ptr<Field> field_;
     bool lens_distorts_ = false, lens_finishes_ = false; // when the buffers were made

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pipeline/exposure_modes.hpp"
+#include "runtime/fields.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"
 #include "stages/dots.hpp"
@@ -31,6 +32,9 @@ struct PipelineParameters {
     AirflowParameters airflow;
     double vibration_rms_px = 0.0;
 };
+CLSP_EQUALITY(PipelineParameters, seed, line_count, dephasing_rad, power_flicker, coherent_fraction,
+              subsurface_length_px, subsurface_fraction, sub_exposures, exposure_path, exposure_correlation,
+              shutter_fraction, boiling_correlation_frames, airflow, vibration_rms_px)
 
 // Every parameter of a pipeline and its stages: what an effect changes.
 struct PipelineModel {

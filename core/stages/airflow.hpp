@@ -14,6 +14,7 @@
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "fft/fft.hpp"
+#include "runtime/fields.hpp"
 #include "stages/field_grid.hpp"
 
 #include <cstdint>
@@ -27,12 +28,8 @@ struct AirflowParameters {
     double correlation_frames = 3.0; // > 0; infinity: a screen that stays as it is
     double wind_px = 0.0;            // to the right, image pixels a frame
     std::uint64_t seed = 0;
-
-    bool operator==(const AirflowParameters &other) const {
-        return rms_rad == other.rms_rad && scale_px == other.scale_px &&
-               correlation_frames == other.correlation_frames && wind_px == other.wind_px && seed == other.seed;
-    }
 };
+CLSP_EQUALITY(AirflowParameters, rms_rad, scale_px, correlation_frames, wind_px, seed)
 
 class Airflow {
   public:

@@ -4,6 +4,7 @@
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "fft/fft.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/bad_pixels.hpp"
@@ -31,6 +32,8 @@ struct ApertureParameters {
     double fill_factor = 0.0;         // 0: the mean over a pixel's own samples; else its light-sensitive part
     std::optional<EngineSpec> engine; // this one or clFFT; none: what the context chooses
 };
+CLSP_EQUALITY(ApertureParameters, width, height, oversampling, guard_px, pupil, workspace_from_host,
+              relative_diameter, f_number, pixel_pitch_m, wavelength_m, degree_of_polarization, fill_factor, engine)
 
 // What one exposure, or a part of it, is made of. The defaults are the plain case.
 struct Exposure {

@@ -3,6 +3,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 
 #include <array>
@@ -37,6 +38,10 @@ struct DotsParameters {
     enum class GhostDirection { kBoth, kRight, kDown } ghost_direction = GhostDirection::kBoth;
     double scatter_fraction = 0.0;
 };
+CLSP_EQUALITY(DotsParameters, width, height, count, positions_px, sigmas_px, peaks, sigma_px, scale,
+              principal_point_px, relative_wavelength_shift, beam_skew, beam_skew_angle_rad, beam_flatness,
+              zero_order_relative_intensity, ghost_relative_intensity, ghost_offset_px, ghost_direction,
+              scatter_fraction)
 
 class Dots {
   public:

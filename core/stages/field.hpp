@@ -3,6 +3,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/bad_pixels.hpp"
 #include "stages/laser_lines.hpp"
@@ -27,6 +28,8 @@ struct FieldParameters {
     std::uint64_t seed = 0;
     std::shared_ptr<MaterialTable> materials; // may be empty
 };
+CLSP_EQUALITY(FieldParameters, coherent_fraction, line_count, dephasing_rad, wavelength_m, degree_of_polarization,
+              seed, materials)
 
 // What a frame brings.
 struct FieldInput {

@@ -59,6 +59,21 @@ void check(const LensParameters &p) {
     check_not_negative(p.ambient, "ambient");
 }
 
+// What the map of displacements is made of, and what the glare's filter is: all but what surely is not.
+LensParameters distorting_part(LensParameters p) {
+    p.cos4_falloff = false;
+    p.vignetting_corner_loss = p.glare_fraction = p.ambient = 0.0;
+    p.glare_scale_px = LensParameters().glare_scale_px;
+    return p;
+}
+LensParameters glaring_part(const LensParameters &p) {
+    LensParameters part;
+    part.width = p.width;
+    part.height = p.height;
+    part.glare_scale_px = p.glare_scale_px;
+    return part;
+}
+
 // The smallest s > 0 at which 1 + a s + b s^2 + c s^3 is 0; infinity if there is none.
 double first_root(double a, double b, double c) {
     const auto value = [=](double s) { return 1.0 + s * (a + s * (b + s * c)); };
@@ -210,6 +225,23 @@ std::optional<Distortion::Point> Distortion::undistort(Point distorted) const {
     return Point{principal_x_ + p.x * unit_x_, principal_y_ + p.y * unit_y_};
 }
 
+Vignetting::Vignetting(const LensParameters &p) : corner_loss_(p.vignetting_corner_loss) {
+    const Distortion geometry(p);
+    principal_x_ = geometry.principal_x();
+    principal_y_ = geometry.principal_y();
+    per_corner2_ = 1.0 / (geometry.corner_px() * geometry.corner_px());
+}
+
+double Vignetting::transmission(double x, double y) const {
+    const double dx = x - principal_x_, dy = y - principal_y_;
+    return std::max(0.0, 1.0 - corner_loss_ * (dx * dx + dy * dy) * per_corner2_);
+}
+
+cl_float4 Vignetting::kernel_argument() const {
+    return {{static_cast<cl_float>(principal_x_), static_cast<cl_float>(principal_y_),
+             static_cast<cl_float>(per_corner2_), static_cast<cl_float>(corner_loss_)}};
+}
+
 Lens::Lens(std::shared_ptr<Context> context, const LensParameters &parameters) : context_(std::move(context)) {
     configure(parameters);
 }
@@ -218,7 +250,8 @@ void Lens::configure(const LensParameters &p) {
     check(p);
     const Distortion distortion(p);
     DeviceBuffer displacement;
-    if (!distortion.identity()) {
+    const LensParameters displacement_of = distortion.identity() ? displacement_of_ : distorting_part(p);
+    if (displacement_of != displacement_of_) {
         std::vector<float> map;
         map.reserve(std::size_t{p.width} * p.height * 2);
         for (std::uint32_t y = 0; y < p.height; ++y)
@@ -238,7 +271,8 @@ void Lens::configure(const LensParameters &p) {
         displacement = DeviceBuffer(context_, map.size() * sizeof(float), map.data());
     }
     std::unique_ptr<FftFilter> glare;
-    if (p.glare_fraction > 0.0)
+    const LensParameters glare_of = p.glare_fraction > 0.0 ? glaring_part(p) : glare_of_;
+    if (glare_of != glare_of_)
         glare = std::make_unique<FftFilter>(context_, p.width, p.height,
                                             exponential_guard_px(p.glare_scale_px, p.width, p.height),
                                             exponential_spread(p.glare_scale_px));
@@ -251,8 +285,13 @@ void Lens::configure(const LensParameters &p) {
         distort_kernels_.clear();
     parameters_ = p;
     distortion_ = distortion;
-    displacement_ = std::move(displacement);
-    glare_ = std::move(glare);
+    vignetting_ = Vignetting(p).kernel_argument();
+    if (displacement)
+        displacement_ = std::move(displacement);
+    displacement_of_ = displacement_of;
+    if (glare)
+        glare_ = std::move(glare);
+    glare_of_ = glare_of;
     finish_ = std::move(finish);
 }
 
@@ -358,22 +397,19 @@ void Lens::enqueue_finish(CommandChain &chain, const ImageView &light, const Ima
     const bool changes = p.glare_fraction > 0.0 || ambient > 0.0 || p.vignetting_corner_loss > 0.0 || p.cos4_falloff;
     if (!changes && same_pixels(light, out))
         return;
-    if (glare_)
+    const bool glares = p.glare_fraction > 0.0;
+    if (glares)
         glare_->enqueue_convolve(chain, "glare", light);
     const auto inverse = [](double length) { return static_cast<cl_float>(length > 0.0 ? 1.0 / length : 0.0); };
-    const double corner = distortion_->corner_px();
-    const cl_float4 optics{
-        {static_cast<cl_float>(distortion_->principal_x()), static_cast<cl_float>(distortion_->principal_y()),
-         static_cast<cl_float>(1.0 / (corner * corner)), static_cast<cl_float>(p.vignetting_corner_loss)}};
     const cl_float2 inverse_focal{{inverse(p.focal_length_x_px), inverse(p.focal_length_y_px)}};
     KernelArguments arguments(finish_);
     arguments.add(light);
-    if (glare_)
+    if (glares)
         arguments.add(glare_->field())
             .add(cl_uint{glare_->grid().grid_width})
             .add(static_cast<cl_float>(p.glare_fraction));
     arguments.add(static_cast<cl_float>(ambient))
-        .add(optics)
+        .add(vignetting_)
         .add(inverse_focal)
         .add(out)
         .add(cl_uint{p.width})

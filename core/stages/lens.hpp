@@ -4,6 +4,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "stages/filter.hpp"
 
@@ -30,6 +31,9 @@ struct LensParameters {
     double glare_fraction = 0.0, glare_scale_px = 6.0;
     double ambient = 0.0;
 };
+CLSP_EQUALITY(LensParameters, width, height, radius_unit, cos4_falloff, principal_point_given, principal_point_x_px,
+              principal_point_y_px, focal_length_x_px, focal_length_y_px, k1, k2, k3, p1, p2, vignetting_corner_loss,
+              glare_fraction, glare_scale_px, ambient)
 
 // Brown and Conrady's distortion of points, in double precision and in pixels.
 class Distortion {
@@ -67,6 +71,19 @@ class Distortion {
     double k1_, k2_, k3_, p1_, p2_;
     bool identity_;
     double fold_; // squared radius at which the distortion turns back; infinity if it does not
+};
+
+// What the lens lets through: 1 - corner_loss r^2, r = 1 in the farthest corner; never below 0. As
+// kernels/stages/vignetting.h has it.
+class Vignetting {
+  public:
+    explicit Vignetting(const LensParameters &parameters);
+    // In double precision, at a pixel.
+    double transmission(double x, double y) const;
+    cl_float4 kernel_argument() const;
+
+  private:
+    double principal_x_, principal_y_, per_corner2_, corner_loss_;
 };
 
 class Lens {
@@ -111,10 +128,13 @@ class Lens {
     std::shared_ptr<Context> context_;
     LensParameters parameters_;
     std::optional<Distortion> distortion_;
-    DeviceBuffer displacement_; // float2 a pixel, if it distorts
+    // Map (float2 a pixel) and filter, and the parameters that they were made of. They stay when they are switched off.
+    DeviceBuffer displacement_;
+    LensParameters displacement_of_, glare_of_;
     std::map<Variant, cl::Kernel> distort_kernels_;
     cl::Kernel distort_shift_; // built on first use
     std::unique_ptr<FftFilter> glare_;
+    cl_float4 vignetting_{};
     cl::Kernel finish_;
 };
 

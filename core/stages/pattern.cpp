@@ -118,7 +118,7 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
     return kernels_.emplace(inputs, std::move(kernel)).first->second;
 }
 
-void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const ImageView &irradiance) {
+Pattern::Inputs Pattern::check_inputs(const Geometry &g, const ImageView &irradiance) const {
     const ::cl_context cl_context = context_->cl_context()();
     const ImageSize size{irradiance.width, irradiance.height};
     check_writable(irradiance, "irradiance");
@@ -130,44 +130,54 @@ void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const Image
         throw Error(Status::kInvalidArgument,
                     fmt::format("depth_kind is {}, expected CLSP_DEPTH_ALONG_AXIS or _ALONG_RAY",
                                 static_cast<std::uint32_t>(g.depth_kind)));
-    ImageView position, depth, normal, albedo, visibility;
+    Inputs in;
     const auto take = [&](const ImageDescription &image, const char *name, std::initializer_list<Format> formats) {
         const ImageView view = check_image(image, name, cl_context, size, formats);
         refuse_overlap(irradiance, "irradiance", view, name);
         return view;
     };
     if (g.position) {
-        position = take(g.position, "geometry.position", {Format::kFloat32x3, Format::kFloat32x4});
+        in.position = take(g.position, "geometry.position", {Format::kFloat32x3, Format::kFloat32x4});
     } else {
-        depth = take(g.depth, "geometry.depth", {Format::kFloat32});
+        in.depth = take(g.depth, "geometry.depth", {Format::kFloat32});
         check_positive(g.fx_px, "geometry.fx_px");
         check_positive(g.fy_px, "geometry.fy_px");
         if (!std::isfinite(g.cx_px) || !std::isfinite(g.cy_px))
             throw Error(Status::kInvalidArgument, "geometry.cx_px and cy_px must be finite");
     }
     if (g.normal)
-        normal = take(g.normal, "geometry.normal", {Format::kFloat32x3, Format::kFloat32x4});
+        in.normal = take(g.normal, "geometry.normal", {Format::kFloat32x3, Format::kFloat32x4});
     if (g.albedo)
-        albedo = take(g.albedo, "geometry.albedo", {Format::kFloat32});
+        in.albedo = take(g.albedo, "geometry.albedo", {Format::kFloat32});
     if (g.visibility)
-        visibility = take(g.visibility, "geometry.visibility", {Format::kFloat32, Format::kUint8});
-    const InputSet inputs{static_cast<bool>(position), g.depth_kind == DepthKind::kAlongRay, static_cast<bool>(normal),
-                          static_cast<bool>(albedo), visibility.format};
-    cl::Kernel &kernel = kernel_for(inputs);
+        in.visibility = take(g.visibility, "geometry.visibility", {Format::kFloat32, Format::kUint8});
+    in.set = {static_cast<bool>(in.position), g.depth_kind == DepthKind::kAlongRay, static_cast<bool>(in.normal),
+              static_cast<bool>(in.albedo), in.visibility.format};
+    return in;
+}
+
+void Pattern::check_lookup(const Geometry &geometry, const ImageView &irradiance) {
+    kernel_for(check_inputs(geometry, irradiance).set);
+}
+
+void Pattern::enqueue_lookup(CommandChain &chain, const Geometry &g, const ImageView &irradiance) {
+    const Inputs in = check_inputs(g, irradiance);
+    const ImageSize size{irradiance.width, irradiance.height};
+    cl::Kernel &kernel = kernel_for(in.set);
     KernelArguments arguments(kernel);
     arguments.add(texels_.get()).add(width_).add(height_).add(extent_).add(pose_);
     arguments.add(cl_uint{size.width}).add(cl_uint{size.height});
-    if (position)
-        arguments.add(position).add(cl_uint{component_count(position.format)});
+    if (in.position)
+        arguments.add(in.position).add(cl_uint{component_count(in.position.format)});
     else
-        arguments.add(depth).add(cl_float4{{static_cast<float>(g.fx_px), static_cast<float>(g.fy_px),
-                                            static_cast<float>(g.cx_px), static_cast<float>(g.cy_px)}});
-    if (normal)
-        arguments.add(normal).add(cl_uint{component_count(normal.format)});
-    if (albedo)
-        arguments.add(albedo);
-    if (visibility)
-        arguments.add(visibility);
+        arguments.add(in.depth).add(cl_float4{{static_cast<float>(g.fx_px), static_cast<float>(g.fy_px),
+                                               static_cast<float>(g.cx_px), static_cast<float>(g.cy_px)}});
+    if (in.normal)
+        arguments.add(in.normal).add(cl_uint{component_count(in.normal.format)});
+    if (in.albedo)
+        arguments.add(in.albedo);
+    if (in.visibility)
+        arguments.add(in.visibility);
     arguments.add(irradiance).add(bad_pixels_.buffer());
     if (in_lanes_)
         chain.run("pattern", kernel, size.height, 1, 1, 1);

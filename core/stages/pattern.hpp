@@ -48,13 +48,19 @@ class Pattern {
     void set_pose(const Pose &laser_from_geometry);
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
 
-    // size {0, 0}: any size, as long as all images agree.
+    // Checks the images, and builds the kernel that they need.
+    void check_lookup(const Geometry &geometry, const ImageView &irradiance);
     void enqueue_lookup(CommandChain &chain, const Geometry &geometry, const ImageView &irradiance);
 
   private:
     // Which inputs a frame has, and so which variant of the kernel it needs: position (else depth), depth along the
     // ray, normal, albedo, format of the visibility.
     using InputSet = std::tuple<bool, bool, bool, bool, Format>;
+    struct Inputs {
+        ImageView position, depth, normal, albedo, visibility;
+        InputSet set;
+    };
+    Inputs check_inputs(const Geometry &geometry, const ImageView &irradiance) const;
     cl::Kernel &kernel_for(const InputSet &inputs);
 
     std::shared_ptr<Context> context_;

@@ -3,6 +3,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "runtime/lazy_kernel.hpp"
@@ -34,6 +35,8 @@ struct PhaseParameters {
     Dynamics dynamics = Dynamics::kReplace;
     bool translate = false; // the state moves with the surface
 };
+CLSP_EQUALITY(PhaseParameters, width, height, oversampling, guard_px, field, polarization_count, seed, dynamics,
+              translate)
 
 // What happened to the surface since the last advance. Images are those of the pixels; empty ones say nothing.
 struct PhaseAdvance {

@@ -1,6 +1,7 @@
 // The pupil on the frequency grid, computed once on the host in double precision: amplitude transmission and wavefront.
 #pragma once
 
+#include "runtime/fields.hpp"
 #include "stages/field_grid.hpp"
 
 #include <array>
@@ -42,6 +43,8 @@ struct PupilParameters {
     double defocus_waves = 0.0;                        // times rho^2
     std::array<double, kZernikeCount> zernike_waves{}; // RMS over the full circle, times Noll's orthonormal polynomials
 };
+CLSP_EQUALITY(PupilParameters, shape, normalization, soft_rim, image, image_width, image_height, image_pitch_bytes,
+              blade_count, blade_rotation_rad, blade_curvature, obstruction_ratio, defocus_waves, zernike_waves)
 
 struct Pupil {
     std::vector<float> transmission; // grid_height x grid_width, FFT order, normalized as asked

@@ -3,6 +3,7 @@
 
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
+#include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/kernel_arguments.hpp"
 
@@ -44,6 +45,12 @@ struct SensorParameters {
     bool shot_noise = false;
     std::uint32_t effective_bits = 0; // 0: bits
 };
+CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, saturation_dn, black_level_dn,
+              read_noise_dn, hot_pixel_fraction, hot_pixel_mean_dn, cold_pixel_fraction, float_full_scale,
+              dark_frame_dn, dark_frame_pitch_bytes, quantize, conversion_gain_dn_per_e, crosstalk_fraction, prnu,
+              mosaic_gain, dark_current_e_per_s, dark_current_reference_temperature_c, dark_current_doubling_k,
+              temperature_c, exposure_time_s, lag_fraction, gamma, dsnu_dn, column_offset_dn, row_noise_dn,
+              column_noise_dn, read_noise_spread, shot_noise, effective_bits)
 
 // Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
 enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };

@@ -248,7 +248,7 @@ struct FinishedFrames::Implementation {
                 check_image({lit->get()(), offset, 0, layout.width, layout.height, Format::kFloat32}, "intensity",
                             context->cl_context()(), {layout.width, layout.height}, {Format::kFloat32});
             CommandChain chain(queue(), 0, nullptr);
-            sensor.enqueue_expose(chain, in, frame_counter(sequence, t), out);
+            sensor.enqueue_expose(chain, in, frame_number(sequence, t), out);
             download(image.get(), result[t]);
         }
         return result;
@@ -377,7 +377,7 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
             const Image still = light.front();
             light.clear();
             for (std::uint32_t t = 0; t < frames; ++t) {
-                const auto normals = host_normals(seed, frame_counter(sequence, t), kStreamVibration);
+                const auto normals = host_normals(seed, frame_number(sequence, t), kStreamVibration);
                 light.push_back(
                     shifted(still, self.layout.width, self.layout.height, shift * normals[0], shift * normals[1]));
             }
@@ -434,7 +434,7 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
         }
         self.upload(self.image.get(), value);
         CommandChain chain(self.queue(), 0, nullptr);
-        converter.enqueue_expose(chain, self.view(self.image.get()), frame_counter(sequence, t), out);
+        converter.enqueue_expose(chain, self.view(self.image.get()), frame_number(sequence, t), out);
         check_opencl(clEnqueueReadBuffer(self.queue(), converted.get()(), CL_TRUE, 0,
                                          self.pixels * sizeof(std::uint16_t), result.data() + t * self.pixels, 0,
                                          nullptr, nullptr),

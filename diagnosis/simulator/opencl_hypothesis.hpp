@@ -2,7 +2,7 @@
 #pragma once
 
 #include "runtime/context.hpp"
-#include "simulator/simulator.hpp"
+#include "simulator/hypothesis.hpp"
 
 #include <functional>
 #include <memory>

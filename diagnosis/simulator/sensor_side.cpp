@@ -15,13 +15,10 @@ void grow(const std::shared_ptr<Context> &context, DeviceBuffer &buffer, std::si
         buffer = DeviceBuffer(context, bytes);
 }
 
-// Principal point and 1 / r^2 of the farthest corner, as lens.h has them.
-struct FallOff {
-    double x, y, per_corner2;
-};
-FallOff fall_off_of(const LensParameters &lens) {
-    const Distortion geometry(lens);
-    return {geometry.principal_x(), geometry.principal_y(), 1.0 / (geometry.corner_px() * geometry.corner_px())};
+Vignetting vignetting_of(const SequenceModel &model) {
+    LensParameters lens = model.model.lens;
+    lens.vignetting_corner_loss = model.corner_loss;
+    return Vignetting(lens);
 }
 
 } // namespace
@@ -37,7 +34,7 @@ std::vector<float> SensorSide::laser_factors(const SequenceModel &model, std::si
         for (std::uint32_t frame = 0; frame < frame_count; ++frame)
             factors[frame] = static_cast<float>(
                 std::max(0.0, 1.0 + model.power_flicker *
-                                        host_normals(seed, frame_counter(sequence, frame), kStreamFlicker)[0]));
+                                        host_normals(seed, frame_number(sequence, frame), kStreamFlicker)[0]));
     return factors;
 }
 
@@ -45,13 +42,10 @@ std::vector<float> SensorSide::fall_off(const SequenceModel &model) const {
     std::vector<float> kept(pixels_, 1.0f);
     if (model.corner_loss == 0.0)
         return kept;
-    const FallOff f = fall_off_of(model.model.lens);
+    const Vignetting vignetting = vignetting_of(model);
     for (std::uint32_t y = 0; y < layout_.height; ++y)
-        for (std::uint32_t x = 0; x < layout_.width; ++x) {
-            const double dx = x - f.x, dy = y - f.y;
-            kept[std::size_t{y} * layout_.width + x] =
-                static_cast<float>(std::max(0.0, 1.0 - model.corner_loss * (dx * dx + dy * dy) * f.per_corner2));
-        }
+        for (std::uint32_t x = 0; x < layout_.width; ++x)
+            kept[std::size_t{y} * layout_.width + x] = static_cast<float>(vignetting.transmission(x, y));
     return kept;
 }
 
@@ -63,15 +57,12 @@ void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &mode
     check_opencl(clEnqueueWriteBuffer(queue, factors_.get()(), CL_TRUE, 0, frame_count * sizeof(float), factors.data(),
                                       0, nullptr, nullptr),
                  "clEnqueueWriteBuffer");
-    const FallOff f = fall_off_of(model.model.lens);
-    const cl_float4 optics{{static_cast<cl_float>(f.x), static_cast<cl_float>(f.y),
-                            static_cast<cl_float>(f.per_corner2), static_cast<cl_float>(model.corner_loss)}};
     KernelArguments(finish_)
         .add(intensities.get())
         .add(cl_ulong{model.frames_differ ? pixels_ : 0})
         .add(factors_.get())
         .add(static_cast<cl_float>(ambient))
-        .add(optics)
+        .add(vignetting_of(model).kernel_argument())
         .add(light_.get())
         .add(cl_uint{layout_.width})
         .add(cl_uint{layout_.height});
@@ -80,22 +71,22 @@ void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &mode
 }
 
 void SensorSide::configure(const SequenceModel &model, const SimulationLevels &levels, std::uint64_t seed) {
-    if (sensor_ && effects_ == model.sensor && seed_ == seed && levels_.black_level_dn == levels.black_level_dn &&
-        levels_.read_noise_dn == levels.read_noise_dn) {
-        sensor_->reset_lag();
-        return;
-    }
     SensorParameters p = *model.model.sensor;
     p.seed = seed;
+    p.exposure_gain_dn = levels.gain_dn;
     p.black_level_dn = levels.black_level_dn;
     p.read_noise_dn = levels.read_noise_dn;
-    if (sensor_)
+    if (!sensor_) {
+        sensor_ = std::make_unique<Sensor>(context_, p);
+        return;
+    }
+    SensorParameters now = sensor_->parameters();
+    now.exposure_gain_dn = p.exposure_gain_dn;
+    if (p != now)
         sensor_->configure(p);
     else
-        sensor_ = std::make_unique<Sensor>(context_, p);
-    effects_ = model.sensor;
-    levels_ = levels;
-    seed_ = seed;
+        sensor_->set_exposure_gain(p.exposure_gain_dn);
+    sensor_->reset_lag();
 }
 
 void SensorSide::enqueue_expose(cl_command_queue queue, const SequenceModel &model, const SimulationLevels &levels,
@@ -103,7 +94,6 @@ void SensorSide::enqueue_expose(cl_command_queue queue, const SequenceModel &mod
                                 std::uint32_t frame_count) {
     configure(model, levels, seed);
     grow(context_, codes_, frame_count * pixels_ * sizeof(cl_ushort));
-    sensor_->set_exposure_gain(levels.gain_dn);
     const std::uint32_t w = layout_.width, h = layout_.height;
     CommandChain chain(queue, 0, nullptr);
     for (std::uint32_t frame = 0; frame < frame_count; ++frame) {
@@ -112,7 +102,7 @@ void SensorSide::enqueue_expose(cl_command_queue queue, const SequenceModel &mod
                         "intensity", context_->cl_context()(), {w, h}, {Format::kFloat32});
         const ImageView out =
             sensor_->check_output({codes_.get()(), frame * pixels_ * sizeof(cl_ushort), 0, w, h, Format::kUint16});
-        sensor_->enqueue_expose(chain, in, frame_counter(sequence, frame), out);
+        sensor_->enqueue_expose(chain, in, frame_number(sequence, frame), out);
     }
 }
 

@@ -40,10 +40,6 @@ class SensorSide {
     CaptureLayout layout_;
     std::size_t pixels_;
     std::unique_ptr<Sensor> sensor_;
-    // What the sensor was made for.
-    std::vector<EffectSetting> effects_;
-    SimulationLevels levels_;
-    std::uint64_t seed_ = 0;
     DeviceBuffer light_, factors_, codes_;
     cl::Kernel finish_;
 };

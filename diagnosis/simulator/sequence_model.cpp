@@ -62,6 +62,7 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     sensor.width = layout.width;
     sensor.height = layout.height;
     sensor.bits = layout.bits;
+    sensor.exposure_gain_dn = 1.0; // light is in DN until a sequence's own gain is known
     model.sensor = sensor;
     return model;
 }
@@ -179,14 +180,9 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
                                 static_cast<std::uint32_t>(setting->values.size()));
         if (!acts_in(effect, of, layout.field, !result.on_irradiance.empty()))
             continue;
-        const std::string id = effect.id;
-        if (id == "ambient_light") { // in DN of the sequence, whose gain is not the model's
-            result.ambient_dn = values[0];
-            continue;
-        }
         effect.apply(result.model, values.data());
-        if (!effect.whole_image)
-            (effect.sets == kSetsSensor ? result.sensor : result.optical).push_back({id, values});
+        if (!effect.whole_image && effect.sets != kSetsSensor)
+            result.optical.push_back({effect.id, values});
     }
     for (const std::string &id : ids)
         if (!find_hypothesis(hypotheses, id))
@@ -194,6 +190,7 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
     PipelineModel &model = result.model;
     result.power_flicker = std::exchange(model.pipeline.power_flicker, 0.0);
     result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
+    result.ambient_dn = std::exchange(model.lens.ambient, 0.0);
     widen_grid(model);
     const PipelineParameters &p = model.pipeline;
     const bool laser = is_laser(of.scene);

@@ -4,7 +4,8 @@
 
 #include "capture/capture.hpp"
 #include "pipeline/pipeline.hpp"
-#include "simulator/simulator.hpp"
+#include "simulator/hypothesis.hpp"
+#include "simulator/settings.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -24,7 +25,7 @@ struct SequenceModel {
     double power_flicker = 0.0, corner_loss = 0.0, ambient_dn = 0.0;
     std::vector<ActiveHypothesis> on_irradiance, on_intensity, on_codes;
     // What the intensities behind the lens depend on beside sequence and seed, in the catalogue's order.
-    std::vector<EffectSetting> optical, sensor;
+    std::vector<EffectSetting> optical;
 
     // Frames differ in light, before laser power and hypotheses on the intensity come to it.
     bool frames_differ = false;

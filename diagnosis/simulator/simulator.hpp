@@ -3,58 +3,15 @@
 
 #include "capture/capture.hpp"
 #include "runtime/context.hpp"
+#include "simulator/hypothesis.hpp"
+#include "simulator/settings.hpp"
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 namespace clsp {
-
-// An effect that is on, one of the catalogue's or a hypothesis.
-struct EffectSetting {
-    std::string id;
-    std::vector<double> values;
-    bool operator==(const EffectSetting &other) const { return id == other.id && values == other.values; }
-};
-
-// An effect of the user's own, on the arrays of a stage.
-enum class HypothesisPoint : std::uint32_t {
-    kIrradiance = 0, // the ideal image I0, before the speckle forms
-    kIntensity = 1,  // behind the lens, before the sensor; 1 is the mean of flat and board
-    kCodes = 2       // the sensor's codes, rounded to 0 ... 2^bits - 1 after the call
-};
-struct HypothesisFrame {
-    const CaptureLayout *layout;
-    std::size_t sequence;
-    std::uint32_t frame_index;
-    // The capture's. Counter-based randomness of the hypothesis is to depend on it, on frame_index and on sequence alone (not on sequence
-    // where a pattern belongs to the camera).
-    std::uint64_t seed;
-    const double *values;
-    float *pixels;       // height * width, changed in place
-};
-struct HypothesisParameter {
-    std::string name, unit;
-    double minimum, maximum, weak, strong;
-    bool whole = false; // counts something: only whole numbers differ
-};
-struct Hypothesis {
-    std::string id, stage, summary;
-    HypothesisPoint point = HypothesisPoint::kIntensity;
-    std::vector<HypothesisParameter> parameters;
-    // One of the two: a function of a frame, or OpenCL source with a function of a pixel (opencl_hypothesis.hpp).
-    std::function<void(const HypothesisFrame &)> apply;
-    std::string opencl_source;
-};
-
-// Levels of one simulated sequence.
-struct SimulationLevels {
-    double gain_dn = 0.0;        // g of this sequence, in DN per unit of intensity; unused in the dark
-    double black_level_dn = 0.0; // b
-    double read_noise_dn = 0.0;  // r
-};
 
 // Draws sequences. One object is used by one thread at a time; it keeps pipelines, buffers and the intensities of the sequences drawn last.
 class Simulator {

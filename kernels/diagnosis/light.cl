@@ -1,5 +1,6 @@
 // Light between the lens and the sensor, for all frames of a sequence at once: laser power, ambient light, fall-off.
 #include "common/common.h"
+#include "stages/vignetting.h"
 
 // out = (factor intensity + ambient) v,   v = 1 - corner_loss r^2,  r^2 = |position|^2 / unit^2; factor: one for each frame.
 // optics: principal point (x, y), 1 / unit^2, corner loss. frame_stride: floats from one frame's intensity to the next one's, 0 where all
@@ -11,6 +12,6 @@ __kernel void light_finish(__global const float *intensity, ulong frame_stride, 
         return;
     const ulong pixel = (ulong)y * width + x;
     const float px = convert_float(x) - optics.x, py = convert_float(y) - optics.y;
-    const float kept = fmax(fma(-optics.w, fma(px, px, py * py) * optics.z, 1.0f), 0.0f);
-    out[(ulong)frame * width * height + pixel] = fma(factor[frame], intensity[frame * frame_stride + pixel], ambient) * kept;
+    out[(ulong)frame * width * height + pixel] =
+        fma(factor[frame], intensity[frame * frame_stride + pixel], ambient) * vignetting(px, py, optics);
 }

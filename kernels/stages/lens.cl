@@ -1,5 +1,6 @@
 // What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the C API.
 #include "common/common.h"
+#include "stages/vignetting.h"
 
 #if DISTORT_SHIFT
 
@@ -151,7 +152,7 @@ __kernel void lens_finish(__global const float *light, ulong light_offset, uint 
     const float px = convert_float(x) - optics.x, py = convert_float(y) - optics.y;
 #endif
 #if VIGNETTING
-    value *= fmax(fma(-optics.w, fma(px, px, py * py) * optics.z, 1.0f), 0.0f);
+    value *= vignetting(px, py, optics);
 #endif
 #if COS4
     const float tx = px * inverse_focal.x, ty = py * inverse_focal.y;
