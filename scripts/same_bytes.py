@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Whether two builds of clSpeckle make the same bytes: frames with every effect and engine, depth, and reports.
+"""Whether two builds of clSpeckle make the same bytes: frames with every effect and engine, diffractive elements, depth of
+dots, reports and comparisons.
 
     scripts/same_bytes.py BEFORE AFTER [--sets FOLDER ...] [--only TEXT] [--json]
 
@@ -48,7 +49,7 @@ OF_DOTS = {"wavelength_shift", "beam_skew", "beam_flat_top", "zero_order", "ghos
 Case = tuple[str, list[str], dict[str, str]]  # name, arguments, environment
 
 
-def write_inputs(folder: Path) -> None:
+def write_inputs(folder: Path, program: Path) -> None:
     y, x = np.mgrid[0:72, 0:96]
     image = 0.1 + np.exp(-(((x % 11 - 5) ** 2 + (y % 11 - 6) ** 2) / 4.0))
     np.save(folder / "ideal.npy", image.astype(np.float32))
@@ -57,6 +58,13 @@ def write_inputs(folder: Path) -> None:
         (folder / name).write_bytes((SCENE / name).read_bytes())
     with tarfile.open(SCENE / "frames.tar.xz") as archive:
         archive.extractall(folder, filter="data")
+    for words in (
+        ["doe", "layout", "-o", "dots", "--dots", "601", "--field-of-view", "28,19"],
+        ["doe", "design", "dots.json", "-o", "element", "--iterations", "20"],
+        ["doe", "pattern", "element.npy", "-o", "lattice.npy", "--half-extent", "0.26", "--beam-sigma-um", "120"],
+        ["render", "sequence.json", "-o", "scene", "--pattern", "lattice.npy", "--exposure-gain", "auto", "--quiet"],
+    ):
+        subprocess.run([program, *words], cwd=folder, check=True, capture_output=True)
 
 
 def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
@@ -87,6 +95,21 @@ def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
             yield f"effect {name}", [*render, "--effect", name], {}
             yield f"effect {name}, at rest", [*still, "--effect", name], {}
         yield f"effect {name}, dots", ["dots.py", name, "{out}/frames.npy"], {}
+    small = ["--iterations", "10"]
+    for name, options in {"": [], " of 2 levels, searched": ["--levels", "2", "--search", "2", "--mirror"]}.items():
+        yield f"doe design{name}", ["doe", "design", "dots.json", "-o", "{out}/element", *small, *options], {}
+    yield "doe layout", ["doe", "layout", "-o", "{out}/dots", "--dots", "601"], {}
+    defects = ["--levels", "8", "--depth-error", "0.03", "--etch-noise-nm", "15"]
+    for name, options in {"": [], " with defects": defects}.items():
+        pattern = ["doe", "pattern", "element.npy", "-o", "{out}/pattern.npy", "--beam-sigma-um", "300,250", *options]
+        yield f"doe pattern{name}", pattern, {}
+    found = ["--dots", "dots.json", "--geometry", "sequence.json", "--csv", "{out}/dots.csv", "--json"]
+    yield "depth", ["depth", "scene/frame_000000.png", *found], {}
+    for first, second in zip(sets, sets[1:]):
+        compared = ["gap", "compare", str(first), str(second), "--json", "{out}/report.json", "--quiet"]
+        yield f"comparison of {first.name} with {second.name}", compared, {}
+    for capture in sets[:1]:
+        yield f"page of {capture.name}", ["diagnose", str(capture), "--html", "{out}/page.html", "--quiet"], {}
     for capture in sets:
         yield f"check of {capture.name}", ["capture", "check", str(capture)], {}
         yield f"report of {capture.name}", ["diagnose", str(capture), "--json", "{out}/report.json", "--quiet"], {}
@@ -98,9 +121,10 @@ def without_run(value: Any) -> Any:
     return [without_run(v) for v in value] if isinstance(value, list) else value
 
 
-def without_compiler(text: bytes) -> bytes:
-    """PoCL's compiler counts its warnings where a kernel is built for the first time."""
-    return b"\n".join(line for line in text.split(b"\n") if not re.fullmatch(rb"\d+ warnings? generated\.", line))
+def without_clock(text: bytes) -> bytes:
+    """Without times, and without what PoCL's compiler says where a kernel is built for the first time."""
+    passing = rb"\d+ warnings? generated\.|time +[\d.]+ m?s"
+    return b"\n".join(line for line in text.split(b"\n") if not re.fullmatch(passing, line))
 
 
 def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
@@ -114,7 +138,7 @@ def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
             environment["CLSPECKLE_LIBRARY"] = str(program.parents[1] / "lib" / "libclspeckle.so")
             environment["PYTHONPATH"] = str(ROOT / "bindings" / "python" / "src")
         done = subprocess.run([*first, *words], cwd=inputs, env=environment, capture_output=True, check=False)
-        said = {"exit code": str(done.returncode).encode(), "output": done.stdout, "messages": without_compiler(done.stderr)}
+        said = {"exit code": str(done.returncode).encode(), "output": without_clock(done.stdout), "messages": without_clock(done.stderr)}
         result = {name: text.replace(out.encode(), b"{out}") for name, text in said.items()}
         for path in sorted(Path(out).rglob("*")):
             if path.is_file():
@@ -156,7 +180,7 @@ def main() -> int:
     different: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
         inputs = Path(folder)
-        write_inputs(inputs)
+        write_inputs(inputs, programs[0])
         chosen = [case for case in cases(programs[0], sets) if given.only in case[0]]
         if not chosen:
             parser.error(f"no case is named like {given.only!r}")
