@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cmath>
@@ -20,20 +19,6 @@ std::string error_text(int code) {
     return std::strerror(code);
 }
 
-std::array<unsigned char, 10> first_bytes(const std::string &path) {
-    detail::InputFile file(path);
-    std::array<unsigned char, 10> bytes{};
-    if (std::fread(bytes.data(), 1, bytes.size(), file.stream()) == 0)
-        throw ReadError(path, "cannot be read");
-    return bytes;
-}
-
-bool begins_with(const std::array<unsigned char, 10> &bytes, std::initializer_list<int> magic) {
-    return std::equal(magic.begin(), magic.end(), bytes.begin(), [](int a, unsigned char b) { return a == int{b}; });
-}
-
-constexpr std::initializer_list<int> exr_magic = {0x76, 0x2f, 0x31, 0x01};
-
 } // namespace
 
 void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
@@ -43,26 +28,8 @@ void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
         fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side, max_side));
 }
 
-bool is_exr(const std::string &path) {
-    return begins_with(first_bytes(path), exr_magic);
-}
-
-std::unique_ptr<Reader> open_without_exr(const std::string &path) {
-    const auto bytes = first_bytes(path);
-    if (begins_with(bytes, exr_magic))
-        throw ReadError(path, "is an EXR file; PNG, TIFF or NPY is needed here");
-    if (begins_with(bytes, {0x89, 'P', 'N', 'G'}))
-        return detail::open_png(path);
-    if (begins_with(bytes, {'I', 'I', 42, 0}) || begins_with(bytes, {'M', 'M', 0, 42}) ||
-        begins_with(bytes, {'I', 'I', 43, 0}) || begins_with(bytes, {'M', 'M', 0, 43}))
-        return detail::open_tiff(path);
-    if (begins_with(bytes, {0x93, 'N', 'U', 'M', 'P', 'Y'}))
-        return detail::open_npy(path);
-    if (begins_with(bytes, {'#', '?'}))
-        return detail::open_hdr(path);
-    if (begins_with(bytes, {'P', '2'}) || begins_with(bytes, {'P', '5'}))
-        return detail::open_pgm(path);
-    throw ReadError(path, "is not a PNG, TIFF, EXR, Radiance HDR, NPY or PGM file (the content decides, not the name)");
+bool ChannelFile::has(const std::string &channel) const {
+    return std::find(channels_.begin(), channels_.end(), channel) != channels_.end();
 }
 
 void Plane::normalize() {

@@ -1,13 +1,13 @@
 /**
  * @file image_io.hpp
- * @brief Reading and writing of the image files that the command line program takes.
+ * @brief Image files: what a reader and a writer are, and files that are never seen half-written.
  *
- * A file is recognised by its content, not by its name. Readers never trust a header: sizes are checked against
- * max_side and, where the format allows, against the size of the file before memory is taken, and rows are handed over
- * one by one, so that a damaged header costs nothing.
+ * Which formats there are says io/formats.hpp. Readers never trust a header: sizes are checked against max_side and,
+ * where the format allows, against the size of the file before memory is taken, and rows are handed over one by one, so
+ * that a damaged header costs nothing.
  */
-#ifndef CLSPECKLE_TOOLS_IMAGE_IO_HPP
-#define CLSPECKLE_TOOLS_IMAGE_IO_HPP
+#ifndef CLSPECKLE_IO_IMAGE_IO_HPP
+#define CLSPECKLE_IO_IMAGE_IO_HPP
 
 #include <cstddef>
 #include <cstdint>
@@ -38,9 +38,11 @@ class WriteError : public std::runtime_error {
     WriteError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
 };
 
+struct Format;
+
 /** What a file holds. */
 struct Info {
-    std::string format; ///< "PNG", "TIFF", "EXR", "HDR", "NPY" or "PGM".
+    const Format *format = nullptr; ///< Of the registry.
     std::string sample; ///< For example "uint16" or "float32".
     std::uint32_t width = 0;
     std::uint32_t height = 0;
@@ -49,6 +51,7 @@ struct Info {
     std::uint64_t frame_count = 1;     ///< Pages of a TIFF, frames of an NPY stack.
     double full_scale = 0;             ///< Top code of an unsigned integer format; 0: the values are what they are.
     std::uint32_t axes = 2;            ///< Of an NPY array, before they are told apart as frames and channels.
+    std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; they are not read.
     std::vector<std::string> warnings; ///< What was ignored.
 };
 
@@ -63,6 +66,7 @@ class Reader {
     Reader &operator=(const Reader &) = delete;
 
     const Info &info() const { return info_; }
+    void set_format(const Format &format) { info_.format = &format; }
     const std::string &path() const { return path_; }
     /** Calls the sink once per row, top to bottom. Throws ReadError for damaged data. */
     virtual void read_rows(std::uint64_t frame, const RowSink &sink) = 0;
@@ -76,21 +80,6 @@ class Reader {
     std::string path_;
     Info info_;
 };
-
-/** How a file is to be read. */
-struct ReadOptions {
-    /** Channel of an EXR file; empty: its only channel, Y, or R, G and B. */
-    std::string channel;
-};
-
-/** Opens an image of any known format. */
-std::unique_ptr<Reader> open(const std::string &path, const ReadOptions &options = {});
-
-/** Opens an image of any format but EXR; of the base library, which does not depend on OpenEXR. */
-std::unique_ptr<Reader> open_without_exr(const std::string &path);
-
-/** True if the file begins as an OpenEXR file does; throws ReadError if it cannot be read at all. */
-bool is_exr(const std::string &path);
 
 /** One value per pixel. */
 struct Plane {
@@ -121,31 +110,32 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
 /** Reads a frame of three channels. */
 VectorPlane read_vectors(Reader &reader, std::uint64_t frame);
 
-/** @name EXR files with many channels */
-/** @{ */
-class ExrFile {
+/** A file whose channels have names, as those of a scene have; any of them can be read together. */
+class ChannelFile {
   public:
-    explicit ExrFile(std::string path);
-    ~ExrFile();
-    ExrFile(ExrFile &&) noexcept;
-    ExrFile &operator=(ExrFile &&) noexcept;
+    virtual ~ChannelFile() = default;
+    ChannelFile(const ChannelFile &) = delete;
+    ChannelFile &operator=(const ChannelFile &) = delete;
 
-    const std::string &path() const;
-    /** Of the display window, which is the image; what lies outside the data window reads as 0. */
-    std::uint32_t width() const;
-    std::uint32_t height() const;
-    const std::vector<std::string> &channels() const;
+    const std::string &path() const { return path_; }
+    std::uint32_t width() const { return width_; }
+    std::uint32_t height() const { return height_; }
+    const std::vector<std::string> &channels() const { return channels_; }
     bool has(const std::string &channel) const;
-    /** Type of a channel: "float16", "float32" or "uint32". */
-    std::string sample(const std::string &channel) const;
+    /** Type of a channel, for example "float16". */
+    virtual std::string sample(const std::string &channel) const = 0;
     /** Reads some channels, interleaved in the order given, row by row. */
-    void read_rows(const std::vector<std::string> &names, const RowSink &sink) const;
+    virtual void read_rows(const std::vector<std::string> &names, const RowSink &sink) const = 0;
 
-  private:
-    struct Impl;
-    std::unique_ptr<Impl> impl_;
+  protected:
+    explicit ChannelFile(std::string path) : path_(std::move(path)) {}
+    [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, what); }
+
+    std::string path_;
+    std::uint32_t width_ = 0;
+    std::uint32_t height_ = 0;
+    std::vector<std::string> channels_;
 };
-/** @} */
 
 /** @name Writing
  *  Everything is written to a temporary name in the same folder and renamed when it is complete. */
@@ -177,36 +167,22 @@ class AtomicFile {
     bool done_ = false;
 };
 
-void write_png16(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
-void write_png8(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint8_t *codes);
-void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
-void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
-void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes);
-void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
 void write_text(const std::string &path, const std::string &text);
 
-/** An NPY file that is complete before it gets its name, for those that must appear together with others. */
-class NpyWriter {
+/** An image file that is being written, frame by frame; without commit() it never appears. */
+class Writer {
   public:
-    NpyWriter(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values);
+    virtual ~Writer() = default;
+    Writer(const Writer &) = delete;
+    Writer &operator=(const Writer &) = delete;
+
+    /** @param samples height x width, of the type that was asked for. */
+    virtual void append(const void *samples) = 0;
     void commit() { file_.commit(); }
 
-  private:
+  protected:
+    explicit Writer(const std::string &path) : file_(path) {}
     AtomicFile file_;
-};
-
-/** A 3-D NPY file, frame by frame. */
-class NpyStackWriter {
-  public:
-    /** @param sample_bytes 2: uint16, 4: float32. */
-    NpyStackWriter(const std::string &path, std::uint64_t frame_count, std::uint32_t width, std::uint32_t height,
-                   std::size_t sample_bytes);
-    void append(const void *frame);
-    void commit();
-
-  private:
-    AtomicFile file_;
-    std::size_t frame_bytes_;
 };
 /** @} */
 
@@ -235,14 +211,7 @@ class InputFile {
     std::uint64_t size_ = 0;
 };
 
-std::unique_ptr<Reader> open_png(const std::string &path);
-std::unique_ptr<Reader> open_tiff(const std::string &path);
-std::unique_ptr<Reader> open_exr(const std::string &path, const std::string &channel);
-std::unique_ptr<Reader> open_hdr(const std::string &path);
-std::unique_ptr<Reader> open_npy(const std::string &path);
-std::unique_ptr<Reader> open_pgm(const std::string &path);
-
 } // namespace detail
 } // namespace image_io
 
-#endif // CLSPECKLE_TOOLS_IMAGE_IO_HPP
+#endif // CLSPECKLE_IO_IMAGE_IO_HPP

@@ -2,6 +2,8 @@
 
 #include "doe_files.hpp"
 #include "errors.hpp"
+#include "io/formats.hpp"
+#include "io/npy_header.hpp"
 #include "json.hpp"
 #include "output.hpp"
 
@@ -232,15 +234,9 @@ void write_depth_npy(const std::string &path, const std::vector<DepthFrame> &fra
     std::size_t count = 0;
     for (const DepthFrame &frame : frames)
         count += frame.result.dots.size();
-    std::string text = fmt::format("{{'descr': [{}], 'fortran_order': False, 'shape': ({},), }}", types, count);
-    // Magic, version 1.0, length: 10 bytes; the whole is a multiple of 64 and ends with a new line.
-    text.append(63 - (10 + text.size()) % 64, ' ');
-    text += '\n';
-    std::string header = "\x93NUMPY";
-    header += {'\x01', '\x00', static_cast<char>(text.size() % 256), static_cast<char>(text.size() / 256)};
+    const std::string header = image_io::npy_header(fmt::format("[{}]", types), {count});
     image_io::AtomicFile file(path);
     file.write(header.data(), header.size());
-    file.write(text.data(), text.size());
     for (std::size_t f = 0; f < frames.size(); ++f)
         for (const ClspDepthDot &dot : frames[f].result.dots) {
             std::vector<double> row{double(f)};
@@ -278,8 +274,8 @@ void write_depth_pictures(const std::string &folder, std::uint64_t number, const
     const auto path = [&](const char *name) {
         return (std::filesystem::path(folder) / fmt::format("{}_{:06}", name, number)).string();
     };
-    image_io::write_png8(path("overlay") + ".png", plane.width, plane.height, pixels.data());
-    image_io::write_npy(path("depth") + ".npy", plane.width, plane.height, depth.data());
+    image_io::write(path("overlay") + ".png", image_io::format_named("PNG"), plane.width, plane.height, pixels.data());
+    image_io::write(path("depth") + ".npy", image_io::format_named("NPY"), plane.width, plane.height, depth.data());
 }
 
 } // namespace tools

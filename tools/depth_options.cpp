@@ -1,5 +1,6 @@
 #include "depth.hpp"
 #include "number_options.hpp"
+#include "options.hpp"
 
 #include <fmt/format.h>
 
@@ -25,7 +26,7 @@ Examples:
   clspeckle depth frame.png --dots layout.json --geometry rig.json --pictures pictures --json
 )");
     app.add_option("FRAMES", a.files, "Images, stacks, folders or glob patterns")->required()->type_name("");
-    const auto text = [&](const char *name, std::string &value, const char *what, const char *type) {
+    const auto text = [&](const char *name, std::string &value, const std::string &what, const char *type) {
         return app.add_option(name, value, what)->type_name(type)->take_last();
     };
     text("--dots", a.dots, "List of the directions of the pattern's dots", "FILE")->required();
@@ -54,7 +55,7 @@ Examples:
     number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
     number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
     number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000");
-    text("--channel", a.channel, "Channel of EXR files", "TEXT");
+    text("--channel", a.channel, channel_help(), "TEXT");
     text("--device", a.device, "OpenCL device, as for render", "TEXT");
 }
 

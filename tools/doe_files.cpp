@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "files.hpp"
+#include "io/formats.hpp"
 #include "json.hpp"
 
 #include <clspeckle/clspeckle.hpp>
@@ -170,12 +171,14 @@ std::string checked_stem(std::string name, std::initializer_list<const char *> e
 
 void write_npy_with_json(const std::string &stem, std::uint32_t width, std::uint32_t height,
                          const std::vector<float> &values, const std::string &json) {
-    image_io::NpyWriter phase(stem + ".npy", width, height, values.data());
+    const auto phase = image_io::create(stem + ".npy", image_io::format_named("NPY"),
+                                        {width, height, image_io::Sample::float32, 0});
+    phase->append(values.data());
     image_io::AtomicFile about(stem + ".json");
     about.write(json.data(), json.size());
     about.close();
     // The array appears first: who finds the JSON finds both.
-    phase.commit();
+    phase->commit();
     about.commit();
 }
 

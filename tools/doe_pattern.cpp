@@ -5,7 +5,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 #include "json.hpp"
 #include "number_options.hpp"
 #include "text.hpp"
@@ -204,7 +204,7 @@ void write_figure(const std::string &path, const ClspDoePatternInfo &i, const st
         std::copy_n(&left[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width]);
         std::copy_n(&right[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width + panel_side + gap]);
     }
-    image_io::write_png8(path, width, panel_side, codes.data());
+    image_io::write(path, image_io::format_named("PNG"), width, panel_side, codes.data());
 }
 
 void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet) {

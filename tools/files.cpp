@@ -1,7 +1,7 @@
 #include "files.hpp"
 
 #include "errors.hpp"
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 #include "json.hpp"
 #include "output.hpp"
 
@@ -14,18 +14,13 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
+#include <optional>
 
 namespace tools {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-std::string lower(std::string text) {
-    for (char &c : text)
-        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return text;
-}
 
 bool natural_less(const std::string &a, const std::string &b) {
     return ::strverscmp(a.c_str(), b.c_str()) < 0;
@@ -41,8 +36,8 @@ bool is_numbered(const std::string &name, const std::string &prefix, const std::
                        [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/** The format of the frames that a run left in the folder, as its config.json says; empty without one. */
-std::string format_of_run(const std::string &folder) {
+/** How the run that left the folder stored its frames, as its config.json says; none without one. */
+std::optional<FrameFormat> format_of_run(const std::string &folder) {
     const std::string path = (fs::path(folder) / "config.json").string();
     std::error_code code;
     if (!fs::is_regular_file(path, code))
@@ -50,7 +45,7 @@ std::string format_of_run(const std::string &folder) {
     try {
         const Json config = read_json(path);
         if (config.is_object() && config.contains("aperture") && config.contains("sensor"))
-            return config.at("render").at("format").get<std::string>();
+            return FrameFormat(config.at("render").at("format").get<std::string>());
     } catch (const std::exception &) {
         // A file of this name that the program did not write.
     }
@@ -60,31 +55,25 @@ std::string format_of_run(const std::string &folder) {
 std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
     std::map<std::string, std::vector<std::string>> by_extension;
     std::error_code code;
-    const std::string format = purpose == Purpose::ideal_images ? format_of_run(folder) : "";
-    const bool stack = format == "npy-stack" || format == "float-npy-stack";
+    const auto format = purpose == Purpose::ideal_images ? format_of_run(folder) : std::nullopt;
     const auto written_by_render = [&](const std::string &name) {
         if (is_numbered(name, "preview_", ".png") || is_numbered(name, "ideal_preview_", ".png"))
             return true;
-        if (format.empty())
+        if (!format)
             return false;
-        return stack ? name == "frames.npy"
-                     : is_numbered(name, "frame_", fmt::format(".{}", Output::extension(format)));
+        return format->storage->stack ? name == format->file_name(0)
+                                      : is_numbered(name, "frame_", format->format->extension());
     };
     bool left_out = false;
     for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
         const std::string name = entry.path().filename().string();
-        std::string extension = lower(entry.path().extension().string());
-        if (extension == ".tif")
-            extension = ".tiff";
-        static const char *const known[] = {".png", ".tiff", ".exr", ".hdr", ".npy", ".pgm"};
-        const bool image =
-            std::any_of(std::begin(known), std::end(known), [&](const char *k) { return extension == k; });
-        if (name[0] == '.' || !image || !entry.is_regular_file())
+        const image_io::Format *kind = image_io::format_of_extension(name);
+        if (name[0] == '.' || !kind || !entry.is_regular_file())
             continue;
         if (written_by_render(name))
             left_out = true;
         else
-            by_extension[extension].push_back(entry.path().string());
+            by_extension[kind->extension()].push_back(entry.path().string());
     }
     if (code)
         throw InputError(fmt::format("{}: cannot be read: {}", folder, code.message()));
@@ -94,7 +83,7 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
                                      folder));
     if (by_extension.empty())
         throw InputError(fmt::format(
-            "{}: the folder holds neither sequence.json nor PNG, TIFF, EXR, HDR, NPY or PGM images", folder));
+            "{}: the folder holds neither sequence.json nor {} images", folder, image_io::listed("or")));
     if (by_extension.size() > 1) {
         std::string kinds;
         for (const auto &[extension, files] : by_extension)

@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "files.hpp"
+#include "io/formats.hpp"
 #include "json.hpp"
 #include "text.hpp"
 
@@ -27,10 +28,10 @@ constexpr double no_limit = std::numeric_limits<double>::infinity();
 class FileSeries {
   public:
     FileSeries() = default;
-    FileSeries(std::vector<std::string> paths, image_io::ReadOptions options)
-        : paths_(std::move(paths)), options_(std::move(options)) {
+    FileSeries(std::vector<std::string> paths, image_io::ReadRequest request)
+        : paths_(std::move(paths)), request_(std::move(request)) {
         for (const std::string &path : paths_) {
-            const auto reader = image_io::open(path, options_);
+            const auto reader = image_io::open(path, request_);
             if (first_frames_.empty()) {
                 width = reader->info().width;
                 height = reader->info().height;
@@ -73,7 +74,7 @@ class FileSeries {
     Reader &reader(std::uint64_t frame) {
         const std::size_t file = locate(frame).first;
         if (!reader_ || open_file_ != file) {
-            reader_ = image_io::open(paths_[file], options_);
+            reader_ = image_io::open(paths_[file], request_);
             open_file_ = file;
             check_size(*reader_);
         }
@@ -81,7 +82,7 @@ class FileSeries {
     }
 
     std::vector<std::string> paths_;
-    image_io::ReadOptions options_;
+    image_io::ReadRequest request_;
     std::vector<std::uint64_t> first_frames_;
     std::unique_ptr<Reader> reader_;
     std::size_t open_file_ = 0;
@@ -253,10 +254,8 @@ class IdealInput final : public Input {
 };
 
 bool is_scene(const std::string &path) {
-    if (!image_io::is_exr(path))
-        return false;
-    const image_io::ExrFile file(path);
-    return file.has("Z") || file.has("P.X") || file.has("P.Y") || file.has("P.Z");
+    const auto file = image_io::open_channels(path);
+    return file && (file->has("Z") || file->has("P.X") || file->has("P.Y") || file->has("P.Z"));
 }
 
 /** An object that moves as a whole. */
@@ -288,30 +287,40 @@ std::vector<double> previous_from_current(const std::vector<double> &previous, c
     return result;
 }
 
-/** G-buffers, one EXR file per frame. */
-class ExrSceneInput final : public Input {
+/** A file with the named channels of a scene. */
+std::unique_ptr<image_io::ChannelFile> open_scene(const std::string &path) {
+    auto file = image_io::open_channels(path);
+    if (!file)
+        throw InputError(fmt::format("{}: is not a file with named channels ({})", path, image_io::listed("or", &image_io::Format::has_named_channels)));
+    return file;
+}
+
+/** G-buffers, one file with named channels per frame. */
+class ChannelSceneInput final : public Input {
   public:
-    ExrSceneInput(Sequence sequence, const InputPaths &paths)
+    ChannelSceneInput(Sequence sequence, const InputPaths &paths)
         : files_(std::move(sequence.files)), planes_(paths), objects_(std::move(sequence.objects)) {
         materials = std::move(sequence.materials);
         rigid_ = sequence.is_sequence;
         scene = true;
         kind = files_.size() > 1 ? fmt::format("scene, {} G-buffer files", files_.size()) : "scene, one G-buffer file";
-        const image_io::ExrFile first(files_.front());
+        const auto opened = open_scene(files_.front());
+        const image_io::ChannelFile &first = *opened;
         width = first.width();
         height = first.height();
         frame_count = files_.size();
         first_name = files_.front();
         // Before the first frame is rendered, not in the middle of the run.
         for (const std::string &path : files_)
-            check_header(image_io::ExrFile(path));
+            check_header(*open_scene(path));
         planes_.check(width, height, frame_count, first_name);
         has_motion_ = first.has("motion.X") && first.has("motion.Y");
         moves = rigid_ || has_motion_;
     }
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
-        const image_io::ExrFile file(files_[frame]);
+        const auto opened = open_scene(files_[frame]);
+        const image_io::ChannelFile &file = *opened;
         check_header(file);
         FrameData data;
         data.name = file.path();
@@ -390,7 +399,7 @@ class ExrSceneInput final : public Input {
     }
 
   private:
-    void check_header(const image_io::ExrFile &file) const {
+    void check_header(const image_io::ChannelFile &file) const {
         if (file.width() != width || file.height() != height)
             throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
                                          file.path(), file.width(), file.height(), files_.front(), width, height));
@@ -403,7 +412,7 @@ class ExrSceneInput final : public Input {
                 "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
     }
     /** True if all three channels of a vector are there, false if none is. */
-    static bool whole(const image_io::ExrFile &file, const std::string &prefix) {
+    static bool whole(const image_io::ChannelFile &file, const std::string &prefix) {
         const int count = file.has(prefix + ".X") + file.has(prefix + ".Y") + file.has(prefix + ".Z");
         if (count != 0 && count != 3)
             throw InputError(fmt::format("{}: has only some of the channels {}.X, {}.Y and {}.Z", file.path(), prefix,
@@ -685,13 +694,13 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
         Sequence sequence = load_sequence(files.front(), config);
         files = sequence.files;
         if (!is_scene(files.front()))
-            throw InputError(fmt::format("{}: is not an EXR file with the channel Z or P.X, P.Y, P.Z", files.front()));
-        return std::make_unique<ExrSceneInput>(std::move(sequence), paths);
+            throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(), image_io::listed("or", &image_io::Format::has_named_channels)));
+        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
     }
     if (is_scene(files.front())) {
         Sequence sequence;
         sequence.files = files;
-        return std::make_unique<ExrSceneInput>(std::move(sequence), paths);
+        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
     }
     if (paths.any_plane())
         throw InputError(

@@ -2,6 +2,9 @@
 #include "doe.hpp"
 #include "errors.hpp"
 #include "interrupt.hpp"
+#include "io/formats.hpp"
+#include "io/openexr.hpp"
+#include "options.hpp"
 #include "text.hpp"
 
 #include <CLI/CLI.hpp>
@@ -44,14 +47,12 @@ Help on a command: clspeckle render --help
 )";
 
 constexpr const char *render_examples =
-    R"(INPUT is an ideal infrared image (PNG 8/16, TIFF 8/16/float, EXR, Radiance HDR, NPY, PGM), a stack of them (3-D NPY,
-TIFF with pages), a folder or a quoted glob pattern; or a scene: EXR files with the channels Z (depth in m) or P.X P.Y
-P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo, visibility, refresh, material (ids) and motion.X
-motion.Y (where a point was in the frame before, minus where it is, in pixels); or a sequence.json or its folder.
-Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility, --material. Values
-are linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern IMAGE. Of a
-folder, what render itself wrote is left out: previews, and the frames of the run whose config.json lies there; not
-ideal_*.npy.
+    R"(A scene has the channels Z (depth in m) or P.X P.Y P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo,
+visibility, refresh, material (ids) and motion.X motion.Y (where a point was in the frame before, minus where it is, in
+pixels). Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility,
+--material. Values are linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern
+IMAGE. Of a folder, what render itself wrote is left out: previews, and the frames of the run whose config.json lies
+there; not ideal_*.npy.
 
 Configuration: the options in the groups "Configuration" are also the keys of a JSON file, grouped as here:
   {"aperture": {"f_number": 8}, "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}
@@ -81,6 +82,22 @@ Examples:
   clspeckle render ideal.png -o out --config camera.json
 )";
 
+/** The formats, as the registry knows them. */
+std::string render_inputs() {
+    std::string images, stacks;
+    for (const image_io::Format &format : image_io::formats()) {
+        images += (images.empty() ? "" : ", ") + format.name + (format.samples.empty() ? "" : " " + format.samples);
+        if (!format.stacks.empty())
+            stacks += (stacks.empty() ? "" : ", ") + format.stacks;
+    }
+    return tools::wrapped(fmt::format("INPUT is an ideal infrared image ({}), a stack of them ({}), a folder or a quoted "
+                                      "glob pattern; or a scene: {} files, a sequence.json or its folder.",
+                                      images, stacks,
+                                      image_io::listed("or", &image_io::Format::has_named_channels)),
+                          "", 120) +
+           "\n";
+}
+
 constexpr const char *statistics_examples =
     R"(Per frame: mean, standard deviation, contrast (their ratio), skewness, least and greatest value, share at the top code
 (of --bits, else of the file's integer type) and at 0, and the size of a speckle: full width at half maximum of the
@@ -104,10 +121,7 @@ Examples:
 )";
 
 constexpr const char *capture_examples =
-    R"(A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or PNG or TIFF frames
-(docs/captures.md).
-
-Examples:
+    R"(Examples:
   clspeckle capture make demo --effect defocus:waves=0.8 --seed 7
   clspeckle capture check demo
 
@@ -696,13 +710,13 @@ int run(int argc, char **argv) {
     add_json(effects, "Print JSON");
 
     CLI::App &render_command = *app.add_subcommand("render", "Render speckled infrared frames");
-    render_command.footer(render_examples);
+    render_command.footer(render_inputs() + render_examples);
     render_command
         .add_option("INPUT", arguments.input.inputs, "Ideal image, scene, folder, glob pattern or sequence.json")
         ->type_name("");
     render_command.add_option("-o,--output", arguments.output, "Folder for the frames; made if it does not exist")
         ->type_name("FOLDER");
-    render_command.add_option("--depth", arguments.input.depth, "Depth in m (float NPY, TIFF or EXR)")
+    render_command.add_option("--depth", arguments.input.depth, "Depth in m (floating-point " + image_io::listed("or", [](const image_io::Format &f) { return f.real; }) + ")")
         ->type_name("IMAGE");
     render_command.add_option("--position", arguments.input.position, "Positions in m, height x width x 3")
         ->type_name("IMAGE");
@@ -754,7 +768,7 @@ int run(int argc, char **argv) {
         ->expected(2)
         ->type_name("LOW,HIGH");
     statistics.add_flag("--temporal", stats.temporal, "Also tell each pixel's standard deviation over all frames");
-    statistics.add_option("--channel", stats.channel, "Channel of EXR files")->type_name("TEXT");
+    statistics.add_option("--channel", stats.channel, tools::channel_help())->type_name("TEXT");
     statistics.add_option("--device", stats.device, "OpenCL device, as for render")->type_name("TEXT");
     add_json(statistics, "Print JSON");
 
@@ -764,7 +778,12 @@ int run(int argc, char **argv) {
     add_json(depth, "Print JSON");
 
     CLI::App &capture = *app.add_subcommand("capture", "Check and make capture sets");
-    capture.footer(capture_examples);
+    const std::string frames =
+        image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
+    capture.footer(fmt::format("A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or {} "
+                               "frames\n(docs/captures.md).\n\n",
+                               frames) +
+                   capture_examples);
     capture.require_subcommand(1);
     CLI::App &capture_check = *capture.add_subcommand("check", "Tell what is in a capture set");
     add_capture_check(capture_check, arguments.capture_check, arguments.quiet);
@@ -895,6 +914,7 @@ void keep_heaps_small() {
 int main(int argc, char **argv) {
     keep_heaps_small();
     tools::handle_signals();
+    image_io::add_openexr();
     const int code = run_guarded(argc, argv);
     silence_exit();
     return code;

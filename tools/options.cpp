@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "json.hpp"
+#include "output.hpp"
 #include "text.hpp"
 
 #include <clspeckle/clspeckle.hpp>
@@ -72,7 +73,7 @@ Option choice(const char *section, const char *key, std::vector<std::string> wor
     return o;
 }
 
-Option text(const char *section, const char *key, Kind kind, const char *help) {
+Option text(const char *section, const char *key, Kind kind, const std::string &help) {
     Option o;
     o.section = section;
     o.key = key;
@@ -213,9 +214,10 @@ std::vector<Option> make_table() {
                "speckled laser light, a lamp's light from an ideal image without speckle, or none: a covered lens"),
         number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
                "factor on an ideal image; integer images are divided by their top code first"),
-        text("render", "channel", Kind::text, "channel of an EXR ideal image; empty: its only one, Y, or R, G, B"),
-        choice("render", "format",
-               {"png16", "tiff16", "npy", "npy-stack", "float-npy", "float-npy-stack", "float-tiff"}, 0,
+        text("render", "channel", Kind::text,
+             fmt::format("channel of an ideal image, of {} files; empty: its only one, Y, or R, G, B",
+                         image_io::listed("and", &image_io::Format::has_named_channels))),
+        choice("render", "format", FrameFormat::words(), 0,
                "of the frames; 16-bit files hold the codes as they are: 1023 of 10 bits is stored as 1023"),
         boolean("render", "preview", true, "also write 8-bit PNG previews, scaled to the first frame"),
         boolean("render", "save_ideal", false, "also write the ideal images, as float NPY"),
@@ -431,6 +433,10 @@ std::string Option::range() const {
     default:
         return text;
     }
+}
+
+std::string channel_help() {
+    return fmt::format("Channel of {} files", image_io::listed("and", &image_io::Format::has_named_channels));
 }
 
 const std::vector<Option> &option_table() {

@@ -48,6 +48,9 @@ struct Option {
     std::string range() const;
 };
 
+/** Of the option --channel of commands that measure images. */
+std::string channel_help();
+
 /** All options, in the order in which they are shown. */
 const std::vector<Option> &option_table();
 /** The option of "section.key"; it must exist. */

@@ -30,15 +30,37 @@ PreviewScale PreviewScale::of(const Samples &samples) {
     return scale;
 }
 
-Output::Output(std::string folder, const std::string &format, std::uint64_t frame_count, std::uint32_t width,
+std::vector<std::string> FrameFormat::words() {
+    std::vector<std::string> codes, values;
+    for (const image_io::Format &format : image_io::formats())
+        for (const image_io::FrameStorage &storage : format.storage)
+            (storage.sample == image_io::Sample::float32 ? values : codes).push_back(storage.word);
+    codes.insert(codes.end(), values.begin(), values.end());
+    return codes;
+}
+
+FrameFormat::FrameFormat(const std::string &word) {
+    for (const image_io::Format &one : image_io::formats())
+        for (const image_io::FrameStorage &way : one.storage)
+            if (way.word == word) {
+                format = &one;
+                storage = &way;
+                return;
+            }
+    throw std::out_of_range("no way to store frames is called " + word);
+}
+
+std::string FrameFormat::file_name(std::uint64_t number) const {
+    return storage->stack ? "frames" + format->extension() : fmt::format("frame_{:06}{}", number, format->extension());
+}
+
+Output::Output(std::string folder, const FrameFormat &format, std::uint64_t frame_count, std::uint32_t width,
                std::uint32_t height)
     : folder_(std::move(folder)), format_(format), width_(width), height_(height),
       job_limit_(std::max(2u, std::thread::hardware_concurrency())) {
-    if (format_ == "npy-stack" || format_ == "float-npy-stack") {
-        stack_name_ = "frames.npy";
-        stack_ = std::make_unique<image_io::NpyStackWriter>(begin(stack_name_), frame_count, width, height,
-                                                            is_float(format_) ? sizeof(float) : sizeof(std::uint16_t));
-    }
+    if (format_.storage->stack)
+        stack_ = image_io::create(begin(format_.file_name(0)), *format_.format,
+                                  {width, height, format_.storage->sample, frame_count});
 }
 
 // The jobs use everything else here: they end first. What they still write is whole.
@@ -98,7 +120,7 @@ void Output::write_preview(const std::string &name, const Samples &samples, cons
             });
         },
         samples);
-    image_io::write_png8(begin(name), width_, height_, codes.data());
+    image_io::write(begin(name), image_io::format_named("PNG"), width_, height_, codes.data());
     const std::lock_guard<std::mutex> lock(files_mutex_);
     files_.push_back(name);
 }
@@ -111,20 +133,13 @@ void Output::write_frame(std::uint64_t number, Samples samples, const PreviewSca
     const bool has_preview = preview != nullptr;
     const PreviewScale scale = preview ? *preview : PreviewScale{};
     enqueue([this, number, samples = std::move(samples), has_preview, scale] {
-        const auto *codes = std::get_if<std::vector<std::uint16_t>>(&samples);
-        const auto *values = std::get_if<std::vector<float>>(&samples);
         if (!stack_) {
-            const std::string name = fmt::format("frame_{:06}.{}", number, extension(format_));
-            if (format_ == "png16")
-                image_io::write_png16(begin(name), width_, height_, codes->data());
-            else if (format_ == "tiff16")
-                image_io::write_tiff(begin(name), width_, height_, codes->data());
-            else if (format_ == "npy")
-                image_io::write_npy(begin(name), width_, height_, codes->data());
-            else if (format_ == "float-npy")
-                image_io::write_npy(begin(name), width_, height_, values->data());
-            else
-                image_io::write_tiff(begin(name), width_, height_, values->data());
+            const std::string name = format_.file_name(number);
+            std::visit(
+                [&](const auto &values) {
+                    image_io::write(begin(name), *format_.format, width_, height_, values.data());
+                },
+                samples);
             const std::lock_guard<std::mutex> lock(files_mutex_);
             files_.push_back(name);
         }
@@ -138,7 +153,8 @@ void Output::write_ideal(std::uint64_t number, std::vector<float> values, const 
     const PreviewScale scale = preview ? *preview : PreviewScale{};
     enqueue([this, number, samples = Samples(std::move(values)), has_preview, scale] {
         const std::string name = fmt::format("ideal_{:06}.npy", number);
-        image_io::write_npy(begin(name), width_, height_, std::get<std::vector<float>>(samples).data());
+        image_io::write(begin(name), image_io::format_named("NPY"), width_, height_,
+                        std::get<std::vector<float>>(samples).data());
         {
             const std::lock_guard<std::mutex> lock(files_mutex_);
             files_.push_back(name);
@@ -162,7 +178,7 @@ void Output::finish() {
     }
     if (stack_) {
         stack_->commit();
-        files_.push_back(stack_name_);
+        files_.push_back(format_.file_name(0));
         stack_.reset();
     }
 }

@@ -5,7 +5,7 @@
 #ifndef CLSPECKLE_TOOLS_OUTPUT_HPP
 #define CLSPECKLE_TOOLS_OUTPUT_HPP
 
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 
 #include <cstdint>
 #include <deque>
@@ -21,6 +21,21 @@ namespace tools {
 
 /** A frame in host memory: codes, or float values. */
 using Samples = std::variant<std::vector<std::uint16_t>, std::vector<float>>;
+
+/** How render stores frames: what a word of its option --format means. */
+struct FrameFormat {
+    /** The words, codes first. */
+    static std::vector<std::string> words();
+    /** Throws std::out_of_range for another word. */
+    explicit FrameFormat(const std::string &word);
+
+    bool is_float() const { return storage->sample == image_io::Sample::float32; }
+    /** Of the file that holds all frames, or of one frame's file. */
+    std::string file_name(std::uint64_t number) const;
+
+    const image_io::Format *format = nullptr;
+    const image_io::FrameStorage *storage = nullptr;
+};
 
 /** Linear scale of an 8-bit preview. */
 struct PreviewScale {
@@ -38,13 +53,11 @@ class Output {
   public:
     /**
      * @param folder which must exist.
-     * @param format a word of the option render.format.
+     * @param format how frames are stored.
      */
-    Output(std::string folder, const std::string &format, std::uint64_t frame_count, std::uint32_t width,
+    Output(std::string folder, const FrameFormat &format, std::uint64_t frame_count, std::uint32_t width,
            std::uint32_t height);
     ~Output();
-
-    static bool is_float(const std::string &format) { return format.rfind("float-", 0) == 0; }
 
     /** @param number of the frame, which names its file. */
     void write_frame(std::uint64_t number, Samples samples, const PreviewScale *preview);
@@ -52,10 +65,6 @@ class Output {
     void write_text(const std::string &name, const std::string &text);
     /** Waits until everything is written, and throws the first error. */
     void finish();
-    /** Of the frames' files, for a format that is not a stack. */
-    static const char *extension(const std::string &format) {
-        return format == "png16" ? "png" : format == "npy" || format == "float-npy" ? "npy" : "tiff";
-    }
     /** Waits for what is being written, without a word on errors. */
     void wait();
     /** After a failure: waits, and removes what this run wrote, except where it replaced a file. @return how many. */
@@ -72,11 +81,10 @@ class Output {
     void write_preview(const std::string &name, const Samples &samples, const PreviewScale &scale);
 
     std::string folder_;
-    std::string format_;
+    FrameFormat format_;
     std::uint32_t width_;
     std::uint32_t height_;
-    std::unique_ptr<image_io::NpyStackWriter> stack_;
-    std::string stack_name_;
+    std::unique_ptr<image_io::Writer> stack_;
     std::deque<std::future<void>> jobs_;
     std::size_t job_limit_;
     mutable std::mutex files_mutex_;

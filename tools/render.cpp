@@ -120,7 +120,7 @@ class Renderer {
         height_ = input.height;
         const std::string format = config.text("render.format");
         has_sensor_ = config.flag("sensor.enabled");
-        float_output_ = Output::is_float(format);
+        float_output_ = FrameFormat(format).is_float();
         if (!has_sensor_ && !float_output_)
             throw InputError(
                 fmt::format("--no-sensor gives intensities, which {} cannot hold; choose a --format that begins "
@@ -758,14 +758,13 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
                 fmt::format("the output would overwrite the input {}; choose another --output", found->second));
     };
     check("config.json");
-    const std::string format = config.text("render.format");
-    const bool stack = format == "npy-stack" || format == "float-npy-stack";
-    if (stack)
-        check("frames.npy");
+    const FrameFormat format(config.text("render.format"));
+    if (format.storage->stack)
+        check(format.file_name(0));
     const std::uint64_t first = config.integer("render.first_frame");
     for (std::uint64_t i = first; i < first + frames; ++i) {
-        if (!stack)
-            check(fmt::format("frame_{:06}.{}", i, Output::extension(format)));
+        if (!format.storage->stack)
+            check(format.file_name(i));
         if (config.flag("render.save_ideal"))
             check(fmt::format("ideal_{:06}.npy", i));
         if (config.flag("render.preview"))
@@ -793,7 +792,7 @@ void run_render(Config &config, Input &input, const std::string &folder, Console
     FolderGuard guard(make_output_folder(folder));
     check_interrupt();
     renderer.warm_up();
-    Output output(folder, config.text("render.format"), renderer.frames(), input.width, input.height);
+    Output output(folder, FrameFormat(config.text("render.format")), renderer.frames(), input.width, input.height);
     try {
         renderer.run(output);
         output.write_text("config.json", config.dump().dump(2) + "\n");

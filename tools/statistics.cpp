@@ -4,6 +4,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
+#include "io/formats.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>

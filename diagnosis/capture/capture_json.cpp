@@ -1,5 +1,6 @@
 #include "capture/capture_json.hpp"
 
+#include "capture/sequence_files.hpp"
 #include "io/image_io.hpp"
 #include "runtime/error.hpp"
 
@@ -262,8 +263,9 @@ void read_sequence(const Parser &parser, const Json &entry, std::size_t index, C
         sequence.f_number = parser.number(entry, "f_number", where, "the f-number of this sequence");
     if (entry.contains("exposure_ms"))
         sequence.exposure_ms = parser.number(entry, "exposure_ms", where, "the exposure time in ms");
-    result.files.push_back(parser.relative_path(
-        entry, "file", where, "the path of an .npy stack, or of a folder or glob of PNG or TIFF frames"));
+    const std::string frames =
+        fmt::format("the path of an .npy stack, or of a folder or glob of {} frames", frame_formats("or"));
+    result.files.push_back(parser.relative_path(entry, "file", where, frames.c_str()));
     result.masks.push_back(
         entry.contains("mask") ? parser.relative_path(entry, "mask", where, "the path of an 8-bit image") : "");
     parser.note_unknown(entry, where, {"name", "file", "scene", "motion", "exposure_ms", "f_number", "mask"},

@@ -2,7 +2,7 @@
 
 #include "capture/capture_json.hpp"
 #include "capture/capture_validation.hpp"
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 #include "runtime/error.hpp"
 
 #include <atomic>
@@ -116,14 +116,15 @@ void write_capture(const Capture &capture, const std::string &folder, bool overw
         const CaptureLayout &layout = capture.layout;
         for (std::size_t i = 0; i < layout.sequences.size(); ++i) {
             const SequenceLayout &s = layout.sequences[i];
-            image_io::NpyStackWriter stack((temporary.path() / (s.name + ".npy")).string(), s.frame_count, layout.width,
-                                           layout.height, sizeof(std::uint16_t));
+            const auto stack = image_io::create(
+                (temporary.path() / (s.name + ".npy")).string(), image_io::format_named("NPY"),
+                {layout.width, layout.height, image_io::Sample::uint16, s.frame_count});
             for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
-                stack.append(capture.codes[i].data() + frame * layout.pixel_count());
-            stack.commit();
+                stack->append(capture.codes[i].data() + frame * layout.pixel_count());
+            stack->commit();
             if (!s.mask.empty())
-                image_io::write_png8((temporary.path() / (s.name + "_mask.png")).string(), layout.width, layout.height,
-                                     s.mask.data());
+                image_io::write((temporary.path() / (s.name + "_mask.png")).string(), image_io::format_named("PNG"),
+                                layout.width, layout.height, s.mask.data());
         }
         image_io::write_text((temporary.path() / "capture.json").string(), capture_json(layout));
     } catch (const image_io::WriteError &error) {

@@ -4,7 +4,6 @@
 #include "runtime/error.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <fmt/format.h>
 #include <glob.h>
@@ -20,13 +19,6 @@ bool is_digit(char c) {
     return c >= '0' && c <= '9';
 }
 
-std::string extension(const std::string &path) {
-    std::string text = fs::path(path).extension().string();
-    for (char &c : text)
-        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return text == ".tif" ? ".tiff" : text;
-}
-
 // What image_io says, as an error of the library. advice: what it cannot know, where the file is named and what is
 // needed there.
 template <typename Body> auto reading(Body &&body, const std::string &advice = {}) -> decltype(body()) {
@@ -39,13 +31,13 @@ template <typename Body> auto reading(Body &&body, const std::string &advice = {
 
 std::vector<std::string> frames_of_folder(const std::string &folder) {
     std::vector<std::string> files;
-    std::set<std::string> kinds;
+    std::set<const image_io::Format *> kinds;
     std::error_code code;
     for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
-        const std::string kind = extension(entry.path().string());
+        const image_io::Format *kind = image_io::format_of_extension(entry.path().string());
         const std::string name = entry.path().filename().string();
         std::error_code ignored;
-        if (name[0] == '.' || (kind != ".png" && kind != ".tiff") || !entry.is_regular_file(ignored))
+        if (name[0] == '.' || !kind || kind->codes != image_io::Codes::frames || !entry.is_regular_file(ignored))
             continue;
         kinds.insert(kind);
         files.push_back(entry.path().string());
@@ -53,12 +45,16 @@ std::vector<std::string> frames_of_folder(const std::string &folder) {
     if (code)
         throw Error(Status::kIo, fmt::format("{}: cannot be read: {}", folder, code.message()));
     if (files.empty())
-        throw Error(Status::kIo, fmt::format("{}: the folder holds no PNG or TIFF frames", folder));
-    if (kinds.size() > 1)
+        throw Error(Status::kIo, fmt::format("{}: the folder holds no {} frames", folder, frame_formats("or")));
+    if (kinds.size() > 1) {
+        const auto found = [&](const image_io::Format &format) { return kinds.count(&format) > 0; };
+        const auto &all = image_io::formats();
         throw Error(Status::kInvalidData,
-                    fmt::format("{}: the folder holds both PNG and TIFF images; say which are the frames, for example "
-                                "\"file\": \"{}/*.png\"",
-                                folder, fs::path(folder).filename().string()));
+                    fmt::format("{}: the folder holds both {} images; say which are the frames, for example "
+                                "\"file\": \"{}/*{}\"",
+                                folder, image_io::listed("and", found), fs::path(folder).filename().string(),
+                                std::find_if(all.begin(), all.end(), found)->extension()));
+    }
     return files;
 }
 
@@ -118,6 +114,10 @@ std::vector<std::string> frames_of_pattern(const std::string &folder, const std:
 
 } // namespace
 
+std::string frame_formats(const char *word) {
+    return image_io::listed(word, [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
+}
+
 bool natural_less(const std::string &a, const std::string &b) {
     std::size_t i = 0;
     std::size_t j = 0;
@@ -173,11 +173,11 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
     std::sort(files.begin(), files.end(), natural_less);
     const std::string advice =
         fmt::format(". {}: {} names it; expected there is an .npy stack of (frames, height, width), uint16, or gray "
-                    "16-bit PNG or TIFF frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
+                    "16-bit {} frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
                     "a stack), or take the sequence out",
-                    description, field);
+                    description, field, frame_formats("or"));
     for (const std::string &one : files)
-        parts_.push_back(Part{one, reading([&] { return image_io::open_without_exr(one)->info(); }, advice)});
+        parts_.push_back(Part{one, reading([&] { return image_io::open(one)->info(); }, advice)});
 }
 
 std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
@@ -187,16 +187,17 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
         const auto refuse = [&](const std::string &what) {
             throw Error(Status::kInvalidData, fmt::format("{}: {}", part.path, what));
         };
-        const bool npy = info.format == "NPY";
-        if (npy && !single_)
-            refuse("is an .npy array among the frames of a folder or pattern; expected PNG or TIFF frames there, or "
-                   "name the .npy "
-                   "stack itself");
-        if (!npy && info.format != "PNG" && info.format != "TIFF")
-            refuse(fmt::format("is a {} file; expected an .npy stack, or PNG or TIFF frames", info.format));
+        const bool stack = info.format->codes == image_io::Codes::stacks;
+        if (stack && !single_)
+            refuse(fmt::format("is an {0} array among the frames of a folder or pattern; expected {1} frames there, or "
+                               "name the {0} stack itself",
+                               info.format->extension(), frame_formats("or")));
+        if (info.format->codes == image_io::Codes::none)
+            refuse(fmt::format("is a {} file; expected an .npy stack, or {} frames", info.format->name,
+                               frame_formats("or")));
         if (info.channels != 1)
             refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
-                               npy ? ": an array of (frames, height, width)" : " (a gray image)"));
+                               stack ? ": an array of (frames, height, width)" : " (a gray image)"));
         if (info.sample != "uint16" && !(info.sample == "uint8" && layout.bits == 8))
             refuse(
                 fmt::format("has samples of type {}; expected uint16{}", info.sample,
@@ -225,24 +226,11 @@ std::vector<std::string> SequenceFiles::oddities() const {
         result.push_back(
             fmt::format("{}: {}; the frames before and after are taken as neighbours in time", name_, missing));
     for (const Part &part : parts_) {
-        if (part.info.format != "NPY")
-            continue;
-        // "\x93NUMPY", the version, the header's length in 2 bytes (version 1) or 4, the header, the samples.
-        std::uint64_t end =
-            part.info.frame_count * part.info.height * part.info.width * (part.info.sample == "uint8" ? 1 : 2);
-        const std::uint64_t size = reading([&] {
-            image_io::detail::InputFile file(part.path);
-            unsigned char start[12] = {};
-            file.read(start, sizeof start);
-            end += start[6] == 1 ? 10u + (start[8] | start[9] << 8u)
-                                 : 12u + (start[8] | start[9] << 8u | start[10] << 16u | unsigned{start[11]} << 24u);
-            return file.size();
-        });
-        if (size > end)
+        if (part.info.surplus_bytes > 0)
             result.push_back(
                 fmt::format("{}: {} bytes follow the array of {} frames and are not read; was a second array, or "
                             "something else, appended?",
-                            part.path, size - end, part.info.frame_count));
+                            part.path, part.info.surplus_bytes, part.info.frame_count));
     }
     return result;
 }
@@ -254,7 +242,7 @@ std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
     const auto maximum = static_cast<float>(layout.maximum_code());
     std::uint64_t number = 0; // of a frame in the sequence
     for (const Part &part : parts_) {
-        const auto reader = reading([&] { return image_io::open_without_exr(part.path); });
+        const auto reader = reading([&] { return image_io::open(part.path); });
         if (reader->info().width != layout.width || reader->info().height != layout.height ||
             reader->info().channels != 1)
             throw Error(Status::kIo, fmt::format("{}: changed while it was read", part.path));
@@ -296,7 +284,7 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
         "is not to count: replace it, or take \"mask\" out so that every pixel counts",
         description, field, layout.width, layout.height);
     const auto read = [&] {
-        const auto reader = image_io::open_without_exr(path);
+        const auto reader = image_io::open(path);
         const image_io::Info &info = reader->info();
         if (info.channels != 1 || (info.sample != "uint8" && info.sample != "bool") || info.frame_count != 1)
             throw Error(Status::kInvalidData,

@@ -1,8 +1,8 @@
-// The files of one sequence: an .npy stack, or PNG and TIFF frames.
+// The files of one sequence: a stack, or frames, in formats that hold codes (io/formats.hpp).
 #pragma once
 
 #include "capture/capture.hpp"
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 
 #include <cstdint>
 #include <functional>
@@ -11,6 +11,9 @@
 #include <vector>
 
 namespace clsp {
+
+// The formats of frames that are a file each: "PNG or TIFF".
+std::string frame_formats(const char *word);
 
 // frame2 before frame10: runs of digits compare as numbers.
 bool natural_less(const std::string &a, const std::string &b);

@@ -5,7 +5,8 @@
 // Every file of FOLDER is opened ITERATIONS times with some bytes changed, cut, doubled or removed. A reader must
 // either give the image or throw image_io::ReadError; anything else, a result that contradicts its own header, or a run
 // of more than ten seconds ends the program with an error. A crash ends it by itself.
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
+#include "io/openexr.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -70,11 +71,10 @@ Bytes mutate(Bytes bytes, std::mt19937_64 &random) {
 bool read(const std::string &path, std::string &wrong) {
     try {
         std::vector<std::string> warnings;
-        if (image_io::is_exr(path)) {
-            const image_io::ExrFile file(path);
+        if (const auto file = image_io::open_channels(path)) {
             std::size_t rows = 0;
-            file.read_rows(file.channels(), [&](const float *) { ++rows; });
-            if (rows != file.height())
+            file->read_rows(file->channels(), [&](const float *) { ++rows; });
+            if (rows != file->height())
                 wrong = "another number of rows than the header says";
         }
         const auto reader = image_io::open(path);
@@ -105,6 +105,7 @@ int main(int argc, char **argv) {
         std::fputs("usage: clspeckle-image-fuzz FOLDER ITERATIONS SEED\n", stderr);
         return 2;
     }
+    image_io::add_openexr();
     const std::filesystem::path folder = argv[1];
     const int iterations = std::atoi(argv[2]);
     const auto seed = static_cast<std::uint64_t>(std::atoll(argv[3]));

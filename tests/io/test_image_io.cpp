@@ -1,5 +1,5 @@
 // The image writers: what they write reads back exactly, and a file that cannot be written whole is not there at all.
-#include "io/image_io.hpp"
+#include "io/formats.hpp"
 
 #include <gtest/gtest.h>
 
@@ -44,6 +44,14 @@ class ImageIo : public ::testing::Test {
         return std::distance(fs::directory_iterator(folder_), fs::directory_iterator());
     }
 
+    template <typename T> void write(const std::string &name, const std::vector<T> &samples) const {
+        image_io::write(path(name), *image_io::format_of_extension(name), width, height, samples.data());
+    }
+    static std::unique_ptr<image_io::Writer> begin_stack(const std::string &target, std::uint64_t frames) {
+        return image_io::create(target, image_io::format_named("NPY"),
+                                {width, height, image_io::Sample::float32, frames});
+    }
+
     template <typename T>
     void expect_reads_back(const std::string &name, const std::vector<T> &expected, const char *sample) {
         std::vector<std::string> warnings;
@@ -65,39 +73,39 @@ class ImageIo : public ::testing::Test {
 };
 
 TEST_F(ImageIo, Png16ReadsBack) {
-    image_io::write_png16(path("image.png"), width, height, codes16_.data());
+    write("image.png", codes16_);
     expect_reads_back("image.png", codes16_, "uint16");
 }
 
 TEST_F(ImageIo, Png8ReadsBack) {
-    image_io::write_png8(path("image.png"), width, height, codes8_.data());
+    write("image.png", codes8_);
     expect_reads_back("image.png", codes8_, "uint8");
 }
 
 TEST_F(ImageIo, Tiff16ReadsBack) {
-    image_io::write_tiff(path("image.tiff"), width, height, codes16_.data());
+    write("image.tiff", codes16_);
     expect_reads_back("image.tiff", codes16_, "uint16");
 }
 
 TEST_F(ImageIo, TiffFloatReadsBack) {
-    image_io::write_tiff(path("image.tiff"), width, height, values_.data());
+    write("image.tiff", values_);
     expect_reads_back("image.tiff", values_, "float32");
 }
 
 TEST_F(ImageIo, Npy16ReadsBack) {
-    image_io::write_npy(path("image.npy"), width, height, codes16_.data());
+    write("image.npy", codes16_);
     expect_reads_back("image.npy", codes16_, "uint16");
 }
 
 TEST_F(ImageIo, NpyFloatReadsBack) {
-    image_io::write_npy(path("image.npy"), width, height, values_.data());
+    write("image.npy", values_);
     expect_reads_back("image.npy", values_, "float32");
 }
 
 TEST_F(ImageIo, AWriterThatIsNotCommittedLeavesNothing) {
     {
-        image_io::NpyStackWriter stack(path("stack.npy"), 2, width, height, sizeof(float));
-        stack.append(values_.data());
+        const auto stack = begin_stack(path("stack.npy"), 2);
+        stack->append(values_.data());
         EXPECT_FALSE(fs::exists(path("stack.npy")));
         EXPECT_EQ(file_count(), 1);
     }
@@ -119,7 +127,7 @@ TEST_F(ImageIo, AnOlderFileStaysUntilTheNewOneIsWhole) {
 TEST_F(ImageIo, AFolderThatDoesNotExistIsNamed) {
     const std::string target = path("missing/image.npy");
     try {
-        image_io::write_npy(target, width, height, values_.data());
+        write("missing/image.npy", values_);
         FAIL() << "it was written";
     } catch (const image_io::WriteError &error) {
         EXPECT_NE(std::string(error.what()).find(target), std::string::npos) << error.what();
@@ -129,21 +137,21 @@ TEST_F(ImageIo, AFolderThatDoesNotExistIsNamed) {
 // A limit on the size of files stands for a full disk. It holds for a child process, which tells by its exit code how
 // the writer ended: 0 WriteError naming the file, 1 another exception, 2 none.
 TEST_F(ImageIo, AFullDiskIsAnErrorAndLeavesNothing) {
-    const std::vector<std::pair<std::string, std::function<void(const std::string &)>>> writers = {
-        {"image.png", [&](const std::string &p) { image_io::write_png16(p, width, height, codes16_.data()); }},
-        {"preview.png", [&](const std::string &p) { image_io::write_png8(p, width, height, codes8_.data()); }},
-        {"codes.tiff", [&](const std::string &p) { image_io::write_tiff(p, width, height, codes16_.data()); }},
-        {"values.tiff", [&](const std::string &p) { image_io::write_tiff(p, width, height, values_.data()); }},
-        {"codes.npy", [&](const std::string &p) { image_io::write_npy(p, width, height, codes16_.data()); }},
+    const std::vector<std::pair<std::string, std::function<void()>>> writers = {
+        {"image.png", [&] { write("image.png", codes16_); }},
+        {"preview.png", [&] { write("preview.png", codes8_); }},
+        {"codes.tiff", [&] { write("codes.tiff", codes16_); }},
+        {"values.tiff", [&] { write("values.tiff", values_); }},
+        {"codes.npy", [&] { write("codes.npy", codes16_); }},
         {"stack.npy",
-         [&](const std::string &p) {
-             image_io::NpyStackWriter stack(p, 1, width, height, sizeof(float));
-             stack.append(values_.data());
-             stack.commit();
+         [&] {
+             const auto stack = begin_stack(path("stack.npy"), 1);
+             stack->append(values_.data());
+             stack->commit();
          }},
-        {"long.txt", [&](const std::string &p) { image_io::write_text(p, std::string(10000, 'x')); }},
+        {"long.txt", [&] { image_io::write_text(path("long.txt"), std::string(10000, 'x')); }},
     };
-    for (const auto &[name, write] : writers) {
+    for (const auto &[name, writer] : writers) {
         // The smallest limit fails at the first byte, the others within the data or at the end.
         for (const rlim_t limit : {rlim_t{0}, rlim_t{100}, rlim_t{4096}, rlim_t{5900}}) {
             const std::string target = path(name);
@@ -155,7 +163,7 @@ TEST_F(ImageIo, AFullDiskIsAnErrorAndLeavesNothing) {
                 ::setrlimit(RLIMIT_FSIZE, &bound);
                 int code = 2;
                 try {
-                    write(target);
+                    writer();
                 } catch (const image_io::WriteError &error) {
                     code = std::string(error.what()).find(target) == 0 ? 0 : 3;
                 } catch (...) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cli_images as images
@@ -42,6 +43,20 @@ def test_statistics_see_the_stored_values(ok, tmp_path: Path, name: str) -> None
     assert frame["maximum"] == pytest.approx(expected.max(), rel=1e-6)
     assert frame["mean"] == pytest.approx(expected.mean(), rel=1e-6)
     assert frame["standard_deviation"] == pytest.approx(expected.std(ddof=1), rel=1e-5)
+
+
+def test_help_readme_and_samples_name_the_same_formats(ok) -> None:
+    """What the registry lists; a format without samples here would be tested nowhere."""
+    told = re.search(r"ideal infrared image \((.*?)\)", ok("render", "--help").out, re.DOTALL)
+    assert told
+    names = {re.sub(r" [\d/a-z]+$", "", " ".join(name.split())) for name in told[1].split(",")}
+    assert len(names) >= 6 and "Radiance HDR" in names
+    suffixes = {Path(name).suffix for name in images.FORMATS}
+    assert {f".{name.split()[-1].lower()}" for name in names} == suffixes
+    readme = " ".join((Path(__file__).resolve().parents[2] / "README.md").read_text().split())
+    listed = re.search(r"image may be ([^.]*)\.", readme)
+    assert listed
+    assert set(re.split(r", | or ", listed[1])) == names
 
 
 def test_color_is_averaged_with_a_warning(ok, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 // PNG by libspng: unlike stb_image it verifies the checksums, so that a damaged file does not pass for a picture.
-#include "image_io.hpp"
+#include "io/formats.hpp"
 
 #include <fmt/format.h>
 #include <spng.h>
@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
-namespace image_io {
+namespace image_io::format_files {
 
 namespace {
 
@@ -21,7 +21,6 @@ class PngReader final : public Reader {
     explicit PngReader(const std::string &path) : Reader(path), file_(path) {
         const Context context = start();
         width_bytes_ = 0;
-        info_.format = "PNG";
         info_.width = header_.width;
         info_.height = header_.height;
         const bool indexed = header_.color_type == SPNG_COLOR_TYPE_INDEXED;
@@ -118,48 +117,62 @@ class PngReader final : public Reader {
     int output_format_ = 0;
 };
 
-void write_png(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
-               const void *data) {
-    AtomicFile file(path);
-    const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
-    if (!context)
-        throw std::bad_alloc();
-    const auto check = [&](int status) {
+class PngWriter final : public Writer {
+  public:
+    PngWriter(const std::string &path, const WriteRequest &request) : Writer(path), path_(path), request_(request) {}
+
+    void append(const void *samples) override {
+        const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
+        if (!context)
+            throw std::bad_alloc();
+        spng_ihdr header{};
+        header.width = request_.width;
+        header.height = request_.height;
+        header.bit_depth = static_cast<std::uint8_t>(8 * size_of(request_.sample));
+        header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
+        // Speckle is noise: more effort than this makes the file hardly smaller and the program much slower.
+        check(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 3));
+        check(spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_SUB));
+        check(spng_set_png_file(context.get(), file_.stream()));
+        check(spng_set_ihdr(context.get(), &header));
+        const std::size_t size = std::size_t{request_.width} * request_.height * size_of(request_.sample);
+        check(spng_encode_image(context.get(), samples, size, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
+    }
+
+  private:
+    void check(int status) const {
         if (status == SPNG_OK)
             return;
         if (status == SPNG_EMEM)
             throw std::bad_alloc();
         if (status == SPNG_IO_ERROR || status == SPNG_EIO)
-            throw WriteError(path, fmt::format("cannot be written: {}", std::strerror(errno)));
-        throw WriteError(path, fmt::format("cannot be encoded as PNG: {}", spng_strerror(status)));
-    };
-    spng_ihdr header{};
-    header.width = width;
-    header.height = height;
-    header.bit_depth = bits;
-    header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
-    // Speckle is noise: more effort than this makes the file hardly smaller and the program much slower.
-    check(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 3));
-    check(spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_SUB));
-    check(spng_set_png_file(context.get(), file.stream()));
-    check(spng_set_ihdr(context.get(), &header));
-    const std::size_t size = std::size_t{width} * height * (bits / 8);
-    check(spng_encode_image(context.get(), data, size, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
-    file.commit();
-}
+            throw WriteError(path_, fmt::format("cannot be written: {}", std::strerror(errno)));
+        throw WriteError(path_, fmt::format("cannot be encoded as PNG: {}", spng_strerror(status)));
+    }
+
+    std::string path_;
+    WriteRequest request_;
+};
 
 } // namespace
 
-void write_png16(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
-    write_png(path, width, height, 16, codes);
+Format png() {
+    Format format;
+    format.name = "PNG";
+    format.place = 1;
+    format.extensions = {".png"};
+    format.magic = {"\x89PNG"};
+    format.samples = "8/16";
+    format.codes = Codes::frames;
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<PngReader>(path);
+    };
+    format.create = [](const std::string &path, const WriteRequest &request) -> std::unique_ptr<Writer> {
+        return std::make_unique<PngWriter>(path, request);
+    };
+    format.writes = {Sample::uint8, Sample::uint16};
+    format.storage = {{"png16", Sample::uint16}};
+    return format;
 }
 
-void write_png8(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint8_t *codes) {
-    write_png(path, width, height, 8, codes);
-}
-
-std::unique_ptr<Reader> detail::open_png(const std::string &path) {
-    return std::make_unique<PngReader>(path);
-}
-
-} // namespace image_io
+} // namespace image_io::format_files

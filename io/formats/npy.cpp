@@ -1,7 +1,9 @@
 // NPY (format versions 1 to 3 of NumPy's lib.format). A reader of our own: xtensor's loads a whole stack at once, takes
 // memory for whatever shape a header claims, and neither swaps bytes nor converts types.
-#include "half.hpp"
-#include "image_io.hpp"
+#include "io/npy_header.hpp"
+
+#include "io/formats.hpp"
+#include "io/half.hpp"
 
 #include <fmt/format.h>
 
@@ -176,12 +178,12 @@ class NpyReader final : public Reader {
         fortran_order_ = header.fortran_order;
         set_type(header.descr);
         set_shape(header.shape);
-        info_.format = "NPY";
         const std::uint64_t needed =
             info_.frame_count * info_.width * info_.height * info_.channels * type_->size_bytes;
         if (file_.size() - data_offset_ < needed)
             fail(fmt::format("is truncated: its header claims {} bytes of data, {} are there; write or copy it again",
                              needed, file_.size() - data_offset_));
+        info_.surplus_bytes = file_.size() - data_offset_ - needed;
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
@@ -296,11 +298,64 @@ class NpyReader final : public Reader {
     std::vector<unsigned char> whole_; // of a Fortran-ordered file, once it has been read
 };
 
-std::string npy_header(const char *descr, const std::vector<std::uint64_t> &shape) {
-    std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': (", descr);
+class NpyWriter final : public Writer {
+  public:
+    NpyWriter(const std::string &path, const WriteRequest &request)
+        : Writer(path), left_(std::max<std::uint64_t>(1, request.stack_frames)),
+          frame_bytes_(std::size_t{request.width} * request.height * size_of(request.sample)) {
+        std::vector<std::uint64_t> shape = {request.height, request.width};
+        if (request.stack_frames > 0)
+            shape.insert(shape.begin(), request.stack_frames);
+        const std::string header = npy_header(request.sample == Sample::uint16 ? "'<u2'" : "'<f4'", shape);
+        file_.write(header.data(), header.size());
+    }
+
+    void append(const void *samples) override {
+        file_.write(samples, frame_bytes_);
+        // A full disk shows before commit(): of files that appear together none does.
+        if (--left_ == 0)
+            file_.close();
+    }
+
+  private:
+    std::uint64_t left_;
+    std::size_t frame_bytes_;
+};
+
+} // namespace
+
+namespace format_files {
+
+Format npy() {
+    Format format;
+    format.name = "NPY";
+    format.place = 5;
+    format.extensions = {".npy"};
+    format.magic = {"\x93NUMPY"};
+    format.stacks = "3-D NPY";
+    format.real = true;
+    format.codes = Codes::stacks;
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<NpyReader>(path);
+    };
+    format.create = [](const std::string &path, const WriteRequest &request) -> std::unique_ptr<Writer> {
+        return std::make_unique<NpyWriter>(path, request);
+    };
+    format.writes = {Sample::uint16, Sample::float32};
+    format.storage = {{"npy", Sample::uint16},
+                      {"npy-stack", Sample::uint16, true},
+                      {"float-npy", Sample::float32},
+                      {"float-npy-stack", Sample::float32, true}};
+    return format;
+}
+
+} // namespace format_files
+
+std::string npy_header(const std::string &descr, const std::vector<std::uint64_t> &shape) {
+    std::string text = fmt::format("{{'descr': {}, 'fortran_order': False, 'shape': (", descr);
     for (std::size_t i = 0; i < shape.size(); ++i)
         text += (i ? ", " : "") + std::to_string(shape[i]);
-    text += "), }";
+    text += shape.size() == 1 ? ",), }" : "), }";
     // Version 1.0: the data begin at a multiple of 64 bytes.
     text.append((64 - (10 + text.size() + 1) % 64) % 64, ' ');
     text += '\n';
@@ -310,50 +365,6 @@ std::string npy_header(const char *descr, const std::vector<std::uint64_t> &shap
     header += static_cast<char>(text.size() & 255);
     header += static_cast<char>(text.size() >> 8);
     return header + text;
-}
-
-void write_npy(const std::string &path, const std::string &header, const void *data, std::size_t size_bytes) {
-    AtomicFile file(path);
-    file.write(header.data(), header.size());
-    file.write(data, size_bytes);
-    file.commit();
-}
-
-} // namespace
-
-void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
-    write_npy(path, npy_header("<u2", {height, width}), codes, std::size_t{width} * height * sizeof(*codes));
-}
-
-void write_npy(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values) {
-    write_npy(path, npy_header("<f4", {height, width}), values, std::size_t{width} * height * sizeof(*values));
-}
-
-NpyWriter::NpyWriter(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values)
-    : file_(path) {
-    const std::string header = npy_header("<f4", {height, width});
-    file_.write(header.data(), header.size());
-    file_.write(values, std::size_t{width} * height * sizeof(*values));
-    file_.close();
-}
-
-NpyStackWriter::NpyStackWriter(const std::string &path, std::uint64_t frame_count, std::uint32_t width,
-                               std::uint32_t height, std::size_t sample_bytes)
-    : file_(path), frame_bytes_(std::size_t{width} * height * sample_bytes) {
-    const std::string header = npy_header(sample_bytes == 2 ? "<u2" : "<f4", {frame_count, height, width});
-    file_.write(header.data(), header.size());
-}
-
-void NpyStackWriter::append(const void *frame) {
-    file_.write(frame, frame_bytes_);
-}
-
-void NpyStackWriter::commit() {
-    file_.commit();
-}
-
-std::unique_ptr<Reader> detail::open_npy(const std::string &path) {
-    return std::make_unique<NpyReader>(path);
 }
 
 } // namespace image_io

@@ -1,12 +1,12 @@
 // PGM after the Netpbm specification: P2 (text) and P5 (binary, two bytes big-endian above 255). stb_image reads P5
 // only and drops the maximum value, without which a 10-bit image cannot be scaled.
-#include "image_io.hpp"
+#include "io/formats.hpp"
 
 #include <fmt/format.h>
 
 #include <cctype>
 
-namespace image_io::detail {
+namespace image_io::format_files {
 
 namespace {
 
@@ -28,7 +28,6 @@ class PgmReader final : public Reader {
         if (file_.size() - data_offset_ < needed)
             fail(fmt::format("is truncated: {} x {} pixels need {} bytes of data, {} are there; write or copy it again",
                              width, height, needed, file_.size() - data_offset_));
-        info_.format = "PGM";
         info_.sample = sample_bytes_ == 2 ? "uint16" : "uint8";
         info_.width = width;
         info_.height = height;
@@ -83,7 +82,7 @@ class PgmReader final : public Reader {
         return value;
     }
 
-    InputFile file_;
+    detail::InputFile file_;
     bool text_ = false;
     std::uint32_t maximum_ = 0;
     std::uint32_t sample_bytes_ = 1;
@@ -92,8 +91,16 @@ class PgmReader final : public Reader {
 
 } // namespace
 
-std::unique_ptr<Reader> open_pgm(const std::string &path) {
-    return std::make_unique<PgmReader>(path);
+Format pgm() {
+    Format format;
+    format.name = "PGM";
+    format.place = 6;
+    format.extensions = {".pgm"};
+    format.magic = {"P2", "P5"};
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<PgmReader>(path);
+    };
+    return format;
 }
 
-} // namespace image_io::detail
+} // namespace image_io::format_files

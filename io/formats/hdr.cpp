@@ -1,13 +1,13 @@
 // Radiance HDR (RGBE), after Greg Ward's description of the format: flat, old and new run-length encoded scanlines.
 // stb_image 2.27 of Debian bookworm loops for ever on a file that ends within a run, so it is not used.
-#include "image_io.hpp"
+#include "io/formats.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <cstdlib>
 
-namespace image_io::detail {
+namespace image_io::format_files {
 
 namespace {
 
@@ -35,7 +35,6 @@ class HdrReader final : public Reader {
             fail(fmt::format("its size line is \"{}\", only \"-Y height +X width\" is supported", size.substr(0, 60)));
         check_size(width, height);
         data_offset_ = static_cast<std::uint64_t>(::ftello(file_.stream()));
-        info_.format = "HDR";
         info_.sample = "rgbe";
         info_.width = static_cast<std::uint32_t>(width);
         info_.height = static_cast<std::uint32_t>(height);
@@ -137,14 +136,23 @@ class HdrReader final : public Reader {
         }
     }
 
-    InputFile file_;
+    detail::InputFile file_;
     std::uint64_t data_offset_ = 0;
 };
 
 } // namespace
 
-std::unique_ptr<Reader> open_hdr(const std::string &path) {
-    return std::make_unique<HdrReader>(path);
+Format hdr() {
+    Format format;
+    format.name = "Radiance HDR";
+    format.place = 4;
+    format.extensions = {".hdr"};
+    format.magic = {"#?"};
+    format.real = true;
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<HdrReader>(path);
+    };
+    return format;
 }
 
-} // namespace image_io::detail
+} // namespace image_io::format_files

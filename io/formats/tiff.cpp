@@ -1,6 +1,6 @@
 // TIFF by libtiff: strips and tiles, chunky and planar, 8, 16 and 32-bit unsigned, 16, 32 and 64-bit floating point.
-#include "half.hpp"
-#include "image_io.hpp"
+#include "io/formats.hpp"
+#include "io/half.hpp"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 #include <cstdarg>
 #include <cstring>
 
-namespace image_io {
+namespace image_io::format_files {
 
 namespace {
 
@@ -76,7 +76,6 @@ class TiffReader final : public Reader {
         if (!tiff_)
             broken("is not a readable TIFF file");
         const Layout layout = read_layout();
-        info_.format = "TIFF";
         info_.width = layout.width;
         info_.height = layout.height;
         info_.channels = layout.channels;
@@ -261,60 +260,79 @@ class TiffReader final : public Reader {
     unsigned bits_ = 0;
 };
 
-void write_tiff_samples(const std::string &path, std::uint32_t width, std::uint32_t height, std::uint16_t bits,
-                        const void *data) {
-    AtomicFile file(path);
-    file.close();
-    Messages messages;
-    const Tiff tiff = open_tiff_file(file.temporary_path(), "w", messages);
-    const auto fail = [&]() {
-        const int code = errno;
-        throw WriteError(path, fmt::format("cannot be written: {}",
-                                           messages.first_error.empty() ? std::strerror(code) : messages.first_error));
-    };
-    if (!tiff)
-        fail();
-    const std::uint32_t rows = std::max<std::uint32_t>(1, std::min(height, 65536 / (width * bits / 8) + 1));
-    TIFFSetField(tiff.get(), TIFFTAG_IMAGEWIDTH, width);
-    TIFFSetField(tiff.get(), TIFFTAG_IMAGELENGTH, height);
-    TIFFSetField(tiff.get(), TIFFTAG_BITSPERSAMPLE, bits);
-    TIFFSetField(tiff.get(), TIFFTAG_SAMPLESPERPIXEL, 1);
-    TIFFSetField(tiff.get(), TIFFTAG_SAMPLEFORMAT, bits == 32 ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_UINT);
-    TIFFSetField(tiff.get(), TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
-    TIFFSetField(tiff.get(), TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
-    TIFFSetField(tiff.get(), TIFFTAG_ROWSPERSTRIP, rows);
-    TIFFSetField(tiff.get(), TIFFTAG_COMPRESSION, COMPRESSION_ADOBE_DEFLATE);
-    // The predictor for floating point is one that many readers lack.
-    TIFFSetField(tiff.get(), TIFFTAG_PREDICTOR, bits == 32 ? PREDICTOR_NONE : PREDICTOR_HORIZONTAL);
-    TIFFSetField(tiff.get(), TIFFTAG_ZIPQUALITY, 3);
-    const std::size_t row_bytes = std::size_t{width} * (bits / 8);
-    // The predictor works in place.
-    std::vector<unsigned char> strip;
-    const auto *bytes = static_cast<const unsigned char *>(data);
-    for (std::uint32_t y = 0, index = 0; y < height; y += rows, ++index) {
-        const std::size_t size = row_bytes * std::min(rows, height - y);
-        strip.assign(bytes + y * row_bytes, bytes + y * row_bytes + size);
-        if (TIFFWriteEncodedStrip(tiff.get(), index, strip.data(), static_cast<tmsize_t>(size)) < 0)
+class TiffWriter final : public Writer {
+  public:
+    TiffWriter(const std::string &path, const WriteRequest &request) : Writer(path), path_(path), request_(request) {
+        file_.close();
+    }
+
+    void append(const void *samples) override {
+        const std::uint32_t width = request_.width, height = request_.height;
+        const auto bits = static_cast<std::uint16_t>(8 * size_of(request_.sample));
+        Messages messages;
+        const Tiff tiff = open_tiff_file(file_.temporary_path(), "w", messages);
+        const auto fail = [&]() {
+            const int code = errno;
+            throw WriteError(path_, fmt::format("cannot be written: {}", messages.first_error.empty()
+                                                                             ? std::strerror(code)
+                                                                             : messages.first_error));
+        };
+        if (!tiff)
+            fail();
+        const std::uint32_t rows = std::max<std::uint32_t>(1, std::min(height, 65536 / (width * bits / 8) + 1));
+        TIFFSetField(tiff.get(), TIFFTAG_IMAGEWIDTH, width);
+        TIFFSetField(tiff.get(), TIFFTAG_IMAGELENGTH, height);
+        TIFFSetField(tiff.get(), TIFFTAG_BITSPERSAMPLE, bits);
+        TIFFSetField(tiff.get(), TIFFTAG_SAMPLESPERPIXEL, 1);
+        TIFFSetField(tiff.get(), TIFFTAG_SAMPLEFORMAT, bits == 32 ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_UINT);
+        TIFFSetField(tiff.get(), TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+        TIFFSetField(tiff.get(), TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+        TIFFSetField(tiff.get(), TIFFTAG_ROWSPERSTRIP, rows);
+        TIFFSetField(tiff.get(), TIFFTAG_COMPRESSION, COMPRESSION_ADOBE_DEFLATE);
+        // The predictor for floating point is one that many readers lack.
+        TIFFSetField(tiff.get(), TIFFTAG_PREDICTOR, bits == 32 ? PREDICTOR_NONE : PREDICTOR_HORIZONTAL);
+        TIFFSetField(tiff.get(), TIFFTAG_ZIPQUALITY, 3);
+        const std::size_t row_bytes = std::size_t{width} * (bits / 8);
+        // The predictor works in place.
+        std::vector<unsigned char> strip;
+        const auto *bytes = static_cast<const unsigned char *>(samples);
+        for (std::uint32_t y = 0, index = 0; y < height; y += rows, ++index) {
+            const std::size_t size = row_bytes * std::min(rows, height - y);
+            strip.assign(bytes + y * row_bytes, bytes + y * row_bytes + size);
+            if (TIFFWriteEncodedStrip(tiff.get(), index, strip.data(), static_cast<tmsize_t>(size)) < 0)
+                fail();
+        }
+        // TIFFClose has no result: what it would write is written here.
+        if (!TIFFFlush(tiff.get()) || !messages.first_error.empty())
             fail();
     }
-    // TIFFClose has no result: what it would write is written here.
-    if (!TIFFFlush(tiff.get()) || !messages.first_error.empty())
-        fail();
-    file.commit();
-}
+
+  private:
+    std::string path_;
+    WriteRequest request_;
+};
 
 } // namespace
 
-void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const std::uint16_t *codes) {
-    write_tiff_samples(path, width, height, 16, codes);
+Format tiff() {
+    Format format;
+    format.name = "TIFF";
+    format.place = 2;
+    format.extensions = {".tiff", ".tif"};
+    format.magic = {{"II\x2a\0", 4}, {"MM\0\x2a", 4}, {"II\x2b\0", 4}, {"MM\0\x2b", 4}};
+    format.samples = "8/16/float";
+    format.stacks = "TIFF with pages";
+    format.real = true;
+    format.codes = Codes::frames;
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<TiffReader>(path);
+    };
+    format.create = [](const std::string &path, const WriteRequest &request) -> std::unique_ptr<Writer> {
+        return std::make_unique<TiffWriter>(path, request);
+    };
+    format.writes = {Sample::uint16, Sample::float32};
+    format.storage = {{"tiff16", Sample::uint16}, {"float-tiff", Sample::float32}};
+    return format;
 }
 
-void write_tiff(const std::string &path, std::uint32_t width, std::uint32_t height, const float *values) {
-    write_tiff_samples(path, width, height, 32, values);
-}
-
-std::unique_ptr<Reader> detail::open_tiff(const std::string &path) {
-    return std::make_unique<TiffReader>(path);
-}
-
-} // namespace image_io
+} // namespace image_io::format_files

@@ -1,0 +1,117 @@
+#include "io/formats.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <stdexcept>
+
+namespace image_io {
+
+// One function for each file in io/formats; CMake writes the list.
+namespace format_files {
+#define CLSP_FORMAT(name) Format name();
+#include "io/format_list.inc"
+#undef CLSP_FORMAT
+} // namespace format_files
+
+namespace {
+
+std::list<Format> &registry() {
+    static std::list<Format> list = [] {
+        std::list<Format> all;
+#define CLSP_FORMAT(name) all.push_back(format_files::name());
+#include "io/format_list.inc"
+#undef CLSP_FORMAT
+        all.sort([](const Format &a, const Format &b) { return a.place < b.place; });
+        return all;
+    }();
+    return list;
+}
+
+/** The format that the content tells; null: of none. */
+const Format *recognized(const std::string &path) {
+    detail::InputFile file(path);
+    char bytes[64];
+    const std::string start(bytes, std::fread(bytes, 1, sizeof bytes, file.stream()));
+    if (start.empty())
+        throw ReadError(path, "cannot be read");
+    for (const Format &format : formats())
+        for (const std::string &magic : format.magic)
+            if (start.compare(0, magic.size(), magic) == 0)
+                return &format;
+    return nullptr;
+}
+
+} // namespace
+
+const std::list<Format> &formats() {
+    return registry();
+}
+
+void add_format(Format format) {
+    std::list<Format> &all = registry();
+    all.remove_if([&](const Format &other) { return other.name == format.name; });
+    all.insert(std::upper_bound(all.begin(), all.end(), format,
+                                [](const Format &a, const Format &b) { return a.place < b.place; }),
+               std::move(format));
+}
+
+const Format &format_named(const std::string &name) {
+    for (const Format &format : formats())
+        if (format.name == name)
+            return format;
+    throw std::logic_error("no image format is named " + name);
+}
+
+const Format *format_of_extension(const std::string &path) {
+    std::string name = path.substr(path.find_last_of('/') + 1);
+    for (char &c : name)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    const std::size_t dot = name.find_last_of('.');
+    if (dot == std::string::npos || dot == 0)
+        return nullptr;
+    for (const Format &format : formats())
+        if (std::count(format.extensions.begin(), format.extensions.end(), name.substr(dot)) > 0)
+            return &format;
+    return nullptr;
+}
+
+std::string listed(const char *word, const std::function<bool(const Format &)> &fits) {
+    std::vector<std::string> names;
+    for (const Format &format : formats())
+        if (!fits || fits(format))
+            names.push_back(format.name);
+    std::string text;
+    for (std::size_t i = 0; i < names.size(); ++i)
+        text += (i == 0 ? "" : i + 1 < names.size() ? ", " : fmt::format(" {} ", word)) + names[i];
+    return text;
+}
+
+std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request) {
+    const Format *format = recognized(path);
+    if (!format)
+        throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name)", listed("or")));
+    if (!format->open)
+        throw ReadError(path, fmt::format("is an image of the format {}, which is not read here; {} are", format->name,
+                                          listed("and", &Format::is_read)));
+    if (!request.channel.empty() && !format->open_channels)
+        throw ReadError(path, fmt::format("a channel (\"{}\") can be named for {} files only", request.channel,
+                                          listed("and", &Format::has_named_channels)));
+    auto reader = format->open(path, request);
+    reader->set_format(*format);
+    return reader;
+}
+
+std::unique_ptr<ChannelFile> open_channels(const std::string &path) {
+    const Format *format = recognized(path);
+    return format && format->open_channels ? format->open_channels(path) : nullptr;
+}
+
+std::unique_ptr<Writer> create(const std::string &path, const Format &format, const WriteRequest &request) {
+    if (!format.create || std::count(format.writes.begin(), format.writes.end(), request.sample) == 0)
+        throw WriteError(path, fmt::format("cannot be written: {} files are not written with such samples", format.name));
+    return format.create(path, request);
+}
+
+} // namespace image_io
