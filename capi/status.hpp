@@ -4,10 +4,21 @@
 #include "clspeckle/types.h"
 #include "runtime/error.hpp"
 
+#include <cstdint>
 #include <new>
+#include <string>
 #include <utility>
 
 namespace clsp::capi {
+
+// What went wrong last in this thread.
+struct LastError {
+    std::int32_t status = CLSP_SUCCESS;
+    std::int32_t opencl_code = 0;
+    const char *function = "";
+    std::string message, build_log;
+};
+LastError &last_error() noexcept;
 
 // Notes a failure for clspGetLastError() of this thread; returns the status.
 ClspStatus record(const char *function, const Error &error) noexcept;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "doe/doe_element.hpp"
-#include "doe/doe_pattern.hpp"
 
 #include <memory>
 #include <string>

@@ -1,8 +1,10 @@
 // The field of a unit cell in device memory, and its Fourier transforms; what design, search and evaluation share.
 #pragma once
 
-#include "doe/doe_design.hpp"
+#include "doe/doe_orders.hpp"
+#include "fft/fft.hpp"
 #include "runtime/command_chain.hpp"
+#include "runtime/context.hpp"
 #include "runtime/device_buffer.hpp"
 
 #include <complex>

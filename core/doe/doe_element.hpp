@@ -1,7 +1,7 @@
 // A diffractive element that has been checked, with its laser: what the evaluations of its pattern work from.
 #pragma once
 
-#include "doe/doe_pattern.hpp"
+#include "doe/doe_parameters.hpp"
 
 #include <array>
 #include <cstdint>

@@ -4,7 +4,9 @@
 
 #include "doe/beam_profile.hpp"
 #include "doe/doe_element.hpp"
+#include "fft/fft.hpp"
 #include "runtime/command_chain.hpp"
+#include "runtime/context.hpp"
 #include "runtime/device_buffer.hpp"
 
 #include <cstdint>

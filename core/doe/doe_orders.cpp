@@ -1,5 +1,7 @@
 // Orders of a cell: what can be asked for, and where directions lie.
-#include "doe/doe_design.hpp"
+#include "doe/doe_orders.hpp"
+
+#include "fft/fft.hpp"
 #include "runtime/checks.hpp"
 #include "stages/field_grid.hpp"
 

@@ -1,9 +1,9 @@
 #include "doe/doe_pattern.hpp"
 
-#include "doe/power_budget.hpp"
 #include "doe/doe_cache.hpp"
 #include "doe/doe_element.hpp"
 #include "doe/doe_field.hpp"
+#include "doe/power_budget.hpp"
 #include "runtime/checks.hpp"
 
 #include <cmath>

@@ -1,4 +1,5 @@
 // Ideal dots: the beam's far field at given directions. On the host: a few thousand spots of a few texels each.
+#include "doe/doe_pattern.hpp"
 #include "doe/power_budget.hpp"
 #include "runtime/checks.hpp"
 
