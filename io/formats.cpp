@@ -110,7 +110,8 @@ std::unique_ptr<ChannelFile> open_channels(const std::string &path) {
 
 std::unique_ptr<Writer> create(const std::string &path, const Format &format, const WriteRequest &request) {
     if (!format.create || std::count(format.writes.begin(), format.writes.end(), request.sample) == 0)
-        throw WriteError(path, fmt::format("cannot be written: {} files are not written with such samples", format.name));
+        throw WriteError(path,
+                         fmt::format("cannot be written: {} files are not written with such samples", format.name));
     return format.create(path, request);
 }
 

@@ -171,8 +171,8 @@ std::string checked_stem(std::string name, std::initializer_list<const char *> e
 
 void write_npy_with_json(const std::string &stem, std::uint32_t width, std::uint32_t height,
                          const std::vector<float> &values, const std::string &json) {
-    const auto phase = image_io::create(stem + ".npy", image_io::format_named("NPY"),
-                                        {width, height, image_io::Sample::float32, 0});
+    const auto phase =
+        image_io::create(stem + ".npy", image_io::format_named("NPY"), {width, height, image_io::Sample::float32, 0});
     phase->append(values.data());
     image_io::AtomicFile about(stem + ".json");
     about.write(json.data(), json.size());

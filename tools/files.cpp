@@ -82,8 +82,8 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
                                      "files, for example '{0}/frame_*.png'",
                                      folder));
     if (by_extension.empty())
-        throw InputError(fmt::format(
-            "{}: the folder holds neither sequence.json nor {} images", folder, image_io::listed("or")));
+        throw InputError(
+            fmt::format("{}: the folder holds neither sequence.json nor {} images", folder, image_io::listed("or")));
     if (by_extension.size() > 1) {
         std::string kinds;
         for (const auto &[extension, files] : by_extension)

@@ -291,7 +291,8 @@ std::vector<double> previous_from_current(const std::vector<double> &previous, c
 std::unique_ptr<image_io::ChannelFile> open_scene(const std::string &path) {
     auto file = image_io::open_channels(path);
     if (!file)
-        throw InputError(fmt::format("{}: is not a file with named channels ({})", path, image_io::listed("or", &image_io::Format::has_named_channels)));
+        throw InputError(fmt::format("{}: is not a file with named channels ({})", path,
+                                     image_io::listed("or", &image_io::Format::has_named_channels)));
     return file;
 }
 
@@ -694,7 +695,8 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
         Sequence sequence = load_sequence(files.front(), config);
         files = sequence.files;
         if (!is_scene(files.front()))
-            throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(), image_io::listed("or", &image_io::Format::has_named_channels)));
+            throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(),
+                                         image_io::listed("or", &image_io::Format::has_named_channels)));
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
     }
     if (is_scene(files.front())) {

@@ -90,11 +90,11 @@ std::string render_inputs() {
         if (!format.stacks.empty())
             stacks += (stacks.empty() ? "" : ", ") + format.stacks;
     }
-    return tools::wrapped(fmt::format("INPUT is an ideal infrared image ({}), a stack of them ({}), a folder or a quoted "
-                                      "glob pattern; or a scene: {} files, a sequence.json or its folder.",
-                                      images, stacks,
-                                      image_io::listed("or", &image_io::Format::has_named_channels)),
-                          "", 120) +
+    return tools::wrapped(
+               fmt::format("INPUT is an ideal infrared image ({}), a stack of them ({}), a folder or a quoted "
+                           "glob pattern; or a scene: {} files, a sequence.json or its folder.",
+                           images, stacks, image_io::listed("or", &image_io::Format::has_named_channels)),
+               "", 120) +
            "\n";
 }
 
@@ -716,7 +716,10 @@ int run(int argc, char **argv) {
         ->type_name("");
     render_command.add_option("-o,--output", arguments.output, "Folder for the frames; made if it does not exist")
         ->type_name("FOLDER");
-    render_command.add_option("--depth", arguments.input.depth, "Depth in m (floating-point " + image_io::listed("or", [](const image_io::Format &f) { return f.real; }) + ")")
+    render_command
+        .add_option("--depth", arguments.input.depth,
+                    "Depth in m (floating-point " +
+                        image_io::listed("or", [](const image_io::Format &f) { return f.real; }) + ")")
         ->type_name("IMAGE");
     render_command.add_option("--position", arguments.input.position, "Positions in m, height x width x 3")
         ->type_name("IMAGE");
@@ -780,10 +783,11 @@ int run(int argc, char **argv) {
     CLI::App &capture = *app.add_subcommand("capture", "Check and make capture sets");
     const std::string frames =
         image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
-    capture.footer(fmt::format("A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or {} "
-                               "frames\n(docs/captures.md).\n\n",
-                               frames) +
-                   capture_examples);
+    capture.footer(
+        fmt::format("A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or {} "
+                    "frames\n(docs/captures.md).\n\n",
+                    frames) +
+        capture_examples);
     capture.require_subcommand(1);
     CLI::App &capture_check = *capture.add_subcommand("check", "Tell what is in a capture set");
     add_capture_check(capture_check, arguments.capture_check, arguments.quiet);

@@ -3,6 +3,7 @@
 #include "runtime/build_log.hpp"
 #include "runtime/embedded_kernels.hpp"
 #include "runtime/error.hpp"
+#include "runtime/hash.hpp"
 #include "runtime/whole_file.hpp"
 
 #include <algorithm>
@@ -19,13 +20,6 @@ namespace clsp {
 namespace {
 
 namespace fs = std::filesystem;
-
-// FNV-1a, 64 bit: a cache key. Device and options are also stored in full and compared before a file is used.
-std::uint64_t fnv1a(const std::string &text, std::uint64_t hash = 0xcbf29ce484222325u) {
-    for (const unsigned char c : text)
-        hash = (hash ^ c) * 0x100000001b3u;
-    return hash;
-}
 
 bool read_file(const fs::path &path, std::string &content) {
     std::error_code ignored;
@@ -168,6 +162,7 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
 }
 
 std::string ProgramCache::disk_path(const std::string &source_text, const std::string &options) const {
+    // Device and options are also stored in full and compared before a file is used.
     const std::uint64_t hash = fnv1a(source_text, fnv1a(options, fnv1a(device_key_)));
     return (fs::path(parameters_.cache_dir) / fmt::format("{:016x}.clbin", hash)).string();
 }

@@ -1,6 +1,7 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
 #include "capture/metadata_warnings.hpp"
+#include "runtime/hash.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -9,14 +10,6 @@
 
 namespace clsp {
 namespace {
-
-// FNV-1a over the codes; equal hashes are compared in full.
-std::uint64_t frame_hash(const std::uint16_t *codes, std::size_t count) {
-    std::uint64_t hash = 14695981039346656037ull;
-    for (std::size_t i = 0; i < count; ++i)
-        hash = (hash ^ codes[i]) * 1099511628211ull;
-    return hash;
-}
 
 // How many frames are bit for bit one that came before, and the first such pair.
 struct Repeats {
@@ -28,7 +21,7 @@ Repeats repeated_frames(const std::vector<std::uint16_t> &codes, std::uint32_t f
     std::multimap<std::uint64_t, std::uint32_t> seen;
     for (std::uint32_t frame = 0; frame < frame_count; ++frame) {
         const std::uint16_t *now = codes.data() + frame * pixels;
-        const std::uint64_t hash = frame_hash(now, pixels);
+        const std::uint64_t hash = fnv1a(now, pixels);
         const auto [begin, end] = seen.equal_range(hash);
         const auto same = std::find_if(begin, end, [&](const auto &entry) {
             return std::memcmp(codes.data() + entry.second * pixels, now, pixels * sizeof *now) == 0;

@@ -116,9 +116,9 @@ void write_capture(const Capture &capture, const std::string &folder, bool overw
         const CaptureLayout &layout = capture.layout;
         for (std::size_t i = 0; i < layout.sequences.size(); ++i) {
             const SequenceLayout &s = layout.sequences[i];
-            const auto stack = image_io::create(
-                (temporary.path() / (s.name + ".npy")).string(), image_io::format_named("NPY"),
-                {layout.width, layout.height, image_io::Sample::uint16, s.frame_count});
+            const auto stack =
+                image_io::create((temporary.path() / (s.name + ".npy")).string(), image_io::format_named("NPY"),
+                                 {layout.width, layout.height, image_io::Sample::uint16, s.frame_count});
             for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
                 stack->append(capture.codes[i].data() + frame * layout.pixel_count());
             stack->commit();

@@ -273,9 +273,9 @@ class TiffWriter final : public Writer {
         const Tiff tiff = open_tiff_file(file_.temporary_path(), "w", messages);
         const auto fail = [&]() {
             const int code = errno;
-            throw WriteError(path_, fmt::format("cannot be written: {}", messages.first_error.empty()
-                                                                             ? std::strerror(code)
-                                                                             : messages.first_error));
+            throw WriteError(path_,
+                             fmt::format("cannot be written: {}",
+                                         messages.first_error.empty() ? std::strerror(code) : messages.first_error));
         };
         if (!tiff)
             fail();

@@ -1,4 +1,4 @@
-"""Every input format gives the same frame as the NPY of the same values, and every output format holds the same codes."""
+"""Every input format gives the frame of the NPY of the same values, and every output format holds the same codes."""
 
 from __future__ import annotations
 
