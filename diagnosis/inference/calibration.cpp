@@ -1,6 +1,6 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
-#include "inference/experiment.hpp"
+#include "inference/replicate_runner.hpp"
 
 #include <Eigen/Core>
 
@@ -128,23 +128,24 @@ template <typename Function> double root(double low, double high, double toleran
 
 } // namespace
 
-CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std::vector<bool> &concerned, const CalibratedLevels *start) {
+CalibratedLevels ReplicateRunner::calibrate(const EffectSettings &effects, const std::vector<bool> &concerned,
+                                            const CalibratedLevels *start) {
     CalibratedLevels result;
     if (start)
         result = *start;
     else
-        result = {real_calibration_.black_level_dn, real_calibration_.read_noise_dn,
-                  std::vector<double>(layout_.sequences.size(), 1.0)};
-    const double step = converter_step_dn(layout_, effects);
+        result = {shared_->real_calibration.black_level_dn, shared_->real_calibration.read_noise_dn,
+                  std::vector<double>(shared_->layout.sequences.size(), 1.0)};
+    const double step = converter_step_dn(shared_->layout, effects);
     // Noise of more than a step is not made by codes that flip between two: what was measured holds, whatever the data
     // sheet says. Steps that are an effect's hide it in the real frames, too.
-    const bool resolved = step == 1.0 && real_calibration_.read_noise_dn >= step;
-    const bool coarse = !resolved && step > kCoarse * layout_.read_noise_dn;
+    const bool resolved = step == 1.0 && shared_->real_calibration.read_noise_dn >= step;
+    const bool coarse = !resolved && step > kCoarse * shared_->layout.read_noise_dn;
     // The first dark sequence: black level and noise do not depend on the light.
     std::optional<std::size_t> dark, still;
     std::vector<Task> lit;
-    for (std::size_t s = 0; s < layout_.sequences.size(); ++s) {
-        const SequenceLayout &sequence = layout_.sequences[s];
+    for (std::size_t s = 0; s < shared_->layout.sequences.size(); ++s) {
+        const SequenceLayout &sequence = shared_->layout.sequences[s];
         if (!concerned[s])
             continue;
         if (sequence.scene == CaptureScene::kDark) {
@@ -152,17 +153,18 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
                 dark = s;
             continue;
         }
-        if (real_levels_[s].mean_dn > real_calibration_.black_level_dn)
+        if (shared_->real_levels[s].mean_dn > shared_->real_calibration.black_level_dn)
             lit.push_back({0, s, kCalibrationSeed});
         // Speckle that stands still has all levels at once, and shows the noise between the steps; one that changes (a
         // living surface, air, a laser that flickers) shows that, and nothing of the noise beside it.
         if (!still && sequence.scene != CaptureScene::kFlat && !sequence.moving && sequence.frame_count >= 2 &&
-            real_levels_[s].temporal_noise_dn < most_noise_dn(noise_range(layout_.read_noise_dn, step), step))
+            shared_->real_levels[s].temporal_noise_dn <
+                most_noise_dn(noise_range(shared_->layout.read_noise_dn, step), step))
             still = s;
     }
     // A part of it, from the levels at its begin; gives black level, read noise, and the sequence's share.
     const auto part = [&](char kind, std::size_t s, const CalibratedLevels &levels, const auto &work) {
-        return memo_.value(key_of(effects, levels, s).add_kind(kind), [&] {
+        return shared_->memo.value(key_of(this->simulator(), effects, levels, s).add_kind(kind), [&] {
             CalibratedLevels own = levels;
             work(own);
             return std::vector<double>{own.black_level_dn, own.read_noise_dn, own.signal_share[s]};
@@ -180,7 +182,7 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
         result.read_noise_dn = levels[1];
     };
     if (coarse && dark) {
-        result.read_noise_dn = noise_range(layout_.read_noise_dn, step).stated;
+        result.read_noise_dn = noise_range(shared_->layout.read_noise_dn, step).stated;
         if (!still) {
             result.read_noise_dn = noise_between_steps(effects, *dark, lit, step, result);
         } else {
@@ -197,9 +199,9 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
     if (dark)
         on_dark();
     const CalibratedLevels begin = result;
-    run_tasks(lit, {}, [&](const Task &task, const Worker &worker) {
+    run_tasks(shared_->simulators, lit, {}, [&](const Task &task, const Worker &worker) {
         const std::size_t s = task.sequence;
-        const bool is_coarse = coarse && layout_.sequences[s].scene == CaptureScene::kFlat;
+        const bool is_coarse = coarse && shared_->layout.sequences[s].scene == CaptureScene::kFlat;
         result.signal_share[s] = part(is_coarse ? 'S' : 's', s, begin, [&](CalibratedLevels &own) {
             if (is_coarse)
                 calibrate_coarse_signal(worker.simulator, effects, s, step, own);
@@ -210,22 +212,23 @@ CalibratedLevels Experiment::calibrate(const EffectSettings &effects, const std:
     return result;
 }
 
-double Experiment::noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
-                                       double step_dn, const CalibratedLevels &begin) {
-    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
+double ReplicateRunner::noise_between_steps(const EffectSettings &effects, std::size_t dark,
+                                            const std::vector<Task> &lit, double step_dn,
+                                            const CalibratedLevels &begin) {
+    const NoiseRange range = noise_range(shared_->layout.read_noise_dn, step_dn);
     std::vector<std::size_t> sequences = {dark};
     for (const Task &task : lit)
-        if (layout_.sequences[task.sequence].scene == CaptureScene::kFlat)
+        if (shared_->layout.sequences[task.sequence].scene == CaptureScene::kFlat)
             sequences.push_back(task.sequence);
     // Dark frames that are all alike are a damaged recording (as for measured_calibration()).
-    const bool dark_tells = real_levels_[dark].temporal_noise_dn > 0.0;
+    const bool dark_tells = shared_->real_levels[dark].temporal_noise_dn > 0.0;
     std::vector<std::array<SteppedLevel, kNoisePoints>> found(sequences.size());
     const auto find = [&](std::size_t first, std::size_t last) {
         std::vector<Task> tasks;
         for (std::size_t k = first; k < last; ++k)
             for (std::size_t i = 0; i < kNoisePoints; ++i)
                 tasks.push_back({k * kNoisePoints + i, sequences[k], kCalibrationSeed});
-        run_tasks(tasks, {}, [&](const Task &task, const Worker &worker) {
+        run_tasks(shared_->simulators, tasks, {}, [&](const Task &task, const Worker &worker) {
             const std::size_t k = task.seed_index / kNoisePoints, i = task.seed_index % kNoisePoints;
             CalibratedLevels levels = begin;
             levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kNoisePoints - 1);
@@ -239,10 +242,11 @@ double Experiment::noise_between_steps(const EffectSettings &effects, std::size_
     find(1, sequences.size());
     std::vector<ShownNoise> shown(sequences.size());
     for (std::size_t k = 0; k < sequences.size(); ++k) {
-        const SequenceLevel &real = real_levels_[sequences[k]];
+        const SequenceLevel &real = shared_->real_levels[sequences[k]];
         shown[k].wanted = real.temporal_noise_dn * real.temporal_noise_dn;
         // One code more or less in all frames is no more than chance.
-        const double codes = double(layout_.pixel_count()) * layout_.sequences[sequences[k]].frame_count;
+        const double codes =
+            double(shared_->layout.pixel_count()) * shared_->layout.sequences[sequences[k]].frame_count;
         const SteppedLevel &middle = found[k][kNoisePoints / 2];
         shown[k].error = std::hypot(middle.error, step_dn * step_dn / codes);
         for (std::size_t i = 0; i < kNoisePoints; ++i) {
@@ -258,60 +262,62 @@ double Experiment::noise_between_steps(const EffectSettings &effects, std::size_
     return likely_noise(range, shown);
 }
 
-Experiment::SteppedLevel Experiment::stepped_level(Simulator &simulator, const EffectSettings &effects,
-                                                   std::size_t sequence, double step_dn, bool scattered,
-                                                   CalibratedLevels levels) {
-    const bool is_dark = layout_.sequences[sequence].scene == CaptureScene::kDark;
+ReplicateRunner::SteppedLevel ReplicateRunner::stepped_level(Simulator &simulator, const EffectSettings &effects,
+                                                             std::size_t sequence, double step_dn, bool scattered,
+                                                             CalibratedLevels levels) {
+    const bool is_dark = shared_->layout.sequences[sequence].scene == CaptureScene::kDark;
     if (is_dark)
-        levels.black_level_dn = real_calibration_.black_level_dn; // found whatever it is: one key for all
-    const std::vector<double> values = memo_.value(key_of(effects, levels, sequence).add_kind('N'), [&] {
-        const SequenceLevel at = is_dark ? calibrate_coarse_dark(simulator, effects, sequence, step_dn, levels)
-                                         : calibrate_coarse_signal(simulator, effects, sequence, step_dn, levels);
-        const double variance = at.temporal_noise_dn * at.temporal_noise_dn;
-        std::vector<double> result = {levels.black_level_dn, at.mean_dn, variance, 0.0, 0.0, 0.0};
-        if (!scattered)
+        levels.black_level_dn = shared_->real_calibration.black_level_dn; // found whatever it is: one key for all
+    const std::vector<double> values =
+        shared_->memo.value(key_of(this->simulator(), effects, levels, sequence).add_kind('N'), [&] {
+            const SequenceLevel at = is_dark ? calibrate_coarse_dark(simulator, effects, sequence, step_dn, levels)
+                                             : calibrate_coarse_signal(simulator, effects, sequence, step_dn, levels);
+            const double variance = at.temporal_noise_dn * at.temporal_noise_dn;
+            std::vector<double> result = {levels.black_level_dn, at.mean_dn, variance, 0.0, 0.0, 0.0};
+            if (!scattered)
+                return result;
+            Eigen::ArrayXd means(kScatterDraws), variances(kScatterDraws);
+            for (Eigen::Index r = 0; r < kScatterDraws; ++r) {
+                const SequenceLevel drawn =
+                    simulated_level(simulator, effects, levels, sequence, kScatterSeed + static_cast<std::uint64_t>(r));
+                means[r] = drawn.mean_dn;
+                variances[r] = drawn.temporal_noise_dn * drawn.temporal_noise_dn;
+            }
+            // The line through them: two codes' variance follows from the mean, and does not scatter about it.
+            const double mean = means.mean(), mean_variance = variances.mean();
+            const double square = (means - mean).square().sum();
+            const double slope = square > 0.0 ? ((means - mean) * variances).sum() / square : 0.0;
+            const double rest = (variances - mean_variance - slope * (means - mean)).square().sum();
+            result[3] = slope;
+            result[4] = mean_variance - variance + slope * (at.mean_dn - mean);
+            // Of the real frames and of the line.
+            result[5] = std::sqrt(rest / (kScatterDraws - 2) * (1.0 + 1.0 / kScatterDraws));
             return result;
-        Eigen::ArrayXd means(kScatterDraws), variances(kScatterDraws);
-        for (Eigen::Index r = 0; r < kScatterDraws; ++r) {
-            const SequenceLevel drawn =
-                simulated_level(simulator, effects, levels, sequence, kScatterSeed + static_cast<std::uint64_t>(r));
-            means[r] = drawn.mean_dn;
-            variances[r] = drawn.temporal_noise_dn * drawn.temporal_noise_dn;
-        }
-        // The line through them: two codes' variance follows from the mean, and does not scatter about it.
-        const double mean = means.mean(), mean_variance = variances.mean();
-        const double square = (means - mean).square().sum();
-        const double slope = square > 0.0 ? ((means - mean) * variances).sum() / square : 0.0;
-        const double rest = (variances - mean_variance - slope * (means - mean)).square().sum();
-        result[3] = slope;
-        result[4] = mean_variance - variance + slope * (at.mean_dn - mean);
-        // Of the real frames and of the line.
-        result[5] = std::sqrt(rest / (kScatterDraws - 2) * (1.0 + 1.0 / kScatterDraws));
-        return result;
-    });
+        });
     return {values[0], values[1], values[2], values[3], values[4], values[5]};
 }
 
-SequenceLevel Experiment::simulated_level(Simulator &simulator, const EffectSettings &effects,
-                                          const CalibratedLevels &levels, std::size_t sequence,
-                                          std::uint64_t seed) const {
-    const std::uint32_t frame_count = layout_.sequences[sequence].frame_count;
+SequenceLevel ReplicateRunner::simulated_level(Simulator &simulator, const EffectSettings &effects,
+                                               const CalibratedLevels &levels, std::size_t sequence,
+                                               std::uint64_t seed) const {
+    const std::uint32_t frame_count = shared_->layout.sequences[sequence].frame_count;
     const auto codes = frames(simulator, effects, levels, sequence, seed, frame_count);
-    return sequence_level(layout_, sequence, codes.data(), frame_count);
+    return sequence_level(shared_->layout, sequence, codes.data(), frame_count);
 }
 
-void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
-                                CalibratedLevels &levels) {
-    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                     double step_dn, CalibratedLevels &levels) {
+    const std::uint32_t all = shared_->layout.sequences[sequence].frame_count;
     const bool exact = levels.read_noise_dn < kSmooth * step_dn;
     const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
-    const double wanted = real_calibration_.read_noise_dn * real_calibration_.read_noise_dn + kQuantizationVariance;
+    const double wanted =
+        shared_->real_calibration.read_noise_dn * shared_->real_calibration.read_noise_dn + kQuantizationVariance;
     // Of the codes' variance against that of the read noise: 1 but for coarse steps.
     double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
     for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
-        const SequenceLevel level = sequence_level(layout_, sequence, codes.data(), frame_count);
-        levels.black_level_dn += real_calibration_.black_level_dn - level.mean_dn;
+        const SequenceLevel level = sequence_level(shared_->layout, sequence, codes.data(), frame_count);
+        levels.black_level_dn += shared_->real_calibration.black_level_dn - level.mean_dn;
         if (frame_count >= 2) {
             const double noise = levels.read_noise_dn * levels.read_noise_dn;
             const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
@@ -327,15 +333,16 @@ void Experiment::calibrate_dark(Simulator &simulator, const EffectSettings &effe
     }
 }
 
-double Experiment::mean_tolerance_dn(std::size_t sequence, double step_dn) const {
-    const double codes = double(layout_.pixel_count()) * layout_.sequences[sequence].frame_count;
+double ReplicateRunner::mean_tolerance_dn(std::size_t sequence, double step_dn) const {
+    const double codes = double(shared_->layout.pixel_count()) * shared_->layout.sequences[sequence].frame_count;
     // Where all codes are one, a quarter of one that is another.
-    return kPartOfError * std::max(real_levels_[sequence].temporal_noise_dn / std::sqrt(codes), step_dn / codes);
+    return kPartOfError *
+           std::max(shared_->real_levels[sequence].temporal_noise_dn / std::sqrt(codes), step_dn / codes);
 }
 
-SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
-                                                std::size_t sequence, double step_dn, CalibratedLevels &levels) {
-    const double centre = real_calibration_.black_level_dn;
+SequenceLevel ReplicateRunner::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
+                                                     std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+    const double centre = shared_->real_calibration.black_level_dn;
     SequenceLevel level;
     levels.black_level_dn = root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
         levels.black_level_dn = black_level_dn;
@@ -345,21 +352,21 @@ SequenceLevel Experiment::calibrate_coarse_dark(Simulator &simulator, const Effe
     return level;
 }
 
-void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
-                                  CalibratedLevels &levels) {
-    const SequenceLevel &real = real_levels_[sequence];
-    const double signal = real.mean_dn - real_calibration_.black_level_dn;
-    const std::uint32_t all = layout_.sequences[sequence].frame_count;
+void ReplicateRunner::calibrate_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                       double step_dn, CalibratedLevels &levels) {
+    const SequenceLevel &real = shared_->real_levels[sequence];
+    const double signal = real.mean_dn - shared_->real_calibration.black_level_dn;
+    const std::uint32_t all = shared_->layout.sequences[sequence].frame_count;
     const bool exact =
-        layout_.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
+        shared_->layout.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
     const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
     const double tolerance =
         exact ? std::min(kPartOfSignal * signal, mean_tolerance_dn(sequence, step_dn)) : kPartOfSignal * signal;
     // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
-    double last_share = 0.0, last_mean = real_calibration_.black_level_dn;
+    double last_share = 0.0, last_mean = shared_->real_calibration.black_level_dn;
     for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
-        const double mean = sequence_mean_dn(layout_, sequence, codes.data(), frame_count);
+        const double mean = sequence_mean_dn(shared_->layout, sequence, codes.data(), frame_count);
         const double share = levels.signal_share[sequence];
         const double slope = (mean - last_mean) / (share - last_share);
         if (std::abs(real.mean_dn - mean) < tolerance || !(slope > 0.05 * signal))
@@ -370,10 +377,10 @@ void Experiment::calibrate_signal(Simulator &simulator, const EffectSettings &ef
     }
 }
 
-SequenceLevel Experiment::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects,
-                                                  std::size_t sequence, double step_dn, CalibratedLevels &levels) {
-    const double wanted = real_levels_[sequence].mean_dn;
-    const double signal = wanted - real_calibration_.black_level_dn;
+SequenceLevel ReplicateRunner::calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects,
+                                                       std::size_t sequence, double step_dn, CalibratedLevels &levels) {
+    const double wanted = shared_->real_levels[sequence].mean_dn;
+    const double signal = wanted - shared_->real_calibration.black_level_dn;
     double &share = levels.signal_share[sequence];
     const double centre = share, reach = std::min(0.5 * centre, 2.0 * step_dn / signal);
     SequenceLevel level;
@@ -385,15 +392,15 @@ SequenceLevel Experiment::calibrate_coarse_signal(Simulator &simulator, const Ef
     return level;
 }
 
-void Experiment::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
-                                        double step_dn, CalibratedLevels &levels) {
-    const double wanted = real_levels_[sequence].temporal_noise_dn;
-    const NoiseRange range = noise_range(layout_.read_noise_dn, step_dn);
-    const std::uint32_t frame_count = std::min(2 * kTrialFrames, layout_.sequences[sequence].frame_count);
+void ReplicateRunner::calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                             double step_dn, CalibratedLevels &levels) {
+    const double wanted = shared_->real_levels[sequence].temporal_noise_dn;
+    const NoiseRange range = noise_range(shared_->layout.read_noise_dn, step_dn);
+    const std::uint32_t frame_count = std::min(2 * kTrialFrames, shared_->layout.sequences[sequence].frame_count);
     levels.read_noise_dn = root(range.low, range.high, 1e-3 * wanted, [&](double read_noise_dn) {
         levels.read_noise_dn = read_noise_dn;
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
-        return sequence_level(layout_, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;
+        return sequence_level(shared_->layout, sequence, codes.data(), frame_count).temporal_noise_dn - wanted;
     });
 }
 

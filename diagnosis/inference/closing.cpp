@@ -30,16 +30,16 @@ struct Answer {
 
 class Closing {
   public:
-    Closing(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+    Closing(ReplicateRunner &runner, FinishedFrames &finished, const std::vector<Candidate> &candidates,
             const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
             const Progress &progress)
-        : experiment_(experiment), finished_(finished), candidates_(candidates), difference_(difference), null_(&null),
+        : runner_(runner), finished_(finished), candidates_(candidates), difference_(difference), null_(&null),
           options_(options), progress_(progress) {}
 
     ClosingResult run();
 
   private:
-    std::size_t sequences() const { return experiment_.layout().sequences.size(); }
+    std::size_t sequences() const { return runner_.layout().sequences.size(); }
     const FoldStatistics &unaltered();
     FoldStatistics measured(const EffectSettings &effects);
     // What the effects change in the statistics, with common random numbers.
@@ -55,7 +55,7 @@ class Closing {
             progress_(what, fraction);
     }
 
-    Experiment &experiment_;
+    ReplicateRunner &runner_;
     FinishedFrames &finished_;
     const std::vector<Candidate> &candidates_;
     const FoldStatistics &difference_;
@@ -73,11 +73,11 @@ const FoldStatistics &Closing::unaltered() {
     if (unaltered_codes_.empty()) {
         for (std::size_t s = 0; s < sequences(); ++s)
             unaltered_codes_.push_back(finished_.codes(s, {}, options_.seed));
-        const Calibration calibration = experiment_.calibration_of(unaltered_codes_);
-        const auto count = static_cast<Eigen::Index>(experiment_.count());
+        const Calibration calibration = runner_.calibration_of(unaltered_codes_);
+        const auto count = static_cast<Eigen::Index>(runner_.count());
         unaltered_ = {Eigen::VectorXd(count), Eigen::VectorXd(count)};
         for (std::size_t s = 0; s < sequences(); ++s)
-            experiment_.measure(s, unaltered_codes_[s].data(), calibration, unaltered_);
+            runner_.measure(s, unaltered_codes_[s].data(), calibration, unaltered_);
     }
     return unaltered_;
 }
@@ -90,20 +90,20 @@ FoldStatistics Closing::measured(const EffectSettings &effects) {
     for (std::size_t s = 0; s < sequences(); ++s) {
         for (const EffectSetting &effect : effects)
             altered[s] = altered[s] || finished_.concerns(effect.id, s);
-        const bool dark = experiment_.layout().sequences[s].scene == CaptureScene::kDark;
+        const bool dark = runner_.layout().sequences[s].scene == CaptureScene::kDark;
         dark_altered = dark_altered || (dark && altered[s]);
-        if (experiment_.checkpoint)
-            experiment_.checkpoint();
+        if (runner_.checkpoint)
+            runner_.checkpoint();
         if (altered[s])
             codes[s] = finished_.codes(s, effects, options_.seed);
         else if (dark)
             codes[s] = unaltered_codes_[s];
     }
-    const Calibration calibration = experiment_.calibration_of(codes);
+    const Calibration calibration = runner_.calibration_of(codes);
     // Dark frames are the measure of all others.
     for (std::size_t s = 0; s < sequences(); ++s)
         if (altered[s] || dark_altered)
-            experiment_.measure(s, altered[s] ? codes[s].data() : unaltered_codes_[s].data(), calibration, result);
+            runner_.measure(s, altered[s] ? codes[s].data() : unaltered_codes_[s].data(), calibration, result);
     return result;
 }
 
@@ -214,7 +214,7 @@ void Closing::refine(Answer &answer, const EffectModel &model) {
 // the effects bring.
 ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     ClosedGap result;
-    const auto count = static_cast<Eigen::Index>(experiment_.count());
+    const auto count = static_cast<Eigen::Index>(runner_.count());
     const auto parameters = static_cast<Eigen::Index>(model.strengths.size());
     const auto distance = [&](const FoldStatistics &moved) {
         return whitened(difference_.first - moved.first).squaredNorm();
@@ -255,18 +255,19 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     Replicates replicates;
     // Effects that our simulator does not take at these values leave the scatter of the camera without them.
     if (!possible([&] {
-            replicates = draw_differences(
-                experiment_, result.effects, options_.model_replicates, options_.seed,
-                [&](double part) { tell("drawing differences with " + label, from + (to - from) * part); });
+            replicates =
+                draw_differences(runner_, result.effects, options_.model_replicates, options_.seed, [&](double part) {
+                    tell("drawing differences with " + label, from + (to - from) * part);
+                });
         }))
         replicates = null_->replicates();
     for (FoldStatistics &draw : replicates.draws) {
         draw.first += moved.first;
         draw.second += moved.second;
     }
-    const Eigen::VectorXd tolerance = simulator_error(experiment_.list(), moved.mean()).cwiseAbs();
+    const Eigen::VectorXd tolerance = simulator_error(runner_.list(), moved.mean()).cwiseAbs();
     result.model =
-        std::make_shared<const GapModel>(experiment_, replicates, options_.residual_level, result.jacobian, tolerance);
+        std::make_shared<const GapModel>(runner_, replicates, options_.residual_level, result.jacobian, tolerance);
     result.residual = result.model->test(difference_);
     // A last, linear step with the scatter of cameras that have the effects; then how far the same step strays by
     // chance.
@@ -280,12 +281,12 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     result.change.first += change_of_last;
     result.change.second += change_of_last;
     result.effects = model.settings();
-    const Eigen::MatrixXd strays = result.model->strays(experiment_, GapModel::Fit::kFirst);
+    const Eigen::MatrixXd strays = result.model->strays(runner_, GapModel::Fit::kFirst);
     Eigen::VectorXd strengths(parameters);
     for (Eigen::Index p = 0; p < parameters; ++p)
         strengths[p] = model.strengths[std::size_t(p)].strength;
     result.parameters = fitted_parameters(
-        model, strengths, strength_deviations(*result.model, strays, simulator_error(experiment_.list(), moved.mean())),
+        model, strengths, strength_deviations(*result.model, strays, simulator_error(runner_.list(), moved.mean())),
         static_cast<double>(strays.rows()));
     return result;
 }
@@ -295,7 +296,7 @@ ClosingResult Closing::run() {
     result.models.reserve(options_.max_effects); // pointers into it stay
     metric_ = null_;
     rest_ = difference_;
-    const auto count = static_cast<Eigen::Index>(experiment_.count());
+    const auto count = static_cast<Eigen::Index>(runner_.count());
     change_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
     EffectModel model;
     double progress = 0.0;
@@ -367,23 +368,23 @@ ClosingResult Closing::run() {
 
 } // namespace
 
-Replicates draw_differences(Experiment &experiment, const EffectSettings &effects, std::uint32_t count,
+Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, std::uint32_t count,
                             std::uint64_t seed, const std::function<void(double fraction)> &progress) {
-    const std::vector<bool> all(experiment.layout().sequences.size(), true);
-    Replicates result{effects, experiment.calibrate(effects, all, nullptr), {}};
+    const std::vector<bool> all(runner.layout().sequences.size(), true);
+    Replicates result{effects, runner.calibrate(effects, all, nullptr), {}};
     std::vector<std::uint64_t> seeds(2 * std::size_t{count});
     std::iota(seeds.begin(), seeds.end(), seed + 1);
-    const std::vector<FoldStatistics> draws = experiment.replicates(
+    const std::vector<FoldStatistics> draws = runner.replicates(
         effects, result.levels, seeds, [&](std::size_t i) { progress(double(i) / double(seeds.size())); });
     for (std::size_t i = 0; i < seeds.size(); i += 2)
         result.draws.push_back(minus(draws[i], draws[i + 1]));
     return result;
 }
 
-ClosingResult close_gap(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+ClosingResult close_gap(ReplicateRunner &runner, FinishedFrames &finished, const std::vector<Candidate> &candidates,
                         const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
                         const Progress &progress) {
-    return Closing(experiment, finished, candidates, difference, null, options, progress).run();
+    return Closing(runner, finished, candidates, difference, null, options, progress).run();
 }
 
 } // namespace clsp

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "inference/candidate.hpp"
-#include "inference/experiment.hpp"
 #include "inference/gap_test.hpp"
+#include "inference/replicate_runner.hpp"
 #include "inference/search.hpp"
 #include "simulator/finished_frames.hpp"
 
@@ -27,7 +27,7 @@ struct SurplusEffect {
 
 // Differences of two independent draws of our simulator with these effects: what real and simulated frames of one
 // camera differ by.
-Replicates draw_differences(Experiment &experiment, const EffectSettings &effects, std::uint32_t count,
+Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, std::uint32_t count,
                             std::uint64_t seed, const std::function<void(double fraction)> &progress);
 
 // Effects on the simulated frames, fitted and tested.
@@ -55,7 +55,7 @@ struct ClosingOptions {
 };
 
 // difference: real less simulated statistics. null: of differences without effects.
-ClosingResult close_gap(Experiment &experiment, FinishedFrames &finished, const std::vector<Candidate> &candidates,
+ClosingResult close_gap(ReplicateRunner &runner, FinishedFrames &finished, const std::vector<Candidate> &candidates,
                         const FoldStatistics &difference, const GapModel &null, const ClosingOptions &options,
                         const Progress &progress);
 

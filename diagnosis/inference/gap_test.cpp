@@ -10,11 +10,11 @@
 namespace clsp {
 namespace {
 
-std::vector<std::size_t> blocks_of(const Experiment &experiment) {
+std::vector<std::size_t> blocks_of(const ReplicateRunner &runner) {
     std::vector<std::size_t> blocks;
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
-        blocks.push_back(experiment.begin(s));
-    blocks.push_back(experiment.count());
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s)
+        blocks.push_back(runner.begin(s));
+    blocks.push_back(runner.count());
     return blocks;
 }
 
@@ -44,13 +44,13 @@ Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const s
     return result;
 }
 
-GapModel::GapModel(const Experiment &experiment, Replicates replicates, double level, Eigen::MatrixXd directions,
+GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double level, Eigen::MatrixXd directions,
                    const Eigen::VectorXd &tolerance)
     : replicates_(std::move(replicates)), level_(level), directions_(std::move(directions)) {
     const auto &draws = replicates_.draws;
-    const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(experiment.count());
-    const Eigen::VectorXd least = least_deviations(experiment.list(), draws);
-    const std::vector<std::size_t> blocks = blocks_of(experiment);
+    const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(runner.count());
+    const Eigen::VectorXd least = least_deviations(runner.list(), draws);
+    const std::vector<std::size_t> blocks = blocks_of(runner);
     Eigen::MatrixXd full(n, count), folds(2 * n, count);
     for (Eigen::Index r = 0; r < n; ++r) {
         full.row(r) = draws[r].mean();
@@ -65,7 +65,7 @@ GapModel::GapModel(const Experiment &experiment, Replicates replicates, double l
     for (std::size_t s = 0; s + 1 < blocks.size(); ++s) {
         const auto begin = static_cast<Eigen::Index>(blocks[s]);
         const auto size = static_cast<Eigen::Index>(blocks[s + 1] - blocks[s]);
-        if (experiment.has_few_frames(s))
+        if (runner.has_few_frames(s))
             skewness_.segment(begin, size) = certain_skewness(full.middleCols(begin, size));
     }
     const Eigen::Index half = n / 2;
@@ -90,17 +90,17 @@ Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }
 
-Eigen::MatrixXd GapModel::strays(const Experiment &experiment, Fit fit) const {
+Eigen::MatrixXd GapModel::strays(const ReplicateRunner &runner, Fit fit) const {
     const auto &draws = replicates_.draws;
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size());
-    const Eigen::VectorXd least = least_of_part(least_deviations(experiment.list(), draws));
+    const Eigen::VectorXd least = least_of_part(least_deviations(runner.list(), draws));
     Eigen::MatrixXd result(n, directions_.cols());
     for (Eigen::Index k = 0; k < kStrayFolds; ++k) {
         const Eigen::Index begin = k * n / kStrayFolds, end = (k + 1) * n / kStrayFolds;
         Eigen::MatrixXd others(n - (end - begin), full_.mean().size());
         for (Eigen::Index r = 0; r < others.rows(); ++r)
             others.row(r) = draws[static_cast<std::size_t>(r < begin ? r : r + (end - begin))].mean();
-        const Covariance covariance(others, blocks_of(experiment), least, full_.tolerance());
+        const Covariance covariance(others, blocks_of(runner), least, full_.tolerance());
         for (Eigen::Index r = begin; r < end; ++r) {
             const FoldStatistics &draw = draws[static_cast<std::size_t>(r)];
             result.row(r) = coefficients(covariance, fit == Fit::kBoth ? draw.mean() - full_.mean() : draw.first - first_mean_);

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "inference/covariance.hpp"
-#include "inference/experiment.hpp"
+#include "inference/replicate_runner.hpp"
 
 #include <Eigen/Core>
 
@@ -32,7 +32,7 @@ class GapModel {
     GapModel() = default;
     // At least 8 replicates. directions: changes of the mean statistics per unit of each fitted parameter (no columns: none were); what
     // lies along them is no gap. tolerance: standard deviation of the model's own error in each statistic.
-    GapModel(const Experiment &experiment, Replicates replicates, double level, Eigen::MatrixXd directions,
+    GapModel(const ReplicateRunner &runner, Replicates replicates, double level, Eigen::MatrixXd directions,
              const Eigen::VectorXd &tolerance);
 
     const Replicates &replicates() const { return replicates_; }
@@ -49,7 +49,7 @@ class GapModel {
     // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by a
     // covariance of replicates that it is not among: how far a fit strays by chance. One row a replicate.
     enum class Fit { kBoth, kFirst };
-    Eigen::MatrixXd strays(const Experiment &experiment, Fit fit) const;
+    Eigen::MatrixXd strays(const ReplicateRunner &runner, Fit fit) const;
 
   private:
     // Standard deviations below which those of a part of the replicates are not trusted; least: those of all of them.

@@ -22,31 +22,31 @@ void update_secant(Eigen::MatrixXd &jacobian, const Eigen::VectorXd &moved, cons
 
 } // namespace
 
-std::vector<bool> concerned_sequences(Experiment &experiment, const std::string &id) {
+std::vector<bool> concerned_sequences(ReplicateRunner &runner, const std::string &id) {
     std::vector<bool> result;
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
-        result.push_back(experiment.simulator().concerns(id, s));
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s)
+        result.push_back(runner.simulator().concerns(id, s));
     return result;
 }
 
-Eigen::VectorXd slope(Experiment &experiment, const EffectModel &model, Eigen::Index p, const Pool &pool,
+Eigen::VectorXd slope(ReplicateRunner &runner, const EffectModel &model, Eigen::Index p, const Pool &pool,
                       const GaussNewtonOptions &options) {
     EffectModel moved = model;
     const double step = move_one(moved, p, options.part);
-    return simulate_change(experiment, pool, moved.settings(), concerned_sequences(experiment, model.id_of(p)),
-                           options.seed, options.seeds)
+    return simulate_change(runner, pool, moved.settings(), concerned_sequences(runner, model.id_of(p)), options.seed,
+                           options.seeds)
                .mean /
            step;
 }
 
-GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Origin &origin,
+GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Origin &origin,
                             const std::vector<Eigen::VectorXd> &known, const GaussNewtonOptions &options,
                             const std::function<void(Eigen::Index)> &report) {
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
     const bool all_fresh =
         std::none_of(known.begin(), known.end(), [](const Eigen::VectorXd &column) { return column.size() > 0; });
     const Eigen::VectorXd target_of_origin =
-        experiment.real().mean() - origin.covariance.mean() + origin.pool.mean(options.seeds);
+        runner.real().mean() - origin.covariance.mean() + origin.pool.mean(options.seeds);
     GaussNewtonFit best;
     Eigen::VectorXd best_mean, step;
     int idle = 0;
@@ -60,7 +60,7 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
     for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {
         GaussNewtonFit now;
         now.model = model;
-        now.pool = simulate_pool(experiment, model.settings(), options.seed, options.seeds);
+        now.pool = simulate_pool(runner, model.settings(), options.seed, options.seeds);
         const Eigen::VectorXd mean = now.pool.mean(options.seeds);
         now.jacobian.resize(mean.size(), parameters);
         const bool secant = round >= options.rounds;
@@ -76,10 +76,10 @@ GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Ori
                 else
                     unknown.push_back(p);
             }
-            experiment.side_by_side(unknown.size(), [&](std::size_t i) {
-                if (report)
+            runner.side_by_side(unknown.size(), [&](ReplicateRunner &own, std::size_t i) {
+                if (report && own.on_callers_thread())
                     report(unknown[i]);
-                now.jacobian.col(unknown[i]) = slope(experiment, model, unknown[i], now.pool, options);
+                now.jacobian.col(unknown[i]) = slope(own, model, unknown[i], now.pool, options);
             });
         }
         solve(now, mean);

@@ -3,7 +3,7 @@
 
 #include "inference/covariance.hpp"
 #include "inference/effect_model.hpp"
-#include "inference/experiment.hpp"
+#include "inference/replicate_runner.hpp"
 #include "inference/response.hpp"
 
 #include <Eigen/Core>
@@ -42,17 +42,17 @@ struct GaussNewtonFit {
     double square = 1e300; // whitened, after one linear step more
 };
 
-// known: columns of the Jacobian for the first round; those that are empty are simulated. report: called before each
-// simulation of a column with the parameter's index; may be empty.
-GaussNewtonFit gauss_newton(Experiment &experiment, EffectModel model, const Origin &origin,
+// known: columns of the Jacobian for the first round; those that are empty are simulated. report: called on the
+// caller's thread before it simulates a column, with the parameter's index; may be empty.
+GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Origin &origin,
                             const std::vector<Eigen::VectorXd> &known, const GaussNewtonOptions &options,
                             const std::function<void(Eigen::Index)> &report);
 
 // The column of the Jacobian of a strength, by a finite difference from the pool of the model.
-Eigen::VectorXd slope(Experiment &experiment, const EffectModel &model, Eigen::Index p, const Pool &pool,
+Eigen::VectorXd slope(ReplicateRunner &runner, const EffectModel &model, Eigen::Index p, const Pool &pool,
                       const GaussNewtonOptions &options);
 
 // Sequences in which an effect shows.
-std::vector<bool> concerned_sequences(Experiment &experiment, const std::string &id);
+std::vector<bool> concerned_sequences(ReplicateRunner &runner, const std::string &id);
 
 } // namespace clsp

@@ -56,15 +56,15 @@ void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double fro
     std::vector<std::uint64_t> seeds(count - first);
     std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + first);
     std::vector<FoldStatistics> draws =
-        experiment_.replicates(replicates.effects, replicates.levels, seeds, [&](std::size_t r) {
+        runner_.replicates(replicates.effects, replicates.levels, seeds, [&](std::size_t r) {
             report(from + (to - from) * static_cast<double>(first + r) / count, what);
         });
     std::move(draws.begin(), draws.end(), std::back_inserter(replicates.draws));
 }
 
 Differences ModelFit::differences(const FittedModel &fitted) const {
-    Differences result{experiment_.real().first - fitted.model.first_mean(),
-                       experiment_.real().second - fitted.model.second_mean()};
+    Differences result{runner_.real().first - fitted.model.first_mean(),
+                       runner_.real().second - fitted.model.second_mean()};
     if (fitted.correction.size()) {
         result.first -= fitted.correction;
         result.second -= fitted.correction;
@@ -73,7 +73,7 @@ Differences ModelFit::differences(const FittedModel &fitted) const {
 }
 
 std::vector<bool> ModelFit::concerned(const std::string &id) const {
-    return concerned_sequences(experiment_, id);
+    return concerned_sequences(runner_, id);
 }
 
 double ModelFit::held_out(const FittedModel &fitted, const Response *response, double *strength) const {
@@ -114,7 +114,7 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
 }
 
 double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitted) const {
-    const Eigen::VectorXd difference = experiment_.real().mean() - fitted.model.full().mean();
+    const Eigen::VectorXd difference = runner_.real().mean() - fitted.model.full().mean();
     return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
 }
 
@@ -122,9 +122,9 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
 // leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model
 // where it is no chance.
 Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
-    const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
+    const Eigen::Index count = static_cast<Eigen::Index>(runner_.count());
     Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
-    const std::vector<SequenceLayout> &sequences = experiment_.layout().sequences;
+    const std::vector<SequenceLayout> &sequences = runner_.layout().sequences;
     if (std::none_of(sequences.begin(), sequences.end(), [](const SequenceLayout &s) { return is_laser(s.scene); }))
         return result;
     std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
@@ -135,7 +135,7 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
                "simulating the image's border");
     };
     // An image that is as large as any may be has no room for one.
-    if (!possible([&] { bordered_draws = experiment_.bordered_replicates(replicates.levels, seeds, before_each); }))
+    if (!possible([&] { bordered_draws = runner_.bordered_replicates(replicates.levels, seeds, before_each); }))
         return result;
     struct Moments {
         Eigen::ArrayXd mean, variance;
@@ -153,8 +153,7 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
     for (std::size_t s = 0; s < sequences.size(); ++s) {
         if (!is_laser(sequences[s].scene))
             continue;
-        for (auto k = static_cast<Eigen::Index>(experiment_.begin(s)); k < static_cast<Eigen::Index>(experiment_.end(s));
-             ++k) {
+        for (auto k = static_cast<Eigen::Index>(runner_.begin(s)); k < static_cast<Eigen::Index>(runner_.end(s)); ++k) {
             const double difference = bordered.mean[k] - baseline.mean[k];
             const double chance = baseline.variance[k] / baseline.count + bordered.variance[k] / bordered.count;
             double square = 0.0;
@@ -169,23 +168,22 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
 }
 
 FittedModel ModelFit::fit_baseline(double to) {
-    const std::vector<bool> all(experiment_.layout().sequences.size(), true);
-    const Eigen::Index count = static_cast<Eigen::Index>(experiment_.count());
+    const std::vector<bool> all(runner_.layout().sequences.size(), true);
+    const Eigen::Index count = static_cast<Eigen::Index>(runner_.count());
     report(0.0, "calibrating the baseline");
-    Replicates replicates{{}, experiment_.calibrate({}, all, nullptr), {}};
+    Replicates replicates{{}, runner_.calibrate({}, all, nullptr), {}};
     const CalibratedLevels levels = replicates.levels;
     replicate(replicates, options_.null_replicates, 0.0, kOfReplicates * to);
     border_error_ = border_error(replicates, kOfReplicates * to, to);
     FittedModel baseline;
     baseline.jacobian.resize(count, 0);
-    baseline.model =
-        GapModel(experiment_, std::move(replicates), options_.level, baseline.jacobian, border_error_);
-    baseline.residual = baseline.model.test(experiment_.real());
+    baseline.model = GapModel(runner_, std::move(replicates), options_.level, baseline.jacobian, border_error_);
+    baseline.residual = baseline.model.test(runner_.real());
     baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = baseline.model;
     if (baseline.residual.detected)
-        baseline_pool_ = simulate_pool(experiment_, {}, options_.seed, options_.pool_seeds, &levels);
-    baseline_work_ = experiment_.work();
+        baseline_pool_ = simulate_pool(runner_, {}, options_.seed, options_.pool_seeds, &levels);
+    baseline_work_ = runner_.work();
     return baseline;
 }
 
@@ -205,7 +203,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     for (Eigen::Index p = 0; p < wanted.known.cols(); ++p)
         columns.push_back(wanted.known.col(p));
     const Origin baseline{baseline_.full(), baseline_pool_};
-    GaussNewtonFit reached = gauss_newton(experiment_, model, origin ? *origin : baseline, columns, options,
+    GaussNewtonFit reached = gauss_newton(runner_, model, origin ? *origin : baseline, columns, options,
                                           [&](Eigen::Index p) { report(wanted.from, "fitting " + model.id_of(p)); });
     FittedModel fitted;
     if (reached.square > wanted.worth)
@@ -226,7 +224,7 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
 
 double ModelFit::worth_replacing(const FittedModel &fitted) const {
     const double now = square_by(fitted.model.full(), fitted);
-    return now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(experiment_.count()));
+    return now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(runner_.count()));
 }
 
 bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
@@ -293,7 +291,7 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
         const Eigen::Index column = static_cast<Eigen::Index>(p), columns = fitted.jacobian.cols();
         Eigen::MatrixXd others(fitted.jacobian.rows(), columns - 1);
         others << fitted.jacobian.leftCols(column), fitted.jacobian.rightCols(columns - column - 1);
-        const Eigen::VectorXd left = experiment_.real().mean() - covariance.mean();
+        const Eigen::VectorXd left = runner_.real().mean() - covariance.mean();
         double least = kStepped * square_by(covariance, fitted);
         EffectModel best;
         for (const double step : {-1.0, 1.0}) {
@@ -303,7 +301,7 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
             EffectModel moved = model;
             moved.strengths[p].strength = effect.candidate->strength(here.parameter, value, effect.sign);
             possible([&] {
-                const Change change = simulate_change(experiment_, pool, moved.settings(), concerned(model.id_of(column)),
+                const Change change = simulate_change(runner_, pool, moved.settings(), concerned(model.id_of(column)),
                                                       options_.seed, kSearchSeeds);
                 const double square =
                     residual_square(whiten_columns(covariance, others), covariance.whiten(left - change.mean));
@@ -336,17 +334,17 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
         return;
     replicate(replicates, count, from, to);
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
-    const Eigen::VectorXd of_effects =
-        simulator_error(experiment_.list(), fitted.change).cwiseAbs() +
-        reading_tolerance(experiment_.list(), experiment_.layout(), fitted.effects, fitted.columns, fitted.change, fitted.jacobian);
+    const Eigen::VectorXd of_effects = simulator_error(runner_.list(), fitted.change).cwiseAbs() +
+                                       reading_tolerance(runner_.list(), runner_.layout(), fitted.effects,
+                                                         fitted.columns, fitted.change, fitted.jacobian);
     const Eigen::VectorXd tolerance = (of_effects.cwiseAbs2() + border_error_.cwiseAbs2()).cwiseSqrt();
-    fitted.model = GapModel(experiment_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
+    fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
     const Covariance &covariance = fitted.model.full();
-    Eigen::VectorXd step = fitted.model.coefficients(covariance, experiment_.real().mean() - covariance.mean());
+    Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
     fitted.step = step;
     fitted.correction = fitted.jacobian * step;
-    fitted.residual = fitted.model.test(experiment_.real());
+    fitted.residual = fitted.model.test(runner_.real());
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
 }
 
@@ -361,10 +359,10 @@ Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const Eff
         const double step = move_one(moved, strength, side == 0 || whole ? part : -part);
         const EffectSettings settings = moved.settings();
         const CalibratedLevels levels =
-            experiment_.calibrate(settings, concerned(model.id_of(strength)), &replicates.levels);
+            runner_.calibrate(settings, concerned(model.id_of(strength)), &replicates.levels);
         std::vector<std::uint64_t> seeds(kSlopeSeeds); // those of the first replicates, others for each side
         std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + side * kSlopeSeeds);
-        const std::vector<FoldStatistics> draws = experiment_.replicates(settings, levels, seeds, {});
+        const std::vector<FoldStatistics> draws = runner_.replicates(settings, levels, seeds, {});
         Eigen::MatrixXd of_side(slopes.rows(), static_cast<Eigen::Index>(kSlopeSeeds));
         for (std::size_t r = 0; r < kSlopeSeeds; ++r)
             of_side.col(static_cast<Eigen::Index>(r)) =
@@ -396,10 +394,10 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
         if (measured.size())
             jacobian.col(p) = measured;
     }
-    const GapModel model_of_changes(experiment_, replicates, options_.residual_level, jacobian,
+    const GapModel model_of_changes(runner_, replicates, options_.residual_level, jacobian,
                                     fitted.model.full().tolerance());
     const Covariance &covariance = model_of_changes.full();
-    Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, experiment_.real().mean() - covariance.mean())
+    Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, runner_.real().mean() - covariance.mean())
                                     .cwiseMax(-kLargestStep)
                                     .cwiseMin(kLargestStep);
     for (Eigen::Index p = 0; p < strengths.size(); ++p) {
@@ -407,10 +405,9 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
         const ModelEffect &effect = model.effects[s.effect];
         strengths[p] = effect.candidate->snapped(s.parameter, s.strength + strengths[p], effect.sign);
     }
-    const Eigen::MatrixXd strays = model_of_changes.strays(experiment_, GapModel::Fit::kBoth);
+    const Eigen::MatrixXd strays = model_of_changes.strays(runner_, GapModel::Fit::kBoth);
     fitted.parameters = fitted_parameters(
-        model, strengths,
-        strength_deviations(model_of_changes, strays, simulator_error(experiment_.list(), fitted.change)),
+        model, strengths, strength_deviations(model_of_changes, strays, simulator_error(runner_.list(), fitted.change)),
         static_cast<double>(strays.rows()));
 }
 

@@ -59,16 +59,16 @@ struct FitOptions {
 
 class ModelFit {
   public:
-    ModelFit(Experiment &experiment, const SearchOptions &options, const Progress &progress)
-        : experiment_(experiment), options_(options), progress_(progress) {}
+    ModelFit(ReplicateRunner &runner, const SearchOptions &options, const Progress &progress)
+        : runner_(runner), options_(options), progress_(progress) {}
 
-    Experiment &experiment() const { return experiment_; }
+    ReplicateRunner &runner() const { return runner_; }
     const SearchOptions &options() const { return options_; }
     // How far strengths go.
     double strongest() const { return strongest_; }
     void set_strongest(double strongest) { strongest_ = strongest; }
     void report(double fraction, const std::string &what) const {
-        if (progress_ && experiment_.on_callers_thread())
+        if (progress_)
             progress_(what, fraction);
     }
 
@@ -114,9 +114,9 @@ class ModelFit {
     // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
     // two models differ by chance, too.
     double square_by(const Covariance &covariance, const FittedModel &fitted) const;
-    // What was asked for beside the baseline's (Experiment::work). No search goes on for ever: after so much of it no
-    // step begins, and what is not explained by then is unknown.
-    double work() const { return experiment_.work() - baseline_work_; }
+    // What was asked for beside the baseline's (ReplicateRunner::work). No search goes on for ever: after so much of it
+    // no step begins, and what is not explained by then is unknown.
+    double work() const { return runner_.work() - baseline_work_; }
     bool may_go_on() {
         ended_early_ = ended_early_ || work() >= options_.most_work;
         return !ended_early_;
@@ -124,7 +124,7 @@ class ModelFit {
     bool ended_early() const { return ended_early_; }
     // What the squared distance of both halves has beyond chance.
     double excess_square(const FittedModel &fitted) const {
-        return held_out(fitted) - 2.0 * static_cast<double>(experiment_.count());
+        return held_out(fitted) - 2.0 * static_cast<double>(runner_.count());
     }
 
   private:
@@ -139,7 +139,7 @@ class ModelFit {
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 
-    Experiment &experiment_;
+    ReplicateRunner &runner_;
     SearchOptions options_;
     Progress progress_;
     double strongest_ = kStrongest;

@@ -23,20 +23,20 @@ Eigen::VectorXd Pool::mean(std::uint32_t seeds) const {
     return sum / static_cast<double>(count);
 }
 
-Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
+Pool simulate_pool(ReplicateRunner &runner, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
                    const CalibratedLevels *levels) {
-    const std::vector<bool> all(experiment.layout().sequences.size(), true);
-    Pool pool{effects, levels ? *levels : experiment.calibrate(effects, all, nullptr), {}};
-    pool.statistics = experiment.halves(effects, pool.levels, pool_seeds(seed, seed_count), all, {});
+    const std::vector<bool> all(runner.layout().sequences.size(), true);
+    Pool pool{effects, levels ? *levels : runner.calibrate(effects, all, nullptr), {}};
+    pool.statistics = runner.halves(effects, pool.levels, pool_seeds(seed, seed_count), all, {});
     return pool;
 }
 
-Change simulate_change(Experiment &experiment, const Pool &base, const EffectSettings &effects,
+Change simulate_change(ReplicateRunner &runner, const Pool &base, const EffectSettings &effects,
                        const std::vector<bool> &concerned, std::uint64_t seed, std::uint32_t seed_count) {
     Change change;
-    change.levels = experiment.calibrate(effects, concerned, &base.levels);
+    change.levels = runner.calibrate(effects, concerned, &base.levels);
     std::vector<Eigen::VectorXd> differences =
-        experiment.halves(effects, change.levels, pool_seeds(seed, seed_count), concerned, base.statistics);
+        runner.halves(effects, change.levels, pool_seeds(seed, seed_count), concerned, base.statistics);
     for (std::uint32_t i = 0; i < seed_count; ++i)
         differences[i] -= base.statistics[i];
     change.mean = Eigen::VectorXd::Zero(differences.front().size());

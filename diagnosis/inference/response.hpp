@@ -3,7 +3,7 @@
 #pragma once
 
 #include "inference/candidate.hpp"
-#include "inference/experiment.hpp"
+#include "inference/replicate_runner.hpp"
 
 #include <Eigen/Core>
 
@@ -24,7 +24,7 @@ struct Pool {
 // Seeds of the pool are apart from those of replicates, which count up from 1.
 constexpr std::uint64_t kPoolSeed = std::uint64_t{1} << 40;
 
-Pool simulate_pool(Experiment &experiment, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
+Pool simulate_pool(ReplicateRunner &runner, const EffectSettings &effects, std::uint64_t seed, std::uint32_t seed_count,
                    const CalibratedLevels *levels = nullptr);
 
 // Mean change of the statistics from `base` to other effects. concerned: sequences in which they differ.
@@ -33,7 +33,7 @@ struct Change {
     Eigen::VectorXd variance; // of a single seed's change about the mean; 0 with one seed
     CalibratedLevels levels;
 };
-Change simulate_change(Experiment &experiment, const Pool &base, const EffectSettings &effects,
+Change simulate_change(ReplicateRunner &runner, const Pool &base, const EffectSettings &effects,
                        const std::vector<bool> &concerned, std::uint64_t seed, std::uint32_t seed_count);
 
 // The answer to a strength by interpolation between simulated ones: through the three nearest, a parabola (straight

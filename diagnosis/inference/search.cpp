@@ -124,7 +124,7 @@ void include_other_forms(Path &path) {
 class Search {
   public:
     Search(ModelFit &fits, const std::vector<Candidate> &candidates)
-        : fits_(fits), experiment_(fits.experiment()), candidates_(candidates) {}
+        : fits_(fits), runner_(fits.runner()), candidates_(candidates) {}
 
     SearchResult run();
 
@@ -173,12 +173,12 @@ class Search {
 
     ModelFit &fits_;
     // The baseline's excess is so large that effects bend on their way to it.
-    bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(experiment_.count()); }
+    bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(runner_.count()); }
 
     double baseline_excess_ = 0.0;
     bool patient_ = false; // first effects get second looks in any case, and more of them a fit
     std::vector<FirstLook> looks_;
-    Experiment &experiment_;
+    ReplicateRunner &runner_;
     const std::vector<Candidate> &candidates_;
 };
 
@@ -212,15 +212,16 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
     std::vector<double> looked(result.size());
-    experiment_.side_by_side(result.size(), [&](std::size_t i) {
+    runner_.side_by_side(result.size(), [&](ReplicateRunner &runner, std::size_t i) {
         const Candidate &candidate = *result[i].candidate;
-        fits_.report(0.0, "screening " + candidate.id);
+        if (runner.on_callers_thread())
+            fits_.report(0.0, "screening " + candidate.id);
         for (const double strength : Candidate::kLooks) {
             EffectModel with = model;
             with.add(candidate, 1.0, strength);
             Change change;
             if (!possible([&] {
-                    change = simulate_change(experiment_, path.pool, with.settings(), result[i].concerned,
+                    change = simulate_change(runner, path.pool, with.settings(), result[i].concerned,
                                              fits_.options().seed, kSearchSeeds);
                 }))
                 continue;
@@ -261,7 +262,7 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
     const auto best = std::max_element(result.begin(), result.end(), promised);
     const bool poor = best != result.end() && best->gain < kPoorLook * target.squaredNorm();
     if ((poor || (patient_ && model.effects.empty())) &&
-        fits_.excess_square(fitted) > kLarge * static_cast<double>(experiment_.count()))
+        fits_.excess_square(fitted) > kLarge * static_cast<double>(runner_.count()))
         look_again(result, path, fitted);
     sort_by_gain(result);
     for (Refined &refined : result)
@@ -283,10 +284,11 @@ void Search::look_again(std::vector<Refined> &refined, const Path &path, const F
                 looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
     }
     const double before = fits_.held_out(fitted);
-    experiment_.side_by_side(looks.size(), [&](std::size_t k) {
+    runner_.side_by_side(looks.size(), [&](ReplicateRunner &runner, std::size_t k) {
         Look &look = looks[k];
         const Refined &of = refined[look.place];
-        fits_.report(0.0, "screening " + of.candidate->id);
+        if (runner.on_callers_thread())
+            fits_.report(0.0, "screening " + of.candidate->id);
         possible([&] {
             for (const double asked : kSecondLooks) {
                 const double strength = of.candidate->snapped(0, asked, look.sign);
@@ -294,7 +296,7 @@ void Search::look_again(std::vector<Refined> &refined, const Path &path, const F
                     continue;
                 EffectModel with = path.model;
                 with.add(*of.candidate, look.sign, strength);
-                look.response.add(strength, simulate_change(experiment_, path.pool, with.settings(), of.concerned,
+                look.response.add(strength, simulate_change(runner, path.pool, with.settings(), of.concerned,
                                                             fits_.options().seed, kSearchSeeds));
             }
             look.gain =
@@ -321,11 +323,10 @@ void Search::remember_looks(const std::vector<Refined> &refined) {
 }
 
 void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
-    const auto change_at = [&](double strength) {
+    const auto change_at = [&](ReplicateRunner &runner, double strength) {
         EffectModel with = model;
         with.add(*refined.candidate, refined.sign, strength);
-        return simulate_change(experiment_, pool, with.settings(), refined.concerned, fits_.options().seed,
-                               kSearchSeeds);
+        return simulate_change(runner, pool, with.settings(), refined.concerned, fits_.options().seed, kSearchSeeds);
     };
     std::vector<double> strengths;
     for (const double asked : {0.0, 0.5, 1.0}) {
@@ -335,7 +336,8 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
             strengths.push_back(strength);
     }
     std::vector<Change> changes(strengths.size());
-    experiment_.side_by_side(strengths.size(), [&](std::size_t i) { changes[i] = change_at(strengths[i]); });
+    runner_.side_by_side(strengths.size(),
+                         [&](ReplicateRunner &runner, std::size_t i) { changes[i] = change_at(runner, strengths[i]); });
     for (std::size_t i = 0; i < strengths.size(); ++i)
         refined.response.add(strengths[i], std::move(changes[i]));
     const double before = fits_.held_out(fitted);
@@ -345,7 +347,7 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
         refined.gain = before - after;
         if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
             break;
-        refined.response.add(refined.strength, change_at(refined.strength));
+        refined.response.add(refined.strength, change_at(runner_, refined.strength));
     }
 }
 
@@ -373,7 +375,7 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
             with.add(*candidate.candidate, candidate.sign, candidate.strength);
             ranked.values = with.settings().back().values;
             ranked.distance_after =
-                std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(experiment_.count()))));
+                std::sqrt(std::max(0.0, (excess - ranked.gain) / (2.0 * static_cast<double>(runner_.count()))));
         }
         step.ranking.push_back(ranked);
     }
@@ -509,7 +511,7 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     // very different ones.
     const double least_share = little ? kLeastShareOfLittle : kLeastShare;
     const bool is_large_part =
-        excess > kLarge * static_cast<double>(experiment_.count()) && finalists[best]->gain > kMostOfLarge * excess;
+        excess > kLarge * static_cast<double>(runner_.count()) && finalists[best]->gain > kMostOfLarge * excess;
     if ((gain < kLeastGain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
@@ -668,9 +670,9 @@ SearchResult Search::run() {
 
 } // namespace
 
-SearchResult search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+SearchResult search(ReplicateRunner &runner, const std::vector<Candidate> &candidates, const SearchOptions &options,
                     const Progress &progress) {
-    ModelFit fits(experiment, options, progress);
+    ModelFit fits(runner, options, progress);
     return Search(fits, candidates).run();
 }
 

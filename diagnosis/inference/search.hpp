@@ -4,8 +4,8 @@
 
 #include "inference/candidate.hpp"
 #include "inference/effect_model.hpp"
-#include "inference/experiment.hpp"
 #include "inference/gap_test.hpp"
+#include "inference/replicate_runner.hpp"
 #include "inference/response.hpp"
 
 #include <Eigen/Core>
@@ -25,7 +25,8 @@ struct SearchOptions {
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     std::uint32_t finalists = 3;
     std::uint32_t max_effects = 6;
-    double most_work = 900.0; // beside the baseline's, what is asked for before the last step begins (Experiment::work)
+    double most_work =
+        900.0; // beside the baseline's, what is asked for before the last step begins (ReplicateRunner::work)
     double level = 0.02;           // of a false alarm
     double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
 };
@@ -58,13 +59,13 @@ struct SearchResult {
     std::vector<FirstLook> looks; // at all candidates that can show; the most promising first; none without a gap
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
-    double work = 0.0;               // what was asked for beside the baseline's (Experiment::work)
+    double work = 0.0;               // what was asked for beside the baseline's (ReplicateRunner::work)
     bool ended_early = false;        // at the most work, with more to try
 };
 
 using Progress = std::function<void(const std::string &what, double fraction)>;
 
-SearchResult search(Experiment &experiment, const std::vector<Candidate> &candidates, const SearchOptions &options,
+SearchResult search(ReplicateRunner &runner, const std::vector<Candidate> &candidates, const SearchOptions &options,
                     const Progress &progress);
 
 } // namespace clsp

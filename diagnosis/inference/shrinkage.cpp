@@ -57,7 +57,7 @@ std::array<double, 2> gone_95(double fraction, const Eigen::VectorXd &before, do
     return {fraction - reach, std::min(1.0, fraction + reach)};
 }
 
-Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &fitted,
+Shrinkage shrinkage(const ReplicateRunner &runner, const FittedModel &baseline, const FittedModel &fitted,
                     const FittedModel &metric_model) {
     const Covariance &metric = metric_model.model.fold();
     double chance_before = 0.0, chance_after = 0.0;
@@ -72,8 +72,8 @@ Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, c
     }
     chance_after = after.mean();
     Shrinkage result;
-    result.before = beyond_chance(before_square(metric, baseline, experiment.real()), chance_before);
-    result.after = beyond_chance(after_square(metric, fitted, experiment.real()), chance_after);
+    result.before = beyond_chance(before_square(metric, baseline, runner.real()), chance_before);
+    result.after = beyond_chance(after_square(metric, fitted, runner.real()), chance_after);
     result.fraction = gone(result.before, result.after);
     result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
     return result;
@@ -132,17 +132,17 @@ std::vector<StatisticShrinkage> statistic_shrinkages(const HeldOutDifferences &c
     return result;
 }
 
-std::vector<StatisticShrinkage> statistic_shrinkages(const Experiment &experiment, const FittedModel &baseline,
+std::vector<StatisticShrinkage> statistic_shrinkages(const ReplicateRunner &runner, const FittedModel &baseline,
                                                      const FittedModel &fitted) {
     const auto &draws = fitted.model.replicates().draws;
     std::vector<HeldOutDifferences> replicates;
     for (const FoldStatistics &draw : draws)
         replicates.push_back(differences_of(baseline, fitted, draw));
     std::vector<StatisticShrinkage> result =
-        statistic_shrinkages(differences_of(baseline, fitted, experiment.real()), replicates,
-                             fitted.model.fold().deviation(), least_deviations(experiment.list(), draws));
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
-        for (std::size_t k = experiment.begin(s); !experiment.parted(s) && k < experiment.end(s); ++k)
+        statistic_shrinkages(differences_of(baseline, fitted, runner.real()), replicates,
+                             fitted.model.fold().deviation(), least_deviations(runner.list(), draws));
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s)
+        for (std::size_t k = runner.begin(s); !runner.parted(s) && k < runner.end(s); ++k)
             result[k] = {};
     return result;
 }

@@ -26,7 +26,7 @@ std::array<double, 2> gone_95(double fraction, const Eigen::VectorXd &before, do
 // Each half is compared with the model fitted to the other half. The interval comes from the model's replicates: new surfaces and new
 // noise each, as a bootstrap over independent captures. metric_model: whose covariance measures the distances, the best model: the scatter
 // that an effect itself brings (a shaking image, few hot pixels) is no gap.
-Shrinkage shrinkage(const Experiment &experiment, const FittedModel &baseline, const FittedModel &model,
+Shrinkage shrinkage(const ReplicateRunner &runner, const FittedModel &baseline, const FittedModel &model,
                     const FittedModel &metric_model);
 
 // The same of one statistic: its own differences alone, in standard deviations of halves simulated with the effects.
@@ -54,7 +54,7 @@ std::vector<StatisticShrinkage> statistic_shrinkages(const HeldOutDifferences &c
                                                      const std::vector<HeldOutDifferences> &replicates,
                                                      const Eigen::VectorXd &deviation, const Eigen::VectorXd &least);
 // Of the model, which is the metric's, too; not held out where a sequence is not parted.
-std::vector<StatisticShrinkage> statistic_shrinkages(const Experiment &experiment, const FittedModel &baseline,
+std::vector<StatisticShrinkage> statistic_shrinkages(const ReplicateRunner &runner, const FittedModel &baseline,
                                                      const FittedModel &model);
 
 } // namespace clsp

@@ -148,11 +148,12 @@ std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
 
 // What a swap must leave to be worth a fit, where the squared distance is `now`.
 double worth_of(const ModelFit &fits, double now) {
-    return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.experiment().count());
+    return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.runner().count());
 }
 
 // What a few rounds of a fit reach, by common random numbers from the path's model, whose squared distance is `now`.
-GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &path, double now) {
+GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const EffectModel &model, const Path &path,
+                         double now) {
     const FittedModel &start = path.models.back();
     std::vector<Eigen::VectorXd> known(model.strengths.size());
     for (std::size_t p = 0; p < model.strengths.size(); ++p)
@@ -169,7 +170,7 @@ GaussNewtonFit quick_fit(ModelFit &fits, const EffectModel &model, const Path &p
     options.strongest = fits.strongest();
     options.hopeless = kHopeless * now;
     options.least_gain = kLeastRoundGain;
-    return gauss_newton(fits.experiment(), model, {start.model.full(), path.pool}, known, options, {});
+    return gauss_newton(runner, model, {start.model.full(), path.pool}, known, options, {});
 }
 
 // Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
@@ -208,12 +209,13 @@ std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::v
     const FittedModel &whole = path.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     std::vector<GaussNewtonFit> reached(tried.size());
-    fits.experiment().side_by_side(tried.size(), [&](std::size_t i) {
+    fits.runner().side_by_side(tried.size(), [&](ReplicateRunner &runner, std::size_t i) {
         const Move &move = tried[i];
         const bool adds = move.place == path.model.effects.size();
         const std::string what =
             "swapping " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
-        fits.report(at, what + " for " + move.candidate->id);
+        if (runner.on_callers_thread())
+            fits.report(at, what + " for " + move.candidate->id);
         EffectModel model = path.model;
         if (move.shares)
             halve(model, move.place);
@@ -221,7 +223,7 @@ std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::v
             model = model.without(out);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         possible([&] {
-            reached[i] = quick_fit(fits, model, path, now);
+            reached[i] = quick_fit(runner, fits, model, path, now);
             reached[i].square += adds ? kLeastGain : 0.0;
         });
     });
@@ -356,7 +358,7 @@ double loss_without(const ModelFit &fits, const Path &path, std::size_t out, con
     const FittedModel &whole = path.models.back();
     const Covariance &covariance = whole.model.full();
     const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
-    const Change loss = simulate_change(fits.experiment(), path.pool, others.settings(), concerned, fits.options().seed,
+    const Change loss = simulate_change(fits.runner(), path.pool, others.settings(), concerned, fits.options().seed,
                                         fits.options().pool_seeds);
     return residual_square(whiten_columns(covariance, columns_without(path, out)), covariance.whiten(loss.mean));
 }
@@ -389,7 +391,7 @@ bool swap_confusable_effects(ModelFit &fits, Path &path, double at) {
     const FittedModel &whole = path.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     double least = now;
-    if (!possible([&] { least = quick_fit(fits, path.model, path, now).square; }))
+    if (!possible([&] { least = quick_fit(fits.runner(), fits, path.model, path, now).square; }))
         return false;
     return make_best(fits, path, best_moves(fits, path, tried, least + kQuicklyAlike, at), at);
 }

@@ -18,7 +18,7 @@ constexpr std::chrono::milliseconds kLookUp{20};
 } // namespace
 
 void run_workers(std::size_t count, const std::function<void()> &checkpoint,
-               const std::function<void(std::size_t worker, const std::function<void()> &checkpoint)> &work) {
+                 const std::function<void(const WorkerThread &self)> &work) {
     std::vector<std::exception_ptr> failures(count);
     std::atomic<bool> stopped{false};
     const std::function<void()> others = [&] {
@@ -32,7 +32,7 @@ void run_workers(std::size_t count, const std::function<void()> &checkpoint,
     };
     const auto run = [&](std::size_t worker, const std::function<void()> &its_checkpoint) {
         try {
-            work(worker, its_checkpoint);
+            work({worker, its_checkpoint});
         } catch (const Stopped &) {
             // another worker has thrown
         } catch (...) {
@@ -60,12 +60,12 @@ void run_workers(std::size_t count, const std::function<void()> &checkpoint,
             std::rethrow_exception(failure);
 }
 
-void OpenTasks::run_one(Batch &batch, std::size_t i, std::unique_lock<std::mutex> &lock) {
+void OpenTasks::run_one(Batch &batch, std::size_t i, const WorkerThread &by, std::unique_lock<std::mutex> &lock) {
     ++batch.running;
     lock.unlock();
     std::exception_ptr failure;
     try {
-        batch.task(i);
+        batch.task(by, i);
     } catch (...) {
         failure = std::current_exception();
     }
@@ -80,21 +80,21 @@ void OpenTasks::run_one(Batch &batch, std::size_t i, std::unique_lock<std::mutex
     }
 }
 
-void OpenTasks::run(std::size_t count, const std::function<void(std::size_t)> &task) {
+void OpenTasks::run(const WorkerThread &self, std::size_t count, const Task &task) {
     Batch batch{task, 0, count};
     std::unique_lock<std::mutex> lock(mutex_);
     const auto place = open_.insert(open_.end(), &batch);
     if (count > 1)
         changed_.notify_all();
     while (batch.begin < batch.end)
-        run_one(batch, batch.begin++, lock);
+        run_one(batch, batch.begin++, self, lock);
     open_.erase(place);
     changed_.wait(lock, [&] { return batch.running == 0; });
     if (batch.failure)
         std::rethrow_exception(batch.failure);
 }
 
-void OpenTasks::work(const std::function<void()> &checkpoint, const std::function<void()> &own) {
+void OpenTasks::work(const WorkerThread &self, const std::function<void()> &own) {
     std::unique_lock<std::mutex> lock(mutex_);
     ++busy_;
     lock.unlock();
@@ -112,13 +112,13 @@ void OpenTasks::work(const std::function<void()> &checkpoint, const std::functio
     while (busy_ > 0) {
         const auto batch = std::find_if(open_.begin(), open_.end(), [](const Batch *b) { return b->begin < b->end; });
         if (batch != open_.end()) {
-            run_one(**batch, --(*batch)->end, lock);
+            run_one(**batch, --(*batch)->end, self, lock);
             changed_.notify_all();
             continue;
         }
         changed_.wait_for(lock, kLookUp);
         lock.unlock();
-        checkpoint();
+        self.checkpoint();
         lock.lock();
     }
 }

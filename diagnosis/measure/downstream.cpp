@@ -113,15 +113,15 @@ CentreErrors centre_errors(const CaptureLayout &layout, const SequenceLayout &se
     return errors;
 }
 
-Downstream measure_downstream(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Downstream measure_downstream(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                               const FittedModel *final, std::uint64_t seed) {
     const FittedModel *models[] = {nullptr, &baseline, final};
     return measure_downstream(
-        experiment.layout(), nullptr, final ? 3 : 2,
+        runner.layout(), nullptr, final ? 3 : 2,
         [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
-            return evidence_frames(experiment, real, models[version], s, frame_count, seed);
+            return evidence_frames(runner, real, models[version], s, frame_count, seed);
         },
-        experiment.checkpoint);
+        runner.checkpoint);
 }
 
 Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *simulated_dots, std::size_t versions,

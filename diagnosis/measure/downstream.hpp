@@ -40,7 +40,7 @@ Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *si
 
 // Not valid without a sequence of dots. Moving sequences if there are any: their frames have independent speckle.
 // final: nullptr if no effect was found; `after` is then `before`.
-Downstream measure_downstream(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Downstream measure_downstream(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                               const FittedModel *final, std::uint64_t seed = 0);
 
 } // namespace clsp

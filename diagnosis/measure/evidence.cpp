@@ -48,11 +48,11 @@ Plane minus(const Plane &a, const Plane &b) {
     return result;
 }
 
-SequenceEvidence sequence_evidence(const Experiment &experiment, std::size_t index, std::uint32_t frame_count,
+SequenceEvidence sequence_evidence(const ReplicateRunner &runner, std::size_t index, std::uint32_t frame_count,
                                    std::vector<Draft> &drafts) {
-    const CaptureLayout &layout = experiment.layout();
+    const CaptureLayout &layout = runner.layout();
     const SequenceLayout &sequence = layout.sequences[index];
-    const double black = experiment.real_calibration().black_level_dn;
+    const double black = runner.real_calibration().black_level_dn;
     SequenceEvidence result;
     result.name = sequence.name;
     result.scene = sequence.scene;
@@ -141,39 +141,38 @@ SequenceEvidence sequence_evidence(const Experiment &experiment, std::size_t ind
 
 } // namespace
 
-std::vector<std::uint16_t> evidence_frames(Experiment &experiment, const Capture &real, const FittedModel *model,
+std::vector<std::uint16_t> evidence_frames(ReplicateRunner &runner, const Capture &real, const FittedModel *model,
                                            std::size_t sequence, std::uint32_t frame_count, std::uint64_t seed) {
     if (model) {
         const Replicates &replicates = model->model.replicates();
-        return experiment.frames(replicates.effects, replicates.levels, sequence, seed + kEvidenceSeed, frame_count);
+        return runner.frames(replicates.effects, replicates.levels, sequence, seed + kEvidenceSeed, frame_count);
     }
     const auto first = real.codes[sequence].begin();
     return {first, first + std::ptrdiff_t(frame_count * real.layout.pixel_count())};
 }
 
-Evidence collect_evidence(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Evidence collect_evidence(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                           const FittedModel *final, std::uint64_t seed) {
     const FittedModel *models[] = {nullptr, &baseline, final};
-    return collect_evidence(experiment, final ? 3 : 2,
-                            [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
-                                return evidence_frames(experiment, real, models[version], s, frame_count, seed);
-                            });
+    return collect_evidence(runner, final ? 3 : 2, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+        return evidence_frames(runner, real, models[version], s, frame_count, seed);
+    });
 }
 
-Evidence collect_evidence(Experiment &experiment, std::size_t version_count, const EvidenceFrames &frames_of) {
-    const CaptureLayout &layout = experiment.layout();
+Evidence collect_evidence(ReplicateRunner &runner, std::size_t version_count, const EvidenceFrames &frames_of) {
+    const CaptureLayout &layout = runner.layout();
     Evidence result;
     result.width = layout.width;
     result.height = layout.height;
     result.bits = layout.bits;
     for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
-        if (experiment.checkpoint)
-            experiment.checkpoint();
+        if (runner.checkpoint)
+            runner.checkpoint();
         const std::uint32_t frame_count = std::min(kEvidenceFrames, layout.sequences[s].frame_count);
         std::vector<Draft> drafts(version_count);
         for (std::size_t v = 0; v < drafts.size(); ++v)
             drafts[v].codes = frames_of(v, s, frame_count);
-        result.sequences.push_back(sequence_evidence(experiment, s, frame_count, drafts));
+        result.sequences.push_back(sequence_evidence(runner, s, frame_count, drafts));
     }
     return result;
 }

@@ -71,15 +71,15 @@ struct Evidence {
 
 // seed: of the simulated frames. final: nullptr if no effect was found. Simulates at most kEvidenceFrames frames of
 // each sequence.
-Evidence collect_evidence(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Evidence collect_evidence(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                           const FittedModel *final, std::uint64_t seed = 0);
 
 // The same of frames from anywhere: real (0), simulated (1) and, with three versions, simulated with effects (2).
 using EvidenceFrames = std::function<std::vector<std::uint16_t>(std::size_t version, std::size_t sequence, std::uint32_t frame_count)>;
-Evidence collect_evidence(Experiment &experiment, std::size_t version_count, const EvidenceFrames &frames_of);
+Evidence collect_evidence(ReplicateRunner &runner, std::size_t version_count, const EvidenceFrames &frames_of);
 
 // The frames of one version that are shown. Simulated ones are new draws, apart from those of any fit.
-std::vector<std::uint16_t> evidence_frames(Experiment &experiment, const Capture &real, const FittedModel *model,
+std::vector<std::uint16_t> evidence_frames(ReplicateRunner &runner, const Capture &real, const FittedModel *model,
                                            std::size_t sequence, std::uint32_t frame_count, std::uint64_t seed);
 
 } // namespace clsp

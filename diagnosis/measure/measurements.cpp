@@ -52,9 +52,9 @@ void add_nonuniformity(const CaptureLayout &layout, std::vector<std::vector<Quan
     }
 }
 
-Measured measured_capture(const Experiment &experiment,
+Measured measured_capture(const ReplicateRunner &runner,
                           const std::function<std::vector<std::uint16_t>(std::size_t)> &frames_of) {
-    const CaptureLayout &layout = experiment.layout();
+    const CaptureLayout &layout = runner.layout();
     const std::size_t count = layout.sequences.size();
     Measured result;
     result.sequences.resize(count);
@@ -63,7 +63,7 @@ Measured measured_capture(const Experiment &experiment,
     for (std::size_t s = 0; s < count; ++s)
         if (layout.sequences[s].scene == CaptureScene::kDark)
             dark[s] = frames_of(s);
-    const Calibration calibration = experiment.calibration_of(dark);
+    const Calibration calibration = runner.calibration_of(dark);
     std::vector<TransferPoint> points;
     for (std::size_t s = 0; s < count; ++s) {
         const std::vector<std::uint16_t> codes = dark[s].empty() ? frames_of(s) : std::move(dark[s]);
@@ -141,17 +141,17 @@ PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double ful
     return result;
 }
 
-Measurements measure_quantities(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                                 const FittedModel *final, std::uint64_t seed) {
     const FittedModel *models[] = {nullptr, &baseline, final};
     const std::size_t versions = final ? 3 : 2;
-    const auto frames_of = [&](std::size_t version, std::size_t capture, std::size_t s) {
+    const auto frames_of = [&](ReplicateRunner &of, std::size_t version, std::size_t capture, std::size_t s) {
         if (version == 0)
             return real.codes[s];
         const Replicates &replicates = models[version]->model.replicates();
         const std::uint64_t draw = seed + kMeasurementSeed + capture;
-        return experiment.frames(replicates.effects, experiment.drawn_levels(replicates.levels, draw), s, draw,
-                                 experiment.layout().sequences[s].frame_count);
+        return of.frames(replicates.effects, of.drawn_levels(replicates.levels, draw), s, draw,
+                         of.layout().sequences[s].frame_count);
     };
     // By version: its captures.
     std::vector<std::vector<Measured>> measured(versions);
@@ -161,17 +161,15 @@ Measurements measure_quantities(Experiment &experiment, const Capture &real, con
         for (std::size_t k = 0; k < measured[v].size(); ++k)
             draws.emplace_back(v, k);
     }
-    experiment.side_by_side(draws.size(), [&](std::size_t i) {
+    runner.side_by_side(draws.size(), [&](ReplicateRunner &own, std::size_t i) {
         const auto [version, capture] = draws[i];
-        if (experiment.checkpoint && experiment.on_callers_thread())
-            experiment.checkpoint();
-        measured[version][capture] = measured_capture(
-            experiment, [&, v = version, k = capture](std::size_t s) { return frames_of(v, k, s); });
+        measured[version][capture] =
+            measured_capture(own, [&, v = version, k = capture](std::size_t s) { return frames_of(own, v, k, s); });
     });
 
     Measurements result;
     result.simulated_captures = kMeasuredCaptures;
-    const CaptureLayout &layout = experiment.layout();
+    const CaptureLayout &layout = runner.layout();
     for (std::size_t s = 0; s < layout.sequences.size(); ++s)
         for (std::size_t q = 0; q < measured[0][0].sequences[s].size(); ++q) {
             const Quantity &first = measured[0][0].sequences[s][q];

@@ -54,7 +54,7 @@ struct Measurements {
 PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double full_signal_dn);
 
 // final: nullptr if no effect was found. seed: of the diagnosis; the captures are apart from those of any fit.
-Measurements measure_quantities(Experiment &experiment, const Capture &real, const FittedModel &baseline,
+Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                                 const FittedModel *final, std::uint64_t seed);
 
 } // namespace clsp

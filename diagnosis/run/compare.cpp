@@ -64,7 +64,7 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
 }
 
 // Of each statistic, on the second halves likewise.
-std::vector<StatisticShrinkage> shrinkages(const Experiment &experiment, const ClosedGap &last,
+std::vector<StatisticShrinkage> shrinkages(const ReplicateRunner &runner, const ClosedGap &last,
                                            const FoldStatistics &difference) {
     const auto &draws = last.model->replicates().draws;
     std::vector<HeldOutDifferences> replicates;
@@ -72,9 +72,9 @@ std::vector<StatisticShrinkage> shrinkages(const Experiment &experiment, const C
         replicates.push_back({draw.second, strayed(last, draw)});
     std::vector<StatisticShrinkage> result =
         statistic_shrinkages({difference.second, difference.second - last.change.second}, replicates,
-                             last.model->fold().deviation(), least_deviations(experiment.list(), draws));
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s)
-        for (std::size_t k = experiment.begin(s); !experiment.parted(s) && k < experiment.end(s); ++k)
+                             last.model->fold().deviation(), least_deviations(runner.list(), draws));
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s)
+        for (std::size_t k = runner.begin(s); !runner.parted(s) && k < runner.end(s); ++k)
             result[k] = {};
     return result;
 }
@@ -136,16 +136,16 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
 // What is near a dot depends on the lattice: the mean statistics of our simulator's frames with the simulated set's
 // dots less those with the real set's, by the same random numbers.
 FoldStatistics change_by_lattice(const std::shared_ptr<Context> &context, const PairedCaptures &captures,
-                                 const CaptureDots &dots, Experiment &experiment, std::uint32_t count,
+                                 const CaptureDots &dots, ReplicateRunner &runner, std::uint32_t count,
                                  std::uint64_t seed, unsigned threads, const std::function<void()> &checkpoint) {
     Capture others = captures.real; // whose levels hold for both
     others.layout.dots = dots;
-    Experiment there(context, others, {}, threads);
+    ReplicateRunner there(context, others, {}, threads);
     there.checkpoint = checkpoint;
     std::vector<std::uint64_t> seeds(count);
     std::iota(seeds.begin(), seeds.end(), seed + 1);
-    const std::vector<bool> all(experiment.layout().sequences.size(), true);
-    const auto mean_of = [&](Experiment &one) {
+    const std::vector<bool> all(runner.layout().sequences.size(), true);
+    const auto mean_of = [&](ReplicateRunner &one) {
         const auto size = static_cast<Eigen::Index>(one.count());
         FoldStatistics mean{Eigen::VectorXd::Zero(size), Eigen::VectorXd::Zero(size)};
         for (const FoldStatistics &draw : one.replicates({}, one.calibrate({}, all, nullptr), seeds, {})) {
@@ -154,11 +154,11 @@ FoldStatistics change_by_lattice(const std::shared_ptr<Context> &context, const 
         }
         return mean;
     };
-    const FoldStatistics here = mean_of(experiment), elsewhere = mean_of(there);
+    const FoldStatistics here = mean_of(runner), elsewhere = mean_of(there);
     FoldStatistics change{elsewhere.first - here.first, elsewhere.second - here.second};
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
-        const auto begin = Eigen::Index(experiment.begin(s)), size = Eigen::Index(experiment.end(s)) - begin;
-        if (experiment.layout().sequences[s].scene != CaptureScene::kDots) {
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s) {
+        const auto begin = Eigen::Index(runner.begin(s)), size = Eigen::Index(runner.end(s)) - begin;
+        if (runner.layout().sequences[s].scene != CaptureScene::kDots) {
             change.first.segment(begin, size).setZero();
             change.second.segment(begin, size).setZero();
         }
@@ -239,8 +239,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         if (options.progress && !options.progress(doing, fraction))
             throw Error(Status::kCancelled, "the comparison was cancelled by its progress callback");
     };
-    Experiment experiment(context, captures.real, {}, threads);
-    experiment.checkpoint = [&] { tell(doing, fraction); };
+    ReplicateRunner runner(context, captures.real, {}, threads);
+    runner.checkpoint = [&] { tell(doing, fraction); };
     // Statistics of dots are relative to where dots are meant to be, which each set says for itself. Their width is the
     // real set's: a simulator that is told another one has a gap.
     CaptureDots sim_dots = captures.sim.layout.dots.value_or(CaptureDots{});
@@ -249,7 +249,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const bool has_dots = std::any_of(captures.real.layout.sequences.begin(), captures.real.layout.sequences.end(),
                                       [](const SequenceLayout &s) { return s.scene == CaptureScene::kDots; });
     const bool dots_apart = captures.dots_apart && has_dots;
-    const bool own_dots = dots_apart && experiment.measure_dots_at(sim_dots.positions_px);
+    const bool own_dots = dots_apart && runner.measure_dots_at(sim_dots.positions_px);
     if (dots_apart)
         captures.notes.push_back(own_dots ? "each set's dots are measured where its own description has them"
                                           : "the sets' dots do not allow the same statistics: both sets are measured "
@@ -257,23 +257,22 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const bool has_dark = std::any_of(captures.sim.layout.sequences.begin(), captures.sim.layout.sequences.end(),
                                       [](const SequenceLayout &s) { return s.scene == CaptureScene::kDark; });
     const Calibration calibration =
-        has_dark ? experiment.calibration_of(captures.sim.codes)
+        has_dark ? runner.calibration_of(captures.sim.codes)
                  : Calibration{captures.sim.layout.black_level_dn, captures.sim.layout.read_noise_dn};
-    const auto count = static_cast<Eigen::Index>(experiment.count());
+    const auto count = static_cast<Eigen::Index>(runner.count());
     FoldStatistics simulated{Eigen::VectorXd(count), Eigen::VectorXd(count)};
     for (std::size_t s = 0; s < captures.sim.codes.size(); ++s)
-        experiment.measure(s, captures.sim.codes[s].data(), calibration, simulated);
+        runner.measure(s, captures.sim.codes[s].data(), calibration, simulated);
     if (own_dots) {
         const FoldStatistics lattice =
-            change_by_lattice(context, captures, sim_dots, experiment, options.null_replicates, first_seed, threads,
+            change_by_lattice(context, captures, sim_dots, runner, options.null_replicates, first_seed, threads,
                               [&] { tell("drawing the other dots", fraction); });
         simulated.first -= lattice.first;
         simulated.second -= lattice.second;
     }
-    const FoldStatistics difference{experiment.real().first - simulated.first,
-                                    experiment.real().second - simulated.second};
-    const GapModel null(experiment,
-                        draw_differences(experiment, {}, options.null_replicates, first_seed,
+    const FoldStatistics difference{runner.real().first - simulated.first, runner.real().second - simulated.second};
+    const GapModel null(runner,
+                        draw_differences(runner, {}, options.null_replicates, first_seed,
                                          [&](double part) { tell("drawing differences by chance", 0.5 * part); }),
                         kStatisticsShare * options.level, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
     const GapTest test = null.test(difference);
@@ -303,11 +302,11 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         closing.seed = first_seed;
         closing.max_effects = options.max_effects;
         closing.residual_level = 0.25 * options.level;
-        closed = close_gap(experiment, finished, tried, difference, null, closing,
+        closed = close_gap(runner, finished, tried, difference, null, closing,
                            [&](const std::string &what, double part) { tell(what, 0.5 + 0.5 * part); });
         comparison->surplus = closed.surplus;
     }
-    result.held_out = experiment.parted();
+    result.held_out = runner.parted();
     set_verdict(closed, null, test, result);
     if (noise_gap && result.detected) {
         result.verdict = Verdict::kUnknown; // no effect of the catalogue takes noise away
@@ -325,13 +324,13 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
                 if (effect.id == found.effect)
                     found.values = effect.values;
     }
-    const Eigen::VectorXd real_values = experiment.real().mean(), sim_values = simulated.mean();
+    const Eigen::VectorXd real_values = runner.real().mean(), sim_values = simulated.mean();
     const GapTest &last = closed.models.empty() ? test : closed.models.back().residual;
-    std::vector<StatisticShrinkage> shrunk(experiment.count());
+    std::vector<StatisticShrinkage> shrunk(runner.count());
     if (!closed.models.empty())
-        shrunk = shrinkages(experiment, closed.models.back(), difference);
+        shrunk = shrinkages(runner, closed.models.back(), difference);
     for (Eigen::Index k = 0; k < count; ++k)
-        result.places.push_back({experiment.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
+        result.places.push_back({runner.list()[std::size_t(k)], real_values[k], sim_values[k], test.z[k],
                                  reported_p_value(test.p_adjusted[k]), last.z[k], shrunk[std::size_t(k)]});
     if (noise.excess) {
         std::string dark;
@@ -352,25 +351,25 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     if (options.evidence) {
         const EffectSettings effects = closed.models.empty() ? EffectSettings{} : closed.models.back().effects;
         result.evidence = std::make_shared<const Evidence>(collect_evidence(
-            experiment, effects.empty() ? 2 : 3, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
+            runner, effects.empty() ? 2 : 3, [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
                 std::vector<std::uint16_t> codes = version == 0   ? captures.real.codes[s]
                                                    : version == 1 ? captures.sim.codes[s]
                                                                   : finished.codes(s, effects, first_seed);
-                codes.resize(frame_count * experiment.layout().pixel_count());
+                codes.resize(frame_count * runner.layout().pixel_count());
                 return codes;
             }));
     }
     const EffectSettings added = closed.models.empty() ? EffectSettings{} : closed.models.back().effects;
     result.downstream = measure_downstream(
-        experiment.layout(), own_dots ? &sim_dots : nullptr, added.empty() ? 2 : 3,
+        runner.layout(), own_dots ? &sim_dots : nullptr, added.empty() ? 2 : 3,
         [&](std::size_t version, std::size_t s, std::uint32_t frame_count) {
             std::vector<std::uint16_t> codes = version == 2   ? finished.codes(s, added, first_seed)
                                                : version == 1 ? captures.sim.codes[s]
                                                               : captures.real.codes[s];
-            codes.resize(frame_count * experiment.layout().pixel_count());
+            codes.resize(frame_count * runner.layout().pixel_count());
             return codes;
         },
-        experiment.checkpoint);
+        runner.checkpoint);
     result.comparison = comparison;
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;

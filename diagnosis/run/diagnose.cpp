@@ -136,14 +136,14 @@ bool has_every_kind(const CaptureLayout &layout) {
     return kinds.size() >= 6;
 }
 
-CalibrationResult calibration_of(const Experiment &experiment, const CalibratedLevels &levels) {
+CalibrationResult calibration_of(const ReplicateRunner &runner, const CalibratedLevels &levels) {
     CalibrationResult result{levels.black_level_dn, levels.read_noise_dn, {}};
-    for (std::size_t s = 0; s < experiment.layout().sequences.size(); ++s) {
-        const SequenceLayout &sequence = experiment.layout().sequences[s];
-        SequenceLight light{sequence.name, experiment.real_level(s).mean_dn, 0.0, 0.0};
+    for (std::size_t s = 0; s < runner.layout().sequences.size(); ++s) {
+        const SequenceLayout &sequence = runner.layout().sequences[s];
+        SequenceLight light{sequence.name, runner.real_level(s).mean_dn, 0.0, 0.0};
         if (sequence.scene != CaptureScene::kDark) {
             light.share = levels.signal_share[s];
-            light.light_dn = light.share * std::max(0.0, light.mean_dn - experiment.real_calibration().black_level_dn);
+            light.light_dn = light.share * std::max(0.0, light.mean_dn - runner.real_calibration().black_level_dn);
         }
         result.light.push_back(light);
     }
@@ -178,15 +178,15 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     };
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     leave_untested(capture.layout, kept, pool, result);
-    Experiment experiment(std::move(context), capture, options.hypotheses, threads);
-    go_with_camera(pool, capture.layout, experiment.real_calibration().read_noise_dn);
+    ReplicateRunner runner(std::move(context), capture, options.hypotheses, threads);
+    go_with_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     std::string doing;
     double fraction = 0.0;
     const auto tell = [&] {
         if (options.progress && !options.progress(doing, fraction))
             throw Error(Status::kCancelled, "the diagnosis was cancelled by its progress callback");
     };
-    experiment.checkpoint = tell;
+    runner.checkpoint = tell;
     SearchOptions search_options;
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     search_options.seed = first_seed;
@@ -200,7 +200,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     search_options.level = options.level;
     search_options.residual_level = 0.25 * options.level;
     const std::vector<Candidate> tried = with_alternatives(pool);
-    const SearchResult found = search(experiment, tried, search_options, [&](const std::string &what, double part) {
+    const SearchResult found = search(runner, tried, search_options, [&](const std::string &what, double part) {
         doing = what;
         fraction = std::max(fraction, part);
         tell();
@@ -215,19 +215,19 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
-    result.calibration = calibration_of(experiment, found.baseline.model.replicates().levels);
+    result.calibration = calibration_of(runner, found.baseline.model.replicates().levels);
     if (!found.models.empty())
-        result.calibration_after = calibration_of(experiment, last.model.replicates().levels);
-    const Eigen::VectorXd real = experiment.real().mean();
-    std::vector<StatisticShrinkage> shrunk(experiment.count());
+        result.calibration_after = calibration_of(runner, last.model.replicates().levels);
+    const Eigen::VectorXd real = runner.real().mean();
+    std::vector<StatisticShrinkage> shrunk(runner.count());
     if (result.detected && !found.models.empty())
-        shrunk = statistic_shrinkages(experiment, found.baseline, last);
-    for (std::size_t k = 0; k < experiment.count(); ++k)
-        result.places.push_back({experiment.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
+        shrunk = statistic_shrinkages(runner, found.baseline, last);
+    for (std::size_t k = 0; k < runner.count(); ++k)
+        result.places.push_back({runner.list()[k], real[k], found.baseline.model.full().mean()[k], test.z[k],
                                  reported_p_value(test.p_adjusted[k]), last.residual.z[k], shrunk[k]});
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
-    result.held_out = experiment.parted();
+    result.held_out = runner.parted();
     result.looks = found.looks;
     result.work_captures = found.work;
     result.ended_early = found.ended_early;
@@ -242,7 +242,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
             for (std::size_t i = 0; i < found.models.size(); ++i) {
-                const Shrinkage s = shrinkage(experiment, found.baseline, found.models[i], last);
+                const Shrinkage s = shrinkage(runner, found.baseline, found.models[i], last);
                 result.found.push_back(found.steps[i].ranking.front());
                 result.steps.push_back({found.steps[i].added, s.after, s.fraction});
                 result.distance_before = s.before;
@@ -264,17 +264,17 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             for (std::size_t i = 0; i < found.models.size(); ++i)
                 if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))
                     result.effects.push_back(found.steps[i].added);
-            place_stages(experiment.layout(), result.places, alike_stage(result));
+            place_stages(runner.layout(), result.places, alike_stage(result));
         } else {
             name_effects(found.steps, slight, result);
         }
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
-    result.downstream = measure_downstream(experiment, capture, found.baseline, final, first_seed);
-    result.measurements = measure_quantities(experiment, capture, found.baseline, final, first_seed);
+    result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
+    result.measurements = measure_quantities(runner, capture, found.baseline, final, first_seed);
     if (options.evidence)
         result.evidence =
-            std::make_shared<const Evidence>(collect_evidence(experiment, capture, found.baseline, final, first_seed));
+            std::make_shared<const Evidence>(collect_evidence(runner, capture, found.baseline, final, first_seed));
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;
 }

@@ -162,7 +162,7 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
 THREADED = {
     "test_concurrency": [],
     # Workers side by side, and a whole diagnosis in them.
-    "test_attribution": ["--gtest_filter=Workers*:OpenTasks*:Memo*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
+    "test_attribution": ["--gtest_filter=Workers*:OpenTasks*:Memo*:ReplicateRunner*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
 }
 
 

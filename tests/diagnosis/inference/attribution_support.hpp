@@ -1,7 +1,7 @@
 // A small camera and captures of the simulator's own, for tests of the attribution.
 #pragma once
 
-#include "inference/experiment.hpp"
+#include "inference/replicate_runner.hpp"
 #include "simulator/simulator.hpp"
 
 #include <cstdint>

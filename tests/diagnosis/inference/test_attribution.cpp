@@ -614,8 +614,8 @@ TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
 // A statistic that is 0 in half of the replicates and once is not in the other half: by the covariance of the first, whose deviation is 0,
 // that one would be a certainty, and no capture's distance could ever be larger.
 TEST(GapModel, WhatIsRareIsNoCertainty) {
-    const Experiment experiment(context(), simulated({}, kCaptureSeed), {}, 1);
-    const auto count = static_cast<Eigen::Index>(experiment.count());
+    const ReplicateRunner runner(context(), simulated({}, kCaptureSeed), {}, 1);
+    const auto count = static_cast<Eigen::Index>(runner.count());
     std::mt19937 engine(11);
     std::normal_distribution<double> normal;
     const Eigen::MatrixXd random = Eigen::MatrixXd::NullaryExpr(96, count, [&] { return normal(engine); });
@@ -625,7 +625,7 @@ TEST(GapModel, WhatIsRareIsNoCertainty) {
     for (FoldStatistics &draw : replicates.draws)
         draw.first[5] = draw.second[5] = 0.0;
     replicates.draws[40].first[5] = 0.01;
-    const GapModel model(experiment, replicates, 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
+    const GapModel model(runner, replicates, 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
     FoldStatistics capture = replicates.draws[3];
     EXPECT_LT(model.test(capture).null_95, 1.0);
     EXPECT_FALSE(model.test(capture).detected);
@@ -663,17 +663,16 @@ TEST(GapModel, FewFramesAreNoGap) {
             sequence.frame_count = frames;
             sequence.f_number = 5.6;
         }
-        Experiment experiment(context(), simulated({}, kCaptureSeed + 300, {}, layout), {}, 2);
-        const CalibratedLevels levels =
-            experiment.calibrate({}, std::vector<bool>(layout.sequences.size(), true), nullptr);
+        ReplicateRunner runner(context(), simulated({}, kCaptureSeed + 300, {}, layout), {}, 2);
+        const CalibratedLevels levels = runner.calibrate({}, std::vector<bool>(layout.sequences.size(), true), nullptr);
         std::vector<std::uint64_t> seeds(kModels * kReplicates + kCaptures);
         std::iota(seeds.begin(), seeds.end(), kCaptureSeed + 1000 * frames); // surfaces of their own
-        const std::vector<FoldStatistics> draws = experiment.replicates({}, levels, seeds, {});
-        const auto count = static_cast<Eigen::Index>(experiment.count());
+        const std::vector<FoldStatistics> draws = runner.replicates({}, levels, seeds, {});
+        const auto count = static_cast<Eigen::Index>(runner.count());
         for (std::size_t m = 0; m < kModels; ++m) {
             const auto begin = draws.begin() + static_cast<std::ptrdiff_t>(kCaptures + m * kReplicates);
             const Replicates replicates{{}, levels, {begin, begin + kReplicates}};
-            const GapModel model(experiment, replicates, 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
+            const GapModel model(runner, replicates, 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
             for (std::size_t i = 0; i < kCaptures; ++i, ++tests)
                 alarms += model.test(draws[i]).detected;
         }
@@ -714,9 +713,10 @@ TEST(Diagnosis, SpeckleThatLivesTellsNoReadNoise) {
     const std::vector<bool> all(layout.sequences.size(), true);
     for (std::uint64_t seed = 0; seed < 3; ++seed) {
         const Capture capture = simulated({{"adc_bits", {6.0}}, {"surface_boiling", {16.0}}}, kCaptureSeed + 154 + seed, {}, layout);
-        Experiment experiment(context(), capture, {}, 1);
+        ReplicateRunner runner(context(), capture, {}, 1);
         for (const double correlation_frames : {12.0, 20.0})
-            EXPECT_NEAR(experiment.calibrate({{"adc_bits", {6.0}}, {"surface_boiling", {correlation_frames}}}, all, nullptr).read_noise_dn,
+            EXPECT_NEAR(runner.calibrate({{"adc_bits", {6.0}}, {"surface_boiling", {correlation_frames}}}, all, nullptr)
+                            .read_noise_dn,
                         4.3, 0.15)
                 << seed << " " << correlation_frames;
     }
@@ -729,8 +729,8 @@ TEST(Diagnosis, ReadNoiseShowsBetweenCoarseSteps) {
     const std::vector<bool> all(small_layout().sequences.size(), true);
     for (std::uint64_t seed = 0; seed < 3; ++seed) {
         const Capture capture = simulated({{"adc_bits", {6.0}}}, kCaptureSeed + 160 + seed);
-        Experiment experiment(context(), capture, {}, 1);
-        EXPECT_NEAR(experiment.calibrate({{"adc_bits", {6.0}}}, all, nullptr).read_noise_dn, 4.3, 0.1) << seed;
+        ReplicateRunner runner(context(), capture, {}, 1);
+        EXPECT_NEAR(runner.calibrate({{"adc_bits", {6.0}}}, all, nullptr).read_noise_dn, 4.3, 0.1) << seed;
     }
 }
 
@@ -744,9 +744,9 @@ TEST(Diagnosis, ReadNoiseThatDoesNotShowIsTheDataSheets) {
             const SimulationLevels levels{s == 0 ? 0.0 : 320.0, 80.0, 4.3};
             simulator.codes(s, {{"adc_bits", {5.0}}}, levels, kCaptureSeed + 170 + seed, 12, capture.codes[s].data());
         }
-        Experiment experiment(context(), capture, {}, 1);
+        ReplicateRunner runner(context(), capture, {}, 1);
         const std::vector<bool> all(capture.layout.sequences.size(), true);
-        EXPECT_NEAR(experiment.calibrate({{"adc_bits", {5.0}}}, all, nullptr).read_noise_dn, 4.0, 0.6) << seed;
+        EXPECT_NEAR(runner.calibrate({{"adc_bits", {5.0}}}, all, nullptr).read_noise_dn, 4.0, 0.6) << seed;
     }
 }
 

@@ -87,28 +87,50 @@ TEST(Work, CountsWholeCaptures) {
     const std::vector<bool> all(real.layout.sequences.size(), true);
     double after[2];
     for (const unsigned threads : {1u, 2u}) {
-        Experiment experiment(context(), real, {}, threads);
-        const CalibratedLevels levels = experiment.calibrate({}, all, nullptr);
-        EXPECT_EQ(experiment.work(), 0.0); // calibrations are few
-        experiment.replicates({}, levels, {1, 2, 3}, {});
-        EXPECT_DOUBLE_EQ(experiment.work(), 3.0);
-        experiment.replicates({}, levels, {1, 2, 3}, {});
-        EXPECT_DOUBLE_EQ(experiment.work(), 6.0);
+        ReplicateRunner runner(context(), real, {}, threads);
+        const CalibratedLevels levels = runner.calibrate({}, all, nullptr);
+        EXPECT_EQ(runner.work(), 0.0); // calibrations are few
+        runner.replicates({}, levels, {1, 2, 3}, {});
+        EXPECT_DOUBLE_EQ(runner.work(), 3.0);
+        runner.replicates({}, levels, {1, 2, 3}, {});
+        EXPECT_DOUBLE_EQ(runner.work(), 6.0);
         // Two polarizations of the moving board: 2 12 + 2 12 + (2 12 + 24) for frames and patterns instead of 2 12 + 2 12 + (2 12 + 12).
-        experiment.replicates({{"depolarization", {0.5}}}, levels, {4}, {});
-        EXPECT_DOUBLE_EQ(experiment.work(), 6.0 + 96.0 / 84.0);
-        experiment.halves({}, levels, {5, 6}, {false, true, false}, {});
-        after[threads - 1] = experiment.work();
+        runner.replicates({{"depolarization", {0.5}}}, levels, {4}, {});
+        EXPECT_DOUBLE_EQ(runner.work(), 6.0 + 96.0 / 84.0);
+        runner.halves({}, levels, {5, 6}, {false, true, false}, {});
+        after[threads - 1] = runner.work();
         EXPECT_DOUBLE_EQ(after[threads - 1], 6.0 + 96.0 / 84.0 + 2 * 12.0 / 84.0);
     }
     EXPECT_EQ(after[0], after[1]);
 }
 
-// One experiment that is asked for all of these, and for each of them one that was asked for nothing before.
-TEST(Memo, AnExperimentGivesTheSameAsOneThatKnowsNothing) {
+// A worker's runner gives what the runner of all workers gives, and work that asks that one is refused.
+TEST(ReplicateRunner, WorkSideBySideAsksItsOwn) {
     const Capture real = simulated({}, kCaptureSeed);
-    const auto experiment_of = [&] { return std::make_unique<Experiment>(context(), real, std::vector<Hypothesis>{}, 2); };
-    const std::unique_ptr<Experiment> old = experiment_of();
+    const std::vector<bool> all(real.layout.sequences.size(), true);
+    ReplicateRunner runner(context(), real, {}, 2);
+    const CalibratedLevels levels = runner.calibrate({}, all, nullptr);
+    std::vector<std::vector<Eigen::VectorXd>> halves(3);
+    runner.side_by_side(halves.size(), [&](ReplicateRunner &own, std::size_t i) {
+        own.side_by_side(1, [&](ReplicateRunner &inner, std::size_t) { EXPECT_EQ(&own, &inner); });
+        halves[i] = own.halves({}, levels, {i, i + 1}, all, {});
+    });
+    ReplicateRunner other(context(), real, {}, 1);
+    for (std::size_t i = 0; i < halves.size(); ++i)
+        EXPECT_EQ(halves[i], other.halves({}, levels, {i, i + 1}, all, {}));
+    EXPECT_THROW(
+        runner.side_by_side(2, [&](ReplicateRunner &, std::size_t) { runner.halves({}, levels, {9}, all, {}); }),
+        Error);
+    EXPECT_EQ(halves[0], runner.halves({}, levels, {0, 1}, all, {})) << "all workers are free again";
+}
+
+// One runner that is asked for all of these, and for each of them one that was asked for nothing before.
+TEST(Memo, ARunnerGivesTheSameAsOneThatKnowsNothing) {
+    const Capture real = simulated({}, kCaptureSeed);
+    const auto runner_of = [&] {
+        return std::make_unique<ReplicateRunner>(context(), real, std::vector<Hypothesis>{}, 2);
+    };
+    const std::unique_ptr<ReplicateRunner> old = runner_of();
     const std::vector<bool> all(real.layout.sequences.size(), true);
     const std::vector<EffectSettings> models = {
         {},
@@ -121,7 +143,7 @@ TEST(Memo, AnExperimentGivesTheSameAsOneThatKnowsNothing) {
     };
     std::vector<FoldStatistics> replicates;
     for (const EffectSettings &effects : models) {
-        const std::unique_ptr<Experiment> fresh = experiment_of();
+        const std::unique_ptr<ReplicateRunner> fresh = runner_of();
         const CalibratedLevels levels = old->calibrate(effects, all, nullptr),
                                expected = fresh->calibrate(effects, all, nullptr);
         EXPECT_EQ(levels.black_level_dn, expected.black_level_dn);

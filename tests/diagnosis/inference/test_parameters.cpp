@@ -24,11 +24,11 @@ Held intervals_of(const CaptureLayout &layout, const std::string &id, double val
         *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
     Held result;
     for (int k = 0; k < count; ++k) {
-        Experiment experiment(context(), simulated({{id, {value}}}, kCaptureSeed + 100 + k, {}, layout), {}, 2);
+        ReplicateRunner runner(context(), simulated({{id, {value}}}, kCaptureSeed + 100 + k, {}, layout), {}, 2);
         SearchOptions search;
         search.seed = 3;
         search.null_replicates = 24;
-        ModelFit fits(experiment, search, {});
+        ModelFit fits(runner, search, {});
         EXPECT_TRUE(fits.fit_baseline(0.0).residual.detected); // or there is nothing to fit
         EffectModel model;
         model.add(candidate, 1.0, strength);
@@ -78,11 +78,12 @@ TEST(Parameters, OfWhichTheCaptureSaysNothing) {
     const auto find = [&](const std::string &id) -> const Candidate & {
         return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
     };
-    Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 700, {}, small_layout()), {nothing}, 1);
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 700, {}, small_layout()),
+                           {nothing}, 1);
     SearchOptions search;
     search.null_replicates = 16;
     search.model_replicates = 12;
-    ModelFit fits(experiment, search, {});
+    ModelFit fits(runner, search, {});
     fits.fit_baseline(0.0);
     EffectModel model;
     model.add(find("vignetting"), 1.0, 0.5);

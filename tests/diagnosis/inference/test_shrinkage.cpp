@@ -112,27 +112,27 @@ TEST(StatisticShrinkage, IntervalsHoldOnSimulatedCaptures) {
     const EffectSettings one{{"shot_noise", {0.3}}};
     const EffectSettings both{{"shot_noise", {0.3}}, {"vignetting", {0.1}}};
     const Capture capture = simulated(both, kCaptureSeed);
-    Experiment experiment(context(), capture, {}, 2);
+    ReplicateRunner runner(context(), capture, {}, 2);
     const std::vector<bool> all(capture.codes.size(), true);
     const auto drawn = [&](const EffectSettings &effects, std::uint64_t seed, std::size_t count) {
-        Replicates result{effects, experiment.calibrate(effects, all, nullptr), {}};
+        Replicates result{effects, runner.calibrate(effects, all, nullptr), {}};
         std::vector<std::uint64_t> seeds(count);
         std::iota(seeds.begin(), seeds.end(), seed);
-        result.draws = experiment.replicates(effects, result.levels, seeds, {});
+        result.draws = runner.replicates(effects, result.levels, seeds, {});
         return result;
     };
-    const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(experiment.count()));
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(runner.count()));
     const Eigen::MatrixXd no_directions(none.size(), 0);
     const auto fitted = [&](const EffectSettings &effects, std::uint64_t seed, std::size_t count) {
         FittedModel result;
         result.effects = effects;
-        result.model = GapModel(experiment, drawn(effects, seed, count), 0.02, no_directions, none);
+        result.model = GapModel(runner, drawn(effects, seed, count), 0.02, no_directions, none);
         result.jacobian = no_directions;
         return result;
     };
     const FittedModel baseline = fitted({}, 1, 48), model = fitted(one, 1000, 24);
     const FittedModel many_of_baseline = fitted({}, 10000, 300), many_of_model = fitted(one, 20000, 300);
-    const GapModel truth(experiment, drawn(both, 30000, 300), 0.02, no_directions, none);
+    const GapModel truth(runner, drawn(both, 30000, 300), 0.02, no_directions, none);
     const Eigen::VectorXd before = truth.full().mean() - many_of_baseline.model.full().mean();
     const Eigen::VectorXd after = truth.full().mean() - many_of_model.model.full().mean();
     int held = 0, counted = 0;
@@ -148,7 +148,7 @@ TEST(StatisticShrinkage, IntervalsHoldOnSimulatedCaptures) {
             replicates.push_back(one_draw);
         }
         const auto shrunk = statistic_shrinkages(difference, replicates, model.model.fold().deviation(),
-                                                 least_deviations(experiment.list(), model.model.replicates().draws));
+                                                 least_deviations(runner.list(), model.model.replicates().draws));
         for (Eigen::Index k = 0; k < none.size(); ++k) {
             // The truth must be known better than an interval knows it.
             const StatisticShrinkage &s = shrunk[static_cast<std::size_t>(k)];

@@ -51,8 +51,9 @@ class Swap : public testing::Test {
         for (const std::string &id : looks) {
             EffectModel with = path.model;
             with.add(candidate(id), 1.0, 0.5);
-            path.looks[&candidate(id)] =
-                simulate_change(fits.experiment(), path.pool, with.settings(), fits.concerned(id), fits.options().seed, kSearchSeeds).mean;
+            path.looks[&candidate(id)] = simulate_change(fits.runner(), path.pool, with.settings(), fits.concerned(id),
+                                                         fits.options().seed, kSearchSeeds)
+                                             .mean;
         }
         return path;
     }
@@ -79,8 +80,9 @@ class Swap : public testing::Test {
 };
 
 TEST_F(Swap, AnEffectThatResemblesTheTrueOne) {
-    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 1), {},
+                           2);
+    ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
     ASSERT_TRUE(path.models.back().residual.detected);
@@ -93,11 +95,12 @@ TEST_F(Swap, AnEffectThatResemblesTheTrueOne) {
 }
 
 TEST_F(Swap, WhatIsMissingIsAdded) {
-    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"crosstalk", {0.15}}}, kCaptureSeed + 9), {}, 2);
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}, {"crosstalk", {0.15}}}, kCaptureSeed + 9), {},
+                           2);
     for (const std::uint32_t most : {1u, 6u}) {
         SearchOptions limited = options();
         limited.max_effects = most;
-        ModelFit fits(experiment, limited, {});
+        ModelFit fits(runner, limited, {});
         const FittedModel baseline = fits.fit_baseline(0.0);
         Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
         ASSERT_TRUE(path.models.back().residual.detected);
@@ -113,8 +116,9 @@ TEST_F(Swap, WhatIsMissingIsAdded) {
 }
 
 TEST_F(Swap, NothingForWhatIsRight) {
-    Experiment experiment(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {2.0}}}, kCaptureSeed + 2), {},
+                           2);
+    ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
     EXPECT_FALSE(swap(fits, path, 0.0));
@@ -136,8 +140,9 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
                     frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
         };
     }
-    Experiment experiment(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5, twins), twins, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5, twins),
+                           twins, 2);
+    ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
     all = candidates(twins, {});
     Path path = path_of(fits, {"tilt", "row_noise"}, {"slope"});
@@ -159,8 +164,8 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
 
 // A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.
 TEST_F(Swap, ADoubtfulResidualIsConfirmed) {
-    Experiment experiment(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
+    ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
     Path path = path_of(fits, {"vignetting"}, {});
     const FittedModel fitted = path.models.back();
@@ -191,18 +196,19 @@ TEST_F(Swap, ADoubtfulResidualIsConfirmed) {
 
 // Bits that an early step of a search took for one too few: no slope leads back from there.
 TEST_F(Swap, WholeNumbersGoOneFurther) {
-    Experiment experiment(context(), simulated({{"adc_bits", {8.0}}, {"vignetting", {0.3}}}, kCaptureSeed + 14), {}, 2);
+    ReplicateRunner runner(context(), simulated({{"adc_bits", {8.0}}, {"vignetting", {0.3}}}, kCaptureSeed + 14), {},
+                           2);
     for (const double bits : {7.0, 8.0}) {
-        ModelFit fits(experiment, options(), {});
+        ModelFit fits(runner, options(), {});
         fits.fit_baseline(0.0);
         EffectModel model;
         model.add(candidate("adc_bits"), 1.0, candidate("adc_bits").strength(0, bits));
         model.add(candidate("vignetting"), 1.0, candidate("vignetting").strength(0, 0.3));
         const std::uint32_t seeds = fits.options().pool_seeds, count = fits.options().model_replicates;
-        Pool pool = simulate_pool(experiment, model.settings(), fits.options().seed, seeds, nullptr);
+        Pool pool = simulate_pool(runner, model.settings(), fits.options().seed, seeds, nullptr);
         FittedModel fitted;
         fitted.effects = model.settings();
-        fitted.jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(experiment.count()), 2);
+        fitted.jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(runner.count()), 2);
         fitted.change = pool.mean(seeds) - fits.baseline_pool().mean(seeds);
         fits.judge(fitted, {fitted.effects, pool.levels, {}}, count, 0.0, 0.0);
         ASSERT_EQ(fitted.residual.detected, bits != 8.0);
@@ -219,11 +225,11 @@ TEST_F(Swap, WholeNumbersGoOneFurther) {
 TEST_F(Swap, ASearchEndsAtItsMostWork) {
     const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
     const auto found = [&](double most_work, std::uint32_t null_replicates) {
-        Experiment experiment(context(), capture, {}, 2);
+        ReplicateRunner runner(context(), capture, {}, 2);
         SearchOptions limited = options();
         limited.most_work = most_work;
         limited.null_replicates = null_replicates;
-        return search(experiment, all, limited, {});
+        return search(runner, all, limited, {});
     };
     const SearchResult whole = found(3000.0, 24), little = found(10.0, 24);
     EXPECT_FALSE(whole.ended_early);
@@ -240,10 +246,11 @@ TEST_F(Swap, ASearchEndsAtItsMostWork) {
 
 // An effect that only stood for later ones, and is not named, leaves its place to one that is missing.
 TEST_F(Swap, SlightEffectsTakeNoPlace) {
-    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {},
+                           2);
     SearchOptions few = options();
     few.max_effects = 2;
-    ModelFit fits(experiment, few, {});
+    ModelFit fits(runner, few, {});
     fits.fit_baseline(0.0);
     const Path right = path_of(fits, {"vignetting", "row_noise"}, {});
     EXPECT_EQ(right.model.slight_count(right.models.back().step), 0u);
@@ -262,8 +269,9 @@ TEST_F(Swap, SlightEffectsTakeNoPlace) {
 }
 
 TEST_F(Swap, NeedlessEffectsArePruned) {
-    Experiment experiment(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {},
+                           2);
+    ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     Path path = path_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
     ASSERT_FALSE(path.models.back().residual.detected); // a flexible effect too many does no harm but for its name
@@ -275,8 +283,8 @@ TEST_F(Swap, NeedlessEffectsArePruned) {
 
 // Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and may land beside it (here at 389).
 TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
-    Experiment experiment(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 8), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 8), {}, 2);
+    ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
     const Candidate &well = candidate("full_well");
     EffectModel model;
@@ -303,8 +311,8 @@ TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
 
 // A display's gamma lies beyond where the search for one ends (0.57).
 TEST_F(Swap, AFitGoesOnWhereTheSearchEnds) {
-    Experiment experiment(context(), simulated({{"gamma", {0.48}}}, kCaptureSeed + 11), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    ReplicateRunner runner(context(), simulated({{"gamma", {0.48}}}, kCaptureSeed + 11), {}, 2);
+    ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
     EffectModel model;
     model.add(candidate("gamma"), 1.0, 1.6);
@@ -339,8 +347,9 @@ TEST_F(Swap, AFitGoesOnWhereTheSearchEnds) {
 
 // Strengths far from where they begin: rounds with secants lead there at one simulation each.
 TEST_F(Swap, SecantsReachStrengthsThatAreFar) {
-    Experiment experiment(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 2);
-    ModelFit fits(experiment, options(), {});
+    // One worker, which tells of all columns.
+    ReplicateRunner runner(context(), simulated({{"row_noise", {0.9}}, {"crosstalk", {0.3}}}, kCaptureSeed + 7), {}, 1);
+    ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
     EffectModel model;
     model.add(candidate("row_noise"), 1.0, 1.0);
@@ -356,10 +365,10 @@ TEST_F(Swap, SecantsReachStrengthsThatAreFar) {
     };
     int columns = 0;
     const auto count = [&](Eigen::Index) { ++columns; };
-    const GaussNewtonFit one = gauss_newton(experiment, model, origin, {}, rounds, count);
+    const GaussNewtonFit one = gauss_newton(runner, model, origin, {}, rounds, count);
     EXPECT_EQ(values(one)[0], candidate("row_noise").value(0, 1.0)) << "no step was looked at";
     rounds.secant_rounds = 10;
-    const GaussNewtonFit many = gauss_newton(experiment, model, origin, {}, rounds, count);
+    const GaussNewtonFit many = gauss_newton(runner, model, origin, {}, rounds, count);
     EXPECT_EQ(4, columns) << "no column of a Jacobian after the first round";
     EXPECT_NEAR(values(many)[0], 0.9, 0.1);
     EXPECT_NEAR(values(many)[1], 0.3, 0.02);
@@ -367,7 +376,7 @@ TEST_F(Swap, SecantsReachStrengthsThatAreFar) {
     EXPECT_EQ(many.pool.effects, many.model.settings());
     // Known columns are not simulated again.
     columns = 0;
-    gauss_newton(experiment, model, origin, {many.jacobian.col(0), many.jacobian.col(1)}, rounds, count);
+    gauss_newton(runner, model, origin, {many.jacobian.col(0), many.jacobian.col(1)}, rounds, count);
     EXPECT_EQ(0, columns);
 }
 

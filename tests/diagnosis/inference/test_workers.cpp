@@ -12,8 +12,6 @@
 namespace clsp {
 namespace {
 
-using Checkpoint = std::function<void()>;
-
 TEST(Workers, AllRunOnceAndTheFirstIsTheCallers) {
     for (const std::size_t count : {0u, 1u, 2u, 7u}) {
         std::vector<int> runs(count, 0);
@@ -21,23 +19,23 @@ TEST(Workers, AllRunOnceAndTheFirstIsTheCallers) {
         int checkpoints = 0;
         run_workers(
             count, [&] { ++checkpoints; },
-            [&](std::size_t worker, const Checkpoint &checkpoint) {
-                ++runs[worker];
-                threads[worker] = std::this_thread::get_id();
-                checkpoint();
-                checkpoint();
+            [&](const WorkerThread &self) {
+                ++runs[self.number];
+                threads[self.number] = std::this_thread::get_id();
+                self.checkpoint();
+                self.checkpoint();
             });
         EXPECT_EQ(std::vector<int>(count, 1), runs);
         EXPECT_EQ(count > 0 ? 2 : 0, checkpoints) << "of worker 0 alone";
         for (std::size_t worker = 0; worker < count; ++worker)
             EXPECT_EQ(worker == 0, threads[worker] == std::this_thread::get_id()) << worker;
     }
-    run_workers(2, {}, [](std::size_t, const Checkpoint &checkpoint) { checkpoint(); });
+    run_workers(2, {}, [](const WorkerThread &self) { self.checkpoint(); });
 }
 
 TEST(Workers, TheyRunSideBySide) {
     std::atomic<int> here{0};
-    run_workers(3, {}, [&](std::size_t, const Checkpoint &) {
+    run_workers(3, {}, [&](const WorkerThread &) {
         ++here;
         while (here < 3) // would never end one after the other
             std::this_thread::yield();
@@ -50,10 +48,10 @@ TEST(Workers, TheFirstFailureByNumberArrives) {
         std::string message;
         std::vector<int> ended(4, 0);
         try {
-            run_workers(4, {}, [&](std::size_t worker, const Checkpoint &) {
-                ended[worker] = 1;
-                if (worker == 1 || worker == 3)
-                    throw std::runtime_error("worker " + std::to_string(worker));
+            run_workers(4, {}, [&](const WorkerThread &self) {
+                ended[self.number] = 1;
+                if (self.number == 1 || self.number == 3)
+                    throw std::runtime_error("worker " + std::to_string(self.number));
             });
         } catch (const std::runtime_error &error) {
             message = error.what();
@@ -66,9 +64,9 @@ TEST(Workers, TheFirstFailureByNumberArrives) {
 TEST(Workers, TheCallersCancellationEndsTheOthers) {
     EXPECT_THROW(run_workers(
                      3, [] { throw std::domain_error("cancelled"); },
-                     [&](std::size_t, const Checkpoint &checkpoint) {
+                     [&](const WorkerThread &self) {
                          for (;;) {
-                             checkpoint();
+                             self.checkpoint();
                              std::this_thread::yield();
                          }
                      }),
@@ -78,14 +76,14 @@ TEST(Workers, TheCallersCancellationEndsTheOthers) {
 TEST(Workers, AnyWorkersFailureEndsTheOthers) {
     for (const std::size_t failing : {0u, 1u, 2u})
         EXPECT_THROW(run_workers(3, {},
-                               [&](std::size_t worker, const Checkpoint &checkpoint) {
-                                   if (worker == failing)
-                                       throw std::domain_error("broken");
-                                   for (;;) {
-                                       checkpoint();
-                                       std::this_thread::yield();
-                                   }
-                               }),
+                                 [&](const WorkerThread &self) {
+                                     if (self.number == failing)
+                                         throw std::domain_error("broken");
+                                     for (;;) {
+                                         self.checkpoint();
+                                         std::this_thread::yield();
+                                     }
+                                 }),
                      std::domain_error)
             << failing;
 }
@@ -93,8 +91,10 @@ TEST(Workers, AnyWorkersFailureEndsTheOthers) {
 TEST(OpenTasks, EachRunsOnceWithoutHelp) {
     OpenTasks open;
     std::vector<std::atomic<int>> runs(50);
-    open.run(50, [&](std::size_t i) { ++runs[i]; }); // nobody helps
-    open.run(0, [&](std::size_t) { FAIL(); });
+    const std::function<void()> none;
+    const WorkerThread self{0, none};
+    open.run(self, 50, [&](const WorkerThread &, std::size_t i) { ++runs[i]; }); // nobody helps
+    open.run(self, 0, [&](const WorkerThread &, std::size_t) { FAIL(); });
     for (const auto &count : runs)
         EXPECT_EQ(1, count);
 }
@@ -105,17 +105,15 @@ TEST(OpenTasks, WorkersWithoutWorkHelp) {
     std::atomic<int> together{0}, runs{0};
     std::atomic<bool> begun{false};
     std::vector<std::atomic<int>> by_worker(4);
-    run_workers(4, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
-        thread_local std::size_t here;
-        here = worker;
-        open.work(checkpoint, [&] {
-            while (worker != 0 && !begun) // those that come before anybody has work would go again
+    run_workers(4, {}, [&](const WorkerThread &self) {
+        open.work(self, [&] {
+            while (self.number != 0 && !begun) // those that come before anybody has work would go again
                 std::this_thread::yield();
-            if (worker == 0)
-                open.run(40, [&](std::size_t i) {
+            if (self.number == 0)
+                open.run(self, 40, [&](const WorkerThread &by, std::size_t i) {
                     begun = true;
                     ++runs;
-                    ++by_worker[here];
+                    ++by_worker[by.number];
                     if (i == 0 || i >= 37)
                         for (++together; together < 4;)
                             std::this_thread::yield();
@@ -132,15 +130,15 @@ TEST(OpenTasks, ManyWorkersAndManyTasks) {
     for (int repetition = 0; repetition < 20; ++repetition) {
         OpenTasks open;
         std::vector<std::atomic<int>> runs(4 * 30 * 3);
-        run_workers(4, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
-            open.work(checkpoint, [&] {
+        run_workers(4, {}, [&](const WorkerThread &self) {
+            open.work(self, [&] {
                 for (std::size_t batch = 0; batch < 30; ++batch) {
                     std::atomic<int> ended{0};
-                    open.run(worker == 3 ? 0 : 3, [&](std::size_t i) {
-                        ++runs[(worker * 30 + batch) * 3 + i];
+                    open.run(self, self.number == 3 ? 0 : 3, [&](const WorkerThread &, std::size_t i) {
+                        ++runs[(self.number * 30 + batch) * 3 + i];
                         ++ended;
                     });
-                    EXPECT_EQ(worker == 3 ? 0 : 3, ended) << "run() returned before its tasks had";
+                    EXPECT_EQ(self.number == 3 ? 0 : 3, ended) << "run() returned before its tasks had";
                 }
             });
         });
@@ -154,12 +152,12 @@ TEST(OpenTasks, AFailureIsTheOwners) {
     for (std::size_t failing = 0; failing < 6; ++failing) {
         OpenTasks open;
         std::string message;
-        run_workers(3, {}, [&](std::size_t worker, const Checkpoint &checkpoint) {
-            open.work(checkpoint, [&] {
-                if (worker != 0)
+        run_workers(3, {}, [&](const WorkerThread &self) {
+            open.work(self, [&] {
+                if (self.number != 0)
                     return;
                 try {
-                    open.run(6, [&](std::size_t i) {
+                    open.run(self, 6, [&](const WorkerThread &, std::size_t i) {
                         if (i == failing)
                             throw std::runtime_error("task " + std::to_string(i));
                     });
@@ -177,12 +175,13 @@ TEST(OpenTasks, CancellationReachesThoseThatHelp) {
     std::atomic<int> working{0};
     EXPECT_THROW(run_workers(
                      3, [] { throw std::domain_error("cancelled"); },
-                     [&](std::size_t worker, const Checkpoint &checkpoint) {
-                         open.work(checkpoint, [&] {
-                             for (++working; worker == 0 && working < 3;)
+                     [&](const WorkerThread &self) {
+                         open.work(self, [&] {
+                             for (++working; self.number == 0 && working < 3;)
                                  std::this_thread::yield();
-                             while (worker != 0) { // the caller's worker has nothing to do, and is told all the same
-                                 checkpoint();
+                             while (self.number !=
+                                    0) { // the caller's worker has nothing to do, and is told all the same
+                                 self.checkpoint();
                                  std::this_thread::yield();
                              }
                          });

@@ -63,23 +63,22 @@ inline clsp::Capture capture(const std::shared_ptr<clsp::Context> &context, cons
     return clsp::simulate_capture(simulator, effects, levels, 11);
 }
 
-inline clsp::FittedModel model(clsp::Experiment &experiment, const clsp::EffectSettings &effects) {
+inline clsp::FittedModel model(clsp::ReplicateRunner &runner, const clsp::EffectSettings &effects) {
     clsp::Replicates replicates;
     replicates.effects = effects;
-    replicates.levels =
-        experiment.calibrate(effects, std::vector<bool>(experiment.layout().sequences.size(), true), nullptr);
-    replicates.draws = experiment.replicates(effects, replicates.levels, {1, 2, 3, 4, 5, 6, 7, 8}, {});
+    replicates.levels = runner.calibrate(effects, std::vector<bool>(runner.layout().sequences.size(), true), nullptr);
+    replicates.draws = runner.replicates(effects, replicates.levels, {1, 2, 3, 4, 5, 6, 7, 8}, {});
     clsp::FittedModel result;
     result.effects = effects;
-    const auto count = static_cast<Eigen::Index>(experiment.count());
-    result.model = clsp::GapModel(experiment, std::move(replicates), 0.02, Eigen::MatrixXd(count, 0),
-                                  Eigen::VectorXd::Zero(count));
+    const auto count = static_cast<Eigen::Index>(runner.count());
+    result.model =
+        clsp::GapModel(runner, std::move(replicates), 0.02, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
     result.jacobian.resize(count, 0);
     return result;
 }
 
 struct Sample {
-    std::unique_ptr<clsp::Experiment> experiment;
+    std::unique_ptr<clsp::ReplicateRunner> runner;
     clsp::Capture real;
     clsp::FittedModel baseline, with_effects;
     clsp::DiagnosisResult result;
@@ -91,36 +90,35 @@ inline Sample with_evidence(const std::shared_ptr<clsp::Context> &context, const
     const clsp::EffectSettings defocus{{"defocus", {1.2}}};
     Sample sample;
     sample.real = capture(context, sequences, defocus);
-    sample.experiment = std::make_unique<clsp::Experiment>(context, sample.real, std::vector<clsp::Hypothesis>(), 1);
-    clsp::Experiment &experiment = *sample.experiment;
-    sample.baseline = model(experiment, {});
+    sample.runner = std::make_unique<clsp::ReplicateRunner>(context, sample.real, std::vector<clsp::Hypothesis>(), 1);
+    clsp::ReplicateRunner &runner = *sample.runner;
+    sample.baseline = model(runner, {});
     if (with_model)
-        sample.with_effects = model(experiment, defocus);
+        sample.with_effects = model(runner, defocus);
     const clsp::FittedModel *final = with_model ? &sample.with_effects : nullptr;
 
     clsp::DiagnosisResult &result = sample.result;
     result.seed = 3;
     result.level = 0.02;
     result.candidates = clsp::candidates({}, {});
-    const clsp::GapTest test = sample.baseline.model.test(experiment.real());
-    std::vector<clsp::StatisticShrinkage> shrunk(experiment.count());
+    const clsp::GapTest test = sample.baseline.model.test(runner.real());
+    std::vector<clsp::StatisticShrinkage> shrunk(runner.count());
     if (with_model)
-        shrunk = clsp::statistic_shrinkages(experiment, sample.baseline, sample.with_effects);
-    for (std::size_t k = 0; k < experiment.count(); ++k) {
+        shrunk = clsp::statistic_shrinkages(runner, sample.baseline, sample.with_effects);
+    for (std::size_t k = 0; k < runner.count(); ++k) {
         const auto i = static_cast<Eigen::Index>(k);
-        result.places.push_back({experiment.list()[k], experiment.real().mean()[i],
-                                 sample.baseline.model.full().mean()[i], test.z[i], test.p_adjusted[i],
-                                 0.3 * test.z[i], shrunk[k]});
+        result.places.push_back({runner.list()[k], runner.real().mean()[i], sample.baseline.model.full().mean()[i],
+                                 test.z[i], test.p_adjusted[i], 0.3 * test.z[i], shrunk[k]});
     }
     std::stable_sort(result.places.begin(), result.places.end(), [](const clsp::GapPlace &a, const clsp::GapPlace &b) {
         return std::abs(a.z) > std::abs(b.z);
     });
     result.calibration = {64.1, 4.05, {{"dark", 64.1, 0.0, 0.0}, {"board_moving", 184.2, 120.1, 1.0}}};
-    result.measurements = clsp::measure_quantities(experiment, sample.real, sample.baseline, final, result.seed);
+    result.measurements = clsp::measure_quantities(runner, sample.real, sample.baseline, final, result.seed);
     result.looks = {{"defocus", 0.9, true}, {"glare", 0.3, true}, {"pupil_obstruction", 0.1, false}};
     result.evidence = std::make_shared<const clsp::Evidence>(
-        clsp::collect_evidence(experiment, sample.real, sample.baseline, final, result.seed));
-    result.downstream = clsp::measure_downstream(experiment, sample.real, sample.baseline, final, result.seed);
+        clsp::collect_evidence(runner, sample.real, sample.baseline, final, result.seed));
+    result.downstream = clsp::measure_downstream(runner, sample.real, sample.baseline, final, result.seed);
     return sample;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "inference/memo.hpp"
+#include "inference/workers.hpp"
 #include "simulator/simulator.hpp"
 #include "statistics/device_sums.hpp"
 #include "statistics/sequence_statistics.hpp"
@@ -41,29 +42,36 @@ constexpr double kLeastReadNoise = 0.05;
 // Standard deviations of what a data sheet says, which is good to a few DN and about 15 %.
 constexpr double kSheetBlackLevel = 2.0, kSheetReadNoise = 0.1;
 
-// Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of them.
-constexpr std::uint64_t seed_of_draws(std::uint64_t seed) { return seed * 0x9E3779B97F4A7C15u; }
+// Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of
+// them.
+constexpr std::uint64_t seed_of_draws(std::uint64_t seed) {
+    return seed * 0x9E3779B97F4A7C15u;
+}
 
-class Experiment {
+// Simulates replicates of a capture and measures them. Work side by side (side_by_side()) is handed runners of its own,
+// one for each worker: what it asks of such a runner is done in that worker.
+class ReplicateRunner {
   public:
     // Throws kInvalidData if the capture has no sequence that can be measured.
-    Experiment(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
-               unsigned threads);
+    ReplicateRunner(std::shared_ptr<Context> context, const Capture &real, std::vector<Hypothesis> hypotheses,
+                    unsigned threads);
 
-    const CaptureLayout &layout() const { return layout_; }
-    const Simulator &simulator() const { return *simulators_.front(); }
-    const std::vector<StatisticInfo> &list() const { return list_; }
-    std::size_t count() const { return list_.size(); }
+    const CaptureLayout &layout() const { return shared_->layout; }
+    const Simulator &simulator() const { return *shared_->simulators.front(); }
+    const std::vector<StatisticInfo> &list() const { return shared_->list; }
+    std::size_t count() const { return shared_->list.size(); }
     // Statistics [begin, end) belong to a sequence.
-    std::size_t begin(std::size_t sequence) const { return offsets_[sequence]; }
-    std::size_t end(std::size_t sequence) const { return offsets_[sequence + 1]; }
+    std::size_t begin(std::size_t sequence) const { return shared_->offsets[sequence]; }
+    std::size_t end(std::size_t sequence) const { return shared_->offsets[sequence + 1]; }
     // Whether a sequence's statistics are of few frames.
     bool has_few_frames(std::size_t sequence) const { return half_count(sequence) < kFewFrames; }
-    bool parted() const { return parted_; } // whether any sequence has two halves
-    bool parted(std::size_t sequence) const { return half_count(sequence) < layout_.sequences[sequence].frame_count; }
-    const FoldStatistics &real() const { return real_; }
-    const SequenceLevel &real_level(std::size_t sequence) const { return real_levels_[sequence]; }
-    const Calibration &real_calibration() const { return real_calibration_; }
+    bool parted() const { return shared_->parted; } // whether any sequence has two halves
+    bool parted(std::size_t sequence) const {
+        return half_count(sequence) < shared_->layout.sequences[sequence].frame_count;
+    }
+    const FoldStatistics &real() const { return shared_->real; }
+    const SequenceLevel &real_level(std::size_t sequence) const { return shared_->real_levels[sequence]; }
+    const Calibration &real_calibration() const { return shared_->real_calibration; }
 
     // Simulates until black level, read noise and signal levels are the capture's. start: levels that hold for the
     // sequences that `concerned` leaves out; nullptr: all are concerned.
@@ -103,18 +111,19 @@ class Experiment {
     // has one of its own, as far from the data sheet's as the real one may be.
     CalibratedLevels drawn_levels(const CalibratedLevels &calibrated, std::uint64_t seed) const;
 
-    // Calls work(0) ... work(count - 1), which are to be independent of each other: each in a worker that simulates and
-    // measures what the work asks for, helped by workers that have run out of work. Within such work, all of them on its
-    // own thread.
-    void side_by_side(std::size_t count, const std::function<void(std::size_t)> &work);
-    // Whether this is the thread that progress may be told on: other workers' are not.
-    bool on_callers_thread() const;
+    // Calls work(runner, 0) ... work(runner, count - 1), which are to be independent of each other: each in a worker
+    // that simulates and measures what the work asks `runner` for, helped by workers that have run out of work. A
+    // worker's runner does all of them itself. Work that asks another runner than its own is refused.
+    void side_by_side(std::size_t count, const std::function<void(ReplicateRunner &runner, std::size_t i)> &work);
+    // Whether this is the runner of the thread that progress may be told on: other workers' are not.
+    bool on_callers_thread() const { return !seat_ || seat_->self.number == 0; }
 
-    // How much has been asked for so far, in whole captures without effects: by the number of frames, and of interference
-    // patterns and filters in them. The same for the same questions, whatever was known already and however many threads there are.
+    // How much has been asked for so far, in whole captures without effects: by the number of frames, and of
+    // interference patterns and filters in them. The same for the same questions, whatever was known already and
+    // however many threads there are.
     double work() const;
 
-    // Called before each sequence, on the caller's thread; throws to cancel.
+    // Called before each sequence, on the caller's thread; throws to cancel. Of a worker's runner: the worker's.
     std::function<void()> checkpoint;
 
   private:
@@ -128,27 +137,30 @@ class Experiment {
         statistics::DeviceSums *device; // nullptr: the host sums over pixels
         unsigned threads;               // that measuring may use
     };
-    Worker worker(std::size_t number, unsigned threads) const {
-        return {*simulators_[number], device_sums_.empty() ? nullptr : device_sums_[number].get(), threads};
+    // Simulators of one camera, one for each worker.
+    using Simulators = std::vector<std::unique_ptr<Simulator>>;
+    statistics::DeviceSums *device_of(std::size_t worker) const {
+        return shared_->device_sums.empty() ? nullptr : shared_->device_sums[worker].get();
     }
     // Statistics of the halves of a sequence that are asked for, one after the other.
     std::vector<double> measured(std::size_t sequence, Folds folds, const std::uint16_t *codes,
                                  const Calibration &calibration, const Worker &worker) const {
-        return measured(statistics_[sequence], sequence, folds, codes, calibration, worker);
+        return measured(shared_->statistics[sequence], sequence, folds, codes, calibration, worker);
     }
     std::vector<double> measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,
-                                 const std::uint16_t *codes, const Calibration &calibration, const Worker &worker) const;
+                                 const std::uint16_t *codes, const Calibration &calibration,
+                                 const Worker &worker) const;
     // Captures, sequence by sequence. `take` gets what is measured of those that are concerned, workers side by side;
-    // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated again.
+    // seed_index counts the seeds. What was simulated before with the same effects on a sequence is not simulated
+    // again.
     using TakeValues =
         std::function<void(std::size_t seed_index, std::size_t sequence, const std::vector<double> &values)>;
-    void simulate(const EffectSettings &effects, const CalibratedLevels &calibrated,
+    void simulate(const Simulators &simulators, const EffectSettings &effects, const CalibratedLevels &calibrated,
                   const std::vector<std::uint64_t> &seeds, const std::vector<bool> &concerned,
                   const std::function<void(std::size_t)> &before_each, Folds folds, const TakeValues &take);
     // What the frames of a sequence depend on beside the seed.
-    MemoKey key_of(const EffectSettings &effects, const CalibratedLevels &levels, std::size_t sequence) const;
-    struct Inside; // which worker a thread works in
-    const Inside *inside() const;
+    MemoKey key_of(const Simulator &simulator, const EffectSettings &effects, const CalibratedLevels &levels,
+                   std::size_t sequence) const;
     // One sequence, drawn from one seed.
     struct Task {
         std::size_t seed_index, sequence;
@@ -157,14 +169,14 @@ class Experiment {
     // Workers side by side: each does its own tasks, then what the others have not begun. before_each: called with the
     // seed_index of tasks as they come (may be empty).
     using DoTask = std::function<void(const Task &task, const Worker &worker)>;
-    void run_tasks(const std::vector<Task> &tasks, const std::function<void(std::size_t)> &before_each,
-                   const DoTask &work);
+    void run_tasks(const Simulators &simulators, const std::vector<Task> &tasks,
+                   const std::function<void(std::size_t)> &before_each, const DoTask &work);
     // The simulator that draws a sequence unless another one helps out: the same for the same random numbers, as it
     // keeps the light that it drew last.
     std::size_t worker_of(std::size_t sequence, std::uint64_t seed) const {
-        return (places_[sequence] + seed) % simulators_.size();
+        return (shared_->places[sequence] + seed) % shared_->simulators.size();
     }
-    // That worker's; in the work of side_by_side() the work's own.
+    // That worker's; of a worker's runner its own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
     void sort_by_work();
     // What some of a sequence's frames take to simulate and measure.
@@ -187,8 +199,8 @@ class Experiment {
                           CalibratedLevels &levels);
     SequenceLevel calibrate_coarse_signal(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                           double step_dn, CalibratedLevels &levels);
-    void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence, double step_dn,
-                                CalibratedLevels &levels);
+    void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
+                                double step_dn, CalibratedLevels &levels);
     // The read noise that dark and even frames show where steps are coarse.
     double noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
                                double step_dn, const CalibratedLevels &begin);
@@ -208,25 +220,52 @@ class Experiment {
                                      const std::vector<std::uint32_t> &frame_counts,
                                      const std::vector<bool> &present) const;
 
-    std::shared_ptr<Context> context_;
-    CaptureLayout layout_;
-    unsigned threads_;
-    // Sequences are simulated and measured side by side, each worker by a simulator of its own.
-    std::vector<std::unique_ptr<Simulator>> simulators_;
-    std::vector<std::unique_ptr<statistics::DeviceSums>> device_sums_; // one for each, or none
-    Memo memo_;
-    mutable SpareBuffers<std::uint16_t> spare_codes_;
-    std::vector<std::size_t> by_work_, places_; // sequences that take long first; the place of each
-    std::vector<SequenceStatistics> statistics_; // of half of a sequence's frames
-    std::vector<SequenceStatistics> elsewhere_;  // of frames whose dots are elsewhere; empty: of no others
-    std::vector<StatisticInfo> list_;
-    std::vector<std::size_t> offsets_;
-    bool parted_ = false;
-    bool knows_black_level_ = false, knows_read_noise_ = false; // from dark sequences
-    std::atomic<std::uint64_t> work_{0}; // see work_of()
-    FoldStatistics real_;
-    std::vector<SequenceLevel> real_levels_;
-    Calibration real_calibration_;
+    // What the runners of all workers share.
+    struct Shared {
+        Shared(std::shared_ptr<Context> context_, const CaptureLayout &layout_, unsigned threads_);
+
+        std::shared_ptr<Context> context;
+        CaptureLayout layout;
+        unsigned threads;
+        Memo memo;
+        // Sequences are simulated and measured side by side, each worker by a simulator of its own.
+        Simulators simulators;
+        std::vector<std::unique_ptr<statistics::DeviceSums>> device_sums; // one for each, or none
+        std::atomic<bool> engaged{false};                                 // the workers work
+        SpareBuffers<std::uint16_t> spare_codes;
+        std::vector<std::size_t> by_work, places;   // sequences that take long first; the place of each
+        std::vector<SequenceStatistics> statistics; // of half of a sequence's frames
+        std::vector<SequenceStatistics> elsewhere;  // of frames whose dots are elsewhere; empty: of no others
+        std::vector<StatisticInfo> list;
+        std::vector<std::size_t> offsets;
+        bool parted = false;
+        bool knows_black_level = false, knows_read_noise = false; // from dark sequences
+        std::atomic<std::uint64_t> work{0};                       // see work_of()
+        FoldStatistics real;
+        std::vector<SequenceLevel> real_levels;
+        Calibration real_calibration;
+    };
+    // While all workers work for one call.
+    class Engaged {
+      public:
+        explicit Engaged(Shared &shared);
+        Engaged(const Engaged &) = delete;
+        Engaged &operator=(const Engaged &) = delete;
+        ~Engaged() { shared_.engaged = false; }
+
+      private:
+        Shared &shared_;
+    };
+    // A place among the workers of side_by_side().
+    struct Seat {
+        const WorkerThread &self;
+        OpenTasks &tasks; // of all workers
+    };
+    ReplicateRunner(std::shared_ptr<Shared> shared, const Seat &seat)
+        : checkpoint(seat.self.checkpoint), shared_(std::move(shared)), seat_(&seat) {}
+
+    std::shared_ptr<Shared> shared_;
+    const Seat *seat_ = nullptr; // of a worker's runner
 };
 
 } // namespace clsp
