@@ -4,8 +4,8 @@
 
 #include "inference/candidate.hpp"
 #include "inference/gap_test.hpp"
+#include "inference/model_fit.hpp"
 #include "inference/replicate_runner.hpp"
-#include "inference/search.hpp"
 #include "simulator/finished_frames.hpp"
 
 #include <Eigen/Core>

@@ -1,8 +1,8 @@
 #include "inference/levels.hpp"
 
-#include "simulator/host_noise.hpp"
 #include "runtime/error.hpp"
-#include "statistics/sequence_statistics.hpp"
+#include "simulator/host_noise.hpp"
+#include "statistics/sequence_level.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,13 +2,13 @@
 // the search and its swaps are made of.
 #pragma once
 
+#include "inference/gap_test.hpp"
 #include "inference/gauss_newton.hpp"
-#include "inference/search.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <map>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,19 +25,36 @@ constexpr double kSeldom = 0.05;
 // the catalogue's own to be taken, as a parameter means something else in each.
 constexpr double kFormMargin = 20.0;
 
-// Effects in the order in which they were found.
-struct Path {
-    EffectModel model;
-    Pool pool; // of the whole model
-    std::map<const Candidate *, Eigen::VectorXd>
-        looks; // each other effect's change of the statistics when it was last looked at
-    std::vector<SearchStep> steps;
-    std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
-    // Of effects whose form the capture does not tell (swap_forms): the values of the other one.
-    std::map<std::string, std::vector<double>> other_forms;
-    double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
-    double strongest = kStrongest;             // how far its strengths may go
+struct SearchOptions {
+    std::uint64_t seed = 0;
+    std::uint32_t null_replicates = 48;  // of the baseline
+    std::uint32_t model_replicates = 24; // of each model that is compared in the end
+    std::uint32_t pool_seeds = 2;        // common random numbers
+    std::uint32_t refined = 7;           // effects whose strength is fitted in each step
+    std::uint32_t finalists = 3;
+    std::uint32_t max_effects = 6;
+    double most_work =
+        900.0;           // beside the baseline's, what is asked for before the last step begins (ReplicateRunner::work)
+    double level = 0.02; // of a false alarm
+    double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
 };
+
+// The baseline with effects, simulated at its fitted parameters and tested.
+struct FittedModel {
+    EffectSettings effects;
+    std::vector<FittedParameter> parameters;
+    GapModel model;
+    GapTest residual;              // with the fitted parameters' directions taken out
+    Eigen::MatrixXd jacobian;      // change of the statistics per unit of each strength
+    std::vector<Strength> columns; // these strengths
+    double part = 1.0;             // of the usual finite differences: the Jacobian's
+    Eigen::VectorXd change;        // of the mean statistics by the effects, without the correction
+    Eigen::VectorXd step;          // of each strength: the last, linear one of the fit
+    Eigen::VectorXd correction;    // of the mean, by that step
+    double score = 0.0;            // held-out squared distance plus log determinant; smaller is better
+};
+
+using Progress = std::function<void(const std::string &what, double fraction)>;
 
 // The two halves' differences from a model.
 struct Differences {
@@ -102,8 +119,6 @@ class ModelFit {
     std::uint32_t few_replicates() const {
         return std::min(options_.model_replicates, std::max(12u, options_.model_replicates / 2));
     }
-    // Fits what a path has without a model (see Path).
-    void complete(Path &path, const FittedModel &baseline, double at);
 
     // Sequences in which an effect shows.
     std::vector<bool> concerned(const std::string &id) const;
@@ -151,8 +166,5 @@ class ModelFit {
     double baseline_work_ = 0.0;
     bool ended_early_ = false;
 };
-
-// A path may have that many effects: slight ones, which are not named, take nobody's place.
-std::size_t most_effects(const ModelFit &fits, const Path &path);
 
 } // namespace clsp

@@ -25,6 +25,11 @@ constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 // What is simulated on each side of an image and cut off: light comes in at the other border from twice as far.
 constexpr std::uint32_t kBorderPx = 24;
 
+[[noreturn]] void refuse_another_runner() {
+    throw Error(Status::kInternal,
+                "work side by side is to ask its own runner, not that of all workers; please report this");
+}
+
 CaptureLayout with_border(CaptureLayout layout) {
     const std::uint32_t width = layout.width, height = layout.height;
     layout.width += 2 * kBorderPx;
@@ -65,7 +70,7 @@ ReplicateRunner::Shared::Shared(std::shared_ptr<Context> context_, const Capture
 
 ReplicateRunner::Engaged::Engaged(Shared &shared) : shared_(shared) {
     if (shared_.engaged.exchange(true))
-        throw Error(Status::kInternal, "work side by side asked for all workers; it is to ask its own runner");
+        refuse_another_runner();
 }
 
 ReplicateRunner::ReplicateRunner(std::shared_ptr<Context> context, const Capture &real,
@@ -390,7 +395,13 @@ void ReplicateRunner::side_by_side(std::size_t count,
 }
 
 Simulator &ReplicateRunner::simulator_of(std::size_t sequence, std::uint64_t seed) const {
-    return *shared_->simulators[seat_ ? seat_->self.number : worker_of(sequence, seed)];
+    return *shared_->simulators[own_worker(worker_of(sequence, seed))];
+}
+
+std::size_t ReplicateRunner::own_worker(std::size_t otherwise) const {
+    if (!seat_ && shared_->engaged)
+        refuse_another_runner();
+    return seat_ ? seat_->self.number : otherwise;
 }
 
 std::uint64_t ReplicateRunner::work_of(const EffectSettings &effects, std::size_t sequence,
@@ -473,7 +484,7 @@ void ReplicateRunner::measure(std::size_t sequence, const std::uint16_t *codes, 
                               FoldStatistics &into) const {
     const SequenceStatistics &statistics =
         shared_->elsewhere.empty() ? shared_->statistics[sequence] : shared_->elsewhere[sequence];
-    const std::size_t number = seat_ ? seat_->self.number : 0;
+    const std::size_t number = own_worker(0);
     const Worker worker{*shared_->simulators[number], device_of(number), shared_->threads};
     put(sequence, measured(statistics, sequence, Folds::kBoth, codes, calibration, worker), into);
 }

@@ -5,6 +5,7 @@
 #include "inference/workers.hpp"
 #include "simulator/simulator.hpp"
 #include "statistics/device_sums.hpp"
+#include "statistics/sequence_level.hpp"
 #include "statistics/sequence_statistics.hpp"
 
 #include <Eigen/Core>
@@ -176,6 +177,8 @@ class ReplicateRunner {
     std::size_t worker_of(std::size_t sequence, std::uint64_t seed) const {
         return (shared_->places[sequence] + seed) % shared_->simulators.size();
     }
+    // Of a worker's runner that worker. Throws for work side by side that asks for another one.
+    std::size_t own_worker(std::size_t otherwise) const;
     // That worker's; of a worker's runner its own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
     void sort_by_work();

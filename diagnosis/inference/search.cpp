@@ -1,8 +1,7 @@
 #include "inference/search.hpp"
 
-#include "inference/swap.hpp"
 #include "inference/least_squares.hpp"
-#include "inference/model_fit.hpp"
+#include "inference/swap.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -651,7 +650,7 @@ SearchResult Search::run() {
         }
         if (!path.models.empty()) {
             fits_.set_strongest(path.strongest);
-            fits_.complete(path, baseline, path.progress);
+            complete(fits_, path, baseline, path.progress);
             fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
                         0.98, 0.99);
             fits_.confirm(path.models.back(), 0.99);

@@ -1,7 +1,7 @@
 // How far a gap shrinks once effects are in the simulator, on halves of the frames that the fit has not seen.
 #pragma once
 
-#include "inference/search.hpp"
+#include "inference/model_fit.hpp"
 
 #include <array>
 #include <vector>

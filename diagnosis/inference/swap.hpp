@@ -1,7 +1,7 @@
 // What comes after effects were chosen one by one: an early choice may have been wrong, or needless.
 #pragma once
 
-#include "inference/model_fit.hpp"
+#include "inference/search_state.hpp"
 
 #include <vector>
 

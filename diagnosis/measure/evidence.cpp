@@ -1,9 +1,8 @@
 #include "measure/evidence.hpp"
 
-#include "measure/evidence_measures.hpp"
-
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -84,7 +83,9 @@ SequenceEvidence sequence_evidence(const ReplicateRunner &runner, std::size_t in
         Draft &draft = drafts[v];
         VersionEvidence &version = result.versions[v];
         const Plane mean = evidence::mean_image(all[v]);
-        evidence::fill_histogram(all[v], range, version);
+        evidence::Histogram histogram = evidence::histogram(all[v], range);
+        version.histogram = std::move(histogram.bins);
+        version.histogram_outside = histogram.outside;
         version.power = evidence::radial_power(all[v], mean, result.fluctuation, bands);
         version.autocorrelation = evidence::temporal_autocorrelation(all[v]);
         if (sequence.scene == CaptureScene::kDots)

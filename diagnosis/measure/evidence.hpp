@@ -2,7 +2,9 @@
 // added.
 #pragma once
 
-#include "inference/search.hpp"
+#include "inference/model_fit.hpp"
+#include "measure/evidence_measures.hpp"
+#include "measure/picture.hpp"
 
 #include <array>
 #include <cstddef>
@@ -15,17 +17,6 @@ namespace clsp {
 
 constexpr std::uint32_t kEvidenceFrames = 8; // of each sequence at most
 constexpr std::uint32_t kPictureWidth = 320; // px at most; larger images are averaged over squares of pixels
-constexpr std::size_t kHistogramBins = 128;  // at most
-constexpr int kDotReach = 12;                // px around a dot
-
-// An image for eyes: 8 bits, row by row, gray (1 channel) or red, green, blue (3 channels).
-struct Picture {
-    std::uint32_t width = 0, height = 0, channels = 1;
-    double low_dn = 0.0, high_dn = 0.0; // shown as the darkest and the brightest (gray), as blue and red (colour)
-    std::vector<std::uint8_t> pixels;
-
-    bool empty() const { return pixels.empty(); }
-};
 
 enum class Version : std::uint32_t { kReal = 0, kBaseline = 1, kWithEffects = 2 };
 
@@ -41,12 +32,6 @@ struct VersionEvidence {
     std::vector<double> power;           // DN^2 per (cycle/px)^2, by band of frequency
     std::vector<double> autocorrelation; // between frames that lie 0, 1, 2 ... apart; empty for a single frame
     std::vector<double> dot_profile_dn;  // signal by distance from the dot; empty without dots
-};
-
-// What the power spectrum is taken of.
-enum class Fluctuation : std::uint32_t {
-    kOverTime, // frame minus the mean of all frames
-    kInFrame   // frame minus its own mean: of a static laser scene, whose speckle stands, and of single frames
 };
 
 struct SequenceEvidence {

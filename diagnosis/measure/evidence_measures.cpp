@@ -32,10 +32,6 @@ std::vector<float> hann(std::size_t size) {
     return result;
 }
 
-std::uint8_t shade(double share) {
-    return std::uint8_t(std::lround(255.0 * std::clamp(share, 0.0, 1.0)));
-}
-
 } // namespace
 
 Plane mean_image(const Frames &frames) {
@@ -84,28 +80,6 @@ double quantile(Plane values, double share) {
     return double(values[rank]);
 }
 
-Picture gray_picture(const Plane &plane, std::uint32_t width, std::uint32_t height, double low, double high) {
-    Picture picture{width, height, 1, low, high, std::vector<std::uint8_t>(plane.size())};
-    const double range = high > low ? high - low : 1.0;
-    for (std::size_t i = 0; i < plane.size(); ++i)
-        picture.pixels[i] = shade((double(plane[i]) - low) / range);
-    return picture;
-}
-
-Picture diverging_picture(const Plane &plane, std::uint32_t width, std::uint32_t height, double reach) {
-    // Ends of the ColorBrewer scale RdBu, which stays readable for the colour-blind.
-    constexpr std::array<double, 3> kBlue{33.0 / 255.0, 102.0 / 255.0, 172.0 / 255.0},
-        kRed{178.0 / 255.0, 24.0 / 255.0, 43.0 / 255.0};
-    Picture picture{width, height, 3, -reach, reach, std::vector<std::uint8_t>(3 * plane.size())};
-    for (std::size_t i = 0; i < plane.size(); ++i) {
-        const double share = reach > 0.0 ? std::clamp(double(plane[i]) / reach, -1.0, 1.0) : 0.0;
-        const auto &end = share < 0.0 ? kBlue : kRed;
-        for (std::size_t c = 0; c < 3; ++c)
-            picture.pixels[3 * i + c] = shade(1.0 - std::abs(share) * (1.0 - end[c]));
-    }
-    return picture;
-}
-
 HistogramRange histogram_range(const std::vector<Frames> &versions) {
     std::vector<std::uint64_t> counts(65536);
     std::uint64_t total = 0;
@@ -139,7 +113,7 @@ HistogramRange histogram_range(const std::vector<Frames> &versions) {
     return range;
 }
 
-void fill_histogram(const Frames &frames, const HistogramRange &range, VersionEvidence &version) {
+Histogram histogram(const Frames &frames, const HistogramRange &range) {
     std::vector<double> counts(range.bins);
     double total = 0.0, outside = 0.0;
     for (std::size_t t = 0; t < frames.count; ++t)
@@ -156,8 +130,7 @@ void fill_histogram(const Frames &frames, const HistogramRange &range, VersionEv
         }
     for (double &count : counts)
         count /= std::max(total, 1.0);
-    version.histogram = std::move(counts);
-    version.histogram_outside = outside / std::max(total, 1.0);
+    return {std::move(counts), outside / std::max(total, 1.0)};
 }
 
 std::size_t band_count(const CaptureLayout &layout) {

@@ -2,13 +2,23 @@
 #pragma once
 
 #include "capture/capture.hpp"
-#include "measure/evidence.hpp"
 
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-namespace clsp::evidence {
+namespace clsp {
+
+constexpr std::size_t kHistogramBins = 128; // at most
+constexpr int kDotReach = 12;               // px around a dot
+
+// What the power spectrum is taken of.
+enum class Fluctuation : std::uint32_t {
+    kOverTime, // frame minus the mean of all frames
+    kInFrame   // frame minus its own mean: of a static laser scene, whose speckle stands, and of single frames
+};
+
+namespace evidence {
 
 // Frames of a sequence as codes.
 struct Frames {
@@ -34,16 +44,16 @@ Plane block_means(const Plane &plane, std::size_t width, std::size_t height, std
 
 // The value that a share of the plane's values lies below.
 double quantile(Plane values, double share);
-Picture gray_picture(const Plane &plane, std::uint32_t width, std::uint32_t height, double low, double high);
-// Blue for -reach, white for 0, red for reach.
-Picture diverging_picture(const Plane &plane, std::uint32_t width, std::uint32_t height, double reach);
-
 // Codes from the 0.05th to the 99.95th percentile of several versions, in at most kHistogramBins bins of whole codes.
 struct HistogramRange {
     std::uint32_t first = 0, step = 1, bins = 1; // bin k: codes first + k * step ... + step - 1
 };
 HistogramRange histogram_range(const std::vector<Frames> &versions);
-void fill_histogram(const Frames &frames, const HistogramRange &range, VersionEvidence &version);
+struct Histogram {
+    std::vector<double> bins; // share of the pixels in each
+    double outside = 0.0;     // share of the pixels below or above all bins
+};
+Histogram histogram(const Frames &frames, const HistogramRange &range);
 
 // Mean over frames of the radial power spectral density, under a Hann window; its integral over the plane is the
 // variance.
@@ -62,4 +72,5 @@ struct DotStack {
 DotStack stack_dots(const Frames &frames, const Plane &mean, double black_level_dn);
 std::vector<double> dot_profile_radii();
 
-} // namespace clsp::evidence
+} // namespace evidence
+} // namespace clsp

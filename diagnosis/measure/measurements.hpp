@@ -2,8 +2,8 @@
 // widths in pixels, the photon transfer. For people to read; no verdict goes by it.
 #pragma once
 
-#include "inference/search.hpp"
 #include "capture/capture.hpp"
+#include "inference/model_fit.hpp"
 #include "statistics/quantities.hpp"
 
 #include <cstddef>

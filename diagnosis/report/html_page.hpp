@@ -1,7 +1,7 @@
 // Pieces of an HTML page: text that is always escaped, tables, pictures and figures.
 #pragma once
 
-#include "measure/evidence.hpp"
+#include "measure/picture.hpp"
 
 #include <nlohmann/json.hpp>
 #include <string>

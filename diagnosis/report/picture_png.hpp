@@ -1,7 +1,7 @@
 // Pictures of the report as PNG in text.
 #pragma once
 
-#include "measure/evidence.hpp"
+#include "measure/picture.hpp"
 
 #include <cstdint>
 #include <string>

@@ -23,6 +23,8 @@ struct ResidualScale {
     bool any_clip = false;            // whether such codes can be
 };
 
+// Lags of pixel pairs in the noise: right, down, both diagonals, two right, two down.
+constexpr std::array<Lag, 6> kNoiseLags{{{1, 0}, {0, 1}, {1, 1}, {-1, 1}, {2, 0}, {0, 2}}};
 // Of one frame's residual.
 struct ResidualFrameSums {
     Powers powers;

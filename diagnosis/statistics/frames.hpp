@@ -1,19 +1,13 @@
-// The frames of a sequence as signals, and sums over each of them.
+// The frames of a sequence as signals.
 #pragma once
 
 #include "statistics/geometry.hpp"
-#include "statistics/sequence_statistics.hpp"
 #include "statistics/spare_buffers.hpp"
 
 #include <cstdint>
 #include <vector>
 
 namespace clsp::statistics {
-
-// Lags of pixel pairs in the noise: right, down, both diagonals, two right, two down.
-constexpr std::array<Lag, 6> kNoiseLags{{{1, 0}, {0, 1}, {1, 1}, {-1, 1}, {2, 0}, {0, 2}}};
-// Frames apart, below frame_count: 1, 2, (4, 8 of a static laser scene,) frame_count / 2.
-std::vector<std::size_t> temporal_lags(const Geometry &geometry);
 
 struct Frames {
     std::vector<double> frame_mean; // DN above the black level, by frame
@@ -34,28 +28,5 @@ struct Frames {
         return residual.data() + frame * geometry.pixels;
     }
 };
-
-class FrameSums;
-// sums: takes the sums over pixels, here and from here on.
-Frames make_frames(const Geometry &geometry, const std::uint16_t *codes, const Calibration &calibration,
-                   FrameSums &sums);
-
-// Sums over the residuals of all frames, in the order of the frames.
-struct ResidualSums {
-    Powers powers;
-    double column_variance = 0.0;                  // of column means times their pixels, mean over columns and frames
-    std::array<double, kNoiseLags.size()> noise{}; // correlation at kNoiseLags
-    std::vector<double> temporal;                  // correlation at temporal_lags()
-    // Motions of the image of a static laser scene, by frame, in px (turn and breathing: px at the corner): the
-    // residual regressed on the derivative of the mean image with respect to the motion. information: sum of squares of
-    // that derivative.
-    struct Motion {
-        double information = 0.0;
-        std::vector<double> amount;
-    };
-    std::array<Motion, 4> motions; // right, down, turn, breathing
-};
-
-ResidualSums sum_residuals(const Geometry &geometry, const Frames &frames, FrameSums &sums);
 
 } // namespace clsp::statistics

@@ -1,7 +1,7 @@
 // The groups of statistics. Each writes its own to the sink, always the same ones for the same geometry.
 #pragma once
 
-#include "statistics/frame_sums.hpp"
+#include "statistics/residual_sums.hpp"
 #include "statistics/sink.hpp"
 
 namespace clsp::statistics {

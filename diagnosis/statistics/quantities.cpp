@@ -2,7 +2,9 @@
 
 #include "runtime/error.hpp"
 #include "statistics/dot_shape.hpp"
+#include "statistics/make_frames.hpp"
 #include "statistics/measures.hpp"
+#include "statistics/sequence_level.hpp"
 #include "statistics/speckle_sums.hpp"
 
 #include <algorithm>

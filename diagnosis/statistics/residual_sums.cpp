@@ -1,5 +1,4 @@
-// Sums over the residuals: moments, correlations between pixels and between frames, motion of the image.
-#include "statistics/frame_sums.hpp"
+#include "statistics/residual_sums.hpp"
 
 #include <algorithm>
 #include <cmath>

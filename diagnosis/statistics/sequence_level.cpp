@@ -1,6 +1,7 @@
-// What the nuisances are calibrated on: the mean of a sequence and the noise of its pixels.
+#include "statistics/sequence_level.hpp"
+
 #include "runtime/error.hpp"
-#include "statistics/frames.hpp"
+#include "statistics/geometry.hpp"
 
 #include <fmt/format.h>
 

@@ -2,6 +2,7 @@
 
 #include "runtime/error.hpp"
 #include "statistics/device_sums.hpp"
+#include "statistics/make_frames.hpp"
 #include "statistics/measures.hpp"
 
 #include <fmt/format.h>

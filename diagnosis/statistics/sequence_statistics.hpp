@@ -3,10 +3,10 @@
 
 #include "capture/capture.hpp"
 #include "statistics/spare_buffers.hpp"
+#include "statistics/statistic.hpp"
 
 #include <cstdint>
 #include <memory>
-#include <string>
 #include <vector>
 
 namespace clsp {
@@ -15,28 +15,6 @@ namespace statistics {
 struct Geometry;
 class DeviceSums;
 }
-
-// The stages of the report: laser, doe, surface, motion, optics, sensor. A statistic belongs to the stage whose effects
-// it shows first.
-struct StatisticInfo {
-    std::string stage;
-    std::string sequence; // the sequence's name
-    std::string name;     // for example "dot_width_x"
-    std::string region;   // "all", "r0c2" (of 3 x 3), "ring1" ...
-    std::string unit;     // "DN", "px", "1" ...
-    // Its standard deviation is never taken as less: replicates without any of a rare thing say little of how often one comes.
-    double least_deviation = 0.0;
-};
-
-// Of fewer frames, squares over frames (of a frame's shift, of its mean's deviation) are far from Gaussian in their
-// logarithm, and so is much else; sequences of more are measured and tested without regard to it.
-constexpr std::uint32_t kFewFrames = 8;
-
-// What was calibrated before any statistic is spoken of.
-struct Calibration {
-    double black_level_dn = 0.0;
-    double read_noise_dn = 0.0;
-};
 
 // The statistics of one sequence of a capture. Its list is fixed by the layout: the same for real and simulated frames
 // of any content.
@@ -59,17 +37,5 @@ class SequenceStatistics {
     std::shared_ptr<SpareBuffers<float>> spare_;
     std::vector<StatisticInfo> list_;
 };
-
-// What the nuisances are calibrated on.
-struct SequenceLevel {
-    double mean_dn = 0.0; // of all unmasked pixels and frames
-    double temporal_noise_dn =
-        0.0; // pixel noise: rows, columns and whole frames taken out, robust against hot pixels; 0 of a single frame
-};
-SequenceLevel sequence_level(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
-                             std::uint32_t frame_count);
-// Its mean alone.
-double sequence_mean_dn(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
-                        std::uint32_t frame_count);
 
 } // namespace clsp

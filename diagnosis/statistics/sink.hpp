@@ -2,7 +2,7 @@
 // writes both, so that list and values cannot fall apart.
 #pragma once
 
-#include "statistics/sequence_statistics.hpp"
+#include "statistics/statistic.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 // Sums over images of speckle: the residuals of a moving scene, or the one mean image of a static one.
 #pragma once
 
-#include "statistics/frames.hpp"
+#include "statistics/geometry.hpp"
 
 #include <array>
 #include <vector>

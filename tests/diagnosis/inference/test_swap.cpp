@@ -65,7 +65,7 @@ class Swap : public testing::Test {
     }
     // Steps, models and effects say the same.
     static void expect_consistent(ModelFit &fits, Path path, const FittedModel &baseline) {
-        fits.complete(path, baseline, 0.0);
+        complete(fits, path, baseline, 0.0);
         ASSERT_EQ(path.steps.size(), path.model.effects.size());
         ASSERT_EQ(path.models.size(), path.model.effects.size());
         for (std::size_t n = 0; n < path.steps.size(); ++n) {

@@ -98,11 +98,10 @@ TEST(Measures, HistogramCountsEveryUnmaskedPixelOnce) {
     EXPECT_LE(range.bins, kHistogramBins);
     EXPECT_GT(range.first, 5u);
     EXPECT_GE(range.first + range.bins * range.step, 799u);
-    VersionEvidence version;
-    evidence::fill_histogram(frames, range, version);
-    const double sum = std::accumulate(version.histogram.begin(), version.histogram.end(), 0.0);
-    EXPECT_NEAR(sum + version.histogram_outside, 1.0, 1e-12);
-    EXPECT_LT(version.histogram_outside, 0.002);
+    const evidence::Histogram histogram = evidence::histogram(frames, range);
+    const double sum = std::accumulate(histogram.bins.begin(), histogram.bins.end(), 0.0);
+    EXPECT_NEAR(sum + histogram.outside, 1.0, 1e-12);
+    EXPECT_LT(histogram.outside, 0.002);
 }
 
 TEST(Measures, FramesOfOneCodeStayFinite) {
@@ -115,9 +114,8 @@ TEST(Measures, FramesOfOneCodeStayFinite) {
         EXPECT_EQ(power, 0.0);
     EXPECT_EQ(evidence::temporal_autocorrelation(frames), (std::vector<double>{1.0, 0.0, 0.0}));
     const evidence::HistogramRange range = evidence::histogram_range({frames});
-    VersionEvidence version;
-    evidence::fill_histogram(frames, range, version);
-    EXPECT_EQ(std::accumulate(version.histogram.begin(), version.histogram.end(), 0.0), 1.0);
+    const std::vector<double> histogram = evidence::histogram(frames, range).bins;
+    EXPECT_EQ(std::accumulate(histogram.begin(), histogram.end(), 0.0), 1.0);
     EXPECT_EQ(centre_errors(layout, layout.sequences[0], codes.data(), 3).count, 0.0) << "no dot stands out";
     const Picture picture = evidence::gray_picture(mean, 64, 48, 1023.0, 1023.0);
     EXPECT_EQ(picture.pixels.size(), layout.pixel_count());

@@ -6,6 +6,7 @@
 #include "capture/capture_reader.hpp"
 #include "runtime/error.hpp"
 #include "statistics/device_sums.hpp"
+#include "statistics/sequence_level.hpp"
 #include "statistics/sequence_statistics.hpp"
 
 #include <algorithm>

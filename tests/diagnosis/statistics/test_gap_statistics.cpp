@@ -1,6 +1,7 @@
 // Statistics of a capture's sequences: always finite, the same for any number of threads, blind to masked pixels, and
 // each of them moved by what it is named after.
 #include "runtime/error.hpp"
+#include "statistics/sequence_level.hpp"
 #include "statistics/sequence_statistics.hpp"
 
 #include <gtest/gtest.h>

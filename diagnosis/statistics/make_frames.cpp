@@ -1,4 +1,4 @@
-#include "statistics/frame_sums.hpp"
+#include "statistics/make_frames.hpp"
 
 #include <algorithm>
 #include <cmath>
