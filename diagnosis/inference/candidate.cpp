@@ -59,10 +59,10 @@ Scale scale_of(const HypothesisParameter &parameter) {
 
 double Candidate::value(std::size_t parameter, double strength, double sign) const {
     const HypothesisParameter &p = parameters[parameter];
-    return std::clamp(mirrored(held(parameter, strength, sign), sign, parameter), p.minimum, p.maximum);
+    return std::clamp(mirrored(clamped(parameter, strength, sign), sign, parameter), p.minimum, p.maximum);
 }
 
-double Candidate::held(std::size_t parameter, double strength, double sign) const {
+double Candidate::clamped(std::size_t parameter, double strength, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
     const Scale scale = scale_of(p);
     const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
@@ -84,7 +84,7 @@ double Candidate::strength(std::size_t parameter, double value, double sign) con
 
 double Candidate::snapped(std::size_t parameter, double at, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
-    const double held = this->held(parameter, at, sign);
+    const double held = this->clamped(parameter, at, sign);
     return p.whole || held == p.minimum || held == p.maximum ? strength(parameter, value(parameter, at, sign), sign)
                                                              : at;
 }
@@ -171,7 +171,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
     return result;
 }
 
-void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn) {
+void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn) {
     const double range = camera.dn_of_ten_bits();
     const double stated = dark_noise_dn > kSheetFactor * camera.read_noise_dn ? dark_noise_dn : camera.read_noise_dn;
     const double noise = std::max(stated, kRoundingDn) / kCatalogueReadNoiseDn;

@@ -13,8 +13,8 @@ namespace clsp {
 struct Candidate {
     std::string id, stage, summary;
     std::vector<HypothesisParameter> parameters;
-    // Another form of the effect whose change is nearly that of the catalogue's own: no look tells which of them it is,
-    // fits do.
+    // Another form of the effect whose change is nearly that of the catalogue's own: screening does not tell which of
+    // them it is, fits do.
     bool told_by_fit = false;
 
     // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range.
@@ -38,9 +38,9 @@ struct Candidate {
     double usual(std::size_t parameter, double sign) const {
         return mirrored(parameters[parameter].weak, sign, parameter);
     }
-    // Strengths to look at first, one after the other until one changes something: an effect may do nothing half way
+    // Strengths to screen at, one after the other until one changes something: an effect may do nothing half way
     // from weak to strong.
-    static constexpr double kLooks[] = {0.5, 1.0, 0.0};
+    static constexpr double kScreeningStrengths[] = {0.5, 1.0, 0.0};
     // The direction in which a value of the first parameter lies.
     double sign_of(double value) const;
     // How far to go from a strength for a finite difference.
@@ -59,7 +59,7 @@ struct Candidate {
         return sign < 0.0 && parameter == 0 && this->direction() == direction;
     }
     // A value within the range, of what mirrored() gives.
-    double held(std::size_t parameter, double strength, double sign) const;
+    double clamped(std::size_t parameter, double strength, double sign) const;
     // The value in the other direction, in either of them.
     double mirrored(double value, double sign, std::size_t parameter) const;
     // A parameter as it is in a direction: the range of what mirrored() gives.
@@ -71,7 +71,7 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
 // The catalogue's ranges are those of a converter of ten bits and 4 DN of read noise. On another camera levels go with the converter's range,
 // noise in DN with the data sheet's read noise (the dark frames' where that is more than twice it), and the converter's own bits with those
 // that are lost. A user's hypotheses stay as they are.
-void go_with_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn);
+void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn);
 // And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
 // An order of candidates that are all different.

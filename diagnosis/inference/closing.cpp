@@ -130,10 +130,10 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         tell("screening " + candidate.id, 0.0);
         Answer answer;
         answer.candidate = &candidate;
-        FoldStatistics moved; // by the first look that changed something in the wanted direction, or the last one
-        double square = 0.0, looked = 0.0;
+        FoldStatistics moved; // by the first strength that changed something in the wanted direction, or the last one
+        double square = 0.0, screened_at = 0.0;
         Eigen::VectorXd direction;
-        for (const double strength : Candidate::kLooks) {
+        for (const double strength : Candidate::kScreeningStrengths) {
             EffectModel with = model;
             with.add(candidate, 1.0, strength);
             FoldStatistics changed;
@@ -143,11 +143,12 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
             if (!(towards.squaredNorm() > 0.0))
                 continue;
             moved = std::move(changed);
-            looked = strength;
+            screened_at = strength;
             direction = towards;
             square = direction.squaredNorm();
             // Where it does nothing half way, it may do the opposite on either side.
-            if (strength == Candidate::kLooks[0] || direction.dot(target) > 0.0 || candidate.has_direction())
+            if (strength == Candidate::kScreeningStrengths[0] || direction.dot(target) > 0.0 ||
+                candidate.has_direction())
                 break;
         }
         if (!(square > 0.0))
@@ -155,8 +156,8 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         const double coefficient = direction.dot(target) / square;
         answer.gain = coefficient * coefficient * square;
         if (coefficient > 0.0) {
-            answer.first.add(candidate.snapped(0, looked), {moved.first, {}, {}});
-            answer.second.add(candidate.snapped(0, looked), {moved.second, {}, {}});
+            answer.first.add(candidate.snapped(0, screened_at), {moved.first, {}, {}});
+            answer.second.add(candidate.snapped(0, screened_at), {moved.second, {}, {}});
         } else {
             if (candidate.has_direction()) {
                 answer.sign = -1.0;
@@ -312,11 +313,11 @@ ClosingResult Closing::run() {
         if (answers.empty())
             break;
         const double excess = whitened(rest_.second).squaredNorm() - chance();
-        const double first_look = answers.front().gain;
+        const double best_screened = answers.front().gain;
         double explained = 0.0;
         for (std::size_t i = 0; i < answers.size(); ++i) {
             Answer &answer = answers[i];
-            if (explained > kNearlyAll * excess && answer.gain < kFirstLook * first_look)
+            if (explained > kNearlyAll * excess && answer.gain < kLeastScreened * best_screened)
                 continue;
             tell("fitting " + answer.candidate->id, progress + 0.5 * share * double(i) / double(answers.size()));
             answer.fitted = possible([&] { refine(answer, model); });

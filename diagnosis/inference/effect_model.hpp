@@ -22,16 +22,16 @@ constexpr double kNear = 0.06;
 // A linear step of a fit is trusted that far.
 constexpr double kLargestStep = 0.4;
 constexpr int kGaussNewtonRounds = 2;
-// Once effects explain that part of the excess, those whose gain at a first look was below the second number need no
+// Once effects explain that part of the excess, those whose gain at screening was below the second number need no
 // fit.
-constexpr double kNearlyAll = 0.97, kFirstLook = 0.5;
+constexpr double kNearlyAll = 0.97, kLeastScreened = 0.5;
 // -2 log of the likelihood ratio below which an effect is not worth a parameter.
 constexpr double kLeastGain = 14.0;
 // Where a residual remains, an effect must explain this part of what is beyond chance.
 constexpr double kLeastShare = 0.12;
-// Standard deviation of the simulator's error, relative to the change of a quantity that the effects make. What intervals
-// count of it: by none 42 of 45 held what another simulator of the same physics was given, by 0.3 all of these, by
-// which it was chosen, and 86 of 91 others (docs/gap-check.md).
+// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make. What
+// intervals count of it: by none 42 of 45 held what another simulator of the same physics was given, by 0.3 all of
+// these, by which it was chosen, and 86 of 91 others (docs/gap-check.md).
 constexpr double kModelError = 0.025, kPartInIntervals = 0.3;
 
 // A parameter of one of the model's effects and its strength.
@@ -111,7 +111,7 @@ Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const 
                                   const EffectSettings &effects, const std::vector<Strength> &columns,
                                   const Eigen::VectorXd &change, const Eigen::MatrixXd &jacobian);
 
-// An effect that was weighed in a step of a search. Those that a first look put aside are not among them.
+// An effect that was weighed in a step of a search. Those that screening put aside are not among them.
 struct RankedEffect {
     std::string effect;
     std::vector<double> values;

@@ -11,7 +11,7 @@ namespace {
 // A round is taken back where the squared distance grew by that factor.
 constexpr double kMuchWorse = 1.5;
 // So many rounds have a chance, however far they are; and that many that gain nothing.
-constexpr int kHopefulRounds = 2, kIdleRounds = 2;
+constexpr int kRoundsBeforeGivingUp = 2, kIdleRounds = 2;
 
 // Broyden's update: the matrix nearest to the last one that tells what a step did.
 void update_secant(Eigen::MatrixXd &jacobian, const Eigen::VectorXd &moved, const Eigen::VectorXd &changed) {
@@ -96,7 +96,7 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
             best = std::move(now);
             best_mean = mean;
         }
-        if ((round >= kHopefulRounds && best.square > options.hopeless) ||
+        if ((round >= kRoundsBeforeGivingUp && best.square > options.give_up_square) ||
             (options.least_gain > 0.0 && idle == kIdleRounds))
             break;
         model = best.model;

@@ -31,7 +31,7 @@ struct GaussNewtonOptions {
     double near = 0.06;      // a step that is shorter ends it
     double far = 0.06;       // and one that is shorter ends the secant rounds
     double strongest = kStrongest;
-    double hopeless = 1e300; // so does that squared distance after a few of them
+    double give_up_square = 1e300; // so does that squared distance after a few of them
     double least_gain = 0.0; // and two of them in a row that take away less than that part of it
 };
 

@@ -18,7 +18,7 @@ constexpr std::uint32_t kConfirming = 2;
 constexpr double kBeyondDoubt = 1e-6, kPartOfLevel = 0.1;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
-constexpr double kNothingMoved = 0.004, kFine = 0.15;
+constexpr double kLeastStep = 0.004, kFine = 0.15;
 // And one that takes less than that from the squared distance is not judged; nor one that takes less than that part of
 // what is beyond chance: where much is left, an effect is missing, and strengths are to be fitted once more.
 constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
@@ -251,7 +251,7 @@ bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
     EffectModel moved = model;
-    if (move_strengths(moved, fitted.step, strongest_) < kNothingMoved)
+    if (move_strengths(moved, fitted.step, strongest_) < kLeastStep)
         return;
     FitOptions fine;
     fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());

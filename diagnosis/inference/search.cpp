@@ -16,13 +16,13 @@ namespace {
 // Of the progress: the baseline is simulated; the second search begins, if there is one; the searches end.
 constexpr double kBegin = 0.3, kSecond = 0.7, kEnd = 0.98;
 constexpr int kFitRounds = 3;
-// Effects whose gain at a first look is less than that part of the best one's are not fitted.
-constexpr double kLeastLook = 0.2;
-// That many times as many are fitted as long as none bears out its first look.
+// Effects whose gain at screening is less than that part of the best one's are not fitted.
+constexpr double kLeastGainPart = 0.2;
+// That many times as many are fitted as long as no fit bears out the screening.
 constexpr std::uint32_t kMorePatient = 2;
-// Later looks take the effects whose change at the last look promises most, and those only of which it promises
+// Later screenings take the effects whose change at the last one promises most, and those only of which it promises
 // anything.
-constexpr std::size_t kMostLooks = 14;
+constexpr std::size_t kMostScreened = 14;
 constexpr double kLeastPromise = 4.0;
 // Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
 constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
@@ -36,13 +36,14 @@ constexpr int kMostSwaps = 3;
 // covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
 constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
 // Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are
-// looked at again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one
+// screened again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one
 // of 1.
-constexpr double kPoorLook = 0.5;
-constexpr double kSecondLooks[] = {0.5, 1.0};
-// A search that explains no such excess is made once more, with those looks in any case and this part of kLeastLook: at
-// f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, a look too poor for a fit by a little.
-constexpr double kPatientLook = 0.25;
+constexpr double kPoorScreening = 0.5;
+constexpr double kLineStrengths[] = {0.5, 1.0};
+// A search that explains no such excess is made once more, along those lines in any case and with
+// this part of kLeastGainPart: at f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, which promises
+// too little for a fit by a little.
+constexpr double kPatientGainPart = 0.25;
 // There, the effects that are still missing explain less.
 constexpr double kLeastShareOfLittle = 0.04;
 
@@ -51,7 +52,7 @@ struct Refined {
     double sign = 1.0;
     double strength = 0.5;
     double gain = 0.0; // screening, then held-out
-    double look = 0.0; // part of the squared distance, by screening
+    double share = 0.0; // of the squared distance, by screening
     bool fitted = false;
     std::vector<bool> concerned;
     Response response;
@@ -105,13 +106,13 @@ void decide_forms(std::vector<Refined> &refined) {
 
 // Where the capture does not tell which form an effect has, each of its parameters may be what it is in the other one,
 // too.
-void include_other_forms(Path &path) {
-    for (std::size_t k = 0; k < path.model.effects.size(); ++k) {
-        const Candidate &candidate = *path.model.effects[k].candidate;
-        const auto other = path.other_forms.find(candidate.id);
-        if (other == path.other_forms.end())
+void include_other_forms(SearchState &state) {
+    for (std::size_t k = 0; k < state.model.effects.size(); ++k) {
+        const Candidate &candidate = *state.model.effects[k].candidate;
+        const auto other = state.other_forms.find(candidate.id);
+        if (other == state.other_forms.end())
             continue;
-        for (FittedParameter &parameter : path.models.back().parameters)
+        for (FittedParameter &parameter : state.models.back().parameters)
             for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
                 if (parameter.effect == candidate.id && parameter.name == candidate.parameters[p].name) {
                     parameter.low = std::min(parameter.low, other->second[p]);
@@ -128,41 +129,41 @@ class Search {
     SearchResult run();
 
   private:
-    // Effects by what they promise at a first look. fresh: none is put aside by its last look.
-    std::vector<Refined> screen(Path &path, const FittedModel &fitted, bool fresh);
-    // Fits the promising ones of them; false if no fit bears out a look.
-    bool refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at);
+    // Effects by what they promise at screening. fresh: none is put aside by its last one.
+    std::vector<Refined> screen(SearchState &state, const FittedModel &fitted, bool fresh);
+    // Fits the promising ones of them; false if no fit bears out the screening.
+    bool refine_all(std::vector<Refined> &refined, const SearchState &state, const FittedModel &current, double at);
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
-    // The gain by a straight line from one strength to another, held out, where that is more than by the first look.
-    void look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted);
-    void remember_looks(const std::vector<Refined> &refined); // the first ones
+    // The gain by a straight line from one strength to another, held out, where that is more than at one strength.
+    void screen_along_lines(std::vector<Refined> &refined, const SearchState &state, const FittedModel &fitted);
+    void remember_screening(const std::vector<Refined> &refined); // the first one
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
     std::size_t best_of(std::vector<FittedModel> &fits, double margin, double at) const;
-    // Adds the effect that explains most of what `current`, fitted to the path's model, leaves. False if none does.
-    bool grow(Path &path, const FittedModel &current, double from, double share);
+    // Adds the effect that explains most of what `current`, fitted to the state's model, leaves. False if none does.
+    bool grow(SearchState &state, const FittedModel &current, double from, double share);
 
     // Effects that explain the gap, within the range that is common for each if any do.
-    Path explain(const FittedModel &baseline);
+    SearchState explain(const FittedModel &baseline);
     // Adds effects until nothing is left or nothing helps; or until one of them goes far: false, and it may go on.
     enum class Until { kFar, kDone };
-    bool grow_all(Path &path, const FittedModel &baseline, Until until);
-    Path empty_path(double from, double to) const; // of the progress
+    bool grow_all(SearchState &state, const FittedModel &baseline, Until until);
+    SearchState empty_state(double from, double to) const; // of the progress
     // Swaps effects, adds others, takes out what is needless.
-    void finish(Path &path, const FittedModel &baseline);
+    void finish(SearchState &state, const FittedModel &baseline);
     // An effect is far beyond its range.
-    static bool goes_far(const Path &path);
+    static bool goes_far(const SearchState &state);
     // A strength stands at the end of the common range, its last step leads out of it, and the wide search found it
     // there.
-    static bool leads_out(const Path &common, const Path &wide);
-    static bool begins_elsewhere(const Path &a, const Path &b) {
+    static bool leads_out(const SearchState &common, const SearchState &wide);
+    static bool begins_elsewhere(const SearchState &a, const SearchState &b) {
         return a.steps.empty() || b.steps.empty() || a.steps.front().added != b.steps.front().added;
     }
-    bool is_explained(Path &path) {
-        if (path.models.empty())
+    bool is_explained(SearchState &state) {
+        if (state.models.empty())
             return false;
-        fits_.confirm(path.models.back(), path.progress);
-        return !path.models.back().residual.detected;
+        fits_.confirm(state.models.back(), state.progress);
+        return !state.models.back().residual.detected;
     }
 
     // Little of the baseline's excess is left, but what is left is seldom by chance.
@@ -175,14 +176,14 @@ class Search {
     bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(runner_.count()); }
 
     double baseline_excess_ = 0.0;
-    bool patient_ = false; // first effects get second looks in any case, and more of them a fit
-    std::vector<FirstLook> looks_;
+    bool patient_ = false; // first effects are screened along lines in any case, and more of them get a fit
+    std::vector<ScreenedEffect> screened_;
     ReplicateRunner &runner_;
     const std::vector<Candidate> &candidates_;
 };
 
-std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool fresh) {
-    const EffectModel &model = path.model;
+std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitted, bool fresh) {
+    const EffectModel &model = state.model;
     const Covariance &covariance = fitted.model.fold();
     const Eigen::MatrixXd jacobian = whiten_columns(covariance, fitted.jacobian);
     const Eigen::VectorXd target = covariance.whiten(fits_.differences(fitted).mean());
@@ -200,38 +201,39 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         if (model.has(candidate) ||
             std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
             continue;
-        const auto look = path.looks.find(&candidate);
-        refined.gain = fresh || look == path.looks.end() ? 1e300 : gain_of(look->second, refined.sign);
+        const auto known = state.screened.find(&candidate);
+        refined.gain = fresh || known == state.screened.end() ? 1e300 : gain_of(known->second, refined.sign);
         if (refined.gain > kLeastPromise)
             result.push_back(std::move(refined));
     }
-    if (!path.looks.empty() && !fresh) {
+    if (!state.screened.empty() && !fresh) {
         sort_by_gain(result);
-        keep_effects(result, kMostLooks);
+        keep_effects(result, kMostScreened);
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
-    std::vector<double> looked(result.size());
+    std::vector<double> screened_at(result.size());
     runner_.side_by_side(result.size(), [&](ReplicateRunner &runner, std::size_t i) {
         const Candidate &candidate = *result[i].candidate;
         if (runner.on_callers_thread())
             fits_.report(0.0, "screening " + candidate.id);
-        for (const double strength : Candidate::kLooks) {
+        for (const double strength : Candidate::kScreeningStrengths) {
             EffectModel with = model;
             with.add(candidate, 1.0, strength);
             Change change;
             if (!possible([&] {
-                    change = simulate_change(runner, path.pool, with.settings(), result[i].concerned,
+                    change = simulate_change(runner, state.pool, with.settings(), result[i].concerned,
                                              fits_.options().seed, kSearchSeeds);
                 }))
                 continue;
             double sign = 1.0;
             const bool nothing = change.mean.isZero(0.0);
             // Where it does nothing half way, it may do the opposite on either side.
-            const bool enough = !nothing && (strength == Candidate::kLooks[0] || gain_of(change.mean, sign) <= 0.0 ||
-                                             sign > 0.0 || candidate.has_direction());
+            const bool enough =
+                !nothing && (strength == Candidate::kScreeningStrengths[0] || gain_of(change.mean, sign) <= 0.0 ||
+                             sign > 0.0 || candidate.has_direction());
             if (!nothing || changes[i].mean.size() == 0) {
                 changes[i] = std::move(change);
-                looked[i] = strength;
+                screened_at[i] = strength;
             }
             if (enough)
                 break;
@@ -244,11 +246,11 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
         refined.gain = 0.0;
         if (change.mean.size() == 0)
             continue;
-        path.looks[&candidate] = change.mean;
+        state.screened[&candidate] = change.mean;
         const double gain = gain_of(change.mean, refined.sign);
         if (refined.sign > 0.0) {
             refined.gain = gain;
-            refined.response.add(candidate.snapped(0, looked[i]), std::move(change));
+            refined.response.add(candidate.snapped(0, screened_at[i]), std::move(change));
         } else {
             // The other direction of an effect that has one; others cannot be negative.
             if (candidate.has_direction())
@@ -259,66 +261,66 @@ std::vector<Refined> Search::screen(Path &path, const FittedModel &fitted, bool 
     }
     const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
     const auto best = std::max_element(result.begin(), result.end(), promised);
-    const bool poor = best != result.end() && best->gain < kPoorLook * target.squaredNorm();
+    const bool poor = best != result.end() && best->gain < kPoorScreening * target.squaredNorm();
     if ((poor || (patient_ && model.effects.empty())) &&
         fits_.excess_square(fitted) > kLarge * static_cast<double>(runner_.count()))
-        look_again(result, path, fitted);
+        screen_along_lines(result, state, fitted);
     sort_by_gain(result);
     for (Refined &refined : result)
-        refined.look = ratio_of(refined.gain, target.squaredNorm());
+        refined.share = ratio_of(refined.gain, target.squaredNorm());
     return result;
 }
 
-void Search::look_again(std::vector<Refined> &refined, const Path &path, const FittedModel &fitted) {
-    struct Look {
+void Search::screen_along_lines(std::vector<Refined> &refined, const SearchState &state, const FittedModel &fitted) {
+    struct Line {
         std::size_t place;
         double sign, gain;
         Response response;
     };
-    std::vector<Look> looks;
+    std::vector<Line> lines;
     for (std::size_t i = 0; i < refined.size(); ++i) {
         const bool turns = refined[i].candidate->has_direction();
         for (const double sign : {1.0, -1.0})
             if (sign > 0.0 || turns)
-                looks.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
+                lines.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
     }
     const double before = fits_.held_out(fitted);
-    runner_.side_by_side(looks.size(), [&](ReplicateRunner &runner, std::size_t k) {
-        Look &look = looks[k];
-        const Refined &of = refined[look.place];
+    runner_.side_by_side(lines.size(), [&](ReplicateRunner &runner, std::size_t k) {
+        Line &line = lines[k];
+        const Refined &of = refined[line.place];
         if (runner.on_callers_thread())
             fits_.report(0.0, "screening " + of.candidate->id);
         possible([&] {
-            for (const double asked : kSecondLooks) {
-                const double strength = of.candidate->snapped(0, asked, look.sign);
-                if (!look.response.empty() && look.response.distance(strength) <= kNear)
+            for (const double asked : kLineStrengths) {
+                const double strength = of.candidate->snapped(0, asked, line.sign);
+                if (!line.response.empty() && line.response.distance(strength) <= kNear)
                     continue;
-                EffectModel with = path.model;
-                with.add(*of.candidate, look.sign, strength);
-                look.response.add(strength, simulate_change(runner, path.pool, with.settings(), of.concerned,
+                EffectModel with = state.model;
+                with.add(*of.candidate, line.sign, strength);
+                line.response.add(strength, simulate_change(runner, state.pool, with.settings(), of.concerned,
                                                             fits_.options().seed, kSearchSeeds));
             }
-            look.gain =
-                0.5 * (before - fits_.held_out(fitted, &look.response)); // of two halves, a promise is of their mean
+            line.gain =
+                0.5 * (before - fits_.held_out(fitted, &line.response)); // of two halves, a promise is of their mean
         });
     });
-    for (Look &look : looks) {
-        Refined &of = refined[look.place];
-        if (look.gain <= of.gain)
+    for (Line &line : lines) {
+        Refined &of = refined[line.place];
+        if (line.gain <= of.gain)
             continue;
-        of.gain = look.gain;
-        of.sign = look.sign;
-        of.response = std::move(look.response);
+        of.gain = line.gain;
+        of.sign = line.sign;
+        of.response = std::move(line.response);
     }
 }
 
-void Search::remember_looks(const std::vector<Refined> &refined) {
-    if (!looks_.empty())
+void Search::remember_screening(const std::vector<Refined> &refined) {
+    if (!screened_.empty())
         return;
     for (const Refined &candidate : refined)
-        looks_.push_back({candidate.candidate->id, candidate.look, candidate.fitted});
-    std::stable_sort(looks_.begin(), looks_.end(),
-                     [](const FirstLook &a, const FirstLook &b) { return a.share > b.share; });
+        screened_.push_back({candidate.candidate->id, candidate.share, candidate.fitted});
+    std::stable_sort(screened_.begin(), screened_.end(),
+                     [](const ScreenedEffect &a, const ScreenedEffect &b) { return a.share > b.share; });
 }
 
 void Search::refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool) {
@@ -382,29 +384,30 @@ SearchStep Search::described(const std::vector<Refined> &refined, const std::vec
     return step;
 }
 
-bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const FittedModel &current, double at) {
+bool Search::refine_all(std::vector<Refined> &refined, const SearchState &state, const FittedModel &current,
+                        double at) {
     const double excess = fits_.excess_square(current);
-    const double first_look = refined.empty() ? 0.0 : refined.front().gain;
-    // The best gain of a fit, and at the first look the best gain that a fit bore out.
+    const double best_screened = refined.empty() ? 0.0 : refined.front().gain;
+    // The best gain of a fit, and at screening the best gain that a fit bore out.
     double explained = 0.0, borne_out = 0.0;
     std::uint32_t tried = 0;
-    const double least_look = kLeastLook * (patient_ ? kPatientLook : 1.0);
+    const double least_screened = kLeastGainPart * (patient_ ? kPatientGainPart : 1.0);
     for (Refined &candidate : refined) {
-        const double look = candidate.gain;
+        const double screened = candidate.gain;
         candidate.gain = 0.0;
-        if (look <= 0.0)
+        if (screened <= 0.0)
             continue;
         // Another form of what was fitted is, too; else what promises enough, and if one effect explains nearly all,
-        // was at least half as good at a first look.
+        // was at least half as good at screening.
         const bool is_form = std::any_of(refined.begin(), refined.end(), [&](const Refined &other) {
             return other.fitted && are_forms(other, candidate);
         });
         const std::uint32_t most = fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient);
-        if (!is_form && (look < least_look * borne_out || tried >= most ||
-                         (explained > kNearlyAll * excess && look < kFirstLook * first_look)))
+        if (!is_form && (screened < least_screened * borne_out || tried >= most ||
+                         (explained > kNearlyAll * excess && screened < kLeastScreened * best_screened)))
             continue;
         fits_.report(at, "fitting " + candidate.candidate->id);
-        candidate.fitted = possible([&] { refine(candidate, path.model, current, path.pool); });
+        candidate.fitted = possible([&] { refine(candidate, state.model, current, state.pool); });
         if (!candidate.fitted) {
             candidate.gain = 0.0;
             continue;
@@ -412,7 +415,7 @@ bool Search::refine_all(std::vector<Refined> &refined, const Path &path, const F
         tried += is_form ? 0 : 1;
         explained = std::max(explained, candidate.gain);
         if (candidate.gain >= kLeastGain)
-            borne_out = std::max(borne_out, look);
+            borne_out = std::max(borne_out, screened);
     }
     decide_forms(refined);
     return borne_out > 0.0;
@@ -447,16 +450,16 @@ std::size_t Search::best_of(std::vector<FittedModel> &fits, double margin, doubl
     return running.front();
 }
 
-bool Search::grow(Path &path, const FittedModel &current, double from, double share) {
+bool Search::grow(SearchState &state, const FittedModel &current, double from, double share) {
     const double excess = fits_.excess_square(current);
-    const bool little = excess <= kLittleLeft * baseline_excess_, stale = !path.looks.empty();
-    std::vector<Refined> refined = screen(path, current, false);
-    const bool borne_out = refine_all(refined, path, current, from + 0.2 * share);
-    remember_looks(refined);
-    // The last looks may be of another picture: what is lopsided shows late under a defocus.
+    const bool little = excess <= kLittleLeft * baseline_excess_, stale = !state.screened.empty();
+    std::vector<Refined> refined = screen(state, current, false);
+    const bool borne_out = refine_all(refined, state, current, from + 0.2 * share);
+    remember_screening(refined);
+    // The last screening may be of another picture: what is lopsided shows late under a defocus.
     if (!borne_out && little && stale) {
-        refined = screen(path, current, true);
-        refine_all(refined, path, current, from + 0.2 * share);
+        refined = screen(state, current, true);
+        refine_all(refined, state, current, from + 0.2 * share);
     }
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
@@ -477,11 +480,11 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
             break;
         const double begin =
             from + share * (0.4 + 0.6 * static_cast<double>(models.size()) / fits_.options().finalists);
-        EffectModel with = path.model;
+        EffectModel with = state.model;
         with.add(*candidate.candidate, candidate.sign, candidate.strength);
         Pool own;
         FittedModel fitted;
-        const Origin origin{current.model.full(), path.pool};
+        const Origin origin{current.model.full(), state.pool};
         FitOptions options;
         options.replicates = fits_.few_replicates();
         options.from = begin;
@@ -514,10 +517,10 @@ bool Search::grow(Path &path, const FittedModel &current, double from, double sh
     if ((gain < kLeastGain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
-    path.steps.push_back(described(refined, finalists, fits, best, current));
-    path.model = std::move(models[best]);
-    path.pool = std::move(pools[best]);
-    path.models.push_back(std::move(fits[best]));
+    state.steps.push_back(described(refined, finalists, fits, best, current));
+    state.model = std::move(models[best]);
+    state.pool = std::move(pools[best]);
+    state.models.push_back(std::move(fits[best]));
     return true;
 }
 
@@ -526,12 +529,12 @@ bool is_far(const EffectModel &model, const Strength &s) {
     return p.weak != p.strong && s.strength > kCommon;
 }
 
-bool Search::goes_far(const Path &path) {
-    return std::any_of(path.model.strengths.begin(), path.model.strengths.end(),
-                       [&](const Strength &s) { return is_far(path.model, s); });
+bool Search::goes_far(const SearchState &state) {
+    return std::any_of(state.model.strengths.begin(), state.model.strengths.end(),
+                       [&](const Strength &s) { return is_far(state.model, s); });
 }
 
-bool Search::leads_out(const Path &common, const Path &wide) {
+bool Search::leads_out(const SearchState &common, const SearchState &wide) {
     for (std::size_t k = 0; k < common.model.strengths.size(); ++k) {
         const Strength &s = common.model.strengths[k];
         const ModelEffect &effect = common.model.effects[s.effect];
@@ -547,67 +550,67 @@ bool Search::leads_out(const Path &common, const Path &wide) {
     return false;
 }
 
-bool Search::grow_all(Path &path, const FittedModel &baseline, Until until) {
-    while (!is_explained(path) && path.model.effects.size() < most_effects(fits_, path) && fits_.may_go_on()) {
-        if (until == Until::kFar && goes_far(path))
+bool Search::grow_all(SearchState &state, const FittedModel &baseline, Until until) {
+    while (!is_explained(state) && state.model.effects.size() < most_effects(fits_, state) && fits_.may_go_on()) {
+        if (until == Until::kFar && goes_far(state))
             return false;
-        const double share = 0.5 * (path.progress_end - path.progress);
-        const FittedModel current = path.models.empty() ? baseline : path.models.back();
-        if (!grow(path, current, path.progress, share))
+        const double share = 0.5 * (state.progress_end - state.progress);
+        const FittedModel current = state.models.empty() ? baseline : state.models.back();
+        if (!grow(state, current, state.progress, share))
             break;
-        path.progress += share;
+        state.progress += share;
     }
     return true;
 }
 
-Path Search::empty_path(double from, double to) const {
-    Path path;
-    path.strongest = fits_.strongest();
-    path.pool = fits_.baseline_pool();
-    path.progress = from;
-    path.progress_end = to;
-    return path;
+SearchState Search::empty_state(double from, double to) const {
+    SearchState state;
+    state.strongest = fits_.strongest();
+    state.pool = fits_.baseline_pool();
+    state.progress = from;
+    state.progress_end = to;
+    return state;
 }
 
-void Search::finish(Path &path, const FittedModel &baseline) {
+void Search::finish(SearchState &state, const FittedModel &baseline) {
     const auto swap_effects = [&] {
         for (int swaps = 0; swaps < kMostSwaps; ++swaps) {
-            if (path.models.size() < 2 || !nearly_explained(path.models.back()) || !fits_.may_go_on() ||
-                !swap(fits_, path, path.progress))
+            if (state.models.size() < 2 || !nearly_explained(state.models.back()) || !fits_.may_go_on() ||
+                !swap(fits_, state, state.progress))
                 break;
-            grow_all(path, baseline, Until::kDone);
+            grow_all(state, baseline, Until::kDone);
         }
     };
     swap_effects();
     // Forms were chosen when other effects were missing.
-    const bool is_certain = path.models.empty() || (path.models.size() == 1 && is_explained(path));
-    if (!is_certain && fits_.may_go_on() && swap_forms(fits_, path, candidates_, path.progress) &&
-        !is_explained(path)) {
-        grow_all(path, baseline, Until::kDone);
+    const bool is_certain = state.models.empty() || (state.models.size() == 1 && is_explained(state));
+    if (!is_certain && fits_.may_go_on() && swap_forms(fits_, state, candidates_, state.progress) &&
+        !is_explained(state)) {
+        grow_all(state, baseline, Until::kDone);
         swap_effects();
     }
-    for (int swaps = 0; swaps < kMostSwaps && path.models.size() > 1 && is_explained(path); ++swaps) {
-        Path before = path;
-        if (!fits_.may_go_on() || !swap_confusable_effects(fits_, path, path.progress))
+    for (int swaps = 0; swaps < kMostSwaps && state.models.size() > 1 && is_explained(state); ++swaps) {
+        SearchState before = state;
+        if (!fits_.may_go_on() || !swap_confusable_effects(fits_, state, state.progress))
             break;
-        if (!is_explained(path)) { // likelier, and yet not all
-            path = std::move(before);
+        if (!is_explained(state)) { // likelier, and yet not all
+            state = std::move(before);
             break;
         }
     }
-    if (is_explained(path) && path.models.size() > 2)
-        prune(fits_, path, path.progress);
+    if (is_explained(state) && state.models.size() > 2)
+        prune(fits_, state, state.progress);
 }
 
-Path Search::explain(const FittedModel &baseline) {
+SearchState Search::explain(const FittedModel &baseline) {
     // A flexible effect far beyond its range imitates others that are within theirs, and those are likelier. But one
     // that the common range only holds back is not within it: the last step makes up for what is missing, or goes too
     // far, or another effect does.
-    Path common;
+    SearchState common;
     bool held_back = false;
-    const auto common_explains = [&](const Path &wide) {
+    const auto common_explains = [&](const SearchState &wide) {
         fits_.set_strongest(kCommon);
-        common = empty_path(kSecond, kEnd);
+        common = empty_state(kSecond, kEnd);
         grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
         fits_.set_strongest(kStrongest);
@@ -615,21 +618,21 @@ Path Search::explain(const FittedModel &baseline) {
         held_back = explained && leads_out(common, wide);
         return explained && !held_back;
     };
-    Path path = empty_path(kBegin, kSecond);
-    const bool grown = grow_all(path, baseline, Until::kFar), far = goes_far(path);
-    if (far && fits_.may_go_on() && common_explains(path))
+    SearchState state = empty_state(kBegin, kSecond);
+    const bool grown = grow_all(state, baseline, Until::kFar), far = goes_far(state);
+    if (far && fits_.may_go_on() && common_explains(state))
         return common;
     if (!grown)
-        grow_all(path, baseline, Until::kDone);
-    finish(path, baseline);
-    if (!far && goes_far(path) && fits_.may_go_on() && common_explains(path))
+        grow_all(state, baseline, Until::kDone);
+    finish(state, baseline);
+    if (!far && goes_far(state) && fits_.may_go_on() && common_explains(state))
         return common;
     if (held_back)
-        return is_explained(path) ? path : common;
+        return is_explained(state) ? state : common;
     // Neither need explain the gap, and either may have come farther.
     const bool common_is_better =
-        !common.models.empty() && (path.models.empty() || common.models.back().score < path.models.back().score);
-    return common_is_better && !is_explained(path) ? common : path;
+        !common.models.empty() && (state.models.empty() || common.models.back().score < state.models.back().score);
+    return common_is_better && !is_explained(state) ? common : state;
 }
 
 SearchResult Search::run() {
@@ -638,28 +641,28 @@ SearchResult Search::run() {
     const FittedModel &baseline = result.baseline;
     baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
-        Path path = explain(baseline);
-        if (is_large() && fits_.may_go_on() && !is_explained(path)) {
+        SearchState state = explain(baseline);
+        if (is_large() && fits_.may_go_on() && !is_explained(state)) {
             patient_ = true;
-            Path first = empty_path(kSecond, kEnd);
-            if (grow(first, baseline, kSecond, kEnd - kSecond) && begins_elsewhere(first, path)) {
-                Path again = explain(baseline);
+            SearchState first = empty_state(kSecond, kEnd);
+            if (grow(first, baseline, kSecond, kEnd - kSecond) && begins_elsewhere(first, state)) {
+                SearchState again = explain(baseline);
                 if (is_explained(again))
-                    path = std::move(again);
+                    state = std::move(again);
             }
         }
-        if (!path.models.empty()) {
-            fits_.set_strongest(path.strongest);
-            complete(fits_, path, baseline, path.progress);
-            fits_.judge(path.models.back(), path.models.back().model.replicates(), fits_.options().model_replicates,
+        if (!state.models.empty()) {
+            fits_.set_strongest(state.strongest);
+            complete(fits_, state, baseline, state.progress);
+            fits_.judge(state.models.back(), state.models.back().model.replicates(), fits_.options().model_replicates,
                         0.98, 0.99);
-            fits_.confirm(path.models.back(), 0.99);
-            fits_.measure_parameters(path.models.back(), path.model, 0.99);
-            include_other_forms(path);
+            fits_.confirm(state.models.back(), 0.99);
+            fits_.measure_parameters(state.models.back(), state.model, 0.99);
+            include_other_forms(state);
         }
-        result.steps = std::move(path.steps);
-        result.models = std::move(path.models);
-        result.looks = std::move(looks_);
+        result.steps = std::move(state.steps);
+        result.models = std::move(state.models);
+        result.screened = std::move(screened_);
         result.ended_early = fits_.ended_early();
         result.work = fits_.work();
     }

@@ -10,17 +10,18 @@
 
 namespace clsp {
 
-// What an effect promises at the first look at the baseline's gap.
-struct FirstLook {
+// What an effect promises at the first screening of the baseline's gap.
+struct ScreenedEffect {
     std::string effect;
     double share = 0.0;  // of the squared distance, that as much of its change as fits best takes away; or that a
-                         // change along a line to the strong end does, held out (Search::look_again)
-    bool fitted = false; // whether its parameters were fitted then; what a look promises little of is put aside
+                         // change along a line to the strong end does, held out (Search::screen_along_lines)
+    bool fitted = false; // whether its parameters were fitted then; what promises little is put aside
 };
 
 struct SearchResult {
     FittedModel baseline;
-    std::vector<FirstLook> looks; // at all candidates that can show; the most promising first; none without a gap
+    std::vector<ScreenedEffect>
+        screened; // at all candidates that can show; the most promising first; none without a gap
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
     double work = 0.0;               // what was asked for beside the baseline's (ReplicateRunner::work)

@@ -2,12 +2,12 @@
 
 namespace clsp {
 
-void complete(ModelFit &fits, Path &path, const FittedModel &baseline, double at) {
-    const Eigen::MatrixXd &jacobian = path.models.back().jacobian;
-    for (std::size_t n = 0; n + 1 < path.models.size(); ++n) {
-        if (!path.models[n].effects.empty())
+void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline, double at) {
+    const Eigen::MatrixXd &jacobian = state.models.back().jacobian;
+    for (std::size_t n = 0; n + 1 < state.models.size(); ++n) {
+        if (!state.models[n].effects.empty())
             continue;
-        EffectModel part = path.model.first(n + 1);
+        EffectModel part = state.model.first(n + 1);
         Pool pool;
         FitOptions options;
         options.replicates = fits.few_replicates();
@@ -15,14 +15,14 @@ void complete(ModelFit &fits, Path &path, const FittedModel &baseline, double at
         options.known = jacobian.leftCols(static_cast<Eigen::Index>(part.strengths.size()));
         options.near = true; // to show how the gap shrinks; nothing is chosen by it
         // What cannot be simulated without those that come after it does nothing without them.
-        if (!possible([&] { path.models[n] = fits.fit(part, pool, options); }))
-            path.models[n] = n ? path.models[n - 1] : baseline;
-        path.steps[n].residual = path.models[n].residual;
+        if (!possible([&] { state.models[n] = fits.fit(part, pool, options); }))
+            state.models[n] = n ? state.models[n - 1] : baseline;
+        state.steps[n].residual = state.models[n].residual;
     }
 }
 
-std::size_t most_effects(const ModelFit &fits, const Path &path) {
-    return fits.options().max_effects + (path.models.empty() ? 0 : path.model.slight_count(path.models.back().step));
+std::size_t most_effects(const ModelFit &fits, const SearchState &state) {
+    return fits.options().max_effects + (state.models.empty() ? 0 : state.model.slight_count(state.models.back().step));
 }
 
 } // namespace clsp

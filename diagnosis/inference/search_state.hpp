@@ -12,12 +12,12 @@
 
 namespace clsp {
 
-// Effects in the order in which they were found.
-struct Path {
+// A model of effects, in the order in which they were found.
+struct SearchState {
     EffectModel model;
     Pool pool; // of the whole model
     std::map<const Candidate *, Eigen::VectorXd>
-        looks; // each other effect's change of the statistics when it was last looked at
+        screened; // each other effect's change of the statistics when it was last screened
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
     // Of effects whose form the capture does not tell (swap_forms): the values of the other one.
@@ -26,10 +26,10 @@ struct Path {
     double strongest = kStrongest;             // how far its strengths may go
 };
 
-// A path may have that many effects: slight ones, which are not named, take nobody's place.
-std::size_t most_effects(const ModelFit &fits, const Path &path);
+// A model may have that many effects: slight ones, which are not named, take nobody's place.
+std::size_t most_effects(const ModelFit &fits, const SearchState &state);
 
-// Fits what a path has without a model (see Path).
-void complete(ModelFit &fits, Path &path, const FittedModel &baseline, double at);
+// Fits those of a state's models that are missing.
+void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline, double at);
 
 } // namespace clsp

@@ -24,25 +24,26 @@ constexpr double kConfusable = 0.8;
 constexpr double kQuicklyAlike = 40.0;
 constexpr std::size_t kMostWhole = 2;
 constexpr int kSwapRounds = 8;
-constexpr double kHopeless = 4.0; // after some rounds
+// After some rounds a quick fit ends whose squared distance is still so many times that of the present model.
+constexpr double kGiveUpRatio = 4.0;
 constexpr double kLeastRoundGain = 0.02;
 // Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
 constexpr std::size_t kMostAdded = 5;
 // A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
 // of a squared distance. And where much more is left, a swap that takes away little of it explains nothing.
 constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
-// What taking an effect out may cost at a first look, in units of the squared distance, for a fit without it, and after
+// What taking an effect out may cost at once, in units of the squared distance, for a fit without it, and after
 // that for replicates.
 constexpr double kLeastNeeded = 60.0;
 // An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
 // added: there a residual says that something is missing, here the best of many may have fitted noise.
 constexpr double kLeastWorth = 30.0;
 // A form whose fit is that much worse is not made better by small differences.
-constexpr double kHopelessForm = 3.0 * kFormMargin;
+constexpr double kGiveUpForm = 3.0 * kFormMargin;
 // A strength at which most effects do little.
-constexpr double kNothing = -0.4;
+constexpr double kIdleStrength = -0.4;
 
-// An swap to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
+// A swap to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
 // at the end. place: the number of effects where none goes.
 struct Move {
     std::size_t place;
@@ -51,48 +52,48 @@ struct Move {
     bool shares;
 };
 
-// Which effect a move takes out: where there are as many as there may be, sharing takes the place of the last one,
+// Which effect a move removes: where there are as many as there may be, sharing takes the place of the last one,
 // which did least.
-std::size_t goes_out(const Path &path, const Move &move, std::size_t max_effects) {
+std::size_t removed_effect(const SearchState &state, const Move &move, std::size_t max_effects) {
     if (!move.shares)
         return move.place; // also where none goes
-    return path.model.effects.size() < max_effects ? path.model.effects.size() : path.model.effects.size() - 1;
+    return state.model.effects.size() < max_effects ? state.model.effects.size() : state.model.effects.size() - 1;
 }
 
 // Adds the effects that did next best when the one at `place` was chosen: the others' strengths, wrong at the time, may
 // have chosen.
-void add_rivals(const Path &path, std::size_t place, std::vector<Move> &moves) {
-    const SearchStep &step = path.steps[place];
+void add_rivals(const SearchState &state, std::size_t place, std::vector<Move> &moves) {
+    const SearchStep &step = state.steps[place];
     double best = 0.0;
     for (const RankedEffect &ranked : step.ranking)
         best = std::max(best, ranked.gain);
     std::size_t added = 0;
     for (const RankedEffect &ranked : step.ranking) { // the likeliest first
-        const auto look = std::find_if(path.looks.begin(), path.looks.end(),
-                                       [&](const auto &entry) { return entry.first->id == ranked.effect; });
-        if (added == kMostRivals || ranked.gain < kLeastRival * best || look == path.looks.end() ||
-            path.model.has(*look->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
+        const auto known = std::find_if(state.screened.begin(), state.screened.end(),
+                                        [&](const auto &entry) { return entry.first->id == ranked.effect; });
+        if (added == kMostRivals || ranked.gain < kLeastRival * best || known == state.screened.end() ||
+            state.model.has(*known->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
                 return move.candidate->id == ranked.effect;
             }))
             continue;
-        moves.push_back({place, look->first, 1.0, 0.0, false});
+        moves.push_back({place, known->first, 1.0, 0.0, false});
         ++added;
     }
 }
 
-std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects) {
-    const FittedModel &whole = path.models.back();
+std::vector<Move> moves_of(const SearchState &state, bool share, std::size_t max_effects) {
+    const FittedModel &whole = state.models.back();
     const Covariance &covariance = whole.model.full();
     std::vector<Move> result;
-    for (std::size_t place = 0; place < path.model.effects.size(); ++place) {
+    for (std::size_t place = 0; place < state.model.effects.size(); ++place) {
         std::vector<Move> alike;
-        for (const auto &[candidate, look] : path.looks) {
-            if (path.model.has(*candidate))
+        for (const auto &[candidate, screened] : state.screened) {
+            if (state.model.has(*candidate))
                 continue;
-            const Eigen::VectorXd change = covariance.whiten(look);
+            const Eigen::VectorXd change = covariance.whiten(screened);
             Move best{place, candidate, 1.0, 0.0, share};
-            for (std::size_t p = 0; p < path.model.strengths.size(); ++p) {
-                if (path.model.strengths[p].effect != place)
+            for (std::size_t p = 0; p < state.model.strengths.size(); ++p) {
+                if (state.model.strengths[p].effect != place)
                     continue;
                 const Eigen::VectorXd column = covariance.whiten(whole.jacobian.col(static_cast<Eigen::Index>(p)));
                 const double cosine = change.dot(column) / std::max(1e-30, change.norm() * column.norm());
@@ -104,7 +105,7 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
                 }
             }
             if (best.alike > kLeastAlike &&
-                goes_out(path, best, max_effects) != (share ? place : path.model.effects.size()))
+                removed_effect(state, best, max_effects) != (share ? place : state.model.effects.size()))
                 alike.push_back(best);
         }
         std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
@@ -114,7 +115,7 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
         std::vector<Move> tried(alike.begin(),
                                 alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kMostAlike)));
         if (!share)
-            add_rivals(path, place, tried);
+            add_rivals(state, place, tried);
         result.insert(result.end(), tried.begin(), tried.end());
     }
     return result;
@@ -122,19 +123,19 @@ std::vector<Move> moves_of(const Path &path, bool share, std::size_t max_effects
 
 // One effect more. A search that fits strengths one effect at a time may see no gain in what only helps once the
 // others have moved far.
-std::vector<Move> additions_of(const ModelFit &fits, const Path &path) {
-    const FittedModel &whole = path.models.back();
+std::vector<Move> additions_of(const ModelFit &fits, const SearchState &state) {
+    const FittedModel &whole = state.models.back();
     const Covariance &covariance = whole.model.full();
     const Eigen::VectorXd target = covariance.whiten(fits.differences(whole).mean());
     const Eigen::MatrixXd jacobian = whiten_columns(covariance, whole.jacobian);
     std::vector<std::pair<double, Move>> promising;
-    for (const auto &[candidate, look] : path.looks) {
-        if (path.model.has(*candidate))
+    for (const auto &[candidate, screened] : state.screened) {
+        if (state.model.has(*candidate))
             continue;
-        const Promise promise = promise_of(covariance.whiten(look), jacobian, target);
+        const Promise promise = promise_of(covariance.whiten(screened), jacobian, target);
         const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
         if (promise.gain >= kLeastGain && (sign > 0.0 || candidate->has_direction()))
-            promising.push_back({promise.gain, {path.model.effects.size(), candidate, sign, 0.0, false}});
+            promising.push_back({promise.gain, {state.model.effects.size(), candidate, sign, 0.0, false}});
     }
     std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
         return a.first != b.first ? a.first > b.first : before(*a.second.candidate, *b.second.candidate);
@@ -151,16 +152,16 @@ double worth_of(const ModelFit &fits, double now) {
     return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.runner().count());
 }
 
-// What a few rounds of a fit reach, by common random numbers from the path's model, whose squared distance is `now`.
-GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const EffectModel &model, const Path &path,
-                         double now) {
-    const FittedModel &start = path.models.back();
+// What a few rounds of a fit reach, by common random numbers from the state's model, whose squared distance is `now`.
+GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const EffectModel &model,
+                         const SearchState &state, double now) {
+    const FittedModel &start = state.models.back();
     std::vector<Eigen::VectorXd> known(model.strengths.size());
     for (std::size_t p = 0; p < model.strengths.size(); ++p)
-        for (std::size_t q = 0; q < path.model.strengths.size(); ++q)
-            if (model.strengths[p].parameter == path.model.strengths[q].parameter &&
+        for (std::size_t q = 0; q < state.model.strengths.size(); ++q)
+            if (model.strengths[p].parameter == state.model.strengths[q].parameter &&
                 model.effects[model.strengths[p].effect].candidate ==
-                    path.model.effects[path.model.strengths[q].effect].candidate)
+                    state.model.effects[state.model.strengths[q].effect].candidate)
                 known[p] = start.jacobian.col(static_cast<Eigen::Index>(q));
     GaussNewtonOptions options;
     options.seed = fits.options().seed;
@@ -168,9 +169,9 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
     options.secant_rounds = kSwapRounds;
     options.near = options.far = kNear;
     options.strongest = fits.strongest();
-    options.hopeless = kHopeless * now;
+    options.give_up_square = kGiveUpRatio * now;
     options.least_gain = kLeastRoundGain;
-    return gauss_newton(runner, model, {start.model.full(), path.pool}, known, options, {});
+    return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
 }
 
 // Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
@@ -190,7 +191,7 @@ void halve(EffectModel &model, std::size_t effect) {
         const double value = candidate.value(s.parameter, s.strength, sign);
         const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
                             : parameter.weak < parameter.strong ? candidate.strength(s.parameter, 0.5 * value, sign)
-                                                                : 0.5 * (s.strength + kNothing);
+                                                                : 0.5 * (s.strength + kIdleStrength);
         s.strength = std::max(kWeakest, half);
         s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
@@ -204,26 +205,26 @@ struct Promising {
 };
 
 // Of some moves the best and what a quick fit does not tell from it, where they leave a squared distance below `least`.
-std::vector<Promising> best_moves(ModelFit &fits, const Path &path, const std::vector<Move> &tried, double least,
-                                  double at) {
-    const FittedModel &whole = path.models.back();
+std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, const std::vector<Move> &tried,
+                                  double least, double at) {
+    const FittedModel &whole = state.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     std::vector<GaussNewtonFit> reached(tried.size());
     fits.runner().side_by_side(tried.size(), [&](ReplicateRunner &runner, std::size_t i) {
         const Move &move = tried[i];
-        const bool adds = move.place == path.model.effects.size();
+        const bool adds = move.place == state.model.effects.size();
         const std::string what =
-            "swapping " + (adds ? std::string("nothing") : path.model.effects[move.place].candidate->id);
+            "swapping " + (adds ? std::string("nothing") : state.model.effects[move.place].candidate->id);
         if (runner.on_callers_thread())
             fits.report(at, what + " for " + move.candidate->id);
-        EffectModel model = path.model;
+        EffectModel model = state.model;
         if (move.shares)
             halve(model, move.place);
-        if (const std::size_t out = goes_out(path, move, most_effects(fits, path)); out < model.effects.size())
+        if (const std::size_t out = removed_effect(state, move, most_effects(fits, state)); out < model.effects.size())
             model = model.without(out);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         possible([&] {
-            reached[i] = quick_fit(runner, fits, model, path, now);
+            reached[i] = quick_fit(runner, fits, model, state, now);
             reached[i].square += adds ? kLeastGain : 0.0;
         });
     });
@@ -264,25 +265,25 @@ void note_rival(SearchStep &step, const std::string &effect, const FittedModel &
     weigh(step.ranking);
 }
 
-// A path's models before an effect, and none yet for those from there on.
-std::vector<FittedModel> models_until(const Path &path, std::size_t effect, std::size_t count) {
-    std::vector<FittedModel> result(path.models.begin(), path.models.begin() + static_cast<std::ptrdiff_t>(effect));
+// A state's models before an effect, and none yet for those from there on.
+std::vector<FittedModel> models_until(const SearchState &state, std::size_t effect, std::size_t count) {
+    std::vector<FittedModel> result(state.models.begin(), state.models.begin() + static_cast<std::ptrdiff_t>(effect));
     result.resize(count);
     return result;
 }
 
-// The path after a move, if it is better; else the move's effect may be noted as a rival.
-std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectModel model, double at) {
-    const FittedModel &whole = path.models.back();
-    Path other;
-    other.looks = path.looks;
-    other.other_forms = path.other_forms;
-    other.progress = path.progress;
-    other.progress_end = path.progress_end;
-    other.strongest = path.strongest;
+// The state after a move, if it is better; else the move's effect may be noted as a rival.
+std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, double at) {
+    const FittedModel &whole = state.models.back();
+    SearchState other;
+    other.screened = state.screened;
+    other.other_forms = state.other_forms;
+    other.progress = state.progress;
+    other.progress_end = state.progress_end;
+    other.strongest = state.strongest;
     other.model = std::move(model);
     FittedModel fitted;
-    const Origin origin{whole.model.full(), path.pool};
+    const Origin origin{whole.model.full(), state.pool};
     FitOptions options;
     options.replicates = fits.options().model_replicates;
     options.from = options.to = at;
@@ -293,8 +294,8 @@ std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectMo
     if (fitted.residual.p_value <= kSeldom)
         fits.polish(other.model, other.pool, fitted, at);
     if (fitted.score > whole.score - kLeastGain) {
-        if (!move.shares && move.place < path.steps.size())
-            note_rival(path.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
+        if (!move.shares && move.place < state.steps.size())
+            note_rival(state.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
         return {};
     }
     const double gain = whole.score - fitted.score;
@@ -306,11 +307,11 @@ std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectMo
     ranked.gain = gain;
     SearchStep step;
     step.added = ranked.effect;
-    other.steps = path.steps;
-    const std::size_t begin = goes_out(path, move, most_effects(fits, path));
-    if (begin < path.models.size()) {
+    other.steps = state.steps;
+    const std::size_t begin = removed_effect(state, move, most_effects(fits, state));
+    if (begin < state.models.size()) {
         // What the effect that goes out was worth, and more.
-        step.ranking = path.steps[begin].ranking;
+        step.ranking = state.steps[begin].ranking;
         step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
                                           [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
                            step.ranking.end());
@@ -323,93 +324,93 @@ std::optional<Path> moved(ModelFit &fits, Path &path, const Move &move, EffectMo
     step.ranking.push_back(ranked);
     weigh(step.ranking);
     other.steps.push_back(std::move(step));
-    other.models = models_until(path, begin, other.steps.size());
+    other.models = models_until(state, begin, other.steps.size());
     other.steps.back().residual = fitted.residual;
     other.models.back() = std::move(fitted);
     return other;
 }
 
 // Makes the best of some moves by their own replicates; false if none is better than what is there.
-bool make_best(ModelFit &fits, Path &path, std::vector<Promising> moves, double at) {
-    std::optional<Path> best;
+bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, double at) {
+    std::optional<SearchState> best;
     for (Promising &one : moves)
-        if (std::optional<Path> other = moved(fits, path, *one.move, std::move(one.model), at);
+        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), at);
             other && (!best || other->models.back().score < best->models.back().score))
             best = std::move(other);
     if (!best)
         return false;
-    path = std::move(*best);
+    state = std::move(*best);
     return true;
 }
 
 // The changes by the strengths of all effects but one.
-Eigen::MatrixXd columns_without(const Path &path, std::size_t out) {
-    const Eigen::MatrixXd &all = path.models.back().jacobian;
+Eigen::MatrixXd columns_without(const SearchState &state, std::size_t out) {
+    const Eigen::MatrixXd &all = state.models.back().jacobian;
     Eigen::MatrixXd result(all.rows(), all.cols());
     Eigen::Index columns = 0;
-    for (std::size_t p = 0; p < path.model.strengths.size(); ++p)
-        if (path.model.strengths[p].effect != out)
+    for (std::size_t p = 0; p < state.model.strengths.size(); ++p)
+        if (state.model.strengths[p].effect != out)
             result.col(columns++) = all.col(static_cast<Eigen::Index>(p));
     return result.leftCols(columns);
 }
 
 // The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
-double loss_without(const ModelFit &fits, const Path &path, std::size_t out, const EffectModel &others) {
-    const FittedModel &whole = path.models.back();
+double loss_without(const ModelFit &fits, const SearchState &state, std::size_t out, const EffectModel &others) {
+    const FittedModel &whole = state.models.back();
     const Covariance &covariance = whole.model.full();
-    const std::vector<bool> concerned = fits.concerned(path.model.effects[out].candidate->id);
-    const Change loss = simulate_change(fits.runner(), path.pool, others.settings(), concerned, fits.options().seed,
+    const std::vector<bool> concerned = fits.concerned(state.model.effects[out].candidate->id);
+    const Change loss = simulate_change(fits.runner(), state.pool, others.settings(), concerned, fits.options().seed,
                                         fits.options().pool_seeds);
-    return residual_square(whiten_columns(covariance, columns_without(path, out)), covariance.whiten(loss.mean));
+    return residual_square(whiten_columns(covariance, columns_without(state, out)), covariance.whiten(loss.mean));
 }
 
 } // namespace
 
-bool swap(ModelFit &fits, Path &path, double at) {
+bool swap(ModelFit &fits, SearchState &state, double at) {
     const auto improves = [&](const std::vector<Move> &tried) {
-        const FittedModel &whole = path.models.back();
+        const FittedModel &whole = state.models.back();
         const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
-        return make_best(fits, path, best_moves(fits, path, tried, least, at), at);
+        return make_best(fits, state, best_moves(fits, state, tried, least, at), at);
     };
-    const bool missing = path.models.back().residual.detected;
-    const std::size_t most = most_effects(fits, path);
-    std::vector<Move> tried = moves_of(path, false, most);
-    if (missing && path.model.effects.size() < most) {
-        const std::vector<Move> additions = additions_of(fits, path);
+    const bool missing = state.models.back().residual.detected;
+    const std::size_t most = most_effects(fits, state);
+    std::vector<Move> tried = moves_of(state, false, most);
+    if (missing && state.model.effects.size() < most) {
+        const std::vector<Move> additions = additions_of(fits, state);
         tried.insert(tried.end(), additions.begin(), additions.end());
     }
-    return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(path, true, most)));
+    return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(state, true, most)));
 }
 
-bool swap_confusable_effects(ModelFit &fits, Path &path, double at) {
-    std::vector<Move> tried = moves_of(path, false, most_effects(fits, path));
+bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
+    std::vector<Move> tried = moves_of(state, false, most_effects(fits, state));
     tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kConfusable; }),
                 tried.end());
     if (tried.empty())
         return false;
     // Beside what the same few random numbers leave of the effects that are there.
-    const FittedModel &whole = path.models.back();
+    const FittedModel &whole = state.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     double least = now;
-    if (!possible([&] { least = quick_fit(fits.runner(), fits, path.model, path, now).square; }))
+    if (!possible([&] { least = quick_fit(fits.runner(), fits, state.model, state, now).square; }))
         return false;
-    return make_best(fits, path, best_moves(fits, path, tried, least + kQuicklyAlike, at), at);
+    return make_best(fits, state, best_moves(fits, state, tried, least + kQuicklyAlike, at), at);
 }
 
-bool swap_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candidates, double at) {
+bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<Candidate> &candidates, double at) {
     bool changed = false;
-    for (std::size_t place = 0; place < path.model.effects.size(); ++place)
+    for (std::size_t place = 0; place < state.model.effects.size(); ++place)
         for (const Candidate &form : candidates) {
-            const Candidate &now = *path.model.effects[place].candidate;
+            const Candidate &now = *state.model.effects[place].candidate;
             if (form.id != now.id || form.told_by_fit == now.told_by_fit)
                 continue;
             fits.report(at, "another form of " + form.id);
-            FittedModel &whole = path.models.back();
-            EffectModel model = path.model;
+            FittedModel &whole = state.models.back();
+            EffectModel model = state.model;
             model.effects[place].candidate = &form;
             Pool pool;
             FittedModel fitted;
-            const Origin origin{whole.model.full(), path.pool};
+            const Origin origin{whole.model.full(), state.pool};
             FitOptions options;
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
@@ -419,45 +420,45 @@ bool swap_forms(ModelFit &fits, Path &path, const std::vector<Candidate> &candid
             // A score depends on how many replicates there are.
             const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
             fits.judge(whole, whole.model.replicates(), count, at, at);
-            if (fitted.score > whole.score + kHopelessForm)
+            if (fitted.score > whole.score + kGiveUpForm)
                 continue;
             if (fitted.residual.p_value <= kSeldom)
                 fits.polish(model, pool, fitted, at);
             // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
-            path.other_forms.erase(form.id);
+            state.other_forms.erase(form.id);
             const bool is_taken = fitted.score <= whole.score - (form.told_by_fit ? kFormMargin : -kFormMargin);
             if (std::abs(fitted.score - whole.score) < kFormMargin)
-                path.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
+                state.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
             if (!is_taken)
                 continue;
-            for (RankedEffect &ranked : path.steps[place].ranking)
+            for (RankedEffect &ranked : state.steps[place].ranking)
                 if (ranked.effect == form.id)
                     ranked.values = fitted.effects[place].values;
-            path.model = std::move(model);
-            path.pool = std::move(pool);
-            path.models = models_until(path, place, path.models.size());
-            path.steps.back().residual = fitted.residual;
-            path.models.back() = std::move(fitted);
+            state.model = std::move(model);
+            state.pool = std::move(pool);
+            state.models = models_until(state, place, state.models.size());
+            state.steps.back().residual = fitted.residual;
+            state.models.back() = std::move(fitted);
             changed = true;
             break;
         }
     return changed;
 }
 
-void prune(ModelFit &fits, Path &path, double at) {
-    for (std::size_t out = 0; out + 1 < path.model.effects.size();) {
-        EffectModel others = path.model.without(out);
+void prune(ModelFit &fits, SearchState &state, double at) {
+    for (std::size_t out = 0; out + 1 < state.model.effects.size();) {
+        EffectModel others = state.model.without(out);
         Pool pool;
         FittedModel fitted;
         const auto explains = [&] {
-            const FittedModel &whole = path.models.back();
+            const FittedModel &whole = state.models.back();
             const Covariance &covariance = whole.model.full();
             const double now = fits.square_by(covariance, whole);
-            const Origin origin{covariance, path.pool};
+            const Origin origin{covariance, state.pool};
             FitOptions options;
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
-            options.known = columns_without(path, out);
+            options.known = columns_without(state, out);
             options.worth = now + kLeastNeeded;
             fitted = fits.fit(others, pool, options, &origin);
             if (!fitted.effects.empty())
@@ -466,17 +467,17 @@ void prune(ModelFit &fits, Path &path, double at) {
                    fits.square_by(covariance, fitted) <= now + kLeastWorth;
         };
         bool needless = false;
-        possible([&] { needless = loss_without(fits, path, out, others) <= kLeastNeeded && explains(); });
+        possible([&] { needless = loss_without(fits, state, out, others) <= kLeastNeeded && explains(); });
         if (!needless) {
             ++out;
             continue;
         }
-        path.model = std::move(others);
-        path.pool = std::move(pool);
-        path.models = models_until(path, out, path.models.size() - 1);
-        path.steps.erase(path.steps.begin() + static_cast<std::ptrdiff_t>(out));
-        path.steps.back().residual = fitted.residual;
-        path.models.back() = std::move(fitted);
+        state.model = std::move(others);
+        state.pool = std::move(pool);
+        state.models = models_until(state, out, state.models.size() - 1);
+        state.steps.erase(state.steps.begin() + static_cast<std::ptrdiff_t>(out));
+        state.steps.back().residual = fitted.residual;
+        state.models.back() = std::move(fitted);
     }
 }
 

@@ -13,7 +13,7 @@ namespace {
 struct Stopped {};
 
 // How soon a worker that waits learns that it is to stop.
-constexpr std::chrono::milliseconds kLookUp{20};
+constexpr std::chrono::milliseconds kPollPeriod{20};
 
 } // namespace
 
@@ -116,7 +116,7 @@ void OpenTasks::work(const WorkerThread &self, const std::function<void()> &own)
             changed_.notify_all();
             continue;
         }
-        changed_.wait_for(lock, kLookUp);
+        changed_.wait_for(lock, kPollPeriod);
         lock.unlock();
         self.checkpoint();
         lock.lock();

@@ -3,7 +3,7 @@
 
 #include "inference/search.hpp"
 #include "inference/shrinkage.hpp"
-#include "measure/measurements.hpp"
+#include "measure/datasheet_quantities.hpp"
 #include "runtime/progress.hpp"
 
 #include <array>
@@ -79,7 +79,7 @@ struct DiagnosisResult {
     std::vector<std::string> equivalent;
     std::vector<RankedEffect> ranking; // of the first step
     std::vector<RankedEffect> found;   // the effect that each step added
-    std::vector<FirstLook> looks;      // at all effects that can show, before any was fitted; not of comparisons
+    std::vector<ScreenedEffect> screened; // at all effects that can show, before any was fitted; not of comparisons
     std::vector<Candidate> candidates; // what the ranking was over
     std::vector<FittedParameter> parameters; // of the effects found
     // Shrinkage, on halves that the fit has not seen.
@@ -90,7 +90,7 @@ struct DiagnosisResult {
     double residual_p_value = 1.0;
     std::vector<ShrinkStep> steps;
     Downstream downstream;
-    Measurements measurements; // none of a comparison, whose sets are brought to one light and noise first
+    DatasheetQuantities datasheet; // none of a comparison, whose sets are brought to one light and noise first
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why

@@ -14,7 +14,7 @@ using Point = std::array<double, 2>;
 
 constexpr std::size_t kCentreDots = 2048; // at most, spread over the list: enough for the error to a few percent
 
-struct Look {
+struct FrameView {
     const CaptureLayout *layout;
     const SequenceLayout *sequence;
     const std::uint16_t *codes; // of one frame
@@ -40,13 +40,13 @@ struct Look {
 };
 
 // The centroid's distance from a nominal place.
-std::optional<Point> centre_offset(const Look &look, const Point &nominal, double sigma, double spacing) {
+std::optional<Point> centre_offset(const FrameView &view, const Point &nominal, double sigma, double spacing) {
     // What lies between this dot and the next: a ring from 2.5 sigma, or from half way to the next dot if that is
     // nearer, one pixel wide at the least.
     const double outer = std::max(std::min(3.5 * sigma, 0.6 * spacing), 2.5),
                  inner = std::min(2.5 * sigma, outer - 1.0);
     double background = 0.0, background_count = 0.0;
-    if (!look.around(nominal, outer,
+    if (!view.around(nominal, outer,
                      [&](double code, double, double, double squared) {
                          if (squared >= inner * inner) {
                              background += code;
@@ -61,7 +61,7 @@ std::optional<Point> centre_offset(const Look &look, const Point &nominal, doubl
     for (int round = 0; round < 2; ++round) {
         double light = 0.0, x = 0.0, y = 0.0;
         const Point centre{nominal[0] + offset[0], nominal[1] + offset[1]};
-        const bool is_inside = look.around(centre, radius, [&](double code, double dx, double dy, double) {
+        const bool is_inside = view.around(centre, radius, [&](double code, double dx, double dy, double) {
             const double signal = std::max(0.0, code - background);
             light += signal;
             x += signal * dx;
@@ -102,8 +102,8 @@ CentreErrors centre_errors(const CaptureLayout &layout, const SequenceLayout &se
     for (std::size_t i = 0; i < positions.size(); i += step) {
         const double spacing = nearest_distance(positions, i);
         for (std::uint32_t t = 0; t < frame_count; ++t) {
-            const Look look{&layout, &sequence, codes + t * layout.pixel_count()};
-            if (const auto offset = centre_offset(look, positions[i], layout.dots->sigma_px, spacing)) {
+            const FrameView view{&layout, &sequence, codes + t * layout.pixel_count()};
+            if (const auto offset = centre_offset(view, positions[i], layout.dots->sigma_px, spacing)) {
                 errors.square_sum += (*offset)[0] * (*offset)[0] + (*offset)[1] * (*offset)[1];
                 errors.square_sum_x += (*offset)[0] * (*offset)[0];
                 ++errors.count;

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "inference/model_fit.hpp"
-#include "measure/evidence_measures.hpp"
+#include "measure/evidence_statistics.hpp"
 #include "measure/picture.hpp"
 
 #include <array>

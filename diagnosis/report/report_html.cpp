@@ -54,7 +54,7 @@ std::string report_html(const DiagnosisResult &result) {
     page.raw("<nav><a href=\"#summary\">Verdict</a><a href=\"#where\">Where</a><a href=\"#cause\">Cause</a><a "
              "href=\"#shrink\">Shrinkage</a>"
              "<a href=\"#downstream\">Downstream</a>");
-    page.raw(result.measurements.quantities.empty() ? "" : "<a href=\"#measurements\">Measurements</a>");
+    page.raw(result.datasheet.quantities.empty() ? "" : "<a href=\"#measurements\">Measurements</a>");
     page.raw("<a href=\"#advice\">Advice</a>");
     page.raw(result.evidence ? "<a href=\"#evidence\">Evidence</a>" : "");
     page.raw("<a href=\"#notes\">Notes</a><a href=\"#reading\">How to read this</a></nav>\n");
@@ -65,7 +65,7 @@ std::string report_html(const DiagnosisResult &result) {
     write_cause(result, page);
     write_shrinkage(result, page);
     write_downstream(result, page);
-    write_measurements(result, page);
+    write_datasheet(result, page);
     write_advice(result, page);
     write_comparison(result, page);
     write_evidence(result, page);

@@ -77,10 +77,10 @@ Json transfer_json(const char *version, const PhotonTransfer &transfer) {
             {"intercept_error", fitted(transfer.intercept_error)}};
 }
 
-Json measurements_json(const Measurements &measurements) {
+Json datasheet_json(const DatasheetQuantities &datasheet) {
     constexpr const char *kVersions[] = {"real", "sim", "sim_with_effects"};
     Json quantities = Json::array(), transfer = Json::array();
-    for (const MeasuredQuantity &quantity : measurements.quantities) {
+    for (const DatasheetQuantity &quantity : datasheet.quantities) {
         Json entry = {{"sequence", quantity.sequence.empty() ? Json(nullptr) : Json(quantity.sequence)},
                       {"quantity", quantity.name},
                       {"unit", quantity.unit}};
@@ -88,9 +88,9 @@ Json measurements_json(const Measurements &measurements) {
             add_version(kVersions[v], quantity.versions[v], entry);
         quantities.push_back(entry);
     }
-    for (std::size_t v = 0; v < measurements.transfer.size(); ++v)
-        transfer.push_back(transfer_json(kVersions[v], measurements.transfer[v]));
-    return {{"simulated_captures", measurements.simulated_captures},
+    for (std::size_t v = 0; v < datasheet.transfer.size(); ++v)
+        transfer.push_back(transfer_json(kVersions[v], datasheet.transfer[v]));
+    return {{"simulated_captures", datasheet.simulated_captures},
             {"quantities", quantities},
             {"photon_transfer", transfer}};
 }
@@ -177,7 +177,7 @@ std::string report_json(const DiagnosisResult &result) {
                        {"ranking", ranking}};
     if (!result.comparison) {
         Json looks = Json::array();
-        for (const FirstLook &look : result.looks)
+        for (const ScreenedEffect &look : result.screened)
             looks.push_back({{"effect", look.effect}, {"share", number(look.share)}, {"fitted", look.fitted}});
         report["cause"]["first_look"] = looks;
     }
@@ -227,7 +227,7 @@ std::string report_json(const DiagnosisResult &result) {
             report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
     }
     if (!result.comparison)
-        report["measurements"] = measurements_json(result.measurements);
+        report["measurements"] = datasheet_json(result.datasheet);
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

@@ -69,8 +69,8 @@ void write_statistic_shrinkage(const DiagnosisResult &result, HtmlPage &page) {
 }
 
 // Why the others are not in the ranking.
-void write_first_looks(const DiagnosisResult &result, HtmlPage &page) {
-    if (result.looks.empty())
+void write_screening(const DiagnosisResult &result, HtmlPage &page) {
+    if (result.screened.empty())
         return;
     page.raw("<details><summary>All effects that were looked at</summary>\n");
     page.paragraph("At first each effect is put into the simulator at a middle strength, and what changes is compared with "
@@ -78,7 +78,7 @@ void write_first_looks(const DiagnosisResult &result, HtmlPage &page) {
                    "would take away (of a very large gap that nothing explains so, of its change along a line to the strong end). Those that promise least are put aside; the others' parameters are fitted, as many as "
                    "it takes until none can overtake the best one.");
     std::vector<std::vector<std::string>> rows;
-    for (const FirstLook &look : result.looks)
+    for (const ScreenedEffect &look : result.screened)
         rows.push_back({look.effect, explain_effect(result, look.effect), percent(look.share),
                         look.fitted ? "fitted" : "put aside"});
     page.table({"effect, alone", "what it is", "share", "then"}, rows, {2});
@@ -205,7 +205,7 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
                             probability(ranked.probability), figure(ranked.distance_after)});
         page.table({"effect, alone", "what it is", "probability", "distance left"}, rows, {2, 3});
     }
-    write_first_looks(result, page);
+    write_screening(result, page);
     if (!result.parameters.empty()) {
         page.heading(3, "Parameters of the effects found");
         std::vector<std::vector<std::string>> rows;

@@ -13,7 +13,7 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page);
 void write_shrinkage(const DiagnosisResult &result, HtmlPage &page);
 void write_downstream(const DiagnosisResult &result, HtmlPage &page);
 // In a data sheet's units.
-void write_measurements(const DiagnosisResult &result, HtmlPage &page);
+void write_datasheet(const DiagnosisResult &result, HtmlPage &page);
 void write_advice(const DiagnosisResult &result, HtmlPage &page);
 // Only if the result has evidence.
 void write_evidence(const DiagnosisResult &result, HtmlPage &page);

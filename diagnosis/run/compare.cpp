@@ -206,7 +206,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     check_dark(sim, "simulated");
     PairedCaptures captures = pair_captures(real, sim);
     comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), first_seed);
-    go_with_camera(all, real.layout, comparison->read_noise.real.read_noise_dn);
+    scale_to_camera(all, real.layout, comparison->read_noise.real.read_noise_dn);
     comparison->pairs = captures.pairs;
     comparison->real_alone = captures.real_alone;
     comparison->sim_alone = captures.sim_alone;

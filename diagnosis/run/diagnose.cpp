@@ -179,7 +179,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     leave_untested(capture.layout, kept, pool, result);
     ReplicateRunner runner(std::move(context), capture, options.hypotheses, threads);
-    go_with_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
+    scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     std::string doing;
     double fraction = 0.0;
     const auto tell = [&] {
@@ -194,7 +194,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     search_options.most_work *= search_options.pool_seeds / kLeastSeeds;
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
-    // With fewer kinds of sequences more effects look alike, and simulations take less time.
+    // With fewer kinds of sequences more effects are confusable, and simulations take less time.
     if (!has_every_kind(capture.layout))
         search_options.refined *= 2;
     search_options.level = options.level;
@@ -228,7 +228,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     std::stable_sort(result.places.begin(), result.places.end(),
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = runner.parted();
-    result.looks = found.looks;
+    result.screened = found.screened;
     result.work_captures = found.work;
     result.ended_early = found.ended_early;
     if (found.ended_early)
@@ -271,7 +271,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
-    result.measurements = measure_quantities(runner, capture, found.baseline, final, first_seed);
+    result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
     if (options.evidence)
         result.evidence =
             std::make_shared<const Evidence>(collect_evidence(runner, capture, found.baseline, final, first_seed));

@@ -1,4 +1,4 @@
-#include "statistics/measures.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <cmath>
 
@@ -12,13 +12,13 @@ struct EdgeSums {
     std::vector<double> columns, rows, column_pairs, row_pairs;
 };
 
-EdgeSums sum_edges(const Measurement &m) {
-    const Geometry &geometry = m.geometry;
+EdgeSums sum_edges(const StatisticInput &in) {
+    const Geometry &geometry = in.geometry;
     const std::size_t width = geometry.width, height = geometry.height;
     EdgeSums sums;
     sums.columns.assign(width - 1, 0.0);
     sums.rows.assign(height - 1, 0.0);
-    for (const EdgeFrameSums &part : m.sums.sum_edges(geometry)) {
+    for (const EdgeFrameSums &part : in.sums.sum_edges(geometry)) {
         for (std::size_t x = 0; x + 1 < width; ++x)
             sums.columns[x] += double(part.columns[x]) / double(geometry.frames);
         for (std::size_t y = 0; y + 1 < height; ++y)
@@ -51,8 +51,8 @@ double edge_excess(const std::vector<double> &sums, const std::vector<double> &p
 
 } // namespace
 
-void measure_blocks(const Measurement &m, Sink &sink) {
-    const EdgeSums sums = sum_edges(m);
+void measure_blocks(const StatisticInput &in, Sink &sink) {
+    const EdgeSums sums = sum_edges(in);
     for (const std::size_t period : {std::size_t{4}, std::size_t{8}, std::size_t{16}}) {
         const double value = 0.5 * (edge_excess(sums.columns, sums.column_pairs, period) +
                                     edge_excess(sums.rows, sums.row_pairs, period));

@@ -1,6 +1,6 @@
 // The histogram of codes as such: converters with fewer effective bits, missing codes, compression.
 #include "statistics/histogram_share.hpp"
-#include "statistics/measures.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <cmath>
 
@@ -12,9 +12,9 @@ constexpr double kGrainPixels = 4.0; // above a level near the top, of a grain t
 
 } // namespace
 
-void measure_code_lattice(const Measurement &m, Sink &sink) {
-    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
-    const double total = double(m.geometry.frames) * double(m.geometry.used);
+void measure_code_lattice(const StatisticInput &in, Sink &sink) {
+    const std::vector<std::uint64_t> &histogram = in.frames.histogram;
+    const double total = double(in.geometry.frames) * double(in.geometry.used);
     for (const std::size_t step : {std::size_t{2}, std::size_t{4}, std::size_t{8}}) {
         std::uint64_t multiples = 0;
         for (std::size_t code = 0; code < histogram.size(); code += step)
@@ -35,25 +35,25 @@ void measure_code_lattice(const Measurement &m, Sink &sink) {
     sink.put("sensor", "histogram_roughness", "log", std::log((rough + 70.0) / (counts + 70.0)));
 }
 
-void measure_levels(const Measurement &m, Sink &sink) {
-    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
-    const double total = double(m.geometry.frames) * double(m.geometry.used);
-    const double full = m.geometry.maximum_code - m.black_level_dn;
+void measure_levels(const StatisticInput &in, Sink &sink) {
+    const std::vector<std::uint64_t> &histogram = in.frames.histogram;
+    const double total = double(in.geometry.frames) * double(in.geometry.used);
+    const double full = in.geometry.maximum_code - in.black_level_dn;
     // A bright grain has several pixels, and stays where it is in a scene that rests.
-    const bool speckle = is_laser(m.geometry.scene);
-    const double together = speckle ? kGrainPixels * (m.geometry.moving ? 1.0 : double(m.geometry.frames)) : 1.0;
+    const bool speckle = is_laser(in.geometry.scene);
+    const double together = speckle ? kGrainPixels * (in.geometry.moving ? 1.0 : double(in.geometry.frames)) : 1.0;
     for (const int percent : {25, 50, 75, 95}) {
         const double level = 0.01 * percent * full;
-        const double above = share_above(histogram, total, m.black_level_dn, level, full - level);
+        const double above = share_above(histogram, total, in.black_level_dn, level, full - level);
         sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above, together, total);
     }
     // The brightest grain of few speckle patterns is an accident of the patterns.
-    if (speckle && (!m.geometry.moving || m.geometry.frames < kFewPatterns))
+    if (speckle && (!in.geometry.moving || in.geometry.frames < kFewPatterns))
         return;
     // The bright end without a maximum: the ratio of the 16th to the 8th moment comes near it, and is smooth.
     double eighth = 0.0, sixteenth = 0.0;
     for (std::size_t code = 0; code < histogram.size(); ++code) {
-        const double signal = std::max(double(code) - m.black_level_dn, 0.0) / full, squared = signal * signal;
+        const double signal = std::max(double(code) - in.black_level_dn, 0.0) / full, squared = signal * signal;
         const double fourth = squared * squared, power = fourth * fourth;
         eighth += double(histogram[code]) * power / total;
         sixteenth += double(histogram[code]) * power * power / total;

@@ -94,8 +94,8 @@ std::array<double, kDisplacementTerms> fit_displacement(const Geometry &geometry
     return result;
 }
 
-// Of the window in which a dot is looked for: not as far as its neighbours.
-double look_radius(const DotGeometry &dots, std::size_t dot, double width) {
+// Of the window in which a dot is searched: not as far as its neighbours.
+double search_radius(const DotGeometry &dots, std::size_t dot, double width) {
     return std::max(std::min(2.5 * width, 1.2 * dots.cell_radius[dot]), 2.0);
 }
 
@@ -130,7 +130,7 @@ DotPositions pulled_back(const Geometry &geometry, const std::vector<float> &ima
     const double width = kFluxWindow * geometry.dots.sigma;
     for (std::size_t i = 0; i < positions.flux.size(); ++i) {
         double flux = 0.0;
-        Window(geometry, positions.modelled[i], look_radius(geometry.dots, i, width), width)
+        Window(geometry, positions.modelled[i], search_radius(geometry.dots, i, width), width)
             .visit(geometry, image, background,
                    [&](double light, double weight, double, double) { flux += weight * light; });
         positions.flux[i] = flux; // negative ones, too: cut at 0 the means over few dots would be lopsided
@@ -155,9 +155,9 @@ DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &ima
         result.flux.assign(count, 0.0);
         double mean_flux = 0.0;
         for (std::size_t i = 0; i < count; ++i) {
-            // A first look from farther away: a dot may have moved by more than its width.
+            // First from farther away: a dot may have moved by more than its width.
             const double width = (step == 0 ? 2.0 : kFluxWindow) * dots.sigma;
-            const Window window(geometry, result.modelled[i], look_radius(dots, i, width), width);
+            const Window window(geometry, result.modelled[i], search_radius(dots, i, width), width);
             double flux = 0.0, along_x = 0.0, along_y = 0.0;
             window.visit(geometry, image, background, [&](double light, double weight, double dx, double dy) {
                 flux += weight * light;

@@ -1,4 +1,4 @@
-#include "statistics/measures.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include "statistics/dot_shape.hpp"
 #include "statistics/parallel_for.hpp"
@@ -128,19 +128,19 @@ void put_flux(const Geometry &geometry, const DotPositions &positions, double vi
 }
 
 // Light between the dots: scattered, in ghosts, undiffracted.
-void put_stray_light(const Measurement &m, const DotShape &shape, double background, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void put_stray_light(const StatisticInput &in, const DotShape &shape, double background, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     const DotGeometry &dots = geometry.dots;
-    const std::vector<float> &mean = m.frames.mean;
+    const std::vector<float> &mean = in.frames.mean;
     const double scale = shape.core;
     if (!dots.between.empty()) {
         double spread = 0.0;
         for (const std::uint32_t pixel : dots.between)
             spread +=
                 (double(mean[pixel]) - background) * (double(mean[pixel]) - background) / double(dots.between.size());
-        sink.put("doe", "light_between_dots", "1", background / m.frames.light);
+        sink.put("doe", "light_between_dots", "1", background / in.frames.light);
         sink.put("doe", "light_between_dots_spread", "log",
-                 log_ratio(spread, m.frames.pixel_variance / double(geometry.frames)));
+                 log_ratio(spread, in.frames.pixel_variance / double(geometry.frames)));
     }
     const auto put_peak = [&](const char *stage, const char *name, const std::vector<Point> &points) {
         if (points.size() >= 4)
@@ -158,8 +158,8 @@ void put_stray_light(const Measurement &m, const DotShape &shape, double backgro
 }
 
 // The law of the speckle's intensity in the cores, relative to the dot's own profile; grain of a moving scene.
-void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPositions &positions, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void put_core_speckle(const StatisticInput &in, const DotShape &shape, const DotPositions &positions, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     const double sigma = geometry.dots.sigma, reach = 0.8 * sigma + 0.5;
     std::vector<std::uint32_t> pixels;
     std::vector<float> inverse;
@@ -181,12 +181,12 @@ void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPosi
     const std::size_t frames = geometry.moving ? geometry.frames : 1;
     std::vector<Powers> powers(frames);
     std::vector<std::array<double, kLevels.size()>> below(frames);
-    parallel_for(frames, m.threads, [&](std::size_t t) {
+    parallel_for(frames, in.threads, [&](std::size_t t) {
         std::vector<float> intensity(pixels.size());
         for (std::size_t i = 0; i < pixels.size(); ++i) {
             const float signal = geometry.moving
-                                     ? float(m.codes[t * geometry.pixels + pixels[i]]) - float(m.black_level_dn)
-                                     : m.frames.mean[pixels[i]];
+                                     ? float(in.codes[t * geometry.pixels + pixels[i]]) - float(in.black_level_dn)
+                                     : in.frames.mean[pixels[i]];
             intensity[i] = signal * inverse[i];
             for (std::size_t k = 0; k < kLevels.size(); ++k)
                 below[t][k] += intensity[i] < kLevels[k];
@@ -212,12 +212,12 @@ void put_core_speckle(const Measurement &m, const DotShape &shape, const DotPosi
         sink.put("surface", names[k], "1", share[k]);
 }
 
-void put_grain(const Measurement &m, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void put_grain(const StatisticInput &in, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     if (!geometry.moving || geometry.frames < 2)
         return;
     GrainFrameSums total{};
-    for (const GrainFrameSums &part : m.sums.sum_grain(geometry, m.frames))
+    for (const GrainFrameSums &part : in.sums.sum_grain(geometry, in.frames))
         for (std::size_t k = 0; k < total.size(); ++k)
             total[k] += part[k];
     const auto correlation = [&](std::size_t k) { return ratio(total[k], total.back()); };
@@ -230,26 +230,26 @@ void put_grain(const Measurement &m, Sink &sink) {
 
 } // namespace
 
-void measure_dots(const Measurement &m, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void measure_dots(const StatisticInput &in, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     double background = 0.0;
     for (const std::uint32_t pixel : geometry.dots.between)
-        background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
-    const double least = kLeastCore * expected_core(geometry) * m.frames.light;
-    DotPositions positions = locate_dots(geometry, m.frames.mean, background);
-    DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, least);
+        background += double(in.frames.mean[pixel]) / double(geometry.dots.between.size());
+    const double least = kLeastCore * expected_core(geometry) * in.frames.light;
+    DotPositions positions = locate_dots(geometry, in.frames.mean, background);
+    DotShape shape = measure_shape(geometry, in.frames.mean, background, positions, least);
     const double visible = visibility(shape, least);
     if (visible < 1.0) {
-        positions = pulled_back(geometry, m.frames.mean, background, std::move(positions), visible);
-        shape = measure_shape(geometry, m.frames.mean, background, positions, least);
+        positions = pulled_back(geometry, in.frames.mean, background, std::move(positions), visible);
+        shape = measure_shape(geometry, in.frames.mean, background, positions, least);
     }
-    sink.put("doe", "dot_peak", "log", std::log(shape.core / m.frames.light));
+    sink.put("doe", "dot_peak", "log", std::log(shape.core / in.frames.light));
     put_positions(geometry, positions, visible, sink);
     put_shape(geometry, shape, visible, sink);
     put_flux(geometry, positions, visible, least / kCoreOfPeak * gaussian_flux(geometry), sink);
-    put_stray_light(m, shape, background, sink);
-    put_core_speckle(m, shape, positions, sink);
-    put_grain(m, sink);
+    put_stray_light(in, shape, background, sink);
+    put_core_speckle(in, shape, positions, sink);
+    put_grain(in, sink);
 }
 
 } // namespace clsp::statistics

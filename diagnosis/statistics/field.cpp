@@ -1,5 +1,5 @@
 // The mean image over the field: fall-off, gradient, regions; and between the four sites of a 2 x 2 mosaic.
-#include "statistics/measures.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <algorithm>
 #include <array>
@@ -121,16 +121,16 @@ std::array<double, 3> laser_mosaic_contrasts(const Geometry &geometry, const Fra
 
 } // namespace
 
-void measure_field(const Measurement &m, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void measure_field(const StatisticInput &in, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     const bool is_lit = geometry.is_lit();
-    const double light = is_lit ? m.frames.light : 1.0;
+    const double light = is_lit ? in.frames.light : 1.0;
     const char *unit = is_lit ? "1" : "DN";
     std::array<double, 3> mosaic;
     if (geometry.is_laser()) {
-        mosaic = laser_mosaic_contrasts(geometry, m.frames);
+        mosaic = laser_mosaic_contrasts(geometry, in.frames);
     } else {
-        mosaic = mosaic_contrasts(geometry, m.frames.mean);
+        mosaic = mosaic_contrasts(geometry, in.frames.mean);
         for (double &contrast : mosaic)
             contrast /= light;
     }
@@ -141,12 +141,12 @@ void measure_field(const Measurement &m, Sink &sink) {
         return; // their light over the field is that of the dots
 
     const char *stage = is_lit ? "optics" : "sensor";
-    const FieldCoefficients field = fit_field(geometry, m.frames.mean, 4);
+    const FieldCoefficients field = fit_field(geometry, in.frames.mean, 4);
     sink.put(stage, "gradient_x", unit, field[1] / light);
     sink.put(stage, "gradient_y", unit, field[2] / light);
     sink.put(stage, "radial_falloff", unit, field[3] / light);
     if (geometry.scene == CaptureScene::kFlat) {
-        const FieldCoefficients full = fit_field(geometry, m.frames.mean, kFieldTerms);
+        const FieldCoefficients full = fit_field(geometry, in.frames.mean, kFieldTerms);
         sink.put(stage, "radial_falloff_4", unit, full[4] / light);
     }
     if (!is_lit || geometry.is_static_laser())
@@ -156,7 +156,7 @@ void measure_field(const Measurement &m, Sink &sink) {
     double sum_all = 0.0;
     for (std::size_t y = 0; y < geometry.height; ++y)
         for (std::size_t x = 0; x < geometry.width; ++x)
-            total[geometry.region_of(x, y)] += double(m.frames.mean[y * geometry.width + x]);
+            total[geometry.region_of(x, y)] += double(in.frames.mean[y * geometry.width + x]);
     for (const double region : total)
         sum_all += region;
     const double all = sum_all / double(geometry.used);

@@ -1,6 +1,6 @@
 // What stays from frame to frame in the dark and under even light, once the smooth field is out.
-#include "statistics/measures.hpp"
 #include "statistics/speckle_sums.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -57,35 +57,35 @@ double line_variance(const Geometry &geometry, const std::vector<float> &image, 
 }
 
 // Variance over time of a pixel without what rows and columns have in common: their excess over independent pixels.
-double independent_variance(const Measurement &m) {
-    const Geometry &geometry = m.geometry;
-    const double samples = double(geometry.frames) * double(geometry.used), all = m.residual.powers.square / samples;
+double independent_variance(const StatisticInput &in) {
+    const Geometry &geometry = in.geometry;
+    const double samples = double(geometry.frames) * double(geometry.used), all = in.residual.powers.square / samples;
     double rows = 0.0;
     for (std::size_t t = 0; t < geometry.frames; ++t)
         for (std::size_t y = 0; y < geometry.height; ++y) {
-            const double mean = m.frames.row_mean[t * geometry.height + y];
+            const double mean = in.frames.row_mean[t * geometry.height + y];
             rows += geometry.row_used[y] * mean * mean;
         }
     const double row_share = (rows - all * double(geometry.frames * geometry.height)) / samples;
-    const double column_share = (m.residual.column_variance - all) * double(geometry.width) / double(geometry.used);
-    return m.frames.pixel_variance * std::max(1.0 - ratio(row_share + column_share, all), 0.0);
+    const double column_share = (in.residual.column_variance - all) * double(geometry.width) / double(geometry.used);
+    return in.frames.pixel_variance * std::max(1.0 - ratio(row_share + column_share, all), 0.0);
 }
 
 } // namespace
 
-void measure_fixed_pattern(const Measurement &m, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     const bool is_flat = geometry.scene == CaptureScene::kFlat;
-    const FieldCoefficients field = fit_field(geometry, m.frames.mean, kFieldTerms);
-    const std::vector<float> pattern = without_field(geometry, m.frames.mean, field);
+    const FieldCoefficients field = fit_field(geometry, in.frames.mean, kFieldTerms);
+    const std::vector<float> pattern = without_field(geometry, in.frames.mean, field);
     Powers powers;
     for (std::size_t y = 0; y < geometry.height; ++y)
         powers.add(pattern.data() + y * geometry.width, geometry.width);
     const double used = double(geometry.used), variance = powers.square / used;
-    const double temporal = m.frames.pixel_variance / double(geometry.frames);
+    const double temporal = in.frames.pixel_variance / double(geometry.frames);
 
     if (geometry.frames > 1 && is_flat)
-        sink.put("sensor", "temporal_variance", "log", log_ratio(independent_variance(m), m.frames.read_variance));
+        sink.put("sensor", "temporal_variance", "log", log_ratio(independent_variance(in), in.frames.read_variance));
     sink.put("sensor", "fixed_pattern", "log", log_ratio(variance, temporal));
     sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, pattern, false), variance));
     sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, pattern, true), variance));

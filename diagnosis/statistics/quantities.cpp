@@ -3,9 +3,9 @@
 #include "runtime/error.hpp"
 #include "statistics/dot_shape.hpp"
 #include "statistics/make_frames.hpp"
-#include "statistics/measures.hpp"
 #include "statistics/sequence_level.hpp"
 #include "statistics/speckle_sums.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -37,9 +37,9 @@ class List {
 double root_beyond(double variance, double noise) { return std::sqrt(std::max(0.0, variance - noise)); }
 
 // Of the codes; before black level and scale.
-void put_codes(const Measurement &m, List &list) {
-    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
-    const double total = double(m.geometry.frames) * double(m.geometry.used);
+void put_codes(const StatisticInput &in, List &list) {
+    const std::vector<std::uint64_t> &histogram = in.frames.histogram;
+    const double total = double(in.geometry.frames) * double(in.geometry.used);
     // Light that is cut piles up in the first and the last code.
     double missing = 0.0, told = 0.0;
     for (std::size_t code = kNeighbours + 1; code + kNeighbours + 1 < histogram.size(); ++code) {
@@ -63,40 +63,40 @@ double lines_used(const std::vector<double> &used) {
 
 // What changes from frame to frame. Row, column and frame noise without what the noise of single pixels does to the
 // means.
-void put_temporal(const Measurement &m, double temporal_noise_dn, List &list) {
-    const Geometry &geometry = m.geometry;
+void put_temporal(const StatisticInput &in, double temporal_noise_dn, List &list) {
+    const Geometry &geometry = in.geometry;
     const double frames = double(geometry.frames);
     if (geometry.frames < 2)
         return;
     double of_means = 0.0;
-    for (const double mean : m.frames.frame_mean)
-        of_means += (mean - m.frames.mean_signal) * (mean - m.frames.mean_signal) / (frames - 1.0);
-    const double pixel = m.frames.pixel_variance, of_frame = pixel / double(geometry.used);
+    for (const double mean : in.frames.frame_mean)
+        of_means += (mean - in.frames.mean_signal) * (mean - in.frames.mean_signal) / (frames - 1.0);
+    const double pixel = in.frames.pixel_variance, of_frame = pixel / double(geometry.used);
     // A moving scene's frames differ by their speckle.
     if (!geometry.moving) {
         double rows = 0.0;
         for (std::size_t t = 0; t < geometry.frames; ++t)
             for (std::size_t y = 0; y < geometry.height; ++y) {
-                const double mean = m.frames.row_mean[t * geometry.height + y];
+                const double mean = in.frames.row_mean[t * geometry.height + y];
                 rows += geometry.row_used[y] * mean * mean;
             }
         // Times the pixels of a line: what independent pixels have is the pixels' variance.
         const double unbiased = frames / (frames - 1.0);
         const double row_count = lines_used(geometry.row_used), column_count = lines_used(geometry.column_used);
         rows *= unbiased / (frames * row_count);
-        const double columns = unbiased * m.residual.column_variance * double(geometry.width) / column_count;
+        const double columns = unbiased * in.residual.column_variance * double(geometry.width) / column_count;
         const double row_pixels = double(geometry.used) / row_count, column_pixels = double(geometry.used) / column_count;
         list.put("temporal_noise", "DN", temporal_noise_dn);
         list.put("row_noise", "DN", root_beyond(rows / row_pixels, pixel / row_pixels));
         list.put("column_noise", "DN", root_beyond(columns / column_pixels, pixel / column_pixels));
         list.put("frame_mean_deviation", geometry.is_lit() ? "%" : "DN",
-                 geometry.is_lit() ? 100.0 * root_beyond(of_means, of_frame) / m.frames.light
+                 geometry.is_lit() ? 100.0 * root_beyond(of_means, of_frame) / in.frames.light
                                    : root_beyond(of_means, of_frame));
     }
     if (geometry.is_static_laser()) {
         const char *names[] = {"image_shift_x", "image_shift_y"};
         for (std::size_t k = 0; k < 2; ++k) {
-            const ResidualSums::Motion &motion = m.residual.motions[k];
+            const ResidualSums::Motion &motion = in.residual.motions[k];
             double square = 0.0;
             for (const double amount : motion.amount)
                 square += amount * amount / (frames - 1.0);
@@ -107,10 +107,10 @@ void put_temporal(const Measurement &m, double temporal_noise_dn, List &list) {
 
 // Dark and flat: EMVA 1288's spatial standard deviation, without the smooth field and without what is left of the
 // temporal noise in a mean of frames.
-void put_fixed_pattern(const Measurement &m, List &list) {
-    const Geometry &geometry = m.geometry;
+void put_fixed_pattern(const StatisticInput &in, List &list) {
+    const Geometry &geometry = in.geometry;
     const std::vector<float> pattern =
-        without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, kFieldTerms));
+        without_field(geometry, in.frames.mean, fit_field(geometry, in.frames.mean, kFieldTerms));
     double square = 0.0;
     std::vector<double> rows(geometry.height), columns(geometry.width);
     for (std::size_t y = 0; y < geometry.height; ++y)
@@ -130,7 +130,7 @@ void put_fixed_pattern(const Measurement &m, List &list) {
         return root_beyond(ratio(beyond, lines), 0.0);
     };
     // Of a single frame pattern and noise are one.
-    const double temporal = geometry.frames > 1 ? m.frames.pixel_variance / double(geometry.frames) : kNotTold;
+    const double temporal = geometry.frames > 1 ? in.frames.pixel_variance / double(geometry.frames) : kNotTold;
     list.put("fixed_pattern", "DN", std::isfinite(temporal) ? root_beyond(square, temporal) : kNotTold);
     const bool told = geometry.frames > 1;
     list.put("row_fixed_pattern", "DN", told ? of_lines(rows, geometry.row_used) : kNotTold);
@@ -138,8 +138,8 @@ void put_fixed_pattern(const Measurement &m, List &list) {
 }
 
 // How much darker the corner is than the axis: light = l (1 - a r^2), r = 1 in the corner.
-void put_fall_off(const Measurement &m, List &list) {
-    const FieldCoefficients field = fit_field(m.geometry, m.frames.mean, 4);
+void put_fall_off(const StatisticInput &in, List &list) {
+    const FieldCoefficients field = fit_field(in.geometry, in.frames.mean, 4);
     list.put("corner_loss", "%", field[0] > 0.0 ? -100.0 * field[3] / field[0] : kNotTold);
 }
 
@@ -161,24 +161,24 @@ double half_width(const std::vector<float> &image, const Geometry &geometry, boo
     return kNotTold;
 }
 
-void put_speckle(const Measurement &m, List &list) {
-    const Geometry &geometry = m.geometry;
+void put_speckle(const StatisticInput &in, List &list) {
+    const Geometry &geometry = in.geometry;
     const bool over_time = geometry.moving && geometry.frames > 1;
     // Moving: the residuals of all frames (or of the first, for the grain, which is long to sum and the same in all).
     std::vector<float> image;
-    double variance = 0.0, noise = m.frames.read_variance, noise_of_image = noise, cube = 0.0;
+    double variance = 0.0, noise = in.frames.read_variance, noise_of_image = noise, cube = 0.0;
     Powers powers;
     if (over_time) {
-        powers = m.residual.powers;
+        powers = in.residual.powers;
         // Unbiased: residuals are from the mean of the frames themselves. Those of two are each other's negative.
         const double frames = double(geometry.frames), samples = frames * double(geometry.used);
         variance = powers.square / samples * frames / (frames - 1.0);
         cube = frames > 2.0 ? powers.cube / samples * frames * frames / ((frames - 1.0) * (frames - 2.0)) : kNotTold;
-        const float *first = m.frames.residual_of(geometry, 0);
+        const float *first = in.frames.residual_of(geometry, 0);
         image.assign(first, first + geometry.pixels);
         noise_of_image *= 1.0 - 1.0 / frames;
     } else {
-        image = without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, 4));
+        image = without_field(geometry, in.frames.mean, fit_field(geometry, in.frames.mean, 4));
         for (std::size_t y = 0; y < geometry.height; ++y)
             powers.add(image.data() + y * geometry.width, geometry.width);
         variance = powers.square / double(geometry.used);
@@ -186,7 +186,7 @@ void put_speckle(const Measurement &m, List &list) {
         noise_of_image = noise /= double(geometry.frames);
     }
     const double speckle = std::max(0.0, variance - noise);
-    list.put("contrast", "1", m.frames.mean_signal > 0.0 ? std::sqrt(speckle) / m.frames.light : kNotTold);
+    list.put("contrast", "1", in.frames.mean_signal > 0.0 ? std::sqrt(speckle) / in.frames.light : kNotTold);
     list.put("intensity_skewness", "1", speckle > 0.0 ? cube / std::pow(speckle, 1.5) : kNotTold);
     list.put("grain_width_x", "px", half_width(image, geometry, true, noise_of_image));
     list.put("grain_width_y", "px", half_width(image, geometry, false, noise_of_image));
@@ -198,15 +198,15 @@ double without_window(double width, double window) {
     return inverse > 0.0 ? 1.0 / std::sqrt(inverse) : kNotTold;
 }
 
-void put_dots(const Measurement &m, List &list) {
-    const Geometry &geometry = m.geometry;
+void put_dots(const StatisticInput &in, List &list) {
+    const Geometry &geometry = in.geometry;
     double background = 0.0;
     for (const std::uint32_t pixel : geometry.dots.between)
-        background += double(m.frames.mean[pixel]) / double(geometry.dots.between.size());
-    const DotPositions positions = locate_dots(geometry, m.frames.mean, background);
-    const DotShape shape = measure_shape(geometry, m.frames.mean, background, positions, 0.0);
-    const double least = kLeastCore * expected_core(geometry) * m.frames.light;
-    const bool is_seen = visibility(shape, least) > 0.0 && m.frames.mean_signal > 0.0;
+        background += double(in.frames.mean[pixel]) / double(geometry.dots.between.size());
+    const DotPositions positions = locate_dots(geometry, in.frames.mean, background);
+    const DotShape shape = measure_shape(geometry, in.frames.mean, background, positions, 0.0);
+    const double least = kLeastCore * expected_core(geometry) * in.frames.light;
+    const bool is_seen = visibility(shape, least) > 0.0 && in.frames.mean_signal > 0.0;
     const auto told = [&](double value) { return is_seen ? value : kNotTold; };
     const double window = kShapeWindow * geometry.dots.sigma;
     list.put("dot_width_x", "px", told(without_window(shape.width_x, window)));
@@ -219,7 +219,7 @@ void put_dots(const Measurement &m, List &list) {
     }
     if (!geometry.dots.between.empty())
         list.put("light_between_dots", "%", told(100.0 * background / shape.core));
-    const double axis = window_mean(geometry, m.frames.mean, geometry.principal_point, geometry.dots.sigma);
+    const double axis = window_mean(geometry, in.frames.mean, geometry.principal_point, geometry.dots.sigma);
     list.put("light_on_axis", "%", told(100.0 * (axis - background) / shape.core));
 }
 
@@ -235,31 +235,31 @@ std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size
     const auto sums = make_host_sums(threads, spare);
     const Frames frames = make_frames(geometry, codes, calibration, *sums);
     const ResidualSums residual = sum_residuals(geometry, frames, *sums);
-    const Measurement m{geometry, frames, residual, *sums, codes, calibration.black_level_dn, threads};
+    const StatisticInput in{geometry, frames, residual, *sums, codes, calibration.black_level_dn, threads};
     List list;
     if (geometry.is_lit())
         list.put("mean_signal", "DN", frames.mean_signal);
     else
         list.put("dark_offset", "DN", frames.mean_signal + calibration.black_level_dn);
-    put_temporal(m, frame_count > 1 ? sequence_level(layout, sequence, codes, frame_count).temporal_noise_dn : kNotTold,
-                 list);
+    put_temporal(
+        in, frame_count > 1 ? sequence_level(layout, sequence, codes, frame_count).temporal_noise_dn : kNotTold, list);
     switch (geometry.scene) {
     case CaptureScene::kDark:
-        put_fixed_pattern(m, list);
+        put_fixed_pattern(in, list);
         break;
     case CaptureScene::kFlat:
-        put_fixed_pattern(m, list);
-        put_fall_off(m, list);
+        put_fixed_pattern(in, list);
+        put_fall_off(in, list);
         break;
     case CaptureScene::kBoard:
-        put_speckle(m, list);
-        put_fall_off(m, list);
+        put_speckle(in, list);
+        put_fall_off(in, list);
         break;
     case CaptureScene::kDots:
-        put_dots(m, list);
+        put_dots(in, list);
         break;
     }
-    put_codes(m, list);
+    put_codes(in, list);
     return list.take();
 }
 

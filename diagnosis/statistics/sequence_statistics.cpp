@@ -3,7 +3,7 @@
 #include "runtime/error.hpp"
 #include "statistics/device_sums.hpp"
 #include "statistics/make_frames.hpp"
-#include "statistics/measures.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <fmt/format.h>
 
@@ -19,27 +19,27 @@ void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, c
     using namespace statistics;
     const Frames frames = make_frames(geometry, codes, calibration, sums);
     const ResidualSums residual = sum_residuals(geometry, frames, sums);
-    const Measurement m{geometry, frames, residual, sums, codes, calibration.black_level_dn, threads};
-    measure_temporal_noise(m, sink);
-    measure_repetition(m, sink);
-    measure_code_lattice(m, sink);
-    measure_blocks(m, sink);
-    measure_field(m, sink);
+    const StatisticInput in{geometry, frames, residual, sums, codes, calibration.black_level_dn, threads};
+    measure_temporal_noise(in, sink);
+    measure_repetition(in, sink);
+    measure_code_lattice(in, sink);
+    measure_blocks(in, sink);
+    measure_field(in, sink);
     switch (geometry.scene) {
     case CaptureScene::kDark:
     case CaptureScene::kFlat:
-        measure_fixed_pattern(m, sink);
+        measure_fixed_pattern(in, sink);
         break;
     case CaptureScene::kBoard:
-        measure_levels(m, sink);
-        measure_intensity_law(m, sink);
-        measure_speckle(m, sink);
-        measure_static_scene(m, sink);
+        measure_levels(in, sink);
+        measure_intensity_law(in, sink);
+        measure_speckle(in, sink);
+        measure_static_scene(in, sink);
         break;
     case CaptureScene::kDots:
-        measure_levels(m, sink);
-        measure_dots(m, sink);
-        measure_static_scene(m, sink);
+        measure_levels(in, sink);
+        measure_dots(in, sink);
+        measure_static_scene(in, sink);
         break;
     }
 }

@@ -1,19 +1,19 @@
 // Speckle on a board: the law of its intensity, its correlation and spectrum, its contrast over the field.
 #include "statistics/histogram_share.hpp"
-#include "statistics/measures.hpp"
 #include "statistics/speckle_sums.hpp"
+#include "statistics/statistic_groups.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace clsp::statistics {
 
-void measure_intensity_law(const Measurement &m, Sink &sink) {
-    const std::vector<std::uint64_t> &histogram = m.frames.histogram;
-    const double total = double(m.geometry.frames) * double(m.geometry.used), light = m.frames.light;
+void measure_intensity_law(const StatisticInput &in, Sink &sink) {
+    const std::vector<std::uint64_t> &histogram = in.frames.histogram;
+    const double total = double(in.geometry.frames) * double(in.geometry.used), light = in.frames.light;
     double second = 0.0, third = 0.0, fourth = 0.0;
     for (std::size_t code = 0; code < histogram.size(); ++code) {
-        const double deviation = (double(code) - m.black_level_dn - m.frames.mean_signal) / light,
+        const double deviation = (double(code) - in.black_level_dn - in.frames.mean_signal) / light,
                      squared = deviation * deviation;
         const double share = double(histogram[code]) / total;
         second += share * squared;
@@ -24,7 +24,7 @@ void measure_intensity_law(const Measurement &m, Sink &sink) {
     sink.put("surface", "intensity_kurtosis", "log", std::log((fourth + 1e-9) / (second * second + 1e-9)));
     // Distribution function at multiples of the mean.
     for (const int percent : {5, 10, 25, 50, 100, 200, 300, 400}) {
-        const double above = share_above(histogram, total, m.black_level_dn, 0.01 * percent * light);
+        const double above = share_above(histogram, total, in.black_level_dn, 0.01 * percent * light);
         sink.put("surface", "intensity_below_" + std::to_string(percent) + "_percent", "1", 1.0 - above);
     }
 }
@@ -109,36 +109,36 @@ void put_lines(const Geometry &geometry, const std::vector<float> &image, double
 
 } // namespace
 
-void measure_speckle(const Measurement &m, Sink &sink) {
-    const Geometry &geometry = m.geometry;
+void measure_speckle(const StatisticInput &in, Sink &sink) {
+    const Geometry &geometry = in.geometry;
     // A moving scene shows new speckle in each frame: its residuals from the mean image, which falls off with the
     // light. A static scene shows one, whatever the frames; only the smooth field can be taken out of it.
     std::vector<SpeckleFrameSums> parts;
     std::vector<const float *> spectra;
     std::vector<float> still;
-    double gain = 1.0, noise = m.frames.read_variance;
+    double gain = 1.0, noise = in.frames.read_variance;
     if (geometry.moving && geometry.frames > 1) {
-        parts = m.sums.sum_speckle(geometry, m.frames);
+        parts = in.sums.sum_speckle(geometry, in.frames);
         const std::size_t count = std::min<std::size_t>(geometry.frames, 4);
         std::vector<std::size_t> which;
         for (std::size_t k = 0; k < count; ++k)
             which.push_back(k * geometry.frames / count);
-        spectra = m.sums.residual_images(geometry, m.frames, which);
+        spectra = in.sums.residual_images(geometry, in.frames, which);
         gain = double(geometry.frames) / double(geometry.frames - 1);
     } else {
-        still = without_field(geometry, m.frames.mean, fit_field(geometry, m.frames.mean, 4));
+        still = without_field(geometry, in.frames.mean, fit_field(geometry, in.frames.mean, 4));
         parts.push_back(sum_speckle_image(geometry, still.data()));
         spectra.push_back(still.data());
         noise /= double(geometry.frames);
     }
     const SpeckleSums sums = combine_speckle(geometry, parts);
-    const double light = m.frames.light;
+    const double light = in.frames.light;
     sink.put("surface", "contrast", "log", 0.5 * log_ratio((gain * sums.variance - noise) / (light * light), 1.0));
     // The residuals of two frames are each other's negative: their odd moments are 0.
     put_correlation(sums, parts.size() != 2, sink);
     if (geometry.moving)
-        put_regions(geometry, m.frames, sums, sink); // one pattern is too few for nine regions
-    put_spectrum(geometry, sum_spectrum(geometry, std::max(geometry.cutoff, 0.02), spectra, m.threads), sink);
+        put_regions(geometry, in.frames, sums, sink); // one pattern is too few for nine regions
+    put_spectrum(geometry, sum_spectrum(geometry, std::max(geometry.cutoff, 0.02), spectra, in.threads), sink);
 
     if (!geometry.moving || geometry.frames < 2) // the others' residuals tell of them as row_noise and column_noise
         put_lines(geometry, still, sums.variance, sink);

@@ -136,7 +136,7 @@ TEST(Candidates, RangesInDnGoWithTheCamera) {
     camera.bits = 10;
     camera.read_noise_dn = 4.0;
     std::vector<Candidate> same = catalogue;
-    go_with_camera(same, camera, 5.0);
+    scale_to_camera(same, camera, 5.0);
     for (std::size_t i = 0; i < catalogue.size(); ++i)
         for (std::size_t p = 0; p < catalogue[i].parameters.size(); ++p) {
             EXPECT_EQ(same[i].parameters[p].weak, catalogue[i].parameters[p].weak) << catalogue[i].id;
@@ -148,7 +148,7 @@ TEST(Candidates, RangesInDnGoWithTheCamera) {
     own.id = "own";
     own.parameters = {{"level_dn", "DN", 0.0, 1000.0, 100.0, 500.0}};
     std::vector<Candidate> coarse = candidates({own}, {});
-    go_with_camera(coarse, camera, 0.9);
+    scale_to_camera(coarse, camera, 0.9);
     EXPECT_DOUBLE_EQ(of(coarse, "full_well").parameters[0].weak, 650.0 * 255.0 / 1023.0);
     EXPECT_DOUBLE_EQ(of(coarse, "full_well").parameters[0].strong, 380.0 * 255.0 / 1023.0);
     EXPECT_DOUBLE_EQ(of(coarse, "shot_noise").parameters[0].weak, 0.08 * 255.0 / 1023.0);
@@ -161,9 +161,9 @@ TEST(Candidates, RangesInDnGoWithTheCamera) {
     // A data sheet that is far off: what the dark frames show; without them a code's own rounding.
     camera.read_noise_dn = 0.0;
     std::vector<Candidate> measured = catalogue, silent = catalogue;
-    go_with_camera(measured, camera, 3.0);
+    scale_to_camera(measured, camera, 3.0);
     EXPECT_DOUBLE_EQ(of(measured, "row_noise").parameters[0].strong, 3.0);
-    go_with_camera(silent, camera, 0.0);
+    scale_to_camera(silent, camera, 0.0);
     EXPECT_NEAR(of(silent, "row_noise").parameters[0].strong, 1.0 / std::sqrt(12.0), 1e-12);
 }
 
@@ -465,7 +465,7 @@ TEST(Diagnosis, NamesOtherFormsOfAnEffect) {
 }
 
 // A pixel that is sensitive in half of its area (0.71 x 0.71), which cross-talk imitates.
-TEST(Diagnosis, ThePixelsAreaIsFittedFromTheFirstLookOn) {
+TEST(Diagnosis, ThePixelsAreaIsFittedFromTheFirstScreeningOn) {
     CaptureLayout layout = small_layout();
     layout.f_number = 5.6;
     layout.width = 96;
@@ -542,8 +542,8 @@ TEST(Diagnosis, WithoutDarkFramesEffectsAreStillNamed) {
     }
 }
 
-// Alone, a moving board shows a contrast: weak depolarization is one of three effects that lower it. All three are to be
-// fitted, though others promise more at a first look: otherwise the wrong one was named in half of such captures, and
+// Alone, a moving board shows a contrast: weak depolarization is one of three effects that lower it. All three are to
+// be fitted, though others promise more at screening: otherwise the wrong one was named in half of such captures, and
 // the right one was never among the equivalent ones. (Of what a twentieth is likely, a twentieth is not listed.)
 TEST(Diagnosis, ConfusableEffectsOfOneSequenceAreFittedToo) {
     CaptureLayout layout = larger_layout();

@@ -1,4 +1,5 @@
-// Early choices that were wrong or needless: a path is begun with them, and must come out right. Captures of the simulator's own.
+// Early choices that were wrong or needless: a state is begun with them, and must come out right. Captures of the
+// simulator's own.
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/candidate.hpp"
 #include "inference/swap.hpp"
@@ -31,50 +32,50 @@ class Swap : public testing::Test {
     const Candidate &candidate(const std::string &id) const {
         return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
     }
-    // The effects in this order, fitted one after the other; looks at those named besides.
-    Path path_of(ModelFit &fits, const std::vector<std::string> &effects, const std::vector<std::string> &looks,
-                 double first_strength = 0.5) {
-        Path path;
+    // The effects in this order, fitted one after the other; those named besides are screened.
+    SearchState state_of(ModelFit &fits, const std::vector<std::string> &effects,
+                         const std::vector<std::string> &screened, double first_strength = 0.5) {
+        SearchState state;
         for (const std::string &id : effects) {
-            path.model.add(candidate(id), 1.0, path.steps.empty() ? first_strength : 0.5);
-            path.models.push_back(fits.fit(path.model, path.pool, all_replicates(fits)));
+            state.model.add(candidate(id), 1.0, state.steps.empty() ? first_strength : 0.5);
+            state.models.push_back(fits.fit(state.model, state.pool, all_replicates(fits)));
             SearchStep step;
             step.added = id;
-            step.residual = path.models.back().residual;
+            step.residual = state.models.back().residual;
             RankedEffect ranked;
             ranked.effect = id;
             ranked.gain = 1000.0;
             step.ranking = {ranked};
             weigh(step.ranking);
-            path.steps.push_back(step);
+            state.steps.push_back(step);
         }
-        for (const std::string &id : looks) {
-            EffectModel with = path.model;
+        for (const std::string &id : screened) {
+            EffectModel with = state.model;
             with.add(candidate(id), 1.0, 0.5);
-            path.looks[&candidate(id)] = simulate_change(fits.runner(), path.pool, with.settings(), fits.concerned(id),
-                                                         fits.options().seed, kSearchSeeds)
-                                             .mean;
+            state.screened[&candidate(id)] = simulate_change(fits.runner(), state.pool, with.settings(),
+                                                             fits.concerned(id), fits.options().seed, kSearchSeeds)
+                                                 .mean;
         }
-        return path;
+        return state;
     }
-    static std::vector<std::string> names(const Path &path) {
+    static std::vector<std::string> names(const SearchState &state) {
         std::vector<std::string> result;
-        for (const ModelEffect &effect : path.model.effects)
+        for (const ModelEffect &effect : state.model.effects)
             result.push_back(effect.candidate->id);
         return result;
     }
     // Steps, models and effects say the same.
-    static void expect_consistent(ModelFit &fits, Path path, const FittedModel &baseline) {
-        complete(fits, path, baseline, 0.0);
-        ASSERT_EQ(path.steps.size(), path.model.effects.size());
-        ASSERT_EQ(path.models.size(), path.model.effects.size());
-        for (std::size_t n = 0; n < path.steps.size(); ++n) {
-            EXPECT_EQ(path.steps[n].added, path.model.effects[n].candidate->id);
-            EXPECT_EQ(path.steps[n].ranking.front().effect, path.steps[n].added);
-            EXPECT_EQ(path.models[n].effects.size(), n + 1);
-            EXPECT_EQ(path.steps[n].residual.distance, path.models[n].residual.distance);
+    static void expect_consistent(ModelFit &fits, SearchState state, const FittedModel &baseline) {
+        complete(fits, state, baseline, 0.0);
+        ASSERT_EQ(state.steps.size(), state.model.effects.size());
+        ASSERT_EQ(state.models.size(), state.model.effects.size());
+        for (std::size_t n = 0; n < state.steps.size(); ++n) {
+            EXPECT_EQ(state.steps[n].added, state.model.effects[n].candidate->id);
+            EXPECT_EQ(state.steps[n].ranking.front().effect, state.steps[n].added);
+            EXPECT_EQ(state.models[n].effects.size(), n + 1);
+            EXPECT_EQ(state.steps[n].residual.distance, state.models[n].residual.distance);
         }
-        EXPECT_EQ(path.pool.effects, path.models.back().effects);
+        EXPECT_EQ(state.pool.effects, state.models.back().effects);
     }
     std::vector<Candidate> all = candidates({}, {});
 };
@@ -84,14 +85,14 @@ TEST_F(Swap, AnEffectThatResemblesTheTrueOne) {
                            2);
     ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
-    Path path = path_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
-    ASSERT_TRUE(path.models.back().residual.detected);
-    EXPECT_TRUE(swap(fits, path, 0.0));
-    EXPECT_EQ(names(path), (std::vector<std::string>{"row_noise", "crosstalk"}));
-    EXPECT_FALSE(path.models.back().residual.detected);
-    fits.measure_parameters(path.models.back(), path.model, 0.0);
-    EXPECT_NEAR(path.models.back().parameters.back().value, 0.22, 0.03);
-    expect_consistent(fits, path, baseline);
+    SearchState state = state_of(fits, {"linewidth", "row_noise"}, {"crosstalk", "defocus", "prnu"});
+    ASSERT_TRUE(state.models.back().residual.detected);
+    EXPECT_TRUE(swap(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "crosstalk"}));
+    EXPECT_FALSE(state.models.back().residual.detected);
+    fits.measure_parameters(state.models.back(), state.model, 0.0);
+    EXPECT_NEAR(state.models.back().parameters.back().value, 0.22, 0.03);
+    expect_consistent(fits, state, baseline);
 }
 
 TEST_F(Swap, WhatIsMissingIsAdded) {
@@ -102,16 +103,16 @@ TEST_F(Swap, WhatIsMissingIsAdded) {
         limited.max_effects = most;
         ModelFit fits(runner, limited, {});
         const FittedModel baseline = fits.fit_baseline(0.0);
-        Path path = path_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
-        ASSERT_TRUE(path.models.back().residual.detected);
-        EXPECT_EQ(swap(fits, path, 0.0), most > 1);
-        expect_consistent(fits, path, baseline);
+        SearchState state = state_of(fits, {"vignetting"}, {"crosstalk", "prnu"});
+        ASSERT_TRUE(state.models.back().residual.detected);
+        EXPECT_EQ(swap(fits, state, 0.0), most > 1);
+        expect_consistent(fits, state, baseline);
         if (most == 1)
             continue;
-        EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "crosstalk"}));
-        EXPECT_FALSE(path.models.back().residual.detected);
-        fits.measure_parameters(path.models.back(), path.model, 0.0);
-        EXPECT_NEAR(path.models.back().parameters.back().value, 0.15, 0.02);
+        EXPECT_EQ(names(state), (std::vector<std::string>{"vignetting", "crosstalk"}));
+        EXPECT_FALSE(state.models.back().residual.detected);
+        fits.measure_parameters(state.models.back(), state.model, 0.0);
+        EXPECT_NEAR(state.models.back().parameters.back().value, 0.15, 0.02);
     }
 }
 
@@ -120,10 +121,10 @@ TEST_F(Swap, NothingForWhatIsRight) {
                            2);
     ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
-    Path path = path_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
-    EXPECT_FALSE(swap(fits, path, 0.0));
-    EXPECT_EQ(names(path), (std::vector<std::string>{"crosstalk", "row_noise"}));
-    expect_consistent(fits, path, baseline);
+    SearchState state = state_of(fits, {"crosstalk", "row_noise"}, {"linewidth", "pixel_integration", "prnu"});
+    EXPECT_FALSE(swap(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"crosstalk", "row_noise"}));
+    expect_consistent(fits, state, baseline);
 }
 
 // Two names for one thing: nothing is swapped, but the choice is no certain one any more.
@@ -145,18 +146,18 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
     ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
     all = candidates(twins, {});
-    Path path = path_of(fits, {"tilt", "row_noise"}, {"slope"});
-    EXPECT_FALSE(swap(fits, path, 0.0));
-    EXPECT_EQ(names(path), (std::vector<std::string>{"tilt", "row_noise"}));
-    const std::vector<RankedEffect> &ranking = path.steps.front().ranking;
+    SearchState state = state_of(fits, {"tilt", "row_noise"}, {"slope"});
+    EXPECT_FALSE(swap(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"tilt", "row_noise"}));
+    const std::vector<RankedEffect> &ranking = state.steps.front().ranking;
     ASSERT_EQ(2u, ranking.size());
-    EXPECT_EQ(1u, path.steps.back().ranking.size());
+    EXPECT_EQ(1u, state.steps.back().ranking.size());
     for (const RankedEffect &ranked : ranking) {
         EXPECT_TRUE(ranked.effect == "tilt" || ranked.effect == "slope");
         EXPECT_GT(ranked.probability, 0.1);
     }
     DiagnosisResult result;
-    name_effects(path.steps, {}, result);
+    name_effects(state.steps, {}, result);
     EXPECT_EQ(Verdict::kAmbiguous, result.verdict);
     EXPECT_EQ((std::vector<std::string>{"tilt", "row_noise"}), result.effects);
     EXPECT_EQ(2u, result.equivalent.size());
@@ -167,8 +168,8 @@ TEST_F(Swap, ADoubtfulResidualIsConfirmed) {
     ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
     ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
-    Path path = path_of(fits, {"vignetting"}, {});
-    const FittedModel fitted = path.models.back();
+    SearchState state = state_of(fits, {"vignetting"}, {});
+    const FittedModel fitted = state.models.back();
     const std::size_t count = fitted.model.replicates().draws.size();
     ASSERT_EQ(count, fits.options().model_replicates);
     for (const double p : {0.5, 1e-9}) {
@@ -252,13 +253,13 @@ TEST_F(Swap, SlightEffectsTakeNoPlace) {
     few.max_effects = 2;
     ModelFit fits(runner, few, {});
     fits.fit_baseline(0.0);
-    const Path right = path_of(fits, {"vignetting", "row_noise"}, {});
+    const SearchState right = state_of(fits, {"vignetting", "row_noise"}, {});
     EXPECT_EQ(right.model.slight_count(right.models.back().step), 0u);
     EXPECT_EQ(most_effects(fits, right), 2u);
-    const Path with_slight = path_of(fits, {"depolarization", "vignetting"}, {}, -0.3);
+    const SearchState with_slight = state_of(fits, {"depolarization", "vignetting"}, {}, -0.3);
     EXPECT_EQ(with_slight.model.slight_count(with_slight.models.back().step), 1u);
     EXPECT_EQ(most_effects(fits, with_slight), 3u);
-    EXPECT_EQ(most_effects(fits, Path{}), 2u);
+    EXPECT_EQ(most_effects(fits, SearchState{}), 2u);
     // By the strength that the last step leads to; and what is slight alone is all that there is.
     EffectModel model;
     model.add(candidate("vignetting"), 1.0, -0.15);
@@ -273,12 +274,12 @@ TEST_F(Swap, NeedlessEffectsArePruned) {
                            2);
     ModelFit fits(runner, options(), {});
     const FittedModel baseline = fits.fit_baseline(0.0);
-    Path path = path_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
-    ASSERT_FALSE(path.models.back().residual.detected); // a flexible effect too many does no harm but for its name
-    prune(fits, path, 0.0);
-    EXPECT_EQ(names(path), (std::vector<std::string>{"vignetting", "row_noise"}));
-    EXPECT_FALSE(path.models.back().residual.detected);
-    expect_consistent(fits, path, baseline);
+    SearchState state = state_of(fits, {"depolarization", "vignetting", "row_noise"}, {}, -0.3); // hardly any
+    ASSERT_FALSE(state.models.back().residual.detected); // a flexible effect too many does no harm but for its name
+    prune(fits, state, 0.0);
+    EXPECT_EQ(names(state), (std::vector<std::string>{"vignetting", "row_noise"}));
+    EXPECT_FALSE(state.models.back().residual.detected);
+    expect_consistent(fits, state, baseline);
 }
 
 // Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and may land beside it (here at 389).
@@ -366,7 +367,7 @@ TEST_F(Swap, SecantsReachStrengthsThatAreFar) {
     int columns = 0;
     const auto count = [&](Eigen::Index) { ++columns; };
     const GaussNewtonFit one = gauss_newton(runner, model, origin, {}, rounds, count);
-    EXPECT_EQ(values(one)[0], candidate("row_noise").value(0, 1.0)) << "no step was looked at";
+    EXPECT_EQ(values(one)[0], candidate("row_noise").value(0, 1.0)) << "no step was tried";
     rounds.secant_rounds = 10;
     const GaussNewtonFit many = gauss_newton(runner, model, origin, {}, rounds, count);
     EXPECT_EQ(4, columns) << "no column of a Jacobian after the first round";

@@ -114,8 +114,8 @@ inline Sample with_evidence(const std::shared_ptr<clsp::Context> &context, const
         return std::abs(a.z) > std::abs(b.z);
     });
     result.calibration = {64.1, 4.05, {{"dark", 64.1, 0.0, 0.0}, {"board_moving", 184.2, 120.1, 1.0}}};
-    result.measurements = clsp::measure_quantities(runner, sample.real, sample.baseline, final, result.seed);
-    result.looks = {{"defocus", 0.9, true}, {"glare", 0.3, true}, {"pupil_obstruction", 0.1, false}};
+    result.datasheet = clsp::measure_datasheet(runner, sample.real, sample.baseline, final, result.seed);
+    result.screened = {{"defocus", 0.9, true}, {"glare", 0.3, true}, {"pupil_obstruction", 0.1, false}};
     result.evidence = std::make_shared<const clsp::Evidence>(
         clsp::collect_evidence(runner, sample.real, sample.baseline, final, result.seed));
     result.downstream = clsp::measure_downstream(runner, sample.real, sample.baseline, final, result.seed);
@@ -193,8 +193,8 @@ reports(const std::shared_ptr<clsp::Context> &context) {
     unknown.candidates.push_back({kHostile, "optics", kHostile, {{kHostile, kHostile, 0, 1, 0, 1}}});
     unknown.ranking = {{kHostile, {0.5}}};
     unknown.found = unknown.ranking;
-    unknown.looks = {{kHostile, 0.5, true}};
-    unknown.measurements.quantities[0].sequence = unknown.measurements.quantities[0].name = kHostile;
+    unknown.screened = {{kHostile, 0.5, true}};
+    unknown.datasheet.quantities[0].sequence = unknown.datasheet.quantities[0].name = kHostile;
     unknown.steps = {{kHostile, 3.0, 0.1}};
     unknown.parameters = {{kHostile, kHostile, 0.5, 0.4, 0.6}};
     auto evidence = std::make_shared<clsp::Evidence>(*unknown.evidence);

@@ -1,6 +1,6 @@
 // Evidence, downstream errors and the pieces of the HTML report, against small cases whose answer is known.
 #include "diagnosis/report/sample_reports.hpp"
-#include "measure/evidence_measures.hpp"
+#include "measure/evidence_statistics.hpp"
 #include "report/explanations.hpp"
 #include "report/figures.hpp"
 #include "report/html_page.hpp"

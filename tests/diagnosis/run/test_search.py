@@ -1,4 +1,4 @@
-"""Where a search that goes by first looks, or by what was missing when an effect was chosen, would go wrong."""
+"""Where a search that goes by screening, or by what was missing when an effect was chosen, would go wrong."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def diagnose(capture: Path) -> dict:
     return json.loads(report.read_text())["cause"]
 
 
-def test_what_bends_is_looked_at_again(tmp_path: Path) -> None:
+def test_what_bends_is_screened_along_lines(tmp_path: Path) -> None:
     """A defocus of 0.77 waves at f/8 promised a tenth of the gap by the change that one of 0.95 makes.
 
     That is less than a fifth of what subsurface scattering did; it got no fit, and the verdict was `unknown`. The set
@@ -38,7 +38,7 @@ def test_what_bends_is_looked_at_again(tmp_path: Path) -> None:
     assert 0.95 * waves < low < high < 1.05 * waves
 
 
-def test_a_look_alike_is_exchanged(tmp_path: Path) -> None:
+def test_a_confusable_effect_is_swapped(tmp_path: Path) -> None:
     """Cross-talk was taken for the blur by whole pixels while a bent response was missing, and left no residual."""
     effects = {"pixel_integration": {"fill_factor": 1.0}, "gamma": {"gamma": 0.8766893614208805}}
     write_capture(tmp_path, draw_camera(2096578692), effects, 40, 1302249998)
@@ -46,10 +46,10 @@ def test_a_look_alike_is_exchanged(tmp_path: Path) -> None:
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
 
 
-def test_of_two_exchanges_the_better_is_made(tmp_path: Path) -> None:
+def test_of_two_swaps_the_better_is_made(tmp_path: Path) -> None:
     """Many laser lines were taken for lost polarization while glare was missing.
 
-    Of quick fits an addition then looked better by 3 of 880 than to exchange them, and the search ended `unknown`.
+    Of quick fits an addition then looked better by 3 of 880 than to swap them, and the search ended `unknown`.
     """
     effects = {
         "depolarization": {"degree_of_polarization": 0.42202189739707135},

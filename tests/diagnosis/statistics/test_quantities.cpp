@@ -1,7 +1,7 @@
 // Quantities in a data sheet's units, of frames whose noise, patterns and dots are known: drawn here by the standard
 // library, whose normal law has nothing to do with the simulator's. Seeds are fixed; tolerances are five standard
 // errors, so that a right program fails once in 1.7 million checks, and what they would miss is said beside each.
-#include "measure/measurements.hpp"
+#include "measure/datasheet_quantities.hpp"
 #include "statistics/quantities.hpp"
 
 #include "runtime/error.hpp"

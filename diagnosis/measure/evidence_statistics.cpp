@@ -1,4 +1,4 @@
-#include "measure/evidence_measures.hpp"
+#include "measure/evidence_statistics.hpp"
 
 #include <algorithm>
 #include <cmath>

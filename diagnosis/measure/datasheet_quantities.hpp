@@ -22,7 +22,7 @@ struct QuantityMean {
     double deviation = std::numeric_limits<double>::quiet_NaN(); // from capture to capture
 };
 
-struct MeasuredQuantity {
+struct DatasheetQuantity {
     std::string sequence; // empty: of several sequences together
     std::string name, unit;
     std::vector<QuantityMean> versions; // real, baseline, and with effects if there are any
@@ -44,9 +44,9 @@ struct PhotonTransfer {
     double intercept_dn2 = 0.0, intercept_error = 0.0;
 };
 
-struct Measurements {
+struct DatasheetQuantities {
     std::size_t simulated_captures = 0;
-    std::vector<MeasuredQuantity> quantities;
+    std::vector<DatasheetQuantity> quantities;
     std::vector<PhotonTransfer> transfer; // by version, of the first simulated capture; empty without points
 };
 
@@ -54,7 +54,7 @@ struct Measurements {
 PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double full_signal_dn);
 
 // final: nullptr if no effect was found. seed: of the diagnosis; the captures are apart from those of any fit.
-Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
-                                const FittedModel *final, std::uint64_t seed);
+DatasheetQuantities measure_datasheet(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
+                                      const FittedModel *final, std::uint64_t seed);
 
 } // namespace clsp

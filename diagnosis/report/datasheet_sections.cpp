@@ -37,28 +37,29 @@ void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage
     }
     const PhotonTransfer &real = versions.front();
     page.plot(curve_figure(plot),
-              fmt::format("Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
-                          "line, whose slope is the system gain: real {} ± {} DN per electron, by {} of {} points (those up to "
-                          "70 % of the full signal).",
-                          figure(real.gain_dn_per_electron), figure(real.gain_error), real.fitted_points,
-                          real.points.size()));
+              fmt::format(
+                  "Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
+                  "line, whose slope is the system gain: real {} ± {} DN per electron, by {} of {} points (those up to "
+                  "70 % of the full signal).",
+                  figure(real.gain_dn_per_electron), figure(real.gain_error), real.fitted_points, real.points.size()));
 }
 
 } // namespace
 
-void write_measurements(const DiagnosisResult &result, HtmlPage &page) {
-    const Measurements &measurements = result.measurements;
-    if (measurements.quantities.empty())
+void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
+    const DatasheetQuantities &datasheet = result.datasheet;
+    if (datasheet.quantities.empty())
         return;
     page.raw("<section id=\"measurements\">\n");
     page.heading(2, "Measured in a data sheet's units");
     page.paragraph(fmt::format(
-        "The same quantities of the camera's frames and of the simulator's{}. They are for the reader; the verdict goes by "
+        "The same quantities of the camera's frames and of the simulator's{}. They are for the reader; the verdict "
+        "goes by "
         "the statistics above, which have narrow laws.",
-        measurements.simulated_captures > 1
-            ? fmt::format(" (mean and standard deviation of {} simulated captures)", measurements.simulated_captures)
+        datasheet.simulated_captures > 1
+            ? fmt::format(" (mean and standard deviation of {} simulated captures)", datasheet.simulated_captures)
             : std::string()));
-    const std::size_t versions = measurements.quantities.front().versions.size();
+    const std::size_t versions = datasheet.quantities.front().versions.size();
     std::vector<std::string> head = {"sequence", "quantity", "what it is", "unit"};
     std::vector<std::size_t> numbers;
     for (std::size_t v = 0; v < versions; ++v) {
@@ -66,14 +67,14 @@ void write_measurements(const DiagnosisResult &result, HtmlPage &page) {
         head.push_back(version_name(static_cast<Version>(v)));
     }
     std::vector<std::vector<std::string>> rows;
-    for (const MeasuredQuantity &quantity : measurements.quantities) {
+    for (const DatasheetQuantity &quantity : datasheet.quantities) {
         rows.push_back({quantity.sequence.empty() ? "dark and flat" : quantity.sequence, quantity.name,
                         explain_quantity(quantity.name), explain_unit(quantity.unit)});
         for (const QuantityMean &value : quantity.versions)
             rows.back().push_back(with_deviation(value));
     }
     page.table(head, rows, numbers);
-    write_photon_transfer(measurements.transfer, page);
+    write_photon_transfer(datasheet.transfer, page);
     page.raw("</section>\n");
 }
 

@@ -1,4 +1,4 @@
-#include "measure/measurements.hpp"
+#include "measure/datasheet_quantities.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,24 +10,27 @@ namespace {
 
 constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
 // Apart from the seeds of replicates, of the pool, and of the evidence.
-constexpr std::uint64_t kMeasurementSeed = std::uint64_t{3} << 41;
+constexpr std::uint64_t kDatasheetSeed = std::uint64_t{3} << 41;
 // Of the full signal: beyond it clipping takes variance away (EMVA 1288).
 constexpr double kTransferPart = 0.7;
 // Levels that are nearer than that to each other, in parts of the higher one, are one.
 constexpr double kSameLevel = 0.02;
 
 // One capture: the quantities of each sequence, and what several tell together.
-struct Measured {
+struct CaptureQuantities {
     std::vector<std::vector<Quantity>> sequences;
     PhotonTransfer transfer;
 };
 
 double value_of(const std::vector<Quantity> &quantities, const char *name) {
-    const auto found = std::find_if(quantities.begin(), quantities.end(), [&](const Quantity &q) { return q.name == name; });
+    const auto found =
+        std::find_if(quantities.begin(), quantities.end(), [&](const Quantity &q) { return q.name == name; });
     return found == quantities.end() ? kNotTold : found->value;
 }
 
-bool is_even(CaptureScene scene) { return scene == CaptureScene::kDark || scene == CaptureScene::kFlat; }
+bool is_even(CaptureScene scene) {
+    return scene == CaptureScene::kDark || scene == CaptureScene::kFlat;
+}
 
 double unmasked_pixels(const CaptureLayout &layout, std::size_t sequence) {
     const std::vector<std::uint8_t> &mask = layout.sequences[sequence].mask;
@@ -46,17 +49,17 @@ void add_nonuniformity(const CaptureLayout &layout, std::vector<std::vector<Quan
             continue;
         const double flat = value_of(sequences[s], "fixed_pattern"), signal = value_of(sequences[s], "mean_signal");
         const double gain_deviation = std::sqrt(std::max(0.0, flat * flat - dark * dark)) / signal;
-        sequences[s].push_back({"photo_response_nonuniformity", "%",
-                                std::isfinite(flat) && std::isfinite(dark) && signal > 0.0 ? 100.0 * gain_deviation
-                                                                                          : kNotTold});
+        sequences[s].push_back(
+            {"photo_response_nonuniformity", "%",
+             std::isfinite(flat) && std::isfinite(dark) && signal > 0.0 ? 100.0 * gain_deviation : kNotTold});
     }
 }
 
-Measured measured_capture(const ReplicateRunner &runner,
-                          const std::function<std::vector<std::uint16_t>(std::size_t)> &frames_of) {
+CaptureQuantities measured_capture(const ReplicateRunner &runner,
+                                   const std::function<std::vector<std::uint16_t>(std::size_t)> &frames_of) {
     const CaptureLayout &layout = runner.layout();
     const std::size_t count = layout.sequences.size();
-    Measured result;
+    CaptureQuantities result;
     result.sequences.resize(count);
     // The dark ones come first: they tell the black level that the others are measured by.
     std::vector<std::vector<std::uint16_t>> dark(count);
@@ -141,20 +144,20 @@ PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double ful
     return result;
 }
 
-Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
-                                const FittedModel *final, std::uint64_t seed) {
+DatasheetQuantities measure_datasheet(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
+                                      const FittedModel *final, std::uint64_t seed) {
     const FittedModel *models[] = {nullptr, &baseline, final};
     const std::size_t versions = final ? 3 : 2;
     const auto frames_of = [&](ReplicateRunner &of, std::size_t version, std::size_t capture, std::size_t s) {
         if (version == 0)
             return real.codes[s];
         const Replicates &replicates = models[version]->model.replicates();
-        const std::uint64_t draw = seed + kMeasurementSeed + capture;
+        const std::uint64_t draw = seed + kDatasheetSeed + capture;
         return of.frames(replicates.effects, of.drawn_levels(replicates.levels, draw), s, draw,
                          of.layout().sequences[s].frame_count);
     };
     // By version: its captures.
-    std::vector<std::vector<Measured>> measured(versions);
+    std::vector<std::vector<CaptureQuantities>> measured(versions);
     std::vector<std::pair<std::size_t, std::size_t>> draws;
     for (std::size_t v = 0; v < versions; ++v) {
         measured[v].resize(v == 0 ? 1 : kMeasuredCaptures);
@@ -167,16 +170,16 @@ Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, co
             measured_capture(own, [&, v = version, k = capture](std::size_t s) { return frames_of(own, v, k, s); });
     });
 
-    Measurements result;
+    DatasheetQuantities result;
     result.simulated_captures = kMeasuredCaptures;
     const CaptureLayout &layout = runner.layout();
     for (std::size_t s = 0; s < layout.sequences.size(); ++s)
         for (std::size_t q = 0; q < measured[0][0].sequences[s].size(); ++q) {
             const Quantity &first = measured[0][0].sequences[s][q];
-            MeasuredQuantity quantity{layout.sequences[s].name, first.name, first.unit, {}};
-            for (const std::vector<Measured> &version : measured) {
+            DatasheetQuantity quantity{layout.sequences[s].name, first.name, first.unit, {}};
+            for (const std::vector<CaptureQuantities> &version : measured) {
                 std::vector<double> values;
-                for (const Measured &capture : version)
+                for (const CaptureQuantities &capture : version)
                     values.push_back(capture.sequences[s][q].value);
                 quantity.versions.push_back(mean_of(values));
             }
@@ -184,10 +187,10 @@ Measurements measure_quantities(ReplicateRunner &runner, const Capture &real, co
         }
     if (measured[0][0].transfer.points.empty())
         return result;
-    MeasuredQuantity gain{"", "system_gain", "DN/electron", {}}, read{"", "transfer_intercept", "DN^2", {}};
-    for (const std::vector<Measured> &version : measured) {
+    DatasheetQuantity gain{"", "system_gain", "DN/electron", {}}, read{"", "transfer_intercept", "DN^2", {}};
+    for (const std::vector<CaptureQuantities> &version : measured) {
         std::vector<double> gains, reads;
-        for (const Measured &capture : version) {
+        for (const CaptureQuantities &capture : version) {
             gains.push_back(capture.transfer.fitted ? capture.transfer.gain_dn_per_electron : kNotTold);
             reads.push_back(capture.transfer.fitted ? capture.transfer.intercept_dn2 : kNotTold);
         }

@@ -1,4 +1,4 @@
-// Measurements for the report's figures, of the frames of one sequence.
+// Statistics for the report's figures, of the frames of one sequence.
 #pragma once
 
 #include "capture/capture.hpp"
