@@ -58,7 +58,7 @@ SequenceEvidence sequence_evidence(const ReplicateRunner &runner, std::size_t in
     result.moving = sequence.moving;
     result.frame_count = frame_count;
     result.averaged_px = (layout.width + kPictureWidth - 1) / kPictureWidth;
-    // Some 24 squares across: large against a grain of speckle, small against the field.
+    // Some 24 squares across: large against a speckle, small against the field.
     result.smooth_px = std::max(result.averaged_px, std::max(4u, layout.width / 24u));
     const bool is_static_laser = !sequence.moving && is_laser(sequence.scene);
     result.fluctuation = is_static_laser || frame_count < 2 ? Fluctuation::kInFrame : Fluctuation::kOverTime;

@@ -23,7 +23,7 @@ double deviation_of(const GapPlace &place) {
 
 // What differs in one kind of scene would differ in the other, too, if it were there, and does not: most of those
 // statistics are as sharp there, and clearly off from what it would be. Fringes that many moving surfaces show drown in
-// the grain of one that rests, and light that rises to one side is off by 4 deviations there instead of 34.
+// the speckle of one that rests, and light that rises to one side is off by 4 deviations there instead of 34.
 constexpr double kClearlyOff = 3.0;
 bool would_show(const CaptureLayout &layout, const std::vector<GapPlace> &places, bool moving, double least) {
     const auto sequence_of = [&](const GapPlace &place) {
@@ -63,9 +63,9 @@ bool light_falls_between_dots(const std::vector<GapPlace> &places, double worst)
     return dots_show_more(places, "light_between_dots", kClearPart * worst);
 }
 
-// Spots where the pattern has none: a copy of the image. Where boards differ, too, which a copy of their grain makes of
-// less contrast, no pattern has made it. Of the withheld check's sets (docs/gap-check.md) those with copies have 0.16
-// of the worst deviation there and more, those of other causes 0.09 at most.
+// Spots where the pattern has none: a copy of the image. Where boards differ, too, which a copy of their speckle makes
+// of less contrast, no pattern has made it. Of the withheld check's sets (docs/gap-check.md) those with copies have
+// 0.16 of the worst deviation there and more, those of other causes 0.09 at most.
 constexpr double kPartOfSpots = 0.125;
 bool spots_between_dots(const std::vector<GapPlace> &places, double worst) {
     return std::any_of(places.begin(), places.end(), [&](const GapPlace &place) {

@@ -8,7 +8,7 @@ namespace clsp::statistics {
 namespace {
 
 constexpr std::size_t kFewPatterns = 4;
-constexpr double kGrainPixels = 4.0; // above a level near the top, of a grain that reaches it
+constexpr double kSpecklePixels = 4.0; // above a level near the top, of a speckle that reaches it
 
 } // namespace
 
@@ -39,15 +39,15 @@ void measure_levels(const StatisticInput &in, Sink &sink) {
     const std::vector<std::uint64_t> &histogram = in.frames.histogram;
     const double total = double(in.geometry.frames) * double(in.geometry.used);
     const double full = in.geometry.maximum_code - in.black_level_dn;
-    // A bright grain has several pixels, and stays where it is in a scene that rests.
+    // A bright speckle has several pixels, and stays where it is in a scene that rests.
     const bool speckle = is_laser(in.geometry.scene);
-    const double together = speckle ? kGrainPixels * (in.geometry.moving ? 1.0 : double(in.geometry.frames)) : 1.0;
+    const double together = speckle ? kSpecklePixels * (in.geometry.moving ? 1.0 : double(in.geometry.frames)) : 1.0;
     for (const int percent : {25, 50, 75, 95}) {
         const double level = 0.01 * percent * full;
         const double above = share_above(histogram, total, in.black_level_dn, level, full - level);
         sink.put_share("sensor", "share_above_" + std::to_string(percent) + "_percent", above, together, total);
     }
-    // The brightest grain of few speckle patterns is an accident of the patterns.
+    // The brightest speckle of few speckle patterns is an accident of the patterns.
     if (speckle && (!in.geometry.moving || in.geometry.frames < kFewPatterns))
         return;
     // The bright end without a maximum: the ratio of the 16th to the 8th moment comes near it, and is smooth.

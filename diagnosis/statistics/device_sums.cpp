@@ -408,14 +408,14 @@ std::vector<SpeckleFrameSums> DeviceSums::sum_speckle(const Geometry &geometry, 
     return parts;
 }
 
-std::vector<GrainFrameSums> DeviceSums::sum_grain(const Geometry &geometry, const Frames &) {
+std::vector<DotLagFrameSums> DeviceSums::sum_dot_lags(const Geometry &geometry, const Frames &) {
     std::vector<RowProduct> products;
-    for (const Lag &lag : kGrainLags)
+    for (const Lag &lag : kDotLags)
         products.push_back(lagged(geometry.width, geometry.height, geometry.frames, lag));
     sum_products(images_.get(), geometry.pixels, geometry.width, products);
-    std::vector<GrainFrameSums> parts(geometry.frames);
+    std::vector<DotLagFrameSums> parts(geometry.frames);
     for (std::size_t t = 0; t < geometry.frames; ++t)
-        for (std::size_t k = 0; k < kGrainLags.size(); ++k)
+        for (std::size_t k = 0; k < kDotLags.size(); ++k)
             parts[t][k] = sum_of(k, t, products[k].rows);
     return parts;
 }

@@ -35,7 +35,7 @@ class DeviceSums final : public FrameSums {
                                                  const ResidualWeights &weights,
                                                  const std::vector<std::size_t> &lags) override;
     std::vector<SpeckleFrameSums> sum_speckle(const Geometry &geometry, const Frames &frames) override;
-    std::vector<GrainFrameSums> sum_grain(const Geometry &geometry, const Frames &frames) override;
+    std::vector<DotLagFrameSums> sum_dot_lags(const Geometry &geometry, const Frames &frames) override;
     std::vector<EdgeFrameSums> sum_edges(const Geometry &geometry) override;
     std::vector<std::vector<double>> frame_differences(const Geometry &geometry, const Frames &frames) override;
     std::vector<const float *> residual_images(const Geometry &geometry, const Frames &frames,

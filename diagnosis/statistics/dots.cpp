@@ -157,7 +157,7 @@ void put_stray_light(const StatisticInput &in, const DotShape &shape, double bac
                         scale));
 }
 
-// The law of the speckle's intensity in the cores, relative to the dot's own profile; grain of a moving scene.
+// The law of the speckle's intensity in the cores, relative to the dot's own profile; its size in a moving scene.
 void put_core_speckle(const StatisticInput &in, const DotShape &shape, const DotPositions &positions, Sink &sink) {
     const Geometry &geometry = in.geometry;
     const double sigma = geometry.dots.sigma, reach = 0.8 * sigma + 0.5;
@@ -212,12 +212,12 @@ void put_core_speckle(const StatisticInput &in, const DotShape &shape, const Dot
         sink.put("surface", names[k], "1", share[k]);
 }
 
-void put_grain(const StatisticInput &in, Sink &sink) {
+void put_dot_speckle(const StatisticInput &in, Sink &sink) {
     const Geometry &geometry = in.geometry;
     if (!geometry.moving || geometry.frames < 2)
         return;
-    GrainFrameSums total{};
-    for (const GrainFrameSums &part : in.sums.sum_grain(geometry, in.frames))
+    DotLagFrameSums total{};
+    for (const DotLagFrameSums &part : in.sums.sum_dot_lags(geometry, in.frames))
         for (std::size_t k = 0; k < total.size(); ++k)
             total[k] += part[k];
     const auto correlation = [&](std::size_t k) { return ratio(total[k], total.back()); };
@@ -249,7 +249,7 @@ void measure_dots(const StatisticInput &in, Sink &sink) {
     put_flux(geometry, positions, visible, least / kCoreOfPeak * gaussian_flux(geometry), sink);
     put_stray_light(in, shape, background, sink);
     put_core_speckle(in, shape, positions, sink);
-    put_grain(in, sink);
+    put_dot_speckle(in, sink);
 }
 
 } // namespace clsp::statistics

@@ -108,8 +108,8 @@ WindowedContrasts windowed_contrasts(const Geometry &geometry, const std::vector
     return result;
 }
 
-// Of one pattern of speckle a few grains, the brightest and those that clip, make most: the sum over the root of the sum
-// of squares is made large by no single one of them. Of many patterns relative to the light.
+// Of one pattern of speckle a few speckles, the brightest and those that clip, make most: the sum over the root of the
+// sum of squares is made large by no single one of them. Of many patterns relative to the light.
 std::array<double, 3> laser_mosaic_contrasts(const Geometry &geometry, const Frames &frames) {
     const WindowedContrasts found = windowed_contrasts(geometry, frames.mean);
     std::array<double, 3> result{};

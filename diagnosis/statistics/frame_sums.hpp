@@ -46,8 +46,8 @@ struct EdgeFrameSums {
     std::vector<std::uint64_t> columns, rows;
 };
 
-constexpr std::array<Lag, 9> kGrainLags{{{1, 0}, {2, 0}, {4, 0}, {0, 1}, {0, 2}, {0, 4}, {1, 1}, {-1, 1}, {0, 0}}};
-using GrainFrameSums = std::array<double, kGrainLags.size()>;
+constexpr std::array<Lag, 9> kDotLags{{{1, 0}, {2, 0}, {4, 0}, {0, 1}, {0, 2}, {0, 4}, {1, 1}, {-1, 1}, {0, 0}}};
+using DotLagFrameSums = std::array<double, kDotLags.size()>;
 
 // Frames apart, and the rows that are taken, of the differences of frames.
 constexpr std::size_t kFarthestRepeat = 8, kRepeatRows = 8;
@@ -71,7 +71,7 @@ class FrameSums {
                                                          const ResidualWeights &weights,
                                                          const std::vector<std::size_t> &lags) = 0;
     virtual std::vector<SpeckleFrameSums> sum_speckle(const Geometry &geometry, const Frames &frames) = 0;
-    virtual std::vector<GrainFrameSums> sum_grain(const Geometry &geometry, const Frames &frames) = 0;
+    virtual std::vector<DotLagFrameSums> sum_dot_lags(const Geometry &geometry, const Frames &frames) = 0;
     virtual std::vector<EdgeFrameSums> sum_edges(const Geometry &geometry) = 0;
     // By frame t: squared differences to the frames t + 1, t + 2, ... up to kFarthestRepeat, of every kRepeatRows-th
     // row.

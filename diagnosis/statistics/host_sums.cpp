@@ -87,7 +87,7 @@ void make_row(const Geometry &geometry, const std::uint16_t *codes, const Residu
         centred[x] *= share;
         mean[x] = centred[x] + pivot;
     }
-    // What clips does not flicker with its frame: scaled, a few bright grains would outweigh the noise of all others.
+    // What clips does not flicker with its frame: scaled, a few bright speckles would outweigh the noise of all others.
     // Such a code says nothing of a pixel's mean, unless there is nothing else, nor of its noise.
     std::vector<std::size_t> clipped;
     if (scales.any_clip)
@@ -141,7 +141,7 @@ class HostSums final : public FrameSums {
                                                  const ResidualWeights &weights,
                                                  const std::vector<std::size_t> &lags) override;
     std::vector<SpeckleFrameSums> sum_speckle(const Geometry &geometry, const Frames &frames) override;
-    std::vector<GrainFrameSums> sum_grain(const Geometry &geometry, const Frames &frames) override;
+    std::vector<DotLagFrameSums> sum_dot_lags(const Geometry &geometry, const Frames &frames) override;
     std::vector<EdgeFrameSums> sum_edges(const Geometry &geometry) override;
     std::vector<std::vector<double>> frame_differences(const Geometry &geometry, const Frames &frames) override;
     std::vector<const float *> residual_images(const Geometry &geometry, const Frames &frames,
@@ -226,12 +226,12 @@ std::vector<SpeckleFrameSums> HostSums::sum_speckle(const Geometry &geometry, co
     return parts;
 }
 
-std::vector<GrainFrameSums> HostSums::sum_grain(const Geometry &geometry, const Frames &frames) {
-    std::vector<GrainFrameSums> parts(geometry.frames);
+std::vector<DotLagFrameSums> HostSums::sum_dot_lags(const Geometry &geometry, const Frames &frames) {
+    std::vector<DotLagFrameSums> parts(geometry.frames);
     parallel_for(geometry.frames, threads_, [&](std::size_t t) {
         const float *residual = frames.residual_of(geometry, t);
-        for (std::size_t k = 0; k < kGrainLags.size(); ++k)
-            parts[t][k] = lag_sum(residual, residual, geometry.width, geometry.height, kGrainLags[k]);
+        for (std::size_t k = 0; k < kDotLags.size(); ++k)
+            parts[t][k] = lag_sum(residual, residual, geometry.width, geometry.height, kDotLags[k]);
     });
     return parts;
 }

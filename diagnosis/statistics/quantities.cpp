@@ -143,7 +143,7 @@ void put_fall_off(const StatisticInput &in, List &list) {
     list.put("corner_loss", "%", field[0] > 0.0 ? -100.0 * field[3] / field[0] : kNotTold);
 }
 
-// Full width at half maximum of the grains' autocorrelation along an axis: between whole pixels by a straight line.
+// Full width at half maximum of the speckle's autocorrelation along an axis: between whole pixels by a straight line.
 double half_width(const std::vector<float> &image, const Geometry &geometry, bool along_x, double noise_square) {
     const double zero = ratio(lag_sum(image.data(), image.data(), geometry.width, geometry.height, {0, 0}),
                               geometry.pairs({0, 0})) -
@@ -164,7 +164,8 @@ double half_width(const std::vector<float> &image, const Geometry &geometry, boo
 void put_speckle(const StatisticInput &in, List &list) {
     const Geometry &geometry = in.geometry;
     const bool over_time = geometry.moving && geometry.frames > 1;
-    // Moving: the residuals of all frames (or of the first, for the grain, which is long to sum and the same in all).
+    // Moving: the residuals of all frames (or of the first, for the autocorrelation, which is long to sum and the same
+    // in all).
     std::vector<float> image;
     double variance = 0.0, noise = in.frames.read_variance, noise_of_image = noise, cube = 0.0;
     Powers powers;

@@ -56,13 +56,13 @@ void put_correlation(const SpeckleSums &sums, bool odd_moments, Sink &sink) {
     sink.put("surface", "speckle_binned_skewness", "1", sums.binned_skewness);
 }
 
-// Contrast of the nine regions over the whole's; grain in the centre, at the edges, in the corners.
+// Contrast of the nine regions over the whole's; correlation of neighbours in the centre, at the edges, in the corners.
 void put_regions(const Geometry &geometry, const Frames &frames, const SpeckleSums &sums, Sink &sink) {
     std::array<double, 9> mean{};
     for (std::size_t y = 0; y < geometry.height; ++y)
         for (std::size_t x = 0; x < geometry.width; ++x)
             mean[geometry.region_of(x, y)] += double(frames.mean[y * geometry.width + x]);
-    std::array<double, 3> grain{}, regions{};
+    std::array<double, 3> neighbours{}, regions{};
     for (std::size_t k = 0; k < 9; ++k) {
         if (geometry.region_used[k] == 0.0)
             continue;
@@ -71,13 +71,13 @@ void put_regions(const Geometry &geometry, const Frames &frames, const SpeckleSu
             "surface", "contrast", "r" + std::to_string(k / 3) + "c" + std::to_string(k % 3), "log",
             0.5 * log_ratio(sums.region_variance[k] / (local * local), sums.variance / (frames.light * frames.light)));
         const std::size_t zone = k == 4 ? 0 : k % 2 == 1 ? 1 : 2;
-        grain[zone] += sums.region_neighbour[k];
+        neighbours[zone] += sums.region_neighbour[k];
         regions[zone] += 1.0;
     }
     const char *zones[] = {"centre", "edges", "corners"};
     for (std::size_t zone = 0; zone < 3; ++zone)
         if (regions[zone] > 0.0)
-            sink.put("optics", "speckle_neighbour_correlation", zones[zone], "1", grain[zone] / regions[zone]);
+            sink.put("optics", "speckle_neighbour_correlation", zones[zone], "1", neighbours[zone] / regions[zone]);
 }
 
 void put_spectrum(const Geometry &geometry, const SpectrumSums &sums, Sink &sink) {
