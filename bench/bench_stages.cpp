@@ -152,7 +152,7 @@ void sensor_expose_every_effect(benchmark::State &state) {
     desc.shot_noise = 1;
     desc.full_well_e = 1800;
     desc.crosstalk_fraction = 0.1;
-    desc.prnu = 0.01;
+    desc.prnu = desc.column_prnu = desc.row_prnu = 0.01;
     desc.mosaic_gain[0] = 0.9;
     desc.dark_current_e_per_s = 100;
     desc.lag_fraction = 0.05;

@@ -16,7 +16,7 @@ using namespace clsp::capi;
 
 static_assert(offsetof(ClspSensorDesc, conversion_gain_dn_per_e) == kFirstSize<ClspSensorDesc>,
               "members are added after those of the first release");
-static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, effective_bits) + sizeof(std::uint32_t),
+static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, row_prnu) + sizeof(double),
               "no hidden padding at the end");
 
 namespace {
@@ -40,6 +40,8 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.conversion_gain_dn_per_e, p.conversion_gain_dn_per_e);
     field(d.crosstalk_fraction, p.crosstalk_fraction);
     field(d.prnu, p.prnu);
+    field(d.column_prnu, p.column_prnu);
+    field(d.row_prnu, p.row_prnu);
     field(d.mosaic_gain, p.mosaic_gain);
     field(d.dark_current_e_per_s, p.dark_current_e_per_s);
     field(d.dark_current_reference_temperature_c, p.dark_current_reference_temperature_c);

@@ -103,6 +103,8 @@ void check_parameters(const SensorParameters &p) {
     check_positive(p.float_full_scale, "float_full_scale");
     check_fraction(p.crosstalk_fraction, "crosstalk_fraction");
     check_fraction(p.prnu, "prnu");
+    check_fraction(p.column_prnu, "column_prnu");
+    check_fraction(p.row_prnu, "row_prnu");
     for (std::size_t i = 0; i < p.mosaic_gain.size(); ++i)
         check_not_negative(p.mosaic_gain[i], fmt::format("mosaic_gain[{}]", i).c_str());
     if (std::all_of(p.mosaic_gain.begin(), p.mosaic_gain.end(), [](double gain) { return gain == 0.0; }))
@@ -126,9 +128,12 @@ bool has_mosaic(const SensorParameters &p) {
 bool has_offset(const SensorParameters &p) {
     return p.dark_frame_dn || p.hot_pixel_fraction > 0.0 || p.dsnu_dn > 0.0 || p.column_offset_dn > 0.0;
 }
+bool has_pixel_gain(const SensorParameters &p) {
+    return p.prnu > 0.0 || p.column_prnu > 0.0 || p.row_prnu > 0.0;
+}
 // Cold pixels alone take a byte each; with PRNU they are zeros of its map.
 bool has_response(const SensorParameters &p) {
-    return p.cold_pixel_fraction > 0.0 && p.prnu == 0.0;
+    return p.cold_pixel_fraction > 0.0 && !has_pixel_gain(p);
 }
 bool has_read_noise_map(const SensorParameters &p) {
     return p.read_noise_dn > 0.0 && p.read_noise_spread > 0.0;
@@ -184,7 +189,7 @@ void Sensor::make_fixed_pattern() {
     }
     if (has_response(p))
         response_ = DeviceBuffer(context_, pixels);
-    if (p.prnu > 0.0)
+    if (has_pixel_gain(p))
         pixel_gain_ = DeviceBuffer(context_, pixels * sizeof(float));
     if (has_read_noise_map(p))
         read_noise_map_ = DeviceBuffer(context_, pixels * sizeof(float));
@@ -193,9 +198,10 @@ void Sensor::make_fixed_pattern() {
         return; // nothing to draw
     const std::uint32_t quarter = quarter_rows(p.height);
     const std::string options = fmt::format(
-        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DDSNU={} -DCOLUMN_OFFSET={} -DREAD_NOISE_SPREAD={}",
-        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
-        p.column_offset_dn > 0.0 ? 1 : 0, read_noise_map_ ? 1 : 0);
+        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDSNU={} -DCOLUMN_OFFSET={} "
+        "-DREAD_NOISE_SPREAD={}",
+        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.column_prnu > 0.0 ? 1 : 0,
+        p.row_prnu > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0, p.column_offset_dn > 0.0 ? 1 : 0, read_noise_map_ ? 1 : 0);
     cl::Kernel kernel = context_->kernel("stages/sensor.cl", "sensor_fixed_pattern", options);
     KernelArguments(kernel)
         .add(offset_.get())
@@ -210,6 +216,8 @@ void Sensor::make_fixed_pattern() {
         .add(static_cast<cl_float>(p.hot_pixel_mean_dn))
         .add(static_cast<cl_float>(p.cold_pixel_fraction))
         .add(static_cast<cl_float>(p.prnu))
+        .add(static_cast<cl_float>(p.column_prnu))
+        .add(static_cast<cl_float>(p.row_prnu))
         .add(static_cast<cl_float>(p.dsnu_dn))
         .add(static_cast<cl_float>(p.column_offset_dn))
         .add(static_cast<cl_float>(p.read_noise_dn))

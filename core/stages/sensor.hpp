@@ -34,7 +34,7 @@ struct SensorParameters {
 
     double conversion_gain_dn_per_e = 0.0; // 0: no electrons
     double crosstalk_fraction = 0.0;
-    double prnu = 0.0;
+    double prnu = 0.0, column_prnu = 0.0, row_prnu = 0.0;
     std::array<double, 4> mosaic_gain{{1.0, 1.0, 1.0, 1.0}}; // sites (x & 1) + 2 (y & 1)
     double dark_current_e_per_s = 0.0, dark_current_reference_temperature_c = 25.0, dark_current_doubling_k = 8.0;
     double temperature_c = 25.0, exposure_time_s = 0.01;
@@ -48,9 +48,9 @@ struct SensorParameters {
 CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, saturation_dn, black_level_dn,
               read_noise_dn, hot_pixel_fraction, hot_pixel_mean_dn, cold_pixel_fraction, float_full_scale,
               dark_frame_dn, dark_frame_pitch_bytes, quantize, conversion_gain_dn_per_e, crosstalk_fraction, prnu,
-              mosaic_gain, dark_current_e_per_s, dark_current_reference_temperature_c, dark_current_doubling_k,
-              temperature_c, exposure_time_s, lag_fraction, gamma, dsnu_dn, column_offset_dn, row_noise_dn,
-              column_noise_dn, read_noise_spread, shot_noise, effective_bits)
+              column_prnu, row_prnu, mosaic_gain, dark_current_e_per_s, dark_current_reference_temperature_c,
+              dark_current_doubling_k, temperature_c, exposure_time_s, lag_fraction, gamma, dsnu_dn, column_offset_dn,
+              row_noise_dn, column_noise_dn, read_noise_spread, shot_noise, effective_bits)
 
 // Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
 enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };

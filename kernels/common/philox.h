@@ -19,6 +19,8 @@
 #define STREAM_SHOT_NOISE 0x18u         // and 0x19
 #define STREAM_READ_NOISE_SPREAD 0x1au
 #define STREAM_COLUMN_NOISE 0x1bu
+#define STREAM_COLUMN_PRNU 0x1cu
+#define STREAM_ROW_PRNU 0x1du
 #define STREAM_NEXT_PHASE 0x20u         // + polarization: the knot that a moving field turns towards
 #define STREAM_NEXT_MAGNITUDE 0x22u     // + polarization
 #define STREAM_PATH_START 0x24u

@@ -3,13 +3,14 @@
 
 #if FIXED_PATTERN
 
-// Drawn once. offset (dark frame already in it) gains hot pixels, DSNU and column offsets; response is 0 at cold pixels and 1
-// elsewhere; pixel_gain is the PRNU, 0 at cold pixels; read_noise_map is each pixel's standard deviation. Only what is on is
-// written: the other buffers may be NULL. One work-item a Philox block.
+// Drawn once. offset (dark frame already in it) gains hot pixels, DSNU and column offsets; response is 0 at cold pixels
+// and 1 elsewhere; pixel_gain is the PRNU of pixels, columns and rows, 0 at cold pixels; read_noise_map is each pixel's
+// standard deviation. Only what is on is written: the other buffers may be NULL. One work-item a Philox block.
 __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *response, __global float *pixel_gain,
                                    __global float *read_noise_map, uint width, uint height, uint quarter, uint2 key,
-                                   float hot_fraction, float hot_mean, float cold_fraction, float prnu, float dsnu,
-                                   float column_offset, float read_noise, float read_noise_spread) {
+                                   float hot_fraction, float hot_mean, float cold_fraction, float prnu,
+                                   float column_prnu, float row_prnu, float dsnu, float column_offset, float read_noise,
+                                   float read_noise_spread) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
@@ -20,6 +21,8 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
     const normals4 offsets = normals_from_block(image_block(x, row, 0, 0, STREAM_DSNU, key));
     const normals4 column = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_OFFSET, key));
     const normals4 spread = normals_from_block(image_block(x, row, 0, 0, STREAM_READ_NOISE_SPREAD, key));
+    const normals4 column_gain = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_PRNU, key));
+    const normals4 row_gains = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_PRNU, key));
     for (uint j = 0; j < 4; ++j) {
         const uint y = row + j * quarter;
         if (y >= height)
@@ -40,7 +43,14 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
         response[i] = is_cold ? 0 : 1;
 #endif
 #if PRNU
-        pixel_gain[i] = is_cold ? 0.0f : fmax(fma(prnu, normal_of(gains, j), 1.0f), 0.0f);
+        float gain = is_cold ? 0.0f : fmax(fma(prnu, normal_of(gains, j), 1.0f), 0.0f);
+#if COLUMN_PRNU
+        gain *= fmax(fma(column_prnu, column_gain.n0, 1.0f), 0.0f);
+#endif
+#if ROW_PRNU
+        gain *= fmax(fma(row_prnu, normal_of(row_gains, j), 1.0f), 0.0f);
+#endif
+        pixel_gain[i] = gain;
 #endif
 #if READ_NOISE_SPREAD
         // E exp(2 s n) = exp(2 s^2), so exp(s n - s^2) has mean square 1.

@@ -22,6 +22,8 @@ STREAM_SHOT_NORMAL = 0x18
 STREAM_SHOT_UNIFORM = 0x19
 STREAM_READ_NOISE_SPREAD = 0x1A
 STREAM_COLUMN_NOISE = 0x1B
+STREAM_COLUMN_PRNU = 0x1C
+STREAM_ROW_PRNU = 0x1D
 
 POISSON_BY_UNIFORM_BELOW = 12.0
 """Mean from which the Poisson deviate takes a normal instead of a uniform."""
@@ -51,6 +53,8 @@ class Sensor:
     full_well_e: float = 0.0
     crosstalk_fraction: float = 0.0
     prnu: float = 0.0
+    column_prnu: float = 0.0
+    row_prnu: float = 0.0
     mosaic_gain: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     dark_current_e_per_s: float = 0.0
     dark_current_reference_temperature_c: float = 25.0
@@ -98,11 +102,17 @@ class Sensor:
         """One normal for each column: an image one pixel high."""
         return philox.image_normal(1, self.width, self.seed, frame_index, stream)
 
+    def _column(self, stream: int, frame_index: int = 0) -> NDArray[np.float64]:
+        """One normal for each row: an image one pixel wide."""
+        return philox.image_normal(self.height, 1, self.seed, frame_index, stream)
+
     def pixel_gain(self) -> NDArray[np.float64]:
         """Step 3: mosaic, PRNU, cold pixels."""
         y, x = np.indices((self.height, self.width))
         gain = np.asarray(self.mosaic_gain, dtype=np.float64)[(x & 1) + 2 * (y & 1)]
         gain = gain * np.maximum(1.0 + self.prnu * self._normal(STREAM_PRNU), 0.0)
+        gain = gain * np.maximum(1.0 + self.column_prnu * self._row(STREAM_COLUMN_PRNU), 0.0)
+        gain = gain * np.maximum(1.0 + self.row_prnu * self._column(STREAM_ROW_PRNU), 0.0)
         return np.where(self.cold(), 0.0, gain)
 
     @property
@@ -139,11 +149,10 @@ class Sensor:
 
     def noise_dn(self, frame_index: int) -> NDArray[np.float64]:
         """What step 9 adds anew in each frame."""
-        rows = philox.image_normal(self.height, 1, self.seed, frame_index, STREAM_ROW_NOISE)
         return (
             self.read_noise_map_dn()
             * philox.image_pair_normal(self.height, self.width, self.seed, frame_index, STREAM_READ_NOISE)
-            + self.row_noise_dn * rows
+            + self.row_noise_dn * self._column(STREAM_ROW_NOISE, frame_index)
             + self.column_noise_dn * self._row(STREAM_COLUMN_NOISE, frame_index)
         )
 

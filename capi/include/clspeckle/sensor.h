@@ -13,7 +13,8 @@
  *      1. s  = max(exposure_gain_dn * I, 0)                         0 where I is NaN
  *      2. s <- (1 - crosstalk_fraction) s + crosstalk_fraction / 4 (sum of s at the four neighbours)
  *              a neighbour outside of the image is the edge pixel itself
- *      3. s <- s * mosaic_gain[(x & 1) + 2 (y & 1)] * max(1 + prnu * n1(x, y), 0),  0 at cold pixels
+ *      3. s <- s * mosaic_gain[(x & 1) + 2 (y & 1)] * max(1 + prnu * n1(x, y), 0) * max(1 + column_prnu * n8(x), 0)
+ *              * max(1 + row_prnu * n9(y), 0),  0 at cold pixels
  *      4. s <- s + K * dark_current_e_per_s * exposure_time_s * 2^((temperature_c - dark_current_reference_temperature_c) /
  *                                                                dark_current_doubling_k)
  *      5. s <- K * Poisson(s / K)                                   shot noise of light and dark current
@@ -25,10 +26,12 @@
  *              r = exp(read_noise_spread * n7(x, y) - read_noise_spread^2): log-normal, mean square 1
  *     10. code = clip(d * round_half_to_even(v / d), 0, 2^bits - d),  d = 2^(bits - effective_bits)
  *
- * n1 to n7 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b, n7 0x1a.
+ * n1 to n9 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b,
+ * n7 0x1a, n8 0x1c, n9 0x1d.
  * n4 takes a word for two pixels ("pair" in philox.h).
- * n1, n2, n3, n7 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3 and n6 are images one pixel high, n5 is an image
- * one pixel wide. Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction,
+ * n1, n2, n3, n7, n8, n9 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3, n6 and n8 are images one
+ * pixel high, n5 and n9 one pixel wide.
+ * Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction,
  * its offset is -hot_pixel_mean_dn ln(u), u from stream 0x12; cold where the uniform of stream 0x13 is below cold_pixel_fraction.
  *
  * The Poisson deviate N of mean m takes one normal w of stream 0x18 and one uniform u of stream 0x19 for each pixel and frame, whatever
@@ -37,7 +40,8 @@
  * series in w (Giles, ACM TOMS 42 (2016)): total variation below 3e-5, mean and variance right to 4e-6, skewness to 0.1 %. Codes are
  * the same on every device: only operations that round correctly are used, also for gamma.
  *
- * Names are those of EMVA 1288 where it has one: K is the overall system gain, prnu is PRNU1288, dsnu_dn is DSNU1288 in DN.
+ * Names are those of EMVA 1288 where it has one: K is the overall system gain, prnu, column_prnu and row_prnu are the
+ * pixels', columns' and rows' part of PRNU1288 (release 4.0), dsnu_dn is DSNU1288 in DN.
  */
 #ifndef CLSPECKLE_SENSOR_H
 #define CLSPECKLE_SENSOR_H
@@ -96,6 +100,8 @@ typedef struct ClspSensorDesc {
     uint32_t shot_noise;         /**< 1: Poisson noise of the electrons; needs K. 0 (default): none. */
     uint32_t effective_bits;     /**< Bits that the converter resolves, 1 to bits; 0 (default): bits. Codes are multiples of
                                       2^(bits - effective_bits), saturated ones the largest. */
+    double column_prnu;          /**< Relative standard deviation of the columns' gain, 0 to 1; default 0. */
+    double row_prnu;             /**< Relative standard deviation of the rows' gain, 0 to 1; default 0. */
 } ClspSensorDesc;
 
 /** @name Colour filters: which colours lie at the sites (0,0) (1,0) / (0,1) (1,1) */

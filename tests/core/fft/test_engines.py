@@ -210,10 +210,13 @@ CAMERAS = {
     "no noise": {"read_noise_dn": 0.0},
     "coarse converter": {"effective_bits": 6, "conversion_gain_dn_per_e": 0.8, "dark_current_e_per_s": 900.0},
     "noise without read noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
+    "column and row gains": {"column_prnu": 0.02, "row_prnu": 0.02},
     "all": {
         "shot_noise": True,
         "conversion_gain_dn_per_e": 0.8,
         "prnu": 0.02,
+        "column_prnu": 0.02,
+        "row_prnu": 0.02,
         "cold_pixel_fraction": 0.01,
         "hot_pixel_fraction": 0.01,
         "mosaic_gain": (0.9, 1.05, 0.95, 1.1),

@@ -139,6 +139,8 @@ class PipelineParameters(TypedDict, total=False):
     full_well_e: float | None
     crosstalk_fraction: float | None
     prnu: float | None
+    column_prnu: float | None
+    row_prnu: float | None
     mosaic_gain: npt.ArrayLike | None
     dark_current_e_per_s: float | None
     dark_current_reference_temperature_c: float | None
@@ -228,6 +230,8 @@ _SENSOR = (
     "full_well_e",
     "crosstalk_fraction",
     "prnu",
+    "column_prnu",
+    "row_prnu",
     "mosaic_gain",
     "dark_current_e_per_s",
     "dark_current_reference_temperature_c",

@@ -51,6 +51,8 @@ _REALS = (
     "full_well_e",
     "crosstalk_fraction",
     "prnu",
+    "column_prnu",
+    "row_prnu",
     "dark_current_e_per_s",
     "dark_current_reference_temperature_c",
     "dark_current_doubling_k",
@@ -163,6 +165,7 @@ class Sensor(Handle):
         full_well_e: electrons that a pixel holds; above 0 it takes the place of saturation_dn. Needs K.
         crosstalk_fraction: part of a pixel's signal that its four neighbours get, 0 to 1.
         prnu: relative standard deviation of the pixels' gain, 0 to 1.
+        column_prnu: relative standard deviation of the columns' gain, 0 to 1; `row_prnu` likewise of the rows'.
         mosaic_gain: gains of the sites (x & 1, y & 1) = (0, 0), (1, 0), (0, 1), (1, 1); see
             :func:`mosaic_gain_from_bayer`.
         dark_current_e_per_s: electrons per pixel and second at the reference temperature. Needs K.
@@ -211,6 +214,8 @@ class Sensor(Handle):
         full_well_e: float | None = None,
         crosstalk_fraction: float | None = None,
         prnu: float | None = None,
+        column_prnu: float | None = None,
+        row_prnu: float | None = None,
         mosaic_gain: npt.ArrayLike | None = None,
         dark_current_e_per_s: float | None = None,
         dark_current_reference_temperature_c: float | None = None,
@@ -245,6 +250,8 @@ class Sensor(Handle):
             "full_well_e": full_well_e,
             "crosstalk_fraction": crosstalk_fraction,
             "prnu": prnu,
+            "column_prnu": column_prnu,
+            "row_prnu": row_prnu,
             "dark_current_e_per_s": dark_current_e_per_s,
             "dark_current_reference_temperature_c": dark_current_reference_temperature_c,
             "dark_current_doubling_k": dark_current_doubling_k,

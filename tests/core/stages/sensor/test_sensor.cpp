@@ -52,8 +52,9 @@ TEST_F(Sensor, DescInit) {
     EXPECT_EQ(0u, desc.dark_frame_pitch_bytes);
     EXPECT_EQ(1u, desc.quantize);
     for (double off : {desc.conversion_gain_dn_per_e, desc.photons_per_unit, desc.full_well_e, desc.crosstalk_fraction,
-                       desc.prnu, desc.dark_current_e_per_s, desc.lag_fraction, desc.dsnu_dn, desc.column_offset_dn,
-                       desc.row_noise_dn, desc.column_noise_dn, desc.read_noise_spread})
+                       desc.prnu, desc.column_prnu, desc.row_prnu, desc.dark_current_e_per_s, desc.lag_fraction,
+                       desc.dsnu_dn, desc.column_offset_dn, desc.row_noise_dn, desc.column_noise_dn,
+                       desc.read_noise_spread})
         EXPECT_EQ(0.0, off);
     for (double one : {desc.quantum_efficiency, desc.gamma, desc.mosaic_gain[0], desc.mosaic_gain[1],
                        desc.mosaic_gain[2], desc.mosaic_gain[3]})
@@ -81,7 +82,7 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         d.shot_noise = 1;
         d.full_well_e = 1500;
         d.crosstalk_fraction = 0.1;
-        d.prnu = 0.02;
+        d.prnu = d.column_prnu = d.row_prnu = 0.02;
         d.mosaic_gain[0] = 0.9;
         d.mosaic_gain[1] = 0.8;
         d.mosaic_gain[2] = 1.1;
@@ -102,6 +103,8 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"crosstalk", [](ClspSensorDesc &d) { d.crosstalk_fraction = 0.3; }},
         {"mosaic", [](ClspSensorDesc &d) { d.mosaic_gain[0] = 0.5, d.mosaic_gain[1] = 0.7, d.mosaic_gain[3] = 1.2; }},
         {"prnu", [](ClspSensorDesc &d) { d.prnu = 0.1; }},
+        {"column gain", [](ClspSensorDesc &d) { d.column_prnu = 0.1; }},
+        {"row gain and cold pixels", [](ClspSensorDesc &d) { d.row_prnu = 0.1, d.cold_pixel_fraction = 0.1; }},
         {"cold pixels", [](ClspSensorDesc &d) { d.cold_pixel_fraction = 0.1; }},
         {"lag", [](ClspSensorDesc &d) { d.lag_fraction = 0.4; }},
         {"gamma", [](ClspSensorDesc &d) { d.gamma = 0.45; }},
@@ -526,6 +529,8 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
                                                     &ClspSensorDesc::full_well_e,
                                                     &ClspSensorDesc::crosstalk_fraction,
                                                     &ClspSensorDesc::prnu,
+                                                    &ClspSensorDesc::column_prnu,
+                                                    &ClspSensorDesc::row_prnu,
                                                     &ClspSensorDesc::dark_current_e_per_s,
                                                     &ClspSensorDesc::exposure_time_s,
                                                     &ClspSensorDesc::lag_fraction,

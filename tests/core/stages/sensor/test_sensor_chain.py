@@ -37,6 +37,9 @@ EFFECTS = {
     "prnu": {"prnu": 0.02},
     "prnu_and_cold": {"prnu": 0.02, "cold_pixel_fraction": 0.05},
     "prnu_below_zero": {"prnu": 1.0},
+    "column_prnu": {"column_prnu": 0.02},
+    "row_prnu": {"row_prnu": 0.02},
+    "line_gains_below_zero": {"column_prnu": 1.0, "row_prnu": 1.0, "cold_pixel_fraction": 0.05},
     "mosaic": {"mosaic_gain": (0.9, 1.05, 0.7, 1.2)},
     "dark_current": {
         "conversion_gain_dn_per_e": 0.3,
@@ -72,6 +75,8 @@ EFFECTS = {
 ALL = {
     "crosstalk_fraction": 0.1,
     "prnu": 0.02,
+    "column_prnu": 0.02,
+    "row_prnu": 0.02,
     "cold_pixel_fraction": 0.01,
     "hot_pixel_fraction": 0.01,
     "mosaic_gain": (0.9, 1.05, 0.95, 1.1),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import clspeckle
-import emva1288
 import numpy as np
 import pytest
+
+from reference import emva1288
 
 SHAPE = (256, 256)
 CAMERA = {
@@ -63,6 +64,24 @@ def test_nonuniformity(context, measured):
     assert prnu == pytest.approx(CAMERA["prnu"], rel=0.02)
     # The rounding of the mean over the frames adds nothing: read noise of 2 DN spreads it.
     assert dsnu == pytest.approx(CAMERA["dsnu_dn"] / CAMERA["conversion_gain_dn_per_e"], rel=0.02)
+
+
+def test_nonuniformity_of_columns_and_rows(context, measured):
+    """Gains and offsets of columns, gains of rows and pixels at once, 16 frames each in the dark and at half of
+    saturation. 256 columns or rows know a standard deviation to 4.4 %: 4 standard errors, 18 % (size 6e-5), find one that
+    is off by a third with a power of 0.99. Gains multiply the light alone: the frames in the dark are those without."""
+    gains = {"column_prnu": 0.02, "row_prnu": 0.006}
+    stage = clspeckle.Sensor(SHAPE, context=context, **CAMERA, column_offset_dn=3.0, **gains)
+    even = clspeckle.Sensor(SHAPE, context=context, **CAMERA, column_offset_dn=3.0)
+    dark, bright = take(stage, 0.0, 16, 0), take(stage, LEVELS[-1] / 2.12, 16, 100)
+    np.testing.assert_array_equal(dark, take(even, 0.0, 16, 0))
+    columns, rows, pixels = emva1288.split_prnu1288(bright, dark)
+    measured("columns", abs(columns / gains["column_prnu"] - 1))
+    measured("rows", abs(rows / gains["row_prnu"] - 1))
+    # The columns' offsets make their variance less certain by twice their covariance with the gains.
+    assert columns == pytest.approx(gains["column_prnu"], rel=0.18)
+    assert rows == pytest.approx(gains["row_prnu"], rel=0.18)
+    assert pixels == pytest.approx(CAMERA["prnu"], rel=0.02)
 
 
 def test_gamma_shows_as_nonlinearity(context):

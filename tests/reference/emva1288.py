@@ -1,4 +1,5 @@
-"""Estimators of EMVA Standard 1288, release 3.1, chapters 6 and 8: from raw frames to the parameters of a camera.
+"""Estimators of EMVA Standard 1288, release 3.1, chapters 6 and 8, and the split into columns, rows and pixels that release
+4.0 added: from raw frames to the parameters of a camera.
 
 They know nothing of the library: frames in, numbers out.
 """
@@ -74,3 +75,23 @@ def prnu1288(bright: NDArray, dark: NDArray) -> float:
     """Equation 42, from frames at half of saturation and in the dark."""
     difference = spatial_variance(bright) - spatial_variance(dark)
     return float(np.sqrt(difference) / (bright.mean(dtype=np.float64) - dark.mean(dtype=np.float64)))
+
+
+def split_variance(frames: NDArray) -> NDArray[np.float64]:
+    """Spatial variances of columns, rows and pixels (release 4.0): those of the means of columns and of rows, each less
+    what the pixels leave of themselves in a mean, and that of the rest, less what temporal noise leaves of itself."""
+    stack = frames.astype(np.float64)
+    average = stack.mean(axis=0)
+    height, width = average.shape
+    columns, rows = average.mean(axis=0), average.mean(axis=1)
+    rest = average - columns - rows[:, None] + average.mean()
+    pixels = np.sum(rest**2) / ((height - 1) * (width - 1))
+    temporal_part = stack.var(axis=0, ddof=1).mean() / stack.shape[0]
+    return np.array([columns.var(ddof=1) - pixels / height, rows.var(ddof=1) - pixels / width, pixels - temporal_part])
+
+
+def split_prnu1288(bright: NDArray, dark: NDArray) -> NDArray[np.float64]:
+    """PRNU1288 of columns, rows and pixels, from frames at half of saturation and in the dark; 0 where the dark frames vary
+    more."""
+    difference = np.maximum(split_variance(bright) - split_variance(dark), 0.0)
+    return np.sqrt(difference) / (bright.mean(dtype=np.float64) - dark.mean(dtype=np.float64))
