@@ -10,8 +10,8 @@ using test::DeviceTest;
 
 constexpr std::uint32_t width = 48, height = 40;
 
-// The catalogue that the sim-to-real gap protocol fixes: ids, stages and parameter names.
-const std::map<std::string, std::pair<std::string, std::vector<std::string>>> expected_catalogue = {
+// What the sim-to-real gap protocol fixes of the catalogue: ids, stages and parameter names.
+const std::map<std::string, std::pair<std::string, std::vector<std::string>>> fixed_effects = {
     {"linewidth", {"laser", {"dephasing_rad"}}},
     {"power_flicker", {"laser", {"sigma"}}},
     {"wavelength_shift", {"laser", {"delta_nm"}}},
@@ -135,20 +135,16 @@ class Effects : public DeviceTest {
 };
 
 TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
+    const std::vector<ClspEffectInfo> all = catalogue();
     std::set<std::string> seen;
-    for (const ClspEffectInfo &effect : catalogue()) {
-        const auto found = expected_catalogue.find(effect.id);
-        ASSERT_NE(expected_catalogue.end(), found) << effect.id;
+    for (const ClspEffectInfo &effect : all) {
         EXPECT_TRUE(seen.insert(effect.id).second) << effect.id << " twice";
-        EXPECT_EQ(found->second.first, effect.stage) << effect.id;
-        ASSERT_EQ(found->second.second.size(), effect.parameter_count) << effect.id;
         expect_whole(effect.id);
         expect_whole(effect.stage);
         expect_whole(effect.summary);
         expect_whole(effect.kernel);
         for (std::uint32_t i = 0; i < effect.parameter_count; ++i) {
             const ClspEffectParameter &p = effect.parameters[i];
-            EXPECT_EQ(found->second.second[i], p.name) << effect.id;
             expect_whole(p.name);
             expect_whole(p.unit);
             EXPECT_LT(p.minimum, p.maximum) << effect.id;
@@ -158,7 +154,15 @@ TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
             }
         }
     }
-    EXPECT_EQ(expected_catalogue.size(), seen.size());
+    for (const auto &[id, expected] : fixed_effects) {
+        const auto effect = std::find_if(all.begin(), all.end(), [&](const ClspEffectInfo &e) { return id == e.id; });
+        ASSERT_NE(all.end(), effect) << id;
+        EXPECT_EQ(expected.first, effect->stage) << id;
+        std::vector<std::string> names;
+        for (std::uint32_t i = 0; i < effect->parameter_count; ++i)
+            names.push_back(effect->parameters[i].name);
+        EXPECT_EQ(expected.second, names) << id;
+    }
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "count", clspEffectGetCount(nullptr));
     ClspEffectInfo info;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "info", clspEffectGetInfo(0, nullptr));

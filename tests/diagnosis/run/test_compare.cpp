@@ -320,7 +320,7 @@ TEST_F(ComparisonTest, EveryEffectIsACandidateOrRefusedWithAReason) {
         }
         EXPECT_TRUE(changes) << effect.id;
     }
-    EXPECT_EQ(candidates, 20u);
+    EXPECT_GE(candidates, 20u);
     capture.layout.degree_of_polarization = 0.5;
     EXPECT_TRUE(contains(finished_frames_refusal("depolarization", capture.layout), "polarized in part"));
 }
