@@ -264,7 +264,8 @@ std::vector<Effect> make_catalogue() {
      },
      {kInDots}, {kInDots},
      "dots move radially, as the cube of the radius", "", {1}}
-        .also_acts_where_light_is_shaped(kInLight),
+        .also_acts_where_light_is_shaped(kInLight)
+        .leaves_open(OpenReading::kWhatMoves),
     // Sensor.
     Effect{"pixel_integration", "sensor", "a pixel integrates over its area instead of sampling a point",
      "stages/aperture.cl: aperture_intensity (PIXEL_TAPS)", kSetsAperture,
@@ -289,6 +290,7 @@ std::vector<Effect> make_catalogue() {
      },
      {kInLight}, {kInLight, SceneMotion::kStatic, 2},
      "temporal variance grows in proportion to the light", "", {1}}
+        .leaves_open(OpenReading::kPhotonLaw)
         .told_from("power_flicker", "flat: lamp light does not flicker with the laser"),
     Effect{"prnu", "sensor", "the pixels' gains vary", "stages/sensor_pixel.h: expose_pixel (PRNU)", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.006, 0.03}},
@@ -371,7 +373,8 @@ std::vector<Effect> make_catalogue() {
      {{"fraction", "1", 0.0, 0.99, 0.03, 0.15}},
      [](Model &m, Values v) { sensor(m, "image_lag").lag_fraction = v[0]; },
      {kInLight}, {kInSpeckle, SceneMotion::kMoving, 2},
-     "the frame before shows through", "", {1}},
+     "the frame before shows through", "", {1}}
+        .leaves_open(OpenReading::kFrameBefore),
     };
 }
 

@@ -63,6 +63,15 @@ struct EffectForms {
     bool told_by_fit; // first looks do not tell the forms apart
 };
 
+// What an effect's definition leaves open, so that captures by another simulator may have it otherwise. A fit tolerates the
+// difference.
+enum class OpenReading {
+    kNone,
+    kFrameBefore, // whether the frame before holds what had remained in it, and whether a first frame had one before it
+    kPhotonLaw,   // Poisson's law, or a Gaussian one of the same variance
+    kWhatMoves,   // the picture with its dots, or the dots alone
+};
+
 // An effect that a capture may not tell from this one, and the capture that would.
 struct ConfusableEffect {
     const char *id, *capture;
@@ -87,6 +96,7 @@ struct Effect {
     bool gaussian_only = false; // a field of unit phasors has nothing in between that it could be
     unsigned acts_shaped = 0;   // scenes where it acts only if a hypothesis makes the ideal image uneven
     bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
+    OpenReading open_reading = OpenReading::kNone;
     std::vector<EffectForms> forms = {};
     std::vector<ConfusableEffect> confusable_effects = {};
 
@@ -94,6 +104,7 @@ struct Effect {
     Effect needs_gaussian_field() const { return with(&Effect::gaussian_only, true); }
     Effect also_acts_where_light_is_shaped(unsigned scenes) const { return with(&Effect::acts_shaped, scenes); }
     Effect is_even() const { return with(&Effect::even, true); }
+    Effect leaves_open(OpenReading reading) const { return with(&Effect::open_reading, reading); }
     Effect with_forms(const char *parameter, std::vector<double> values, bool told_by_fit = false) const {
         return with(&Effect::forms, {{parameter, std::move(values), told_by_fit}});
     }

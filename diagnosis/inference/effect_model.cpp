@@ -16,8 +16,7 @@ constexpr double kLeastWay = 0.5;
 // A whole unit of a strength that moves the statistics by fewer standard deviations says nothing of it; its deviation.
 constexpr double kNothingSaid = 1e-6, kAnyStrength = 1e3;
 
-// A part of the frame before may hold what had remained in it (f^2 is there two frames later) or not, and a first frame
-// had one before it or none.
+// OpenReading::kFrameBefore: what had remained in the frame before is there two frames later, f^2 of it.
 void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayout &layout, double fraction,
                       const Eigen::VectorXd &change, Eigen::VectorXd &tolerance) {
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -30,7 +29,7 @@ void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayou
     }
 }
 
-// Photons come by Poisson's law, which is lopsided; many a simulator has the variance alone, by a Gaussian law.
+// OpenReading::kPhotonLaw: Poisson's law is lopsided.
 void add_photon_readings(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change,
                          Eigen::VectorXd &tolerance) {
     for (std::size_t k = 0; k < list.size(); ++k)
@@ -47,12 +46,11 @@ bool is_of_positions(const std::string &name) {
     return false;
 }
 
-// The camera's lens stretches the dots with the picture, the projector's only moves them. change: of the statistics, by
-// a whole unit of strength.
-void add_distortion_readings(const std::vector<StatisticInfo> &list, double k1, const Eigen::VectorXd &change,
-                             Eigen::VectorXd &tolerance) {
-    const EffectParameter &parameter = find_effect("lens_distortion").parameters.front();
-    const double strengths = k1 / (parameter.strong - parameter.weak);
+// OpenReading::kWhatMoves: the camera's lens stretches the dots with the picture, the projector's only moves them.
+// change: of the statistics, by a whole unit of strength.
+void add_position_readings(const std::vector<StatisticInfo> &list, const EffectParameter &parameter, double value,
+                           const Eigen::VectorXd &change, Eigen::VectorXd &tolerance) {
+    const double strengths = value / (parameter.strong - parameter.weak);
     for (std::size_t k = 0; k < list.size(); ++k)
         if (!is_of_positions(list[k].name))
             tolerance[static_cast<Eigen::Index>(k)] += std::abs(strengths * change[static_cast<Eigen::Index>(k)]);
@@ -218,13 +216,24 @@ Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const 
     for (std::size_t p = 0; p < columns.size(); ++p) {
         if (columns[p].parameter != 0)
             continue;
-        const EffectSetting &effect = effects[columns[p].effect];
-        if (effect.id == "image_lag")
-            add_lag_readings(list, layout, effect.values.front(), change, result);
-        if (effect.id == "shot_noise")
+        const EffectSetting &setting = effects[columns[p].effect];
+        if (!in_catalogue(setting.id))
+            continue; // a hypothesis, which defines itself
+        const Effect &effect = find_effect(setting.id);
+        const double value = setting.values.front();
+        switch (effect.open_reading) {
+        case OpenReading::kNone:
+            break;
+        case OpenReading::kFrameBefore:
+            add_lag_readings(list, layout, value, change, result);
+            break;
+        case OpenReading::kPhotonLaw:
             add_photon_readings(list, change, result);
-        if (effect.id == "lens_distortion")
-            add_distortion_readings(list, effect.values.front(), jacobian.col(static_cast<Eigen::Index>(p)), result);
+            break;
+        case OpenReading::kWhatMoves:
+            add_position_readings(list, effect.parameters.front(), value, jacobian.col(static_cast<Eigen::Index>(p)), result);
+            break;
+        }
     }
     return result;
 }
