@@ -298,6 +298,14 @@ std::vector<Effect> make_catalogue() {
      {kInLight}, {kInFlat, SceneMotion::kAny, 2},
      "a pattern that grows with the light and stays in the pixels", "", {1}}
         .told_from("bayer_mismatch", "flat with more frames, for the 2 x 2 means"),
+    Effect{"column_gain", "sensor", "the columns' gains vary, constant in time",
+     "stages/sensor.cl: sensor_fixed_pattern (COLUMN_PRNU)", kSetsSensor,
+     {{"sigma", "1", 0.0, 1.0, 0.002, 0.01}},
+     [](Model &m, Values v) { sensor(m, "column_gain").column_prnu = v[0]; },
+     {kInLight}, {kInFlat},
+     "stripes along the columns that grow with the light and stay", "", {1}}
+        .told_from("column_fpn", "dark, or flat at two levels of light: gains show in proportion to the light")
+        .told_from("prnu", "flat with more frames, for the means of the columns"),
     Effect{"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
      [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; },

@@ -50,6 +50,9 @@ def pixel_gain(camera: Camera, effects: Effects, seed: int) -> Image | None:
     gain = np.ones(camera.shape)
     if "prnu" in effects:
         gain = gain * (1 + effects["prnu"]["sigma"] * stream(seed, "prnu").standard_normal(camera.shape))
+    if "column_gain" in effects:
+        columns = stream(seed, "column_gain").standard_normal(camera.width)
+        gain = gain * (1 + effects["column_gain"]["sigma"] * columns)
     if "bayer_mismatch" in effects:
         row, column = BRIGHTER_SITE[camera.readings.bayer_mismatch]
         gain[row::2, column::2] *= 1 + effects["bayer_mismatch"]["delta"]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from reference import theory
+from reference import emva1288, theory
 
 SIZE = 256
 SHAPE = (SIZE, SIZE)
@@ -504,6 +504,27 @@ def test_incoherent_frames_are_distorted_like_those_of_the_laser(context):
 
     assert np.abs(centre(lamp) - centre(scene)).max() > 2
     np.testing.assert_allclose(centre(lamp), centre(speckled), atol=0.5)
+
+
+# --- Sensor ---
+
+
+@pytest.mark.parametrize(("effect", "part"), [("column_gain", 0), ("prnu", 2)])
+def test_gains_of_columns_and_pixels(context, measured, effect, part):
+    """A flat field at half of full scale, split into columns, rows and pixels as EMVA 1288 has it: the effect is in its
+    own part alone, and frames in the dark have none of it. 256 columns know a standard deviation to 4.4 %: 4 standard
+    errors (size 6e-5), and what is off by a third is found with a power of 0.99."""
+    sensor = {"output": "codes", "bits": 12, "exposure_gain_dn": 2000.0, "read_noise_dn": 2.0}
+    pipeline = camera(context, **sensor, effects={effect: {"sigma": 0.01}})
+    flat = np.ones(SHAPE, np.float32)
+    bright = np.stack([pipeline.render(flat, illumination="incoherent", frame_index=i) for i in range(8)])
+    dark = np.stack([pipeline.render(illumination="dark", frame_index=i) for i in range(8)])
+    parts = emva1288.split_prnu1288(bright, dark)
+    measured("relative error", abs(parts[part] / 0.01 - 1))
+    assert parts[part] == pytest.approx(0.01, rel=0.18)
+    assert np.all(np.delete(parts, part) < 3e-4)
+    pipeline.clear_effect()
+    np.testing.assert_array_equal(dark, [pipeline.render(illumination="dark", frame_index=i) for i in range(8)])
 
 
 # --- Stages, effects and time ---
