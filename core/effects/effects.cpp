@@ -306,6 +306,14 @@ std::vector<Effect> make_catalogue() {
      "stripes along the columns that grow with the light and stay", "", {1}}
         .told_from("column_fpn", "dark, or flat at two levels of light: gains show in proportion to the light")
         .told_from("prnu", "flat with more frames, for the means of the columns"),
+    Effect{"row_gain", "sensor", "the rows' gains vary, constant in time",
+     "stages/sensor.cl: sensor_fixed_pattern (ROW_PRNU)", kSetsSensor,
+     {{"sigma", "1", 0.0, 1.0, 0.002, 0.01}},
+     [](Model &m, Values v) { sensor(m, "row_gain").row_prnu = v[0]; },
+     {kInLight}, {kInFlat, SceneMotion::kAny, 2},
+     "stripes along the rows that grow with the light and stay", "", {1}}
+        .told_from("row_noise", "flat with more frames: gains stay, row noise is new in each frame")
+        .told_from("prnu", "flat with more frames, for the means of the rows"),
     Effect{"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 1.0, 5.0}},
      [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; },

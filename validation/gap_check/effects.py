@@ -98,6 +98,7 @@ _CATALOGUE = (
     EffectInfo("shot_noise", "sensor", {"dn_per_electron": (0.08, 0.5)}, LIT_SEQUENCES),
     EffectInfo("prnu", "sensor", {"sigma": (0.006, 0.03)}, LIT_SEQUENCES),
     EffectInfo("column_gain", "sensor", {"sigma": (0.002, 0.01)}, LIT_SEQUENCES),
+    EffectInfo("row_gain", "sensor", {"sigma": (0.002, 0.01)}, LIT_SEQUENCES),
     EffectInfo("dsnu", "sensor", {"sigma_dn": (1.0, 5.0)}, ALL_SEQUENCES),
     EffectInfo("column_fpn", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
     EffectInfo("hot_pixels", "sensor", {"fraction": (0.001, 0.01), "mean_dn": (150.0, 150.0)}, ALL_SEQUENCES),

@@ -53,6 +53,9 @@ def pixel_gain(camera: Camera, effects: Effects, seed: int) -> Image | None:
     if "column_gain" in effects:
         columns = stream(seed, "column_gain").standard_normal(camera.width)
         gain = gain * (1 + effects["column_gain"]["sigma"] * columns)
+    if "row_gain" in effects:
+        rows = stream(seed, "row_gain").standard_normal((camera.height, 1))
+        gain = gain * (1 + effects["row_gain"]["sigma"] * rows)
     if "bayer_mismatch" in effects:
         row, column = BRIGHTER_SITE[camera.readings.bayer_mismatch]
         gain[row::2, column::2] *= 1 + effects["bayer_mismatch"]["delta"]

@@ -486,6 +486,11 @@ def test_fixed_patterns_are_the_same_in_all_sequences(camera: Camera) -> None:
     assert column.std(axis=0).max() < 1e-3
     assert column.mean(axis=0).std() == pytest.approx(0.01, rel=0.25)
     assert np.abs(residue("dark", **gains)).max() == 0
+    gains = {"row_gain": {"sigma": 0.01}}
+    row = residue("flat", **gains) / (camera.level_dn * camera.flat_gain)
+    assert row.std(axis=1).max() < 1e-3
+    assert row.mean(axis=1).std() == pytest.approx(0.01, rel=0.25)
+    assert np.abs(residue("dark", **gains)).max() == 0
     hot = residue("dark", hot_pixels={"fraction": 0.01, "mean_dn": 150.0})
     lit = hot[hot > 1]
     assert len(lit) / hot.size == pytest.approx(0.01, rel=0.3)  # 164 pixels
