@@ -628,7 +628,7 @@ void add_gap_check(CLI::App &app, tools::GapCheckArguments &a, bool &quiet) {
     app.footer(std::string(gap_check_examples) + "\n" + exit_codes);
     add_generator_options(app, a, "score", quiet);
     app.add_option("--plan", a.plan,
-                   "small (12 sets), medium, full (610 sets), or a JSON file with the members of a plan (default small)")
+                   "small (12 sets), medium, full (hours), or a JSON file with the members of a plan (default small)")
         ->type_name("PLAN")
         ->take_last();
     const auto number = [&](const char *name, auto &value, const char *what) {

@@ -14,6 +14,7 @@ PAGE = (ROOT / "docs/architecture.md").read_text()
 RECIPES = dict(re.findall(r"\*\*Add (.*?)\*\*(.*?)(?=\n\*\*|\Z)", PAGE.split("## Recipes")[1], re.DOTALL))
 # What a commit that a recipe names must have touched: old folders, same steps.
 STEPS = {
+    "an effect": ("core/effects/effects.cpp", "tests/core/effects/", "docs/effects.md", "validation/gap_check/"),
     "a stage or kernel.": ("kernels/", "core/stages/", "tests/"),
     "a statistic.": ("diagnosis/statistics/", "tests/reference/gap_statistics.py", "docs/gap-statistics.md"),
 }
