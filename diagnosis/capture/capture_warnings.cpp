@@ -1,5 +1,6 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
+#include "capture/frame_changes.hpp"
 #include "capture/metadata_warnings.hpp"
 #include "runtime/hash.hpp"
 
@@ -132,6 +133,8 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkL
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
         warn_of_codes(capture, i, summaries[i], dark, noise, warnings);
+        for (CaptureWarning &change : frame_changes(capture, i, dark.level_dn))
+            warnings.push_back(std::move(change));
     }
     for (CaptureWarning &warning : metadata_warnings(capture, summaries, dark))
         warnings.push_back(std::move(warning));

@@ -1,6 +1,6 @@
 #include "inference/effect_model.hpp"
 
-#include "inference/distributions.hpp"
+#include "statistics/distributions.hpp"
 #include "effects/effects.hpp"
 
 #include <algorithm>

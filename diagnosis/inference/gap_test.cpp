@@ -1,6 +1,6 @@
 #include "inference/gap_test.hpp"
 
-#include "inference/distributions.hpp"
+#include "statistics/distributions.hpp"
 #include "inference/least_squares.hpp"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "inference/shrinkage.hpp"
 
-#include "inference/distributions.hpp"
+#include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include "inference/candidate.hpp"
 #include "inference/covariance.hpp"
 #include "run/diagnose.hpp"
-#include "inference/distributions.hpp"
+#include "statistics/distributions.hpp"
 #include "inference/response.hpp"
 #include "report/advice.hpp"
 #include "report/report_json.hpp"

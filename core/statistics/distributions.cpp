@@ -1,4 +1,4 @@
-#include "inference/distributions.hpp"
+#include "statistics/distributions.hpp"
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic push

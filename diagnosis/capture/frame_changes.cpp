@@ -1,0 +1,293 @@
+#include "capture/frame_changes.hpp"
+
+#include "statistics/distributions.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fmt/core.h>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+using Series = std::vector<double>;
+
+constexpr std::size_t kLeastFrames = 4;
+constexpr double kChance = 1e-6;     // of a step or drift, in a sequence where nothing changes
+constexpr double kAlike = 1e-3;      // neighbours that are more alike wander
+constexpr double kGapChance = 1e-6;  // of a gap between groups
+constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
+constexpr double kLeastLevel = 0.01; // changes that are told: of the level
+constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
+constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
+constexpr double kLevelScatterDn = 0.01, kEnergyScatter = 0.01, kRatioScatter = 1e-4; // no scatter is believed to be smaller
+
+// One number for each frame. energies: mean squared difference to the frame before, at the same level, from frame 1 on.
+struct FrameSeries {
+    Series levels, contrasts, correlations, energies;
+};
+
+FrameSeries measure(const Capture &capture, std::size_t sequence, double dark_level_dn) {
+    const CaptureLayout &layout = capture.layout;
+    const std::size_t width = layout.width, pixels = layout.pixel_count();
+    const std::vector<std::uint8_t> &mask = layout.sequences[sequence].mask;
+    const auto counts = [&](std::size_t i) { return mask.empty() || mask[i] != 0; };
+    const bool lit = layout.sequences[sequence].scene != CaptureScene::kDark;
+    FrameSeries result;
+    // A light that flickers scales the frame, an offset that does is added to it; what is clipped does neither.
+    const auto energy = [&](const std::uint16_t *before, const std::uint16_t *after) {
+        double n = 0.0, sums[2] = {}, squares[2] = {}, across = 0.0;
+        for (std::size_t i = 0; i < pixels; ++i) {
+            if (!counts(i) || std::max(before[i], after[i]) == layout.maximum_code())
+                continue;
+            const double a = before[i] - dark_level_dn, b = after[i] - dark_level_dn;
+            n += 1.0;
+            sums[0] += a;
+            sums[1] += b;
+            squares[0] += a * a;
+            squares[1] += b * b;
+            across += a * b;
+        }
+        if (n == 0.0)
+            return 0.0;
+        const double scale = lit && sums[1] > kLeastLevelDn * n ? sums[0] / sums[1] : 1.0;
+        const double step = (sums[0] - scale * sums[1]) / n;
+        return (squares[0] - 2.0 * scale * across + scale * scale * squares[1]) / n - step * step;
+    };
+    for (std::size_t t = 0; t < layout.sequences[sequence].frame_count; ++t) {
+        const std::uint16_t *codes = capture.codes[sequence].data() + t * pixels;
+        double n = 0.0, sum = 0.0, squares = 0.0;
+        double pairs = 0.0, products = 0.0, firsts = 0.0, seconds = 0.0;
+        for (std::size_t i = 0; i < pixels; ++i) {
+            if (!counts(i))
+                continue;
+            const double code = codes[i] - dark_level_dn;
+            n += 1.0;
+            sum += code;
+            squares += code * code;
+            if (i % width + 1 < width && counts(i + 1)) {
+                pairs += 1.0;
+                const double next = codes[i + 1] - dark_level_dn;
+                products += code * next;
+                firsts += code;
+                seconds += next;
+            }
+        }
+        const double mean = sum / n, variance = std::max(0.0, squares / n - mean * mean);
+        result.levels.push_back(mean + dark_level_dn);
+        result.contrasts.push_back(std::sqrt(variance) / std::max(mean, kLevelScatterDn));
+        const double covariance = pairs > 0.0 ? products / pairs - firsts / pairs * (seconds / pairs) : 0.0;
+        result.correlations.push_back(variance > 0.0 ? covariance / variance : 0.0);
+        if (t > 0)
+            result.energies.push_back(energy(codes - pixels, codes));
+    }
+    return result;
+}
+
+double mean_of(const double *values, std::size_t count) {
+    return std::accumulate(values, values + count, 0.0) / double(count);
+}
+
+double variance_of(const Series &values, double mean) {
+    double squares = 0.0;
+    for (const double value : values)
+        squares += (value - mean) * (value - mean);
+    return squares / double(values.size());
+}
+
+// P that frames which know nothing of each other are as alike as these neighbours are (von Neumann's ratio, as a
+// correlation of n - 1 pairs).
+double chance_of_wandering(const Series &values, double scatter) {
+    const std::size_t n = values.size();
+    double steps = 0.0;
+    for (std::size_t t = 1; t < n; ++t)
+        steps += (values[t] - values[t - 1]) * (values[t] - values[t - 1]);
+    const double variance = variance_of(values, mean_of(values.data(), n));
+    const double ratio = std::max(0.5 * steps / double(n - 1), scatter * scatter) / std::max(variance, scatter * scatter);
+    const double r = std::clamp(1.0 - ratio, 0.0, 1.0 - 1e-9);
+    return n < 5 ? 1.0 : 0.5 * student_two_sided(r * std::sqrt((double(n) - 3.0) / (1.0 - r * r)), double(n) - 3.0);
+}
+
+// The step that explains a series best, or that it wanders.
+struct Change {
+    bool drifts = false;
+    std::size_t frame = 0; // of a step: the first one after it
+    double before = 0.0, after = 0.0;
+};
+
+// Nothing where chance does as well, of frames that know nothing of each other. scatter: the least that they differ by.
+std::optional<Change> find_change(const Series &values, double scatter) {
+    const std::size_t n = values.size();
+    Change best;
+    double least = std::numeric_limits<double>::infinity();
+    Series left;
+    for (std::size_t k = 1; k < n; ++k) {
+        const double before = mean_of(values.data(), k), after = mean_of(values.data() + k, n - k);
+        Series rest = values;
+        for (std::size_t t = 0; t < n; ++t)
+            rest[t] -= t < k ? before : after;
+        const double variance = variance_of(rest, 0.0);
+        if (variance < least) {
+            least = variance;
+            best = {false, k, before, after};
+            left = rest;
+        }
+    }
+    const double k = double(best.frame), m = double(n) - k, degrees = double(n) - 2.0;
+    const double deviation = std::sqrt(std::max(least * double(n) / degrees, scatter * scatter));
+    const double t = (best.after - best.before) / (deviation * std::sqrt(1.0 / k + 1.0 / m));
+    // A step leaves frames that do not wander.
+    if ((double(n) - 1.0) * student_two_sided(t, degrees) < kChance && chance_of_wandering(left, scatter) > kAlike)
+        return best;
+    if (chance_of_wandering(values, scatter) < kChance) {
+        const std::size_t quarter = std::max<std::size_t>(1, n / 4);
+        return Change{true, 0, mean_of(values.data(), quarter), mean_of(values.data() + n - quarter, quarter)};
+    }
+    return std::nullopt;
+}
+
+double gap_limit(std::size_t count) {
+    return std::max(kLeastGap, student_two_sided_quantile(kGapChance, double(count) - 2.0));
+}
+
+// Two groups of levels with nothing between them: frames of the lower, frames of the upper one.
+std::optional<std::array<std::vector<std::size_t>, 2>> find_groups(const Series &values, double scatter) {
+    const std::size_t n = values.size();
+    std::vector<std::size_t> order(n);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+    std::size_t split = 1;
+    for (std::size_t k = 1; k < n; ++k)
+        if (values[order[k]] - values[order[k - 1]] > values[order[split]] - values[order[split - 1]])
+            split = k;
+    std::array<std::vector<std::size_t>, 2> groups{std::vector<std::size_t>(order.begin(), order.begin() + split),
+                                                   std::vector<std::size_t>(order.begin() + split, order.end())};
+    double squares = 0.0;
+    for (std::vector<std::size_t> &group : groups) {
+        double mean = 0.0;
+        for (const std::size_t t : group)
+            mean += values[t] / double(group.size());
+        for (const std::size_t t : group)
+            squares += (values[t] - mean) * (values[t] - mean);
+        std::sort(group.begin(), group.end());
+    }
+    const double within = std::max(std::sqrt(squares / (double(n) - 2.0)), scatter);
+    if (values[order[split]] - values[order[split - 1]] < gap_limit(n) * within)
+        return std::nullopt;
+    return groups;
+}
+
+double mean_of_frames(const Series &values, const std::vector<std::size_t> &frames) {
+    double sum = 0.0;
+    for (const std::size_t t : frames)
+        sum += values[t];
+    return sum / double(frames.size());
+}
+
+// "3, 7, 8 and 12 more"
+std::string list_of(const std::vector<std::size_t> &frames) {
+    constexpr std::size_t kMost = 6;
+    std::string text;
+    for (std::size_t i = 0; i < std::min(frames.size(), kMost); ++i)
+        text += fmt::format("{}{}", i ? ", " : "", frames[i]);
+    return frames.size() > kMost ? fmt::format("{} and {} more", text, frames.size() - kMost) : text;
+}
+
+// Frames from which on a resting scene is another one: the difference to the frame before stands out.
+std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
+    Series logs;
+    for (const double energy : energies)
+        logs.push_back(std::log(std::max(energy, 1e-12)));
+    const auto median = [](Series values) {
+        std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
+        return values[values.size() / 2];
+    };
+    const double usual = median(logs);
+    Series away;
+    for (const double value : logs)
+        away.push_back(std::abs(value - usual));
+    constexpr double kNormalMad = 1.4826; // a normal law's deviation in median absolute deviations
+    const double limit = gap_limit(logs.size()) * std::max(kNormalMad * median(away), scatter);
+    std::vector<std::size_t> breaks;
+    for (std::size_t t = 0; t < logs.size(); ++t)
+        if (logs[t] - usual > std::max(limit, std::log(kLeastEnergy)))
+            breaks.push_back(t + 1);
+    return breaks;
+}
+
+} // namespace
+
+std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t sequence, double dark_level_dn) {
+    const SequenceLayout &layout = capture.layout.sequences[sequence];
+    std::vector<CaptureWarning> result;
+    const auto say = [&](std::string text) { result.push_back({layout.name, std::move(text)}); };
+    const bool lit = layout.scene != CaptureScene::kDark;
+    const bool any_pixel = layout.mask.empty() ||
+                           std::any_of(layout.mask.begin(), layout.mask.end(), [](std::uint8_t m) { return m != 0; });
+    if (layout.frame_count < kLeastFrames || !any_pixel)
+        return result;
+    const FrameSeries seen = measure(capture, sequence, dark_level_dn);
+
+    const double light = *std::max_element(seen.levels.begin(), seen.levels.end()) - dark_level_dn;
+    const double least_dn = lit ? std::max(kLeastLevel * light, kLeastLevelDn) : kLeastLevelDn;
+    const char *const meant = lit ? "the light, the exposure or the scene changed" : "the offset or stray light changed";
+    // Resting speckle may boil: its frames fluctuate together, and a small step of them is nothing. Others' do not.
+    const bool independent = !is_laser(layout.scene) || layout.moving;
+    const auto groups = find_groups(seen.levels, kLevelScatterDn);
+    if (groups && mean_of_frames(seen.levels, (*groups)[1]) - mean_of_frames(seen.levels, (*groups)[0]) > least_dn) {
+        const bool fewer_below = (*groups)[0].size() <= (*groups)[1].size();
+        const std::vector<std::size_t> &odd = (*groups)[fewer_below ? 0 : 1], &others = (*groups)[fewer_below ? 1 : 0];
+        const double odd_dn = mean_of_frames(seen.levels, odd), others_dn = mean_of_frames(seen.levels, others);
+        const bool at_end = odd.front() > others.back(), at_begin = odd.back() < others.front();
+        if (odd.size() > 1 && (at_end || at_begin)) {
+            say(fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", at_end ? others_dn : odd_dn,
+                            at_end ? odd_dn : others_dn, at_end ? odd.front() : others.front(), meant));
+        } else {
+            say(fmt::format("{} of {} frames ({}) have a level of {:.1f} DN, the others {:.1f} DN: {} between frames",
+                            odd.size(), seen.levels.size(), list_of(odd), odd_dn, others_dn, meant));
+        }
+    } else if (const auto change = find_change(seen.levels, kLevelScatterDn);
+               independent && change && std::abs(change->after - change->before) > least_dn) {
+        say(change->drifts
+                ? fmt::format("the level drifts from {:.1f} to {:.1f} DN over {} frames: {}", change->before,
+                              change->after, seen.levels.size(), meant)
+                : fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", change->before, change->after,
+                              change->frame, meant));
+    }
+    if (!result.empty())
+        return result; // what follows goes with the level
+
+    if (!layout.moving && seen.energies.size() >= kLeastFrames - 1) {
+        // Of so many squared differences of noise, with neighbours that share a frame.
+        const double pixels = layout.mask.empty() ? double(capture.layout.pixel_count())
+                                                  : double(std::count_if(layout.mask.begin(), layout.mask.end(),
+                                                                         [](std::uint8_t m) { return m != 0; }));
+        const std::vector<std::size_t> breaks =
+            find_breaks(seen.energies, std::max(kEnergyScatter, std::sqrt(3.0 / pixels)));
+        if (!breaks.empty())
+            say(fmt::format("what the frames show changes at frame {}: the difference to the frame "
+                            "before is larger than the others; the scene or the camera moved",
+                            list_of(breaks)));
+    }
+    if (lit && independent) {
+        if (const auto change = find_change(seen.contrasts, kRatioScatter);
+            change && std::abs(change->after - change->before) > kLeastContrast * std::abs(change->before))
+            say(fmt::format("the contrast {} from {:.3f} to {:.3f}{}: the scene, the light or the focus changed",
+                            change->drifts ? "drifts" : "steps", change->before, change->after,
+                            change->drifts ? "" : fmt::format(" at frame {}", change->frame)));
+        else if (const auto grain = find_change(seen.correlations, kRatioScatter);
+                 grain && std::abs(grain->after - grain->before) > kLeastCorrelation)
+            say(fmt::format("the correlation of neighbouring pixels {} from {:.3f} to {:.3f}{}: focus, aperture or "
+                            "scene changed",
+                            grain->drifts ? "drifts" : "steps", grain->before, grain->after,
+                            grain->drifts ? "" : fmt::format(" at frame {}", grain->frame)));
+    }
+    return result;
+}
+
+} // namespace clsp

@@ -1,0 +1,22 @@
+// Whether the frames of a sequence are of one scene. A capture's statistics compare halves and pixels; what changes in the
+// middle of a sequence would be in both.
+#pragma once
+
+#include "capture/capture.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace clsp {
+
+// Steps, drifts and odd frames of the level, of the contrast, of the correlation of neighbours, and of what a resting
+// scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without light.
+//
+// A step counts where its t (Student) is rarer than 1e-6 among all places, a drift where neighbouring frames are as
+// rarely so alike, and both where they are larger than 1 % of the level, 2 % of the contrast, 0.02 of the correlation.
+// Resting speckle may boil, so that its frames fluctuate together: of such sequences these are not asked. Two groups of
+// levels, and frames that differ from the one before by more than the others do, count where the gap is as wide as a t
+// of 1e-6, and 8 times the scatter within.
+std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t sequence, double dark_level_dn);
+
+} // namespace clsp
