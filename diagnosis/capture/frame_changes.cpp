@@ -18,9 +18,8 @@ namespace {
 using Series = std::vector<double>;
 
 constexpr std::size_t kLeastFrames = 4;
-constexpr double kChance = 1e-6;     // of a step or drift, in a sequence where nothing changes
+constexpr double kChance = kChanceOfFrameChange; // of a step or drift, in a sequence where nothing changes
 constexpr double kAlike = 1e-3;      // neighbours that are more alike wander
-constexpr double kGapChance = 1e-6;  // of a gap between groups
 constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
 constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
@@ -152,7 +151,7 @@ std::optional<Change> find_change(const Series &values, double scatter) {
 }
 
 double gap_limit(std::size_t count) {
-    return std::max(kLeastGap, student_two_sided_quantile(kGapChance, double(count) - 2.0));
+    return std::max(kLeastGap, student_two_sided_quantile(kChance, double(count) - 2.0));
 }
 
 // Two groups of levels with nothing between them: frames of the lower, frames of the upper one.

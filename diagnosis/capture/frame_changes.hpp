@@ -17,6 +17,7 @@ namespace clsp {
 // Resting speckle may boil, so that its frames fluctuate together: of such sequences these are not asked. Two groups of
 // levels, and frames that differ from the one before by more than the others do, count where the gap is as wide as a t
 // of 1e-6, and 8 times the scatter within.
+constexpr double kChanceOfFrameChange = 1e-6;
 std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t sequence, double dark_level_dn);
 
 } // namespace clsp

@@ -71,6 +71,8 @@ struct DiagnosisResult {
     Verdict verdict = Verdict::kNone;
     bool detected = false;
     double p_value = 1.0, distance = 0.0, null_95 = 0.0;
+    // Judged sequences whose frames are not of one scene. No effect makes such frames, so they are a gap that is left.
+    std::vector<CaptureWarning> frame_changes;
     CalibrationResult calibration,
         calibration_after;        // of the baseline; with the effects found, nothing if there are none
     std::vector<GapPlace> places; // all statistics, worst first

@@ -151,6 +151,10 @@ std::string report_json(const DiagnosisResult &result) {
                      {"distance", number(result.distance)},
                      {"null_95", number(result.null_95)},
                      {"level", number(result.level)}};
+    Json changes = Json::array();
+    for (const CaptureWarning &change : result.frame_changes)
+        changes.push_back({{"sequence", change.sequence}, {"text", change.text}});
+    report["gap"]["frame_changes"] = changes;
     Json where = Json::array(), all = Json::array();
     for (const GapPlace &place : result.places) {
         all.push_back(place_json(place, result));

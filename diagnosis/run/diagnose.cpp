@@ -4,6 +4,7 @@
 #include "inference/shrinkage.hpp"
 #include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
+#include "capture/frame_changes.hpp"
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"
 #include "runtime/error.hpp"
@@ -210,8 +211,14 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.level = options.level;
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;
-    result.detected = test.detected;
-    result.p_value = reported_p_value(test.p_value);
+    // Halves of a sequence that changes half way are alike; its frames are not.
+    for (std::size_t s = 0; s < capture.codes.size(); ++s)
+        for (CaptureWarning &change : frame_changes(capture, s, summary.dark.level_dn))
+            result.frame_changes.push_back(std::move(change));
+    const bool steady = result.frame_changes.empty();
+    const auto with_changes = [&](double p) { return steady ? p : std::min(p, kChanceOfFrameChange); };
+    result.detected = test.detected || !steady;
+    result.p_value = with_changes(reported_p_value(test.p_value));
     result.distance = test.distance;
     result.null_95 = test.null_95;
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
@@ -236,8 +243,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                            "candidates (--without) leave more for the others",
                                            search_options.most_work));
     if (result.detected) {
-        result.residual_detected = last.residual.detected;
-        result.residual_p_value = reported_p_value(last.residual.p_value);
+        result.residual_detected = last.residual.detected || !steady;
+        result.residual_p_value = with_changes(reported_p_value(last.residual.p_value));
         if (!found.models.empty()) {
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
@@ -258,7 +265,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     "{} was fitted, too, but is not named: it is far weaker than the catalogue has it, and beside "
                     "stronger effects so little may be the simulator's error",
                     found.steps[i].added));
-        if (last.residual.detected || found.models.empty()) {
+        if (result.residual_detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
             const bool all = are_found(found.models.size(), result.fraction);
             for (std::size_t i = 0; i < found.models.size(); ++i)

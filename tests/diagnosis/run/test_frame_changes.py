@@ -1,0 +1,53 @@
+"""A sequence that is two scenes, one after the other: its halves are alike, its frames are not. Never without a gap."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gap_check.camera import draw_camera
+from gap_check.generator import write_capture
+
+ROOT = Path(__file__).resolve().parents[3]
+PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
+FRAMES = 16
+
+
+def diagnosed(folder: Path) -> dict[str, Any]:
+    command = [str(PROGRAM), "diagnose", str(folder), "--json", str(folder / "report.json"), "--quiet"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    report: dict[str, Any] = json.loads((folder / "report.json").read_text())
+    return report
+
+
+@pytest.mark.parametrize("change", ["none", "speckle", "level"])
+def test_a_scene_that_changes_half_way_is_a_gap(tmp_path: Path, change: str) -> None:
+    camera = draw_camera(901, 96, 80)
+    one, other = tmp_path / "one", tmp_path / "other"
+    write_capture(one, camera, {}, FRAMES, 91)
+    path = one / "board_static.npy"
+    codes = np.load(path)
+    half = FRAMES // 2
+    if change == "speckle":
+        write_capture(other, camera, {}, FRAMES, 92)
+        codes[half:] = np.load(other / "board_static.npy")[half:]
+    elif change == "level":
+        codes[half:] = np.clip(np.rint(64 + 0.6 * (codes[half:].astype(float) - 64)), 0, 1023)
+    np.save(path, codes)
+    report = diagnosed(one)
+    changes = report["gap"]["frame_changes"]
+    if change == "none":
+        assert changes == []
+        assert report["cause"]["verdict"] == "none"
+        return
+    assert [c["sequence"] for c in changes] == ["board_static"]
+    assert f"at frame {half}:" in changes[0]["text"]
+    assert report["gap"]["detected"] and report["gap"]["p_value"] <= 1e-6
+    assert report["cause"]["verdict"] == "unknown" and report["shrink"]["residual_detected"]
