@@ -1,13 +1,14 @@
 #include "run/compare.hpp"
 
-#include "inference/shrinkage.hpp"
-#include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
+#include "capture/frame_changes.hpp"
 #include "inference/closing.hpp"
-#include "simulator/finished_frames.hpp"
+#include "inference/shrinkage.hpp"
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"
+#include "measure/verdict.hpp"
 #include "runtime/error.hpp"
+#include "simulator/finished_frames.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -279,8 +280,23 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const ReadNoiseComparison &noise = comparison->read_noise;
     const double noise_p = noise.excess ? noise.p_value / (1.0 - kStatisticsShare) : 1.0;
     const bool noise_gap = noise_p <= options.level;
-    result.detected = test.detected || noise_gap;
-    result.p_value = reported_p_value(std::min({1.0, test.p_value / kStatisticsShare, noise_p}));
+    // A sequence that is not of one scene, where the other set's is.
+    for (std::size_t s = 0; s < captures.pairs.size(); ++s) {
+        auto of_real = frame_changes(captures.real, s, dark_level(captures.real).level_dn);
+        auto of_sim = frame_changes(captures.sim, s, dark_level(captures.sim).level_dn);
+        if (of_real.empty() == of_sim.empty())
+            continue;
+        for (CaptureWarning &change : of_sim)
+            change.text = "of the simulator, " + change.text;
+        for (CaptureWarning &change : of_real.empty() ? of_sim : of_real) {
+            captures.notes.push_back(change.sequence + ": " + change.text);
+            result.frame_changes.push_back(std::move(change));
+        }
+    }
+    const bool steady = result.frame_changes.empty();
+    const double frames_p = steady ? 1.0 : kChanceOfFrameChange;
+    result.detected = test.detected || noise_gap || !steady;
+    result.p_value = reported_p_value(std::min({1.0, test.p_value / kStatisticsShare, noise_p, frames_p}));
     result.distance = test.distance;
     result.null_95 = test.null_95;
 
@@ -308,10 +324,10 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     }
     result.held_out = runner.parted();
     set_verdict(closed, null, test, result);
-    if (noise_gap && result.detected) {
-        result.verdict = Verdict::kUnknown; // no effect of the catalogue takes noise away
+    if (noise_gap || !steady) {
+        result.verdict = Verdict::kUnknown; // no effect of the catalogue takes noise away, or makes another scene
         result.residual_detected = true;
-        result.residual_p_value = reported_p_value(std::min(result.residual_p_value, noise_p));
+        result.residual_p_value = reported_p_value(std::min({result.residual_p_value, noise_p, frames_p}));
     }
     if (!closed.models.empty()) {
         measure_shrinkage(closed, difference, null, result);

@@ -51,3 +51,22 @@ def test_a_scene_that_changes_half_way_is_a_gap(tmp_path: Path, change: str) -> 
     assert f"at frame {half}:" in changes[0]["text"]
     assert report["gap"]["detected"] and report["gap"]["p_value"] <= 1e-6
     assert report["cause"]["verdict"] == "unknown" and report["shrink"]["residual_detected"]
+
+
+def test_a_comparison_tells_which_set_changes(tmp_path: Path) -> None:
+    camera = draw_camera(902, 96, 80)
+    steady, stepping = tmp_path / "steady", tmp_path / "stepping"
+    write_capture(steady, camera, {}, FRAMES, 93)
+    write_capture(stepping, camera, {}, FRAMES, 93)
+    codes = np.load(stepping / "board_static.npy")
+    codes[FRAMES // 2 :] = np.clip(np.rint(64 + 0.6 * (codes[FRAMES // 2 :].astype(float) - 64)), 0, 1023)
+    np.save(stepping / "board_static.npy", codes)
+    for real, sim, of_sim in ((steady, stepping, True), (stepping, steady, False)):
+        command = [str(PROGRAM), "gap", "compare", str(real), str(sim), "--json", str(tmp_path / "r.json"), "--quiet"]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        report = json.loads((tmp_path / "r.json").read_text())
+        assert report["cause"]["verdict"] == "unknown"
+        [change] = report["gap"]["frame_changes"]
+        assert change["sequence"] == "board_static" and "the level steps" in change["text"]
+        assert change["text"].startswith("of the simulator") == of_sim
