@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -100,69 +99,6 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
             plane.values.insert(plane.values.end(), row, row + 3);
     });
     return plane;
-}
-
-AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
-    static std::atomic<unsigned> counter{0};
-    const std::size_t slash = path_.find_last_of('/');
-    const std::string folder = slash == std::string::npos ? "" : path_.substr(0, slash + 1);
-    const std::string name = slash == std::string::npos ? path_ : path_.substr(slash + 1);
-    temporary_path_ = fmt::format("{}.{}.{}-{}.part", folder, name, ::getpid(), counter++);
-    check_target();
-    stream_ = std::fopen(temporary_path_.c_str(), "wb");
-    if (!stream_)
-        throw WriteError(path_, "cannot be written: " + error_text(errno));
-}
-
-AtomicFile::~AtomicFile() {
-    if (stream_)
-        std::fclose(stream_);
-    if (!done_)
-        std::remove(temporary_path_.c_str());
-}
-
-void AtomicFile::fail(const char *what, int code) const {
-    throw WriteError(path_, fmt::format("{}: {}", what, error_text(code)));
-}
-
-void AtomicFile::check_target() const {
-    struct stat status {};
-    if (::stat(path_.c_str(), &status) != 0 || S_ISREG(status.st_mode))
-        return;
-    if (S_ISDIR(status.st_mode))
-        throw WriteError(path_, "is a folder; name a file");
-    throw WriteError(path_, "is a pipe, a device or a socket, which the file would replace; name a regular file");
-}
-
-void AtomicFile::write(const void *data, std::size_t size_bytes) {
-    if (size_bytes > 0 && std::fwrite(data, 1, size_bytes, stream_) != size_bytes)
-        fail("cannot be written", errno);
-}
-
-void AtomicFile::close() {
-    if (!stream_)
-        return;
-    std::FILE *stream = stream_;
-    const bool flushed = std::fflush(stream) == 0;
-    const int flush_error = errno;
-    stream_ = nullptr;
-    const bool closed = std::fclose(stream) == 0;
-    if (!flushed || !closed)
-        fail("cannot be written", flushed ? errno : flush_error);
-}
-
-void AtomicFile::commit() {
-    close();
-    check_target();
-    if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
-        fail("cannot be put in place", errno);
-    done_ = true;
-}
-
-void write_text(const std::string &path, const std::string &text) {
-    AtomicFile file(path);
-    file.write(text.data(), text.size());
-    file.commit();
 }
 
 namespace detail {

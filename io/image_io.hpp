@@ -9,6 +9,8 @@
 #ifndef CLSPECKLE_IO_IMAGE_IO_HPP
 #define CLSPECKLE_IO_IMAGE_IO_HPP
 
+#include "io/atomic_file.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -30,12 +32,6 @@ constexpr std::uint64_t max_frames = 1000000;
 class ReadError : public std::runtime_error {
   public:
     ReadError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
-};
-
-/** A file that cannot be written: the message begins with its name. */
-class WriteError : public std::runtime_error {
-  public:
-    WriteError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
 };
 
 struct Format;
@@ -137,38 +133,6 @@ class ChannelFile {
     std::vector<std::string> channels_;
 };
 
-/** @name Writing
- *  Everything is written to a temporary name in the same folder and renamed when it is complete. */
-/** @{ */
-
-/** A file that appears under its name only when it is complete. A pipe, a device or a folder of that name is refused:
- * the file would take its place. */
-class AtomicFile {
-  public:
-    explicit AtomicFile(std::string path);
-    ~AtomicFile();
-    AtomicFile(const AtomicFile &) = delete;
-    AtomicFile &operator=(const AtomicFile &) = delete;
-
-    std::FILE *stream() const { return stream_; }
-    const std::string &temporary_path() const { return temporary_path_; }
-    void write(const void *data, std::size_t size_bytes);
-    /** Closes the stream for writers that open the temporary name themselves. */
-    void close();
-    /** Flushes, closes and renames. Without it the destructor removes the file. */
-    void commit();
-
-  private:
-    [[noreturn]] void fail(const char *what, int code) const;
-    void check_target() const;
-    std::string path_;
-    std::string temporary_path_;
-    std::FILE *stream_ = nullptr;
-    bool done_ = false;
-};
-
-void write_text(const std::string &path, const std::string &text);
-
 /** An image file that is being written, frame by frame; without commit() it never appears. */
 class Writer {
   public:
@@ -184,7 +148,6 @@ class Writer {
     explicit Writer(const std::string &path) : file_(path) {}
     AtomicFile file_;
 };
-/** @} */
 
 namespace detail {
 

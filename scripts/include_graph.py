@@ -21,7 +21,7 @@ from pathlib import Path
 
 # Where quoted includes of a folder's files are looked for, beside their own folder.
 INCLUDES = {
-    "core": ["core"],
+    "core": ["core", "."],
     "io": ["."],
     "diagnosis": ["diagnosis", "core", "."],
     "capi": ["capi", "capi/include", "diagnosis", "core", "."],
@@ -30,8 +30,8 @@ INCLUDES = {
 }
 # The folders that a folder's files may use. The longest name that fits a file counts.
 ARROWS = {
-    "core": ["core"],
-    "core/runtime": ["core/runtime"],
+    "core": ["core", "io"],
+    "core/runtime": ["core/runtime", "io"],
     "io": ["io"],
     "diagnosis": ["diagnosis", "core", "io"],
     "diagnosis/capture": ["diagnosis/capture", "core", "io"],

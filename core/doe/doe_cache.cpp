@@ -158,12 +158,10 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     header.dot_count = result.dot_shares.size();
     header.hash = content_hash(result);
     header.budget = result.budget;
-    write_whole_file(path_of(folder, key), [&](std::ostream &file) {
-        file.write(reinterpret_cast<const char *>(&header), sizeof header);
-        file.write(reinterpret_cast<const char *>(result.texels.data()),
-                   std::streamsize(result.texels.size() * sizeof(float)));
-        file.write(reinterpret_cast<const char *>(result.dot_shares.data()),
-                   std::streamsize(result.dot_shares.size() * sizeof(double)));
+    write_whole_file(path_of(folder, key), [&](image_io::AtomicFile &file) {
+        file.write(&header, sizeof header);
+        file.write(result.texels.data(), result.texels.size() * sizeof(float));
+        file.write(result.dot_shares.data(), result.dot_shares.size() * sizeof(double));
     });
 }
 

@@ -204,11 +204,12 @@ void ProgramCache::store(const cl::Program &program, const std::string &path, co
                 continue;
             const std::string binary(binaries[i].begin(), binaries[i].end());
             const std::uint64_t size = binary.size(), hash = fnv1a(binary);
-            write_whole_file(path, [&](std::ostream &file) {
-                file << kCacheMagic << device_key_ << options << '\n';
-                file.write(reinterpret_cast<const char *>(&size), sizeof size);
-                file.write(reinterpret_cast<const char *>(&hash), sizeof hash);
-                file.write(binary.data(), std::streamsize(binary.size()));
+            const std::string head = kCacheMagic + device_key_ + options + '\n';
+            write_whole_file(path, [&](image_io::AtomicFile &file) {
+                file.write(head.data(), head.size());
+                file.write(&size, sizeof size);
+                file.write(&hash, sizeof hash);
+                file.write(binary.data(), binary.size());
             });
         }
     } catch (const cl::Error &) {

@@ -267,14 +267,15 @@ TuningFile load_tuning(const std::string &path) {
 
 void save_tuning(const std::string &path, const TuningFile &file) {
     const std::string text = tuning_json(file);
-    if (!write_whole_file(fs::absolute(path), [&](std::ostream &to) { to << text; }))
+    const auto write = [&](image_io::AtomicFile &to) { to.write(text.data(), text.size()); };
+    if (!write_whole_file(fs::absolute(path), write))
         refuse_place(path);
 }
 
 void check_tuning_place(const std::string &path) {
     std::error_code ignored;
     const fs::path probe = fs::absolute(path).string() + ".probe";
-    if (fs::is_directory(path, ignored) || !write_whole_file(probe, [](std::ostream &) {}))
+    if (fs::is_directory(path, ignored) || !write_whole_file(probe, [](image_io::AtomicFile &) {}))
         refuse_place(path);
     fs::remove(probe, ignored);
 }
