@@ -5,7 +5,7 @@
 #include "fft/gpu/codelets.hpp"
 #include "fft/plan/line_plan.hpp"
 #include "stages/aperture.hpp"
-#include "fft/aperture_engine.hpp"
+#include "fft/engine.hpp"
 #include "stages/phase.hpp"
 
 #include <CLI/CLI.hpp>
@@ -46,20 +46,20 @@ class Passes {
     void run() {
         fmt::print("{}: {} x {}, D = {}, p = {}\n", context_->device().getInfo<CL_DEVICE_NAME>(), arguments_.width,
                    arguments_.height, arguments_.diameter, arguments_.degree_of_polarization);
-        if (clsp::default_engine(context_->device()) == clsp::Engine::kFusedLanes) {
+        if (clsp::default_engine(context_->device()) == clsp::EngineKind::kCpu) {
             heading();
-            row({clsp::Engine::kFusedLanes, {}, {}});
+            row({clsp::EngineKind::kCpu, {}, {}});
             return;
         }
         const clsp::GroupLimits limits = clsp::group_limits(*context_);
         fmt::print("largest work-group {}, local memory {}\n", limits.group_items, limits.local_bytes);
         heading();
-        row({clsp::Engine::kFusedGroups, {}, {}});
+        row({clsp::EngineKind::kGpu, {}, {}});
         for (const clsp::GroupPick &pick : clsp::group_picks(clsp::make_group_plan(grid_.grid_height), limits, true))
-            row({clsp::Engine::kFusedGroups, pick, {}});
+            row({clsp::EngineKind::kGpu, pick, {}});
         for (const clsp::GroupPick &pick : clsp::group_picks(clsp::make_group_plan(grid_.grid_width), limits, false))
-            row({clsp::Engine::kFusedGroups, {}, pick});
-        row({clsp::Engine::kClfft, {}, {}}); // takes the longest to start; of its kernels the last ones are seen
+            row({clsp::EngineKind::kGpu, {}, pick});
+        row({clsp::EngineKind::kClfft, {}, {}}); // takes the longest to start; of its kernels the last ones are seen
     }
 
   private:

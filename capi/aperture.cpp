@@ -70,9 +70,9 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.relative_diameter = a->relative_diameter();
         result.mean_transmission = a->mean_transmission();
         result.workspace_bytes = a->workspace_bytes();
-        copy_text(result.fft_backend, a->fft_backend());
-        copy_text(result.fft_reason, a->fft_reason());
-        copy_text(result.fft_engine, engine_name(a->engine().engine));
+        copy_text(result.fft_backend, a->engine().kind == EngineKind::kClfft ? "clFFT" : "fused");
+        copy_text(result.fft_reason, a->clfft_reason());
+        copy_text(result.fft_engine, engine_name(a->engine().kind));
         const GroupPick columns = a->engine().columns.value_or(GroupPick{}),
                         rows = a->engine().rows.value_or(GroupPick{});
         result.column_lines = columns.lines;

@@ -1,6 +1,7 @@
 #include "clspeckle/runtime.h"
 
 #include "convert.hpp"
+#include "fft/engine_choices.hpp"
 #include "handles.hpp"
 #include "runtime/buffer_memory.hpp"
 #include "runtime/command_chain.hpp"
@@ -137,7 +138,9 @@ CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *
             parameters.log = [log = d.log, data = d.log_data](LogLevel level, const std::string &message) {
                 log(data, static_cast<std::uint32_t>(level), message.c_str());
             };
-        give(context, Context::create(parameters));
+        const auto made = Context::create(parameters);
+        forced_engine(*made); // other words are refused here, not at the first aperture
+        give(context, made);
     });
 }
 

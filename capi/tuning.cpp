@@ -1,5 +1,6 @@
 #include "clspeckle/tuning.h"
 
+#include "fft/engine_choices.hpp"
 #include "fields.hpp"
 #include "handles.hpp"
 #include "progress.hpp"
@@ -86,14 +87,14 @@ CLSP_API ClspStatus clspTuningExplain(ClspContext context, uint32_t width, uint3
     return guarded("clspTuningExplain", [&] {
         const auto c = object(context);
         const FieldGrid grid = make_field_grid(width, height, 1, 0);
-        const EngineChoice choice = c->engine_choices(grid.grid_width, grid.grid_height).front();
+        const EngineChoice choice = engine_choices(*c, grid.grid_width, grid.grid_height).front();
         give_text(fmt::format("{}: {}", describe(choice.spec), choice.source), capacity, text, length, "text");
     });
 }
 
 CLSP_API ClspStatus clspTuningGetRecordPath(ClspContext context, uint64_t capacity, char *path, uint64_t *length) {
     return guarded("clspTuningGetRecordPath",
-                   [&] { give_text(object(context)->tuning_path(), capacity, path, length, "path"); });
+                   [&] { give_text(tuning_path(*object(context)), capacity, path, length, "path"); });
 }
 
 } // extern "C"

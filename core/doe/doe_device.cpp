@@ -32,7 +32,7 @@ DoeDevice::DoeDevice(std::shared_ptr<Context> context, std::uint32_t width, std:
                         "cell",
                         width, height, bytes >> 20, context_->device_name(), largest >> 20));
     queue_ = cl::CommandQueue(context_->cl_context(), context_->device());
-    fft_ = context_->fft(width, height);
+    fft_ = fft_of(*context_, width, height);
     field_ = DeviceBuffer(context_, bytes);
     if (fft_->scratch_bytes() > 0)
         scratch_ = DeviceBuffer(context_, fft_->scratch_bytes());

@@ -108,7 +108,7 @@ void DoeField::plan_memory() {
             throw Error(Status::kOutOfMemory,
                         fmt::format("this pattern needs a buffer of {}, but the device's largest is {}",
                                     mebibytes(bytes), mebibytes(largest)));
-    fft_ = context_->fft(columns_, rows_);
+    fft_ = fft_of(*context_, columns_, rows_);
     need += fft_->scratch_bytes();
     refuse_above();
     memory_bytes_ = need;

@@ -184,14 +184,14 @@ std::vector<Effect> make_catalogue() {
         .told_from("surface_boiling", "board_static behind a closed tube: air is still in it")
         .told_from("vibration", "board_static behind a closed tube: air is still in it"),
     Effect{"vibration", "motion", "the picture of a resting scene shifts by a part of a pixel in each frame",
-     "stages/aperture.cl: aperture_pupil (SHIFT)", kSetsPipeline,
+     "fft/clfft/pupil.cl: apply_pupil (SHIFT)", kSetsPipeline,
      {{"rms_px", "px", 0.0, 100.0, 0.05, 0.3}},
      [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; },
      {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
      "the speckle of a resting surface shifts as a whole", "", {1}},
     // Optics.
     Effect{"defocus", "optics", "quadratic pupil phase, w waves at the rim",
-     "stages/aperture.cl: aperture_pupil (COMPLEX_PUPIL)",
+     "fft/clfft/pupil.cl: apply_pupil (COMPLEX_PUPIL)",
      kSetsAperture,
      {{"waves", "waves", -100.0, 100.0, 0.6, 1.5}},
      [](Model &m, Values v) { m.aperture.pupil.defocus_waves = v[0]; },
@@ -210,7 +210,7 @@ std::vector<Effect> make_catalogue() {
         .scales_light()
         .told_from("ghost_dots", "flat: it shows the lens's fall-off alone"),
     Effect{"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
-     "stages/aperture.cl: aperture_pupil", kSetsAperture,
+     "fft/clfft/pupil.cl: apply_pupil", kSetsAperture,
      {{"f_number_ratio", "1", 0.05, 20.0, 1.12, 1.45}},
      [](Model &m, Values v) {
          m.aperture.f_number *= v[0];
@@ -222,7 +222,7 @@ std::vector<Effect> make_catalogue() {
         .told_from("pupil_obstruction", "board_moving at two f-numbers, and the spectrum near the cut-off")
         .told_from("crosstalk", "board_moving at two f-numbers: cross-talk does not change with the aperture"),
     Effect{"pupil_obstruction", "optics", "the centre of the pupil is blocked",
-     "stages/aperture.cl: aperture_pupil", kSetsAperture,
+     "fft/clfft/pupil.cl: apply_pupil", kSetsAperture,
      {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
      [](Model &m, Values v) { m.aperture.pupil.obstruction_ratio = v[0]; },
      {kInSpeckle}, {kInSpeckle},

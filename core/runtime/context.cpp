@@ -6,28 +6,37 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fmt/core.h>
+#include <unistd.h>
 #include <vector>
 
 namespace clsp {
 namespace {
 
-std::string environment(const char *name) {
-    const char *value = std::getenv(name);
-    return value ? value : "";
+constexpr const char kPrefix[] = "CLSPECKLE_";
+
+// The library's variables.
+std::map<std::string, std::string> read_environment() {
+    std::map<std::string, std::string> variables;
+    for (char **entry = environ; entry && *entry; ++entry) {
+        const std::string text = *entry;
+        const std::size_t name_end = text.find('=');
+        if (text.rfind(kPrefix, 0) == 0 && name_end != std::string::npos)
+            variables.emplace(text.substr(0, name_end), text.substr(name_end + 1));
+    }
+    return variables;
 }
 
-std::string default_cache_dir() {
-    if (const std::string dir = environment("CLSPECKLE_CACHE_DIR"); !dir.empty())
-        return dir;
-    if (const std::string dir = environment("XDG_CACHE_HOME"); !dir.empty())
-        return dir + "/clspeckle";
-    if (const std::string dir = environment("HOME"); !dir.empty())
-        return dir + "/.cache/clspeckle";
+std::string default_cache_dir(const std::string &chosen) {
+    if (!chosen.empty())
+        return chosen;
+    if (const char *dir = std::getenv("XDG_CACHE_HOME"); dir && *dir)
+        return std::string(dir) + "/clspeckle";
+    if (const char *dir = std::getenv("HOME"); dir && *dir)
+        return std::string(dir) + "/.cache/clspeckle";
     return {};
 }
 
-DiskCache environment_disk_cache() {
-    const std::string choice = environment("CLSPECKLE_DISK_CACHE");
+DiskCache disk_cache_of(const std::string &choice) {
     if (choice.empty() || choice == "auto")
         return DiskCache::kAuto;
     if (choice == "off")
@@ -37,37 +46,6 @@ DiskCache environment_disk_cache() {
     throw Error(
         Status::kInvalidArgument,
         fmt::format("the environment variable CLSPECKLE_DISK_CACHE is \"{}\"; set it to auto, off or on, or unset it",
-                    choice));
-}
-
-constexpr const char *kNoRecords = "off"; // value of CLSPECKLE_TUNING
-
-std::string tuning_file(const std::string &cache_dir) {
-    const std::string variable = environment("CLSPECKLE_TUNING");
-    if (variable == kNoRecords)
-        return {};
-    if (!variable.empty())
-        return variable;
-    const std::string folder = cache_dir.empty() ? default_cache_dir() : cache_dir;
-    return folder.empty() ? folder : folder + "/tuning.json";
-}
-
-FftChoice environment_fft_choice() {
-    const std::string choice = environment("CLSPECKLE_FFT");
-    if (choice.empty() || choice == "auto")
-        return FftChoice::kAuto;
-    if (choice == "clfft")
-        return FftChoice::kClfft;
-    if (choice == "fused")
-        return FftChoice::kFused;
-    if (choice == "fused-lanes")
-        return FftChoice::kFusedLanes;
-    if (choice == "fused-groups")
-        return FftChoice::kFusedGroups;
-    throw Error(
-        Status::kInvalidArgument,
-        fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft, fused, fused-lanes or "
-                    "fused-groups, or unset it",
                     choice));
 }
 
@@ -89,10 +67,10 @@ cl::Context shared_cl_context(const cl::Device &device) {
 
 std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     std::shared_ptr<Context> context(new Context);
-    context->fft_choice_ = environment_fft_choice();
+    context->environment_ = read_environment();
     context->log_ = parameters.log ? parameters.log : environment_log();
-    context->records_off_ = environment("CLSPECKLE_TUNING") == kNoRecords;
-    context->tuning_path_ = tuning_file(parameters.cache_dir);
+    context->cache_dir_ = parameters.cache_dir.empty() ? default_cache_dir(context->environment("CLSPECKLE_CACHE_DIR"))
+                                                       : parameters.cache_dir;
     if (parameters.host_context) {
         if (!parameters.host_device)
             throw Error(Status::kInvalidArgument,
@@ -128,14 +106,16 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
     context->is_pocl_cpu_ = is_pocl && (context->device_.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
 
     ProgramCache::Parameters cache;
-    cache.kernel_dir = parameters.kernel_dir.empty() ? environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
+    cache.kernel_dir =
+        parameters.kernel_dir.empty() ? context->environment("CLSPECKLE_KERNEL_DIR") : parameters.kernel_dir;
     // PoCL keeps compiled kernels on disk by itself, but goes through the source again at every start: 25 to 60 ms a
     // program. To hand out a program for our own cache it compiles all its kernels once more, which makes a first start
     // twice as long: the user's choice.
-    const DiskCache disk_cache =
-        parameters.disk_cache == DiskCache::kAuto ? environment_disk_cache() : parameters.disk_cache;
+    const DiskCache disk_cache = parameters.disk_cache == DiskCache::kAuto
+                                     ? disk_cache_of(context->environment("CLSPECKLE_DISK_CACHE"))
+                                     : parameters.disk_cache;
     if (disk_cache == DiskCache::kOn || (disk_cache == DiskCache::kAuto && !is_pocl))
-        cache.cache_dir = parameters.cache_dir.empty() ? default_cache_dir() : parameters.cache_dir;
+        cache.cache_dir = context->cache_dir_;
     context->programs_ = std::make_unique<ProgramCache>(context->context_, context->device_, cache);
     return context;
 }
@@ -145,95 +125,14 @@ cl::Kernel Context::kernel(const std::string &file, const std::string &name, con
     return cl::Kernel(programs_->get(file, defines, generated), name.c_str());
 }
 
-std::shared_ptr<Fft> Context::fft(std::uint32_t width, std::uint32_t height, bool only_clfft) {
-    const std::lock_guard<std::mutex> lock(fft_mutex_);
-    std::weak_ptr<Fft> &entry = ffts_[{width, height, only_clfft}];
-    std::shared_ptr<Fft> plan = entry.lock();
-    if (!plan) {
-        if (!only_clfft)
-            plan = make_fused_fft(*this, width, height);
-        if (!plan)
-            plan = make_clfft(context_, device_, width, height);
-        entry = plan;
-    }
-    return plan;
+std::string Context::environment(const std::string &name) const {
+    const auto found = environment_.find(name);
+    return found == environment_.end() ? std::string() : found->second;
 }
 
 void Context::log(LogLevel level, const std::string &message) const {
     if (log_)
         log_(level, message);
-}
-
-TunedDevice Context::tuned_device() const {
-    return {trimmed(device_name_), trimmed(device_.getInfo<CL_DEVICE_VENDOR>()), trimmed(platform_name_),
-            trimmed(device_.getInfo<CL_DRIVER_VERSION>()), device_.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()};
-}
-
-void Context::read_tuning() {
-    for (std::size_t i = 0; i < kShippedTuningCount; ++i)
-        shipped_tuning_.emplace_back(kShippedTunings[i].name, parse_tuning(kShippedTunings[i].text));
-    if (tuning_path_.empty())
-        return;
-    try {
-        user_tuning_ = load_tuning(tuning_path_);
-    } catch (const Error &error) {
-        log(LogLevel::kWarning,
-            fmt::format("the tuning record {} is ignored: {}; `clspeckle tune` renews it", tuning_path_, error.what()));
-        return;
-    }
-    const TunedDevice device = tuned_device();
-    for (const TuningRecord &record : user_tuning_.records)
-        if (record.device.name == device.name && !(record.device == device))
-            log(LogLevel::kInfo,
-                fmt::format("the tuning record {} knows {} with driver {} and {} compute units, not with {} and {}: "
-                            "`clspeckle tune` measures it anew",
-                            tuning_path_, device.name, record.device.driver_version, record.device.compute_units,
-                            device.driver_version, device.compute_units));
-}
-
-std::vector<EngineChoice> Context::engine_choices(std::uint32_t width, std::uint32_t height) {
-    std::vector<EngineChoice> choices;
-    const auto add = [&](Engine engine, const std::string &source) { choices.push_back({{engine, {}, {}}, source}); };
-    switch (fft_choice_) {
-    case FftChoice::kClfft:
-        add(Engine::kClfft, "CLSPECKLE_FFT is clfft");
-        return choices;
-    case FftChoice::kFused:
-        add(fused_engine_for(device_), "CLSPECKLE_FFT is fused");
-        break;
-    case FftChoice::kFusedLanes:
-        add(Engine::kFusedLanes, "CLSPECKLE_FFT is fused-lanes");
-        break;
-    case FftChoice::kFusedGroups:
-        add(Engine::kFusedGroups, "CLSPECKLE_FFT is fused-groups");
-        break;
-    case FftChoice::kAuto:
-        if (!records_off_) {
-            std::call_once(tuning_read_, [this] { read_tuning(); });
-            const TunedDevice device = tuned_device();
-            choices = tuned_choices(user_tuning_, device, false, width, height,
-                                    fmt::format("the tuning record {}", tuning_path_));
-            for (const auto &[name, file] : shipped_tuning_)
-                for (const EngineChoice &choice : tuned_choices(file, device, true, width, height,
-                                                                fmt::format("the shipped tuning record {}", name)))
-                    choices.push_back(choice);
-        }
-        switch (default_engine(device_)) {
-        case Engine::kFusedLanes:
-            add(Engine::kFusedLanes, "the default for CPUs");
-            break;
-        case Engine::kFusedGroups:
-            add(Engine::kFusedGroups, "the default for GPUs");
-            break;
-        case Engine::kClfft:
-            add(Engine::kClfft, "the device is neither CPU nor GPU, and others keep clFFT until they are told; "
-                                "CLSPECKLE_FFT=fused takes the fused engine");
-            break;
-        }
-        break;
-    }
-    add(Engine::kClfft, "it takes every grid");
-    return choices;
 }
 
 void Context::check_queue(cl_command_queue queue) const {

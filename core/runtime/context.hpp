@@ -1,13 +1,10 @@
-// One device and what belongs to it: programs, FFT plans, the count of device memory.
+// One device and what belongs to it: programs, the count of device memory, and what other folders keep of it.
 #pragma once
 
-#include "fft/engine.hpp"
-#include "fft/fft.hpp"
 #include "runtime/log.hpp"
 #include "runtime/opencl.hpp"
 #include "runtime/program_cache.hpp"
 #include "runtime/result_cache.hpp"
-#include "fft/plan/tuning_record.hpp"
 
 #include <atomic>
 #include <cstdint>
@@ -15,9 +12,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
-#include <tuple>
-#include <utility>
-#include <vector>
+#include <typeindex>
 
 namespace clsp {
 
@@ -61,21 +56,22 @@ class Context : public std::enable_shared_from_this<Context> {
     cl::Kernel kernel(const std::string &file, const std::string &name, const std::string &defines = {},
                       const ProgramCache::GeneratedHeader *generated = nullptr);
 
-    // The plan of a 2-D complex transform; shared between all users of that size, made on first use. only_clfft: not
-    // the fused engine's line transforms.
-    std::shared_ptr<Fft> fft(std::uint32_t width, std::uint32_t height, bool only_clfft = false);
+    // What another folder keeps of a context: the one T, made from it when it is first asked for, under a lock. A T's
+    // constructor asks for no other part.
+    template <typename T> T &part() const {
+        const std::lock_guard<std::mutex> lock(parts_mutex_);
+        std::shared_ptr<void> &part = parts_[typeid(T)];
+        if (!part)
+            part = std::make_shared<T>(*this);
+        return *static_cast<T *>(part.get());
+    }
 
-    FftChoice fft_choice() const { return fft_choice_; }
+    // An environment variable CLSPECKLE_.. as it was when the context was made; "" if there was none.
+    std::string environment(const std::string &name) const;
+    // Where files are kept; "" if there is no such folder.
+    const std::string &cache_dir() const { return cache_dir_; }
 
     void log(LogLevel level, const std::string &message) const;
-
-    // The device as tuning records know it, and where the user's record lies: CLSPECKLE_TUNING, else tuning.json in the
-    // cache folder; "" if records are off or there is no such folder.
-    TunedDevice tuned_device() const;
-    const std::string &tuning_path() const { return tuning_path_; }
-    // The engines that an aperture with that grid is to try, best first: what CLSPECKLE_FFT forces, else by the user's
-    // record, by a shipped one, by default; the last is clFFT, which takes every grid. Records are read once.
-    std::vector<EngineChoice> engine_choices(std::uint32_t width, std::uint32_t height);
 
     // Throws kWrongContext unless the queue belongs to this context and device.
     void check_queue(cl_command_queue queue) const;
@@ -85,7 +81,6 @@ class Context : public std::enable_shared_from_this<Context> {
 
   private:
     Context() = default;
-    void read_tuning();
 
     cl::Context context_;
     cl::Device device_;
@@ -94,15 +89,11 @@ class Context : public std::enable_shared_from_this<Context> {
     mutable std::atomic<std::uint32_t> large_buffers_{0};
     std::unique_ptr<ProgramCache> programs_;
     MemoryUse memory_use_;
-    FftChoice fft_choice_ = FftChoice::kAuto;
-    std::mutex fft_mutex_;
-    std::map<std::tuple<std::uint32_t, std::uint32_t, bool>, std::weak_ptr<Fft>> ffts_;
+    std::map<std::string, std::string> environment_;
+    std::string cache_dir_;
     LogFunction log_;
-    bool records_off_ = false;
-    std::string tuning_path_;
-    std::once_flag tuning_read_;
-    TuningFile user_tuning_;
-    std::vector<std::pair<std::string, TuningFile>> shipped_tuning_; // by the names of their files
+    mutable std::mutex parts_mutex_;
+    mutable std::map<std::type_index, std::shared_ptr<void>> parts_;
     ResultCache results_{std::uint64_t{256} << 20};
 };
 

@@ -79,7 +79,7 @@ Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const 
     // Half of the gain on each axis: both stay within a float's range.
     filter_x_ = upload(context_, x, std::sqrt(gain));
     filter_y_ = upload(context_, y, std::sqrt(gain));
-    fft_ = context_->fft(halves_ ? grid_.grid_width / 2 : grid_.grid_width, grid_.grid_height);
+    fft_ = fft_of(*context_, halves_ ? grid_.grid_width / 2 : grid_.grid_width, grid_.grid_height);
     state_ = DeviceBuffer(context_, std::size_t{box_width_} * box_height_ * sizeof(cl_float2));
     if (halves_)
         roots_ = half_roots(context_, grid_.grid_width);

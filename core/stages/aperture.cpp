@@ -1,8 +1,8 @@
 #include "stages/aperture.hpp"
 
+#include "fft/engine_choices.hpp"
 #include "runtime/checks.hpp"
 #include "runtime/error.hpp"
-#include "fft/cpu/lanes.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "stages/pixel_taps.hpp"
 
@@ -35,14 +35,15 @@ Aperture::Aperture(std::shared_ptr<Context> context, const ApertureParameters &p
     : context_(std::move(context)), parameters_(p),
       grid_(make_field_grid(p.width, p.height, p.oversampling, p.guard_px)), relative_diameter_(diameter_of(p)),
       degree_of_polarization_(check_fraction(p.degree_of_polarization, "degree_of_polarization")),
-      bad_pixels_(context_), plain_field_(context_, grid_) {
+      bad_pixels_(context_), plain_field_(context_, grid_),
+      incoherent_("stages/aperture.cl", "aperture_incoherent", "-DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0") {
     configure(p);
 }
 
-std::vector<EngineChoice> Aperture::engine_choices(const ApertureParameters &p) const {
+std::vector<EngineChoice> Aperture::choices(const ApertureParameters &p) const {
     if (p.engine)
         return {{*p.engine, "asked for"}, {{}, "it takes every grid"}};
-    return context_->engine_choices(grid_.grid_width, grid_.grid_height);
+    return engine_choices(*context_, grid_.grid_width, grid_.grid_height);
 }
 
 void Aperture::configure(const ApertureParameters &p) {
@@ -69,45 +70,27 @@ void Aperture::configure(const ApertureParameters &p) {
     } else {
         pupil_buffer = DeviceBuffer(context_, pupil.transmission.size() * sizeof(float), pupil.transmission.data());
     }
-    DeviceBuffer taps_buffer;
-    std::uint32_t tap_count = 0;
+    EngineRequest request{
+        context_, grid_, pupil, pupil_buffer.get(), {}, p.degree_of_polarization, p.workspace_from_host};
     if (p.fill_factor > 0.0) {
-        std::vector<float> taps;
         for (const double tap : pixel_taps(p.fill_factor, grid_.oversampling, diameter))
-            taps.push_back(static_cast<float>(tap));
-        tap_count = static_cast<std::uint32_t>(taps.size());
+            request.pixel_taps.push_back(static_cast<float>(tap));
+        const std::size_t tap_count = request.pixel_taps.size();
         // A kernel reaches around the periodic border once.
         if (grid_.grid_width < tap_count || grid_.grid_height < tap_count)
             throw Error(Status::kInvalidArgument,
                         fmt::format("fill_factor needs a field grid of at least {} x {} samples, this one has {} x {}",
                                     tap_count, tap_count, grid_.grid_width, grid_.grid_height));
-        taps_buffer = DeviceBuffer(context_, taps.size() * sizeof(float), taps.data());
     }
-    FusedDecision decision =
-        decide_engine(context_, grid_, pupil, {p.workspace_from_host, tap_count > 0, p.degree_of_polarization < 1.0},
-                      engine_choices(p));
-    const FusedEngine *fused = decision.engine.get();
-    const bool sample_powers = fused && fused->leaves_sample_powers();
-    if (!fused && !fft_)
-        fft_ = context_->fft(grid_.grid_width, grid_.grid_height, true);
-
-    // Work memory: the field (with the fused engine what the pupil leaves of it), the transform's scratch or the
-    // samples' powers, and the first polarization's intensity, unless both are taken at once or add up in the powers.
-    const std::uint64_t field_bytes = fused ? fused->lines_bytes() : grid_.samples() * sizeof(cl_float2);
-    const std::uint64_t scratch_bytes = !fused          ? fft_->scratch_bytes()
-                                        : sample_powers ? grid_.samples() * sizeof(float)
-                                                        : 0;
-    const std::uint64_t scratch_offset = aligned(field_bytes);
-    const std::uint64_t partial_offset = scratch_offset + aligned(scratch_bytes);
-    const std::uint64_t partial_bytes =
-        p.degree_of_polarization < 1.0 && !sample_powers && !(fused && fused->polarizations() == 2)
-            ? std::uint64_t{grid_.width} * grid_.height * sizeof(float)
-            : 0;
-    const std::uint64_t workspace_bytes = partial_offset + aligned(partial_bytes);
+    EngineDecision decision = decide_engine(request, choices(p));
+    const WorkBytes bytes = decision.engine->work_bytes();
+    const std::uint64_t scratch_offset = aligned(bytes.field);
+    const std::uint64_t partial_offset = scratch_offset + aligned(bytes.scratch);
+    const std::uint64_t workspace_bytes = partial_offset + aligned(bytes.partial);
     DeviceBuffer workspace;
-    if (p.workspace_from_host && field_() &&
-        (field_bytes > scratch_offset_ || scratch_bytes > partial_offset_ - scratch_offset_ ||
-         partial_bytes > workspace_bytes_ - partial_offset_))
+    if (p.workspace_from_host && memory_.field() &&
+        (bytes.field > scratch_offset_ || bytes.scratch > partial_offset_ - scratch_offset_ ||
+         bytes.partial > workspace_bytes_ - partial_offset_))
         throw Error(
             Status::kBufferTooSmall,
             fmt::format("degree_of_polarization {} and fill_factor {} need {} bytes of work memory; the host gave "
@@ -119,28 +102,9 @@ void Aperture::configure(const ApertureParameters &p) {
         (workspace_bytes != workspace_bytes_ || scratch_offset != scratch_offset_ || partial_offset != partial_offset_);
     if (new_workspace)
         workspace = DeviceBuffer(context_, workspace_bytes);
-    const std::string options = fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=0 -DPIXEL_TAPS={} -DSAMPLE_POWERS={}",
-                                            is_complex ? 1 : 0, tap_count, sample_powers ? 1 : 0);
-    // The pixels of powers in vectors, where a row's sums have room.
-    std::uint64_t row_bytes = 0;
-    if (sample_powers && tap_count > 0 && works_in_lanes(*context_))
-        row_bytes = (std::uint64_t{grid_.grid_width} + tap_count + fused_lanes(*context_)) * sizeof(float);
-    if (row_bytes > context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>())
-        row_bytes = 0;
-    cl::Kernel apply, write, add;
-    if (!fused)
-        apply = context_->kernel("stages/aperture.cl", "aperture_pupil", options + " -DACCUMULATE=0");
-    if (row_bytes > 0) {
-        const std::string lanes = fmt::format("-DPIXEL_TAPS={} -DLANES={}", tap_count, fused_lanes(*context_));
-        write = context_->kernel("stages/aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=0");
-        add = context_->kernel("stages/aperture_lanes.cl", "aperture_pixels_lanes", lanes + " -DACCUMULATE=1");
-    } else if (!fused || sample_powers) {
-        write = context_->kernel("stages/aperture.cl", "aperture_intensity", options + " -DACCUMULATE=0");
-        add = context_->kernel("stages/aperture.cl", "aperture_intensity", options + " -DACCUMULATE=1");
-    }
 
     // Nothing throws from here on, but slicing new work memory, which comes first.
-    if (!p.workspace_from_host || !field_()) {
+    if (!p.workspace_from_host || !memory_.field()) {
         scratch_offset_ = scratch_offset;
         partial_offset_ = partial_offset;
         workspace_bytes_ = workspace_bytes;
@@ -169,46 +133,18 @@ void Aperture::configure(const ApertureParameters &p) {
     normalized_mean_transmission_ = p.pupil.normalization == Normalization::kUnitMean ? 1.0 : pupil.mean_transmission;
     pupil_samples_ = pupil.samples;
     pupil_ = std::move(pupil_buffer);
-    taps_ = std::move(taps_buffer);
-    if (!(decision.spec == decision_.spec) || decision.source != decision_.source)
-        context_->log(LogLevel::kInfo,
-                      fmt::format("{} is used for a field grid of {} x {}: {}", describe(decision.spec),
-                                  grid_.grid_width, grid_.grid_height, decision.source));
-    decision_ = std::move(decision);
-    sample_powers_ = sample_powers;
-    row_bytes_ = row_bytes;
     complex_pupil_ = is_complex;
-    tap_count_ = tap_count;
-    apply_pupil_ = apply;
-    write_intensity_ = write;
-    add_intensity_ = add;
-    incoherent_ = LazyKernel("stages/aperture.cl", "aperture_incoherent", options + " -DACCUMULATE=0");
-    shift_pupil_ = {};
-}
-
-cl::Kernel &Aperture::pupil_kernel(bool shifted) {
-    if (!shifted)
-        return apply_pupil_;
-    if (!shift_pupil_())
-        shift_pupil_ =
-            context_->kernel("stages/aperture.cl", "aperture_pupil",
-                             fmt::format("-DCOMPLEX_PUPIL={} -DSHIFT=1 -DPIXEL_TAPS=0 -DSAMPLE_POWERS=0 -DACCUMULATE=0",
-                                         complex_pupil_ ? 1 : 0));
-    return shift_pupil_;
+    const EngineSpec &spec = decision.engine->spec();
+    if (!engine_ || !(spec == engine_->spec()) || decision.source != engine_source_)
+        context_->log(LogLevel::kInfo, fmt::format("{} is used for a field grid of {} x {}: {}", describe(spec),
+                                                   grid_.grid_width, grid_.grid_height, decision.source));
+    engine_ = std::move(decision.engine);
+    engine_source_ = std::move(decision.source);
+    clfft_reason_ = std::move(decision.refusal);
 }
 
 void Aperture::prepare(const Phase &phase, const Exposure &exposure) {
-    Field &field = exposure.field ? *exposure.field : plain_field_;
-    const std::vector<LaserLine> &lines = exposure.lines ? *exposure.lines : field.lines();
-    if (decision_.engine) {
-        const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || field.weighs_polarizations() ? 2 : 1;
-        const bool one_pass = !exposure.adds && lines.size() == 1 && polarizations <= decision_.engine->polarizations();
-        decision_.engine->prepare(phase, field, lines, exposure.screen != nullptr, exposure.moves_image,
-                                  exposure.exposed ? &*exposure.exposed : nullptr, !exposure.exposed || !one_pass);
-        return;
-    }
-    field.prepare(phase, exposure.screen != nullptr);
-    pupil_kernel(exposure.moves_image);
+    engine_->prepare(phase, field_of(exposure), exposure);
 }
 
 void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
@@ -222,12 +158,9 @@ void Aperture::slice_workspace(const cl::Buffer &memory, std::uint64_t offset) {
         check_opencl(code, "clCreateSubBuffer");
         return cl::Buffer(part);
     };
-    cl::Buffer field = slice(0, scratch_offset_), scratch = slice(scratch_offset_, partial_offset_),
-               partial = slice(partial_offset_, workspace_bytes_);
     // All or nothing.
-    field_ = field;
-    scratch_ = scratch;
-    partial_ = partial;
+    memory_ = {slice(0, scratch_offset_), slice(scratch_offset_, partial_offset_),
+               slice(partial_offset_, workspace_bytes_)};
     workspace_ = {};
     workspace_.mem = workspace_.parent = memory();
     workspace_.first_byte = offset;
@@ -301,43 +234,14 @@ void Aperture::check_phase(const Phase &phase, const Field *field) const {
 }
 
 void Aperture::check_workspace() const {
-    if (!field_())
+    if (!memory_.field())
         throw Error(Status::kInvalidState,
                     "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
 }
 
-void Aperture::enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
-                             const Exposure &exposure, std::uint32_t polarization, const LaserLine &line) {
-    const FieldInput input{irradiance, exposure.material, exposure.screen, exposure.coherent_gain};
-    const double shift_x = exposure.shift_x_px * grid_.oversampling, shift_y = exposure.shift_y_px * grid_.oversampling;
-    if (decision_.engine) {
-        decision_.engine->enqueue_lines(chain, phase, field, input, polarization, line, field_, bad_pixels_.buffer());
-        std::optional<std::array<double, 2>> shift;
-        if (exposure.moves_image)
-            shift = {shift_x, shift_y};
-        decision_.engine->enqueue_pupil(chain, field_, shift);
-        return;
-    }
-    field.enqueue_illuminate(chain, phase, input, polarization, line, field_, bad_pixels_.buffer());
-    fft_->enqueue(chain, FftDirection::kForward, "fft", field_, scratch_);
-    cl::Kernel &apply = pupil_kernel(exposure.moves_image);
-    KernelArguments arguments(apply);
-    arguments.add(field_).add(pupil_.get());
-    if (exposure.moves_image)
-        arguments.add(static_cast<cl_float>(shift_x)).add(static_cast<cl_float>(shift_y));
-    if (complex_pupil_ || exposure.moves_image) {
-        arguments.add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
-        chain.run("pupil", apply, grid_.grid_width, grid_.grid_height);
-    } else {
-        arguments.add(cl_ulong{grid_.samples()});
-        chain.run("pupil", apply, grid_.samples());
-    }
-    fft_->enqueue(chain, FftDirection::kInverse, "inverse_fft", field_, scratch_);
-}
-
 void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
                                  const ImageView &intensity, const Exposure &exposure) {
-    Field &field = exposure.field ? *exposure.field : plain_field_;
+    Field &field = field_of(exposure);
     check_phase(phase, &field);
     if (!phase.refreshed())
         throw Error(Status::kInvalidState,
@@ -346,90 +250,12 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     check_writable(intensity, "intensity");
     refuse_workspace(irradiance, "irradiance");
     refuse_workspace(intensity, "intensity");
-    const bool in_place = same_pixels(irradiance, intensity);
-    if (overlap(irradiance, intensity) && !in_place)
+    if (overlap(irradiance, intensity) && !same_pixels(irradiance, intensity))
         throw Error(
             Status::kOverlap,
             "irradiance and intensity overlap without being the same image; use one image for both, or two apart");
 
-    const bool weighs = field.weighs_polarizations();
-    const std::uint32_t polarizations = degree_of_polarization_ < 1.0 || weighs ? 2 : 1;
-    const std::vector<LaserLine> &lines = exposure.lines ? *exposure.lines : field.lines();
-    const std::uint32_t at_once = decision_.engine ? decision_.engine->polarizations() : 1;
-    const std::size_t passes = lines.size() * (polarizations / at_once);
-    if (in_place && (exposure.adds || (!sample_powers_ && passes > (partial_() ? 2 : 1))))
-        throw Error(Status::kInternal, "several fields are added, but irradiance and intensity are the same image");
-    prepare(phase, exposure); // a kernel that does not build leaves no frame half done
-    field.enqueue_heights(chain, phase);
-    std::size_t pass = 0;
-    for (const LaserLine &line : lines)
-        for (std::uint32_t k = 0; k < polarizations; k += at_once, ++pass) {
-            enqueue_field(chain, phase, field, irradiance, exposure, k, line);
-
-            // I = (1 + p)/2 |V_1|^2 + (1 - p)/2 |V_2|^2 (thesis eq. 40), for each line of the laser. With a material
-            // table the field has these weights already. Where the output is the irradiance that the second field still
-            // needs, the first sum waits in the work memory.
-            const auto weight_of = [&](std::uint32_t polarization) {
-                const double sign = polarization == 0 ? 1.0 : -1.0;
-                const double share = weighs ? 1.0 : 0.5 * (1.0 + sign * degree_of_polarization_);
-                return static_cast<cl_float>(share * line.weight * exposure.gain);
-            };
-            const cl_float weight = weight_of(k);
-            const Weights weights{{weight, at_once == 2 ? weight_of(1) : 0.0f}};
-            if (sample_powers_) {
-                // Fields add up sample by sample; pixels are made of them once.
-                ImageView powers;
-                powers.mem = scratch_();
-                powers.pitch = grid_.grid_width;
-                decision_.engine->enqueue_intensity(chain, field_, weights, pass > 0 ? powers : ImageView{}, powers);
-                if (pass + 1 == passes)
-                    enqueue_pixels(chain, scratch_, 1.0f, exposure.adds ? intensity : ImageView{}, intensity);
-                continue;
-            }
-            ImageView partial = intensity;
-            if (in_place && passes > 1) {
-                partial.mem = partial_();
-                partial.offset = 0;
-                partial.pitch = grid_.width;
-            }
-            const bool adds = pass > 0 || exposure.adds;
-            const ImageView &out = pass + 1 == passes ? intensity : partial;
-            const ImageView before = adds ? partial : ImageView{};
-            if (decision_.engine) {
-                if (exposure.exposed && pass + 1 == passes)
-                    decision_.engine->enqueue_exposed(chain, field_, weights, before, *exposure.exposed);
-                else
-                    decision_.engine->enqueue_intensity(chain, field_, weights, before, out);
-                continue;
-            }
-            enqueue_pixels(chain, field_, weight, before, out);
-        }
-}
-
-void Aperture::enqueue_pixels(CommandChain &chain, const cl::Buffer &samples, cl_float weight, const ImageView &before,
-                              const ImageView &intensity) {
-    cl::Kernel &kernel = before ? add_intensity_ : write_intensity_;
-    KernelArguments arguments(kernel);
-    if (row_bytes_ > 0) {
-        arguments.add(samples)
-            .add(cl_uint{grid_.grid_width})
-            .add(cl_uint{grid_.grid_height})
-            .add(cl_uint{grid_.oversampling})
-            .add(taps_.get());
-        if (before)
-            arguments.add(before);
-        arguments.add(intensity).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
-        arguments.add(cl::Local(row_bytes_));
-        chain.run("intensity", kernel, grid_.height, 1, 1, 1);
-        return;
-    }
-    arguments.add(samples).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.oversampling}).add(weight);
-    if (tap_count_ > 0)
-        arguments.add(cl_uint{grid_.grid_height}).add(taps_.get());
-    if (before)
-        arguments.add(before);
-    arguments.add(intensity).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
-    chain.run("intensity", kernel, grid_.width, grid_.height);
+    engine_->enqueue(chain, phase, field, irradiance, intensity, exposure, memory_, bad_pixels_.buffer());
 }
 
 void Aperture::enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity) {

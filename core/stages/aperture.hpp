@@ -1,16 +1,15 @@
 // The lens's aperture. The equations are in aperture.h of the C API.
 #pragma once
 
+#include "fft/engine.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
-#include "fft/fft.hpp"
 #include "runtime/fields.hpp"
 #include "runtime/image_view.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/bad_pixels.hpp"
 #include "stages/field.hpp"
 #include "stages/field_grid.hpp"
-#include "fft/aperture_engine.hpp"
 #include "stages/phase.hpp"
 #include "stages/pupil.hpp"
 
@@ -35,21 +34,6 @@ struct ApertureParameters {
 CLSP_EQUALITY(ApertureParameters, width, height, oversampling, guard_px, pupil, workspace_from_host,
               relative_diameter, f_number, pixel_pitch_m, wavelength_m, degree_of_polarization, fill_factor, engine)
 
-// What one exposure, or a part of it, is made of. The defaults are the plain case.
-struct Exposure {
-    Field *field = nullptr;                        // what the surface and the laser do; nullptr: nothing but sqrt(I0) z
-    ImageView material;                            // with a material table
-    const cl::Buffer *screen = nullptr;            // phase screen in turns, on the field grid
-    const std::vector<LaserLine> *lines = nullptr; // of the laser; nullptr: the field's
-    double gain = 1.0;                             // on the intensity
-    double coherent_gain = 1.0;                    // on the amplitude of what keeps its phase, without a material table
-    double shift_x_px = 0.0, shift_y_px = 0.0;
-    bool moves_image = false; // the shift counts
-    bool adds = false;        // to what the intensity image holds
-    // What a sensor makes of the sum, in the place of the intensity; only of a sensor that the aperture exposes().
-    std::optional<ExposedFrame> exposed;
-};
-
 class Aperture {
   public:
     Aperture(std::shared_ptr<Context> context, const ApertureParameters &parameters);
@@ -60,12 +44,10 @@ class Aperture {
     double mean_transmission() const { return mean_transmission_; }
     std::uint32_t pupil_samples() const { return pupil_samples_; }
     std::uint64_t workspace_bytes() const { return workspace_bytes_; }
-    const char *fft_backend() const { return decision_.engine ? "fused" : fft_->backend(); }
-    // Why the transform is not the fused engine's; "" if it is.
-    const std::string &fft_reason() const { return decision_.refusal; }
-    // The engine with its work-groups, and where the choice comes from.
-    const EngineSpec &engine() const { return decision_.spec; }
-    const std::string &engine_source() const { return decision_.source; }
+    // The engine with its work-groups, where the choice comes from, and why it is clFFT ("" if it is not).
+    const EngineSpec &engine() const { return engine_->spec(); }
+    const std::string &engine_source() const { return engine_source_; }
+    const std::string &clfft_reason() const { return clfft_reason_; }
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
     const ApertureParameters &parameters() const { return parameters_; }
     // Takes all parameters but those of the grid and the work memory's owner. Waits for nothing; what is enqueued keeps
@@ -84,8 +66,8 @@ class Aperture {
     }
     // Builds what such frames need, before their first command.
     void prepare(const Phase &phase, const Exposure &exposure);
-    // The last pass over the frame can make the sensor's codes.
-    bool exposes(const Sensor &sensor) const { return decision_.engine && decision_.engine->exposes(sensor); }
+    // Frames can be the sensor's codes (Exposure::exposed).
+    bool exposes(const Sensor &sensor) const { return engine_->exposes(sensor); }
     // irradiance and intensity may be the same pixels, unless several fields are added (laser lines, materials,
     // Exposure::adds).
     void enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
@@ -96,17 +78,10 @@ class Aperture {
     void enqueue_incoherent(CommandChain &chain, const ImageView &irradiance, const ImageView &intensity);
 
   private:
-    std::vector<EngineChoice> engine_choices(const ApertureParameters &parameters) const;
+    std::vector<EngineChoice> choices(const ApertureParameters &parameters) const;
     // Parts of the work memory.
     void slice_workspace(const cl::Buffer &memory, std::uint64_t offset);
-    cl::Kernel &pupil_kernel(bool shifted);
-    // The field behind the lens, to the work memory: with the fused engine its kept lines.
-    void enqueue_field(CommandChain &chain, const Phase &phase, Field &field, const ImageView &irradiance,
-                       const Exposure &exposure, std::uint32_t polarization, const LaserLine &line);
-    // Pixels of samples: a field's, or with the fused engine the powers of all. before: what they are added to; may be
-    // empty, or the same pixels.
-    void enqueue_pixels(CommandChain &chain, const cl::Buffer &samples, cl_float weight, const ImageView &before,
-                        const ImageView &intensity);
+    Field &field_of(const Exposure &exposure) { return exposure.field ? *exposure.field : plain_field_; }
 
     std::shared_ptr<Context> context_;
     ApertureParameters parameters_; // the pupil's image is in pupil_image_
@@ -117,22 +92,17 @@ class Aperture {
     double normalized_mean_transmission_ = 1.0; // as the pupil is normalized
     double mean_transmission_ = 0.0;
     std::uint32_t pupil_samples_ = 0;
-    std::shared_ptr<Fft> fft_; // where the decision has no engine of its own
-    FusedDecision decision_;
-    bool sample_powers_ = false;  // the fused engine leaves the samples' powers in the scratch memory
-    std::uint64_t row_bytes_ = 0; // and vectors make pixels of them, with that much local memory; 0: they do not
-    DeviceBuffer pupil_, taps_;
+    std::unique_ptr<Engine> engine_;
+    std::string engine_source_, clfft_reason_;
+    DeviceBuffer pupil_;
     bool complex_pupil_ = false;
-    std::uint32_t tap_count_ = 0;
     BadPixelCounter bad_pixels_;
     std::uint64_t scratch_offset_ = 0, partial_offset_ = 0, workspace_bytes_ = 0;
     DeviceBuffer own_workspace_;
-    cl::Buffer field_, scratch_, partial_; // slices of the work memory
-    ImageView workspace_;                  // all of it, for overlap checks
+    WorkMemory memory_;   // slices of the work memory
+    ImageView workspace_; // all of it, for overlap checks
     Field plain_field_;
-    cl::Kernel apply_pupil_, write_intensity_, add_intensity_;
     LazyKernel incoherent_;
-    cl::Kernel shift_pupil_; // made when first prepared
 };
 
 } // namespace clsp

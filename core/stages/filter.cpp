@@ -60,7 +60,7 @@ FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std:
                      std::uint32_t guard_px, const PointSpread &point_spread,
                      std::shared_ptr<FilterWorkspace> workspace)
     : context_(std::move(context)), grid_(filter_grid(width, height, guard_px)),
-      fft_(context_->fft(columns(), grid_.grid_height)),
+      fft_(fft_of(*context_, columns(), grid_.grid_height)),
       workspace_(workspace ? std::move(workspace) : std::make_shared<FilterWorkspace>(context_)),
       transfer_(context_, grid_.samples() * sizeof(cl_float)),
       load_(context_->kernel("stages/filter.cl", "filter_load", "-DHAS_WEIGHT=0")),

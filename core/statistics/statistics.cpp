@@ -1,5 +1,6 @@
 #include "statistics/statistics.hpp"
 
+#include "fft/fft.hpp"
 #include "runtime/checks.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
@@ -165,7 +166,7 @@ std::vector<float> compute_autocovariance(const std::shared_ptr<Context> &contex
     const std::uint32_t width = fft_size_at_least(image.width + max_lag),
                         height = fft_size_at_least(image.height + max_lag);
     const std::size_t samples = std::size_t{width} * height;
-    const std::shared_ptr<Fft> fft = context->fft(width, height);
+    const std::shared_ptr<Fft> fft = fft_of(*context, width, height);
     const DeviceBuffer field(context, samples * sizeof(cl_float2));
     DeviceBuffer scratch;
     if (fft->scratch_bytes() > 0)

@@ -6,7 +6,7 @@
 #include "runtime/error.hpp"
 #include "fft/gpu/codelets.hpp"
 #include "stages/aperture.hpp"
-#include "fft/aperture_engine.hpp"
+#include "fft/engine_choices.hpp"
 #include "stages/phase.hpp"
 
 #include <algorithm>
@@ -105,8 +105,8 @@ class Runner {
         ApertureParameters parameters = bench.aperture;
         parameters.engine = spec;
         aperture_ = std::make_unique<Aperture>(bench.context, parameters);
-        if (spec.engine != Engine::kClfft && aperture_->engine().engine != spec.engine)
-            throw Error(Status::kUnsupported, aperture_->fft_reason());
+        if (spec.kind != EngineKind::kClfft && aperture_->engine().kind != spec.kind)
+            throw Error(Status::kUnsupported, aperture_->clfft_reason());
         bench.give_workspace(*aperture_);
         aperture_->prepare(bench.phase, {});
     }
@@ -168,24 +168,24 @@ class SizeTuning {
 
     TunedSize run() {
         // The reference of the pictures comes first; the order of preference is made at the end.
-        const Engine preferred = default_engine(context_->device());
-        std::vector<EngineSpec> specs = {{Engine::kClfft, {}, {}}, {Engine::kFusedGroups, {}, {}}};
+        const EngineKind preferred = default_engine(context_->device());
+        std::vector<EngineSpec> specs = {{EngineKind::kClfft, {}, {}}, {EngineKind::kGpu, {}, {}}};
         // Lanes are work-groups of one work-item: on GPUs they would only take the time to compile them.
-        if (preferred != Engine::kFusedGroups)
-            specs.insert(specs.begin() + 1, {Engine::kFusedLanes, {}, {}});
-        const bool shapes = parameters_.group_shapes.value_or(preferred != Engine::kFusedLanes) &&
+        if (preferred != EngineKind::kGpu)
+            specs.insert(specs.begin() + 1, {EngineKind::kCpu, {}, {}});
+        const bool shapes = parameters_.group_shapes.value_or(preferred != EngineKind::kCpu) &&
                             fused_plan_exists(grid_.grid_width) && fused_plan_exists(grid_.grid_height);
         const GroupLimits limits = group_limits(*context_);
         if (shapes)
             for (const GroupPick &pick : group_picks(make_group_plan(grid_.grid_height), limits, true))
-                specs.push_back({Engine::kFusedGroups, pick, {}});
+                specs.push_back({EngineKind::kGpu, pick, {}});
         measure(specs, 0.0, shapes ? 0.5 : 1.0);
         if (shapes) {
             // The work-groups of the rows, with the best ones of the columns.
             specs.clear();
             if (const std::optional<GroupPick> columns = best_columns())
                 for (const GroupPick &pick : group_picks(make_group_plan(grid_.grid_width), limits, false))
-                    specs.push_back({Engine::kFusedGroups, columns, pick});
+                    specs.push_back({EngineKind::kGpu, columns, pick});
             if (!specs.empty())
                 measure(specs, 0.5, 1.0);
         }
@@ -269,7 +269,7 @@ class SizeTuning {
             if (entry.runner && entry.candidate.median_ms > 0.0)
                 fastest = std::min(fastest, entry.candidate.median_ms);
         for (Entry &entry : entries_)
-            if (entry.candidate.median_ms > 1.5 * fastest && entry.candidate.spec.engine == Engine::kFusedGroups)
+            if (entry.candidate.median_ms > 1.5 * fastest && entry.candidate.spec.kind == EngineKind::kGpu)
                 entry.runner.reset();
     }
 
@@ -286,7 +286,7 @@ class SizeTuning {
         return best;
     }
 
-    TunedSize result(Engine preferred) {
+    TunedSize result(EngineKind preferred) {
         TunedSize size;
         size.width = grid_.grid_width;
         size.height = grid_.grid_height;
@@ -297,7 +297,7 @@ class SizeTuning {
         for (Entry &entry : entries_)
             size.candidates.push_back(std::move(entry.candidate));
         std::stable_partition(size.candidates.begin(), size.candidates.end(),
-                              [&](const TunedCandidate &c) { return c.spec.engine == preferred; });
+                              [&](const TunedCandidate &c) { return c.spec.kind == preferred; });
         const std::size_t chosen = choose_candidate(size.candidates, size.frames, size.reason);
         size.chosen = size.candidates[chosen].spec;
         return size;
@@ -384,7 +384,7 @@ Tuning tune(const std::shared_ptr<Context> &context, const TuneParameters &p) {
     TuningFile file;
     if (p.keep) {
         // What cannot be written is found before the measurement.
-        tuning.path = p.path.empty() ? context->tuning_path() : p.path;
+        tuning.path = p.path.empty() ? tuning_path(*context) : p.path;
         if (tuning.path.empty())
             throw Error(
                 Status::kInvalidArgument,
@@ -404,7 +404,7 @@ Tuning tune(const std::shared_ptr<Context> &context, const TuneParameters &p) {
         }
         check_tuning_place(tuning.path);
     }
-    tuning.measured.device = context->tuned_device();
+    tuning.measured.device = tuned_device(*context);
     double done = 0.0, total = 0.0;
     const auto pixels = [](const TuneSize &size) { return double(size.width) * size.height; };
     for (const TuneSize &size : sizes)

@@ -1,46 +1,8 @@
-// The lens's aperture: pupil in the frequency plane, intensity in the image plane.
-//   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
-//   SHIFT 1          the image is shifted, by a phase ramp over the pupil
+// The image plane behind the lens's aperture.
 //   ACCUMULATE 1     the intensity is added to what there is
 //   SAMPLE_POWERS 1  aperture_intensity takes |V|^2 of the samples, not V
 //   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own samples
-#include "common/phasor.h"
-
-#if COMPLEX_PUPIL || SHIFT
-// Multiplies the spectrum by the pupil's amplitude, and by exp(-2 pi i (fx shift_x + fy shift_y)), shift in samples.
-__kernel void aperture_pupil(__global complex_float *spectrum,
-#if COMPLEX_PUPIL
-                             __global const complex_float *pupil,
-#else
-                             __global const float *pupil,
-#endif
-#if SHIFT
-                             float shift_x, float shift_y,
-#endif
-                             uint width, uint height) {
-    const uint x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    const ulong i = (ulong)y * width + x;
-#if COMPLEX_PUPIL
-    complex_float p = pupil[i];
-#else
-    complex_float p = {pupil[i], 0.0f};
-#endif
-#if SHIFT
-    const float kx = (float)((int)x - (2u * x < width ? 0 : (int)width)), ky = (float)((int)y - (2u * y < height ? 0 : (int)height));
-    p = product(p, phasor_from_turns(-(kx / (float)width * shift_x + ky / (float)height * shift_y)));
-#endif
-    spectrum[i] = product(spectrum[i], p);
-}
-#else
-// Multiplies the spectrum by the pupil's amplitude transmission.
-__kernel void aperture_pupil(__global float2 *spectrum, __global const float *pupil, ulong count) {
-    const ulong i = get_global_id(0);
-    if (i < count)
-        spectrum[i] *= pupil[i];
-}
-#endif
+#include "common/common.h"
 
 #if SAMPLE_POWERS
 typedef float sample_t;
@@ -51,9 +13,10 @@ static inline float power_of(float2 v) { return fma(v.x, v.x, v.y * v.y); }
 #endif
 
 // weight * |V|^2 of a pixel, alone or added to `before`. before and intensity may be the same pixels.
-__kernel void aperture_intensity(__global const sample_t *field, uint grid_width, uint oversampling, float weight,
+__kernel void aperture_intensity(__global const sample_t *field, uint grid_width, uint grid_height, uint oversampling,
+                                 float weight,
 #if PIXEL_TAPS
-                                 uint grid_height, __global const float *taps,
+                                 __global const float *taps,
 #endif
 #if ACCUMULATE
                                  __global const float *before, ulong before_offset, uint before_pitch,

@@ -5,7 +5,7 @@
 
 // column_sums: room for grid_width + PIXEL_TAPS + LANES numbers.
 __kernel void aperture_pixels_lanes(__global const float *powers, uint grid_width, uint grid_height, uint oversampling,
-                                    __global const float *taps,
+                                    float weight, __global const float *taps,
 #if ACCUMULATE
                                     __global const float *before, ulong before_offset, uint before_pitch,
 #endif
@@ -51,7 +51,7 @@ __kernel void aperture_pixels_lanes(__global const float *powers, uint grid_widt
             sum = vload_lanes(0, sums);
         }
         // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark places.
-        sum = fmax(sum, SPREAD(0.0f));
+        sum = fmax(sum, SPREAD(0.0f)) * SPREAD(weight);
 #if ACCUMULATE
         sum += load_some(before + before_offset + (ulong)y * before_pitch + x, count);
 #endif

@@ -5,6 +5,7 @@
 // aborts.
 #include "fft/fft.hpp"
 #include "runtime/command_chain.hpp"
+#include "runtime/context.hpp"
 #include "runtime/error.hpp"
 
 #include <clFFT.h>
@@ -71,7 +72,6 @@ class ClFft final : public Fft {
         clfftDestroyPlan(&plan_);
     }
 
-    const char *backend() const override { return "clFFT"; }
     std::size_t scratch_bytes() const override { return scratch_bytes_; }
 
     void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field,
@@ -95,9 +95,8 @@ class ClFft final : public Fft {
 
 } // namespace
 
-std::shared_ptr<Fft> make_clfft(const cl::Context &context, const cl::Device &device, std::uint32_t width,
-                                std::uint32_t height) {
-    return std::make_shared<ClFft>(context, device, width, height);
+std::shared_ptr<Fft> make_clfft(Context &context, std::uint32_t width, std::uint32_t height) {
+    return std::make_shared<ClFft>(context.cl_context(), context.device(), width, height);
 }
 
 } // namespace clsp

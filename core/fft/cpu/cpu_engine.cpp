@@ -1,14 +1,14 @@
-// The fused engine in lanes, for CPU devices: a work-item is a work-group and works on `lanes` rows or lines at once,
+// The engine for CPUs: a work-item is a work-group and works on `lanes` rows or lines at once,
 // with explicit vectors (kernels/fft/cpu/rows_forward.cl, fft/cpu/columns.cl, fft/cpu/rows_inverse.cl).
-#include "fft/aperture_engine.hpp"
+#include "fft/engine.hpp"
 
-#include "runtime/device_buffer.hpp"
-#include "runtime/error.hpp"
 #include "fft/cpu/codelets.hpp"
 #include "fft/cpu/lanes.hpp"
+#include "fft/plan/pupil_tables.hpp"
+#include "runtime/device_buffer.hpp"
+#include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "runtime/lazy_kernel.hpp"
-#include "fft/plan/pupil_tables.hpp"
 
 #include <algorithm>
 #include <fmt/core.h>
@@ -34,7 +34,7 @@ std::uint64_t row_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t
 std::string prefetch_options(const Context &context) {
     if (!context.is_pocl_cpu())
         return "-DPREFETCH=0";
-    return fmt::format("-DPREFETCH=64 -DPREFETCH_LOCALITY={}", context.tuned_device().vendor == "AuthenticAMD" ? 0 : 2);
+    return fmt::format("-DPREFETCH=64 -DPREFETCH_LOCALITY={}", tuned_device(context).vendor == "AuthenticAMD" ? 0 : 2);
 }
 
 // The only number besides 0, if there is just one.
@@ -69,36 +69,30 @@ double caches_filled(const Context &context, std::uint64_t bytes) {
 // finds.
 constexpr std::uint64_t kStreamedBytes = std::uint64_t{1} << 20;
 
-class FusedLanes final : public FusedEngine {
+class CpuEngine final : public Engine {
   public:
-    FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-               const FusedRequest &request);
+    explicit CpuEngine(const EngineRequest &request);
 
-    std::uint64_t lines_bytes() const override;
-    bool leaves_sample_powers() const override { return sample_powers_; }
     bool exposes(const Sensor &sensor) const override {
-        return draws_in_lanes(*context_) && pixel_samples_ == 1 && !sample_powers_ && sensor.exposes_pixels();
+        return draws_in_lanes(*context_) && pixel_samples() == 1 && !pixels_of_powers_ && sensor.exposes_pixels();
     }
-    std::uint32_t polarizations() const override { return polarizations_; }
-    void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
-                 bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
-    void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                       std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
-                       const cl::Buffer &bad_pixels) override;
-    void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
-                       const std::optional<std::array<double, 2>> &shift) override;
-    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                           const ImageView &intensity) override;
-    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                         const ExposedFrame &exposed) override;
 
   private:
+    std::uint64_t field_bytes() const override { return bytes_of(capacity_groups_); }
+    void build_kernels(const Phase &phase, Field &field, const std::vector<LaserLine> &lines, const Exposure &exposure,
+                       bool with_intensity) override;
+    void enqueue_field(CommandChain &chain, const FieldPass &pass, const WorkMemory &memory) override;
+    void enqueue_pixels(CommandChain &chain, const cl::Buffer &field, Weights weights, const ImageView &before,
+                        const ImageView &intensity) override;
+    void enqueue_codes(CommandChain &chain, const cl::Buffer &field, Weights weights, const ImageView &before,
+                       const ExposedFrame &exposed) override;
+
     std::uint64_t local_bytes() const { return context_->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>(); }
     std::string row_options() const { return fmt::format("-DLANES={} -DPOLARIZATIONS={}", lanes_, polarizations_); }
     // Whether images go past the caches, which needs the compiler's own builtin: large ones.
     bool streams(Format output) const {
         return context_->is_pocl_cpu() &&
-               std::uint64_t{component_bytes(output)} * grid_.width * grid_.height >= kStreamedBytes;
+               std::uint64_t{component_bytes(output)} * written().width * written().height >= kStreamedBytes;
     }
     std::uint64_t bytes_of(std::uint32_t groups) const {
         return std::uint64_t{polarizations_} * groups * grid_.grid_height * lanes_ * 2 * sizeof(float);
@@ -118,14 +112,9 @@ class FusedLanes final : public FusedEngine {
     KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before);
     void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments, std::size_t items);
-    void make_tables(const Pupil &pupil, bool every_line);
+    void make_tables(const Pupil &pupil, bool any_pupil);
 
-    std::shared_ptr<Context> context_;
-    FieldGrid grid_;
     std::uint32_t lanes_;
-    bool sample_powers_;
-    std::uint32_t polarizations_; // at once
-    std::uint32_t pixel_samples_; // along each axis, of what pass C writes
     FusedPlan row_plan_, column_plan_;
     ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
     std::uint32_t kept_ = 0, groups_ = 0, capacity_groups_ = 0;
@@ -147,34 +136,32 @@ bool sums_pixels(std::uint32_t lanes, std::uint32_t oversampling) {
     return oversampling <= lanes && lanes % oversampling == 0;
 }
 
-FusedLanes::FusedLanes(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-                       const FusedRequest &request)
-    : context_(std::move(context)), grid_(grid), lanes_(fused_lanes(*context_)),
-      sample_powers_(request.sample_powers || !sums_pixels(lanes_, grid.oversampling)),
-      polarizations_(request.two_polarizations && row_bytes(grid.grid_width, lanes_, 2) <= local_bytes() ? 2 : 1),
-      pixel_samples_(sample_powers_ ? 1 : grid.oversampling), row_plan_(make_fused_plan(grid.grid_width)),
-      column_plan_(make_fused_plan(grid.grid_height)), row_codelets_{kFusedCodeletsName,
-                                                                     fused_codelets(row_plan_, lanes_)},
+CpuEngine::CpuEngine(const EngineRequest &request)
+    : Engine(request, {EngineKind::kCpu, {}, {}}), lanes_(fused_lanes(*context_)),
+      row_plan_(make_fused_plan(grid_.grid_width)),
+      column_plan_(make_fused_plan(grid_.grid_height)), row_codelets_{kFusedCodeletsName,
+                                                                      fused_codelets(row_plan_, lanes_)},
       column_codelets_{kFusedCodeletsName, fused_codelets(column_plan_, lanes_)},
-      complex_pupil_(!pupil.phase_turns.empty()) {
-    const std::uint64_t needed = fused_tile_bytes(grid.grid_width, lanes_);
+      complex_pupil_(!request.pupil.phase_turns.empty()) {
+    const std::uint64_t needed = fused_tile_bytes(grid_.grid_width, lanes_);
     const std::uint64_t local = local_bytes();
     if (needed > local)
         throw Error(Status::kUnsupported,
-                    fmt::format("rows of {} points need {} bytes of local memory, the device has {}", grid.grid_width,
+                    fmt::format("rows of {} points need {} bytes of local memory, the device has {}", grid_.grid_width,
                                 needed, local));
-    make_tables(pupil, request.every_line);
-    // Sizes that a frame's kernels have.
-    grid_.width = sample_powers_ ? grid.grid_width : grid.width;
-    grid_.height = sample_powers_ ? grid.grid_height : grid.height;
+    if (request.degree_of_polarization < 1.0 && row_bytes(grid_.grid_width, lanes_, 2) <= local)
+        polarizations_ = 2;
+    if (!request.pixel_taps.empty() || !sums_pixels(lanes_, grid_.oversampling))
+        pixels_of_powers_.emplace(context_, grid_, request.pixel_taps, true);
+    make_tables(request.pupil, request.any_pupil);
     inverse_ = LazyKernel("fft/cpu/rows_inverse.cl", "fused_rows_inverse",
-                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", inverse_options(), pixel_samples_,
+                          fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", inverse_options(), pixel_samples(),
                                       streams(Format::kFloat32) ? 1 : 0),
                           &row_codelets_);
     pupil_kernel(false);
 }
 
-void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
+void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
     // Lines that pass something, at the positions where the rows' transform leaves them.
     std::vector<cl_uint> kept, others;
@@ -195,7 +182,7 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     }
     kept_ = static_cast<std::uint32_t>(kept.size());
     groups_ = (kept_ + lanes_ - 1) / lanes_;
-    capacity_groups_ = every_line ? (width + lanes_ - 1) / lanes_ : groups_;
+    capacity_groups_ = any_pupil ? (width + lanes_ - 1) / lanes_ : groups_;
     blocks[blocks.size() - 3] = groups_; // the last group need not be full
     kept.resize(std::size_t{groups_} * lanes_, width);
 
@@ -238,11 +225,7 @@ void FusedLanes::make_tables(const Pupil &pupil, bool every_line) {
     line_frequencies_ = device_table(context_, line_frequencies);
 }
 
-std::uint64_t FusedLanes::lines_bytes() const {
-    return bytes_of(capacity_groups_);
-}
-
-cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
+cl::Kernel &CpuEngine::field_kernel(const std::string &field_options) {
     const auto found = fields_.find(field_options);
     if (found != fields_.end())
         return found->second;
@@ -255,7 +238,7 @@ cl::Kernel &FusedLanes::field_kernel(const std::string &field_options) {
         .first->second;
 }
 
-cl::Kernel &FusedLanes::pupil_kernel(bool shifted) {
+cl::Kernel &CpuEngine::pupil_kernel(bool shifted) {
     cl::Kernel &kernel = shifted ? shifted_columns_ : columns_;
     if (!kernel())
         kernel = context_->kernel("fft/cpu/columns.cl", "fused_columns",
@@ -265,7 +248,7 @@ cl::Kernel &FusedLanes::pupil_kernel(bool shifted) {
     return kernel;
 }
 
-cl::Kernel &FusedLanes::exposed_kernel(Format output) {
+cl::Kernel &CpuEngine::exposed_kernel(Format output) {
     const auto found = exposed_.find(output);
     if (found != exposed_.end())
         return found->second;
@@ -278,57 +261,52 @@ cl::Kernel &FusedLanes::exposed_kernel(Format output) {
         .first->second;
 }
 
-void FusedLanes::prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
-                         bool shifted, const ExposedFrame *exposed, bool with_intensity) {
+void CpuEngine::build_kernels(const Phase &phase, Field &field, const std::vector<LaserLine> &lines,
+                              const Exposure &exposure, bool with_intensity) {
     if (with_intensity)
         inverse_.get(*context_);
-    if (exposed)
-        exposed_kernel(exposed->output.format);
-    for (const LaserLine &line : laser_lines)
-        field_kernel(field.options(phase, line, with_screen));
-    pupil_kernel(shifted);
+    if (exposure.exposed)
+        exposed_kernel(exposure.exposed->output.format);
+    for (const LaserLine &line : lines)
+        field_kernel(field.options(phase, line, exposure.screen != nullptr));
+    pupil_kernel(exposure.moves_image);
 }
 
-void FusedLanes::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                               std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
-                               const cl::Buffer &bad_pixels) {
-    cl::Kernel &kernel = field_kernel(field.options(phase, line, input.screen != nullptr));
-    KernelArguments arguments(kernel);
-    field.add_arguments(arguments, phase, input, polarization, line);
-    arguments.add(lines)
-        .add(bad_pixels)
+void CpuEngine::enqueue_field(CommandChain &chain, const FieldPass &pass, const WorkMemory &memory) {
+    cl::Kernel &rows = field_kernel(pass.field.options(pass.phase, pass.line, pass.input.screen != nullptr));
+    KernelArguments row_arguments(rows);
+    pass.field.add_arguments(row_arguments, pass.phase, pass.input, pass.polarization, pass.line);
+    row_arguments.add(memory.field)
+        .add(pass.bad_pixels)
         .add(row_twiddles_.get())
         .add(positions_.get())
         .add(cl_uint{groups_})
         .add(blocks_.get())
         .add(row_ends_.get())
         .add(cl::Local(row_bytes(grid_.grid_width, lanes_, polarizations_)));
-    chain.run("fft", kernel, row_items(grid_.grid_height, lanes_), 1, 1, 1);
-}
+    chain.run("fft", rows, row_items(grid_.grid_height, lanes_), 1, 1, 1);
 
-void FusedLanes::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
-                               const std::optional<std::array<double, 2>> &shift) {
-    cl::Kernel &kernel = pupil_kernel(shift.has_value());
-    KernelArguments arguments(kernel);
+    cl::Kernel &columns = pupil_kernel(pass.shift.has_value());
+    KernelArguments column_arguments(columns);
     const std::uint32_t groups = polarizations_ * groups_;
-    arguments.add(lines)
+    column_arguments.add(memory.field)
         .add(cl_uint{groups})
         .add(cl_uint{groups_})
         .add(column_twiddles_.get())
         .add(column_ends_.get())
         .add(pupil_.get());
     if (hard_amplitude_)
-        arguments.add(cl_float{*hard_amplitude_});
-    if (shift)
-        arguments.add(frequencies_.get())
+        column_arguments.add(cl_float{*hard_amplitude_});
+    if (pass.shift)
+        column_arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
-            .add(static_cast<cl_float>((*shift)[0]))
-            .add(static_cast<cl_float>((*shift)[1]));
-    chain.run("pupil", kernel, groups, 1, 1, 1);
+            .add(static_cast<cl_float>((*pass.shift)[0]))
+            .add(static_cast<cl_float>((*pass.shift)[1]));
+    chain.run("pupil", columns, groups, 1, 1, 1);
 }
 
-KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
-                                              const ImageView &before) {
+KernelArguments CpuEngine::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
+                                             const ImageView &before) {
     KernelArguments arguments(kernel);
     arguments.add(lines)
         .add(cl_uint{grid_.grid_height})
@@ -337,30 +315,30 @@ KernelArguments FusedLanes::inverse_arguments(cl::Kernel &kernel, const cl::Buff
         .add(cl_uint{groups_})
         .add(blocks_.get())
         .add(row_ends_.get())
-        .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
-        .add(static_cast<cl_float>(weights[1] / (pixel_samples_ * pixel_samples_)))
+        .add(static_cast<cl_float>(weights[0] / (pixel_samples() * pixel_samples())))
+        .add(static_cast<cl_float>(weights[1] / (pixel_samples() * pixel_samples())))
         .add(cl_uint{adds ? 1u : 0u})
         .add(before);
     return arguments;
 }
 
-void FusedLanes::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments,
-                                 std::size_t items) {
-    arguments.add(cl_uint{grid_.width})
-        .add(cl_uint{grid_.height})
+void CpuEngine::enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments,
+                                std::size_t items) {
+    arguments.add(cl_uint{written().width})
+        .add(cl_uint{written().height})
         .add(cl::Local(row_bytes(grid_.grid_width, lanes_, polarizations_)));
     chain.run("inverse_fft", kernel, items, 1, 1, 1);
 }
 
-void FusedLanes::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
-                                   const ImageView &before, const ImageView &intensity) {
+void CpuEngine::enqueue_pixels(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                               const ImageView &intensity) {
     cl::Kernel &kernel = inverse_.get(*context_);
     KernelArguments arguments = inverse_arguments(kernel, lines, weights, bool(before), before ? before : intensity);
-    enqueue_inverse(chain, kernel, arguments.add(intensity), row_items(pixel_samples_ * grid_.height, lanes_));
+    enqueue_inverse(chain, kernel, arguments.add(intensity), row_items(pixel_samples() * written().height, lanes_));
 }
 
-void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                                 const ExposedFrame &exposed) {
+void CpuEngine::enqueue_codes(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                              const ExposedFrame &exposed) {
     cl::Kernel &kernel = exposed_kernel(exposed.output.format);
     KernelArguments arguments =
         inverse_arguments(kernel, lines, weights, bool(before), before ? before : exposed.output);
@@ -372,9 +350,8 @@ void FusedLanes::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, W
 
 } // namespace
 
-std::unique_ptr<FusedEngine> make_fused_lanes(std::shared_ptr<Context> context, const FieldGrid &grid,
-                                              const Pupil &pupil, const FusedRequest &request) {
-    return std::make_unique<FusedLanes>(std::move(context), grid, pupil, request);
+std::unique_ptr<Engine> make_cpu_engine(const EngineRequest &request) {
+    return std::make_unique<CpuEngine>(request);
 }
 
 } // namespace clsp

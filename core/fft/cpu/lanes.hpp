@@ -1,6 +1,7 @@
 // What goes in the fused engine's lanes besides an aperture's transforms, and what lanes are.
 #pragma once
 
+#include "fft/engine_choices.hpp"
 #include "runtime/context.hpp"
 
 #include <cstdint>
@@ -8,22 +9,15 @@
 
 namespace clsp {
 
-// Whether random numbers may be drawn in lanes. Only on CPUs, whatever is forced: NVIDIA's compiler (580.159) gets some of
-// what is made of products of 64 bits in vectors wrong.
-inline bool draws_in_lanes(const Context &context) { return fused_engine_for(context.device()) == Engine::kFusedLanes; }
+// Whether random numbers may be drawn in lanes. Only on CPUs, whatever is forced: NVIDIA's compiler (580.159) gets some
+// of what is made of products of 64 bits in vectors wrong.
+inline bool draws_in_lanes(const Context &context) {
+    return own_engine(context.device()) == EngineKind::kCpu;
+}
 
-// Of line transforms and refreshes; an aperture's engine is its own matter (Context::engine_choices()).
+// Of line transforms and refreshes; an aperture's engine is its own matter (engine_choices()).
 inline bool works_in_lanes(const Context &context) {
-    switch (context.fft_choice()) {
-    case FftChoice::kFusedLanes:
-    case FftChoice::kFused:
-    case FftChoice::kAuto:
-        return draws_in_lanes(context);
-    case FftChoice::kClfft:
-    case FftChoice::kFusedGroups:
-        break;
-    }
-    return false;
+    return draws_in_lanes(context) && forced_engine(context).value_or(EngineKind::kCpu) == EngineKind::kCpu;
 }
 
 // Vectors as long as the device's own, and at least 4 floats: shorter ones would only make the code scalar.

@@ -59,7 +59,6 @@ class FusedFft final : public Fft {
     FusedFft(const std::shared_ptr<Context> &context, std::uint32_t width, std::uint32_t height)
         : width_(width), height_(height), rows_(context, width, height, true), columns_(context, height, width, false) {}
 
-    const char *backend() const override { return "fused"; }
     std::size_t scratch_bytes() const override { return 0; }
 
     void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field,
@@ -78,7 +77,7 @@ class FusedFft final : public Fft {
 
 } // namespace
 
-std::shared_ptr<Fft> make_fused_fft(Context &context, std::uint32_t width, std::uint32_t height) {
+std::shared_ptr<Fft> make_line_transforms(Context &context, std::uint32_t width, std::uint32_t height) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     if (!works_in_lanes(context) || !fused_plan_exists(width) || !fused_plan_exists(height) ||
         fused_tile_bytes(std::max(width, height), fused_lanes(context)) > local)

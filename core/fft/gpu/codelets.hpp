@@ -2,7 +2,7 @@
 // of them.
 #pragma once
 
-#include "fft/engine.hpp"
+#include "fft/engine_spec.hpp"
 #include "fft/plan/line_plan.hpp"
 
 #include <cstdint>

@@ -1,13 +1,13 @@
 // The fused engine in work-groups, for GPUs, rows first: a work-group has some rows or neighbouring kept lines in local
 // memory and shares out their butterflies (kernels/fft/gpu/rows_forward.cl, fft/gpu/columns.cl,
 // fft/gpu/rows_inverse.cl).
-#include "fft/aperture_engine.hpp"
+#include "fft/engine.hpp"
 
+#include "fft/gpu/codelets.hpp"
+#include "fft/plan/pupil_tables.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
-#include "fft/gpu/codelets.hpp"
 #include "runtime/kernel_arguments.hpp"
-#include "fft/plan/pupil_tables.hpp"
 
 #include <algorithm>
 #include <fmt/core.h>
@@ -97,29 +97,23 @@ GroupKernel build(Context &context, const FusedPlan &plan, GroupShape shape, con
     }
 }
 
-class FusedGroups final : public FusedEngine {
+class GpuEngine final : public Engine {
   public:
-    FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-                const FusedRequest &request, EngineSpec &spec);
+    GpuEngine(const EngineRequest &request, const EngineSpec &spec);
 
-    std::uint64_t lines_bytes() const override {
-        return std::uint64_t{capacity_} * grid_.grid_height * sizeof(cl_float2);
-    }
-    bool leaves_sample_powers() const override { return sample_powers_; }
-    bool exposes(const Sensor &sensor) const override { return !sample_powers_ && sensor.exposes_pixels(); }
-    void prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
-                 bool shifted, const ExposedFrame *exposed, bool with_intensity) override;
-    void enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                       std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
-                       const cl::Buffer &bad_pixels) override;
-    void enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
-                       const std::optional<std::array<double, 2>> &shift) override;
-    void enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                           const ImageView &intensity) override;
-    void enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
-                         const ExposedFrame &exposed) override;
+    bool exposes(const Sensor &sensor) const override { return !pixels_of_powers_ && sensor.exposes_pixels(); }
 
   private:
+    std::uint64_t field_bytes() const override {
+        return std::uint64_t{capacity_} * grid_.grid_height * sizeof(cl_float2);
+    }
+    void build_kernels(const Phase &phase, Field &field, const std::vector<LaserLine> &lines, const Exposure &exposure,
+                       bool with_intensity) override;
+    void enqueue_field(CommandChain &chain, const FieldPass &pass, const WorkMemory &memory) override;
+    void enqueue_pixels(CommandChain &chain, const cl::Buffer &field, Weights weights, const ImageView &before,
+                        const ImageView &intensity) override;
+    void enqueue_codes(CommandChain &chain, const cl::Buffer &field, Weights weights, const ImageView &before,
+                       const ExposedFrame &exposed) override;
     GroupKernel &field_kernel(const std::string &field_options);
     GroupKernel &columns_kernel(bool shifted);
     GroupKernel &exposed_kernel(const ExposedFrame &exposed);
@@ -130,15 +124,11 @@ class FusedGroups final : public FusedEngine {
     KernelArguments inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before) const;
     void enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const;
-    void make_tables(const Pupil &pupil, bool every_line);
+    void make_tables(const Pupil &pupil, bool any_pupil);
 
-    std::shared_ptr<Context> context_;
-    FieldGrid grid_;
     FusedPlan row_plan_, column_plan_;
     GroupShape row_shape_, column_shape_;
-    std::optional<GroupShape> inverse_shape_; // a pixel's samples lie in one work-group
-    bool sample_powers_;                      // or pass C leaves them to another kernel
-    std::uint32_t pixel_samples_;             // along each axis, of what pass C writes
+    std::optional<GroupShape> inverse_shape_; // a pixel's samples lie in one work-group; or pixels_of_powers_
     bool complex_pupil_;
     GroupBand row_band_, column_band_;
     std::uint32_t kept_ = 0, pitch_ = 0, capacity_ = 0; // lines
@@ -150,30 +140,28 @@ class FusedGroups final : public FusedEngine {
     GroupKernel columns_, shifted_columns_, inverse_;
 };
 
-FusedGroups::FusedGroups(std::shared_ptr<Context> context, const FieldGrid &grid, const Pupil &pupil,
-                         const FusedRequest &request, EngineSpec &spec)
-    : context_(std::move(context)), grid_(grid), row_plan_(make_group_plan(grid.grid_width)),
-      column_plan_(make_group_plan(grid.grid_height)), row_shape_(shape_for(*context_, row_plan_, false, spec.rows)),
-      column_shape_(shape_for(*context_, column_plan_, true, spec.columns)),
-      inverse_shape_(row_shape_.lines % grid.oversampling == 0 ? row_shape_ : row_shape(grid.oversampling)),
-      sample_powers_(request.sample_powers || !inverse_shape_), pixel_samples_(sample_powers_ ? 1 : grid.oversampling),
-      complex_pupil_(!pupil.phase_turns.empty()) {
-    make_tables(pupil, request.every_line);
-    // Sizes that a frame's kernels have.
-    grid_.width = sample_powers_ ? grid.grid_width : grid.width;
-    grid_.height = sample_powers_ ? grid.grid_height : grid.height;
-    inverse_ = build_inverse(sample_powers_ ? row_shape_ : *inverse_shape_, "-DSENSOR=0 -DQUARTERS=0", pixel_samples_);
+GpuEngine::GpuEngine(const EngineRequest &request, const EngineSpec &spec)
+    : Engine(request, spec), row_plan_(make_group_plan(grid_.grid_width)),
+      column_plan_(make_group_plan(grid_.grid_height)), row_shape_(shape_for(*context_, row_plan_, false, spec_.rows)),
+      column_shape_(shape_for(*context_, column_plan_, true, spec_.columns)),
+      inverse_shape_(row_shape_.lines % grid_.oversampling == 0 ? row_shape_ : row_shape(grid_.oversampling)),
+      complex_pupil_(!request.pupil.phase_turns.empty()) {
+    if (!request.pixel_taps.empty() || !inverse_shape_)
+        pixels_of_powers_.emplace(context_, grid_, request.pixel_taps, true);
+    make_tables(request.pupil, request.any_pupil);
+    inverse_ =
+        build_inverse(pixels_of_powers_ ? row_shape_ : *inverse_shape_, "-DSENSOR=0 -DQUARTERS=0", pixel_samples());
     columns_kernel(false);
     // As they were built: the driver may have given them less.
     const auto pick_of = [](const GroupShape &shape) { return GroupPick{shape.lines, shape.items}; };
-    spec.columns = pick_of(columns_.shape);
-    if (sample_powers_ || pick_of(*inverse_shape_) == pick_of(row_shape_)) {
+    spec_.columns = pick_of(columns_.shape);
+    if (pixels_of_powers_ || pick_of(*inverse_shape_) == pick_of(row_shape_)) {
         row_shape_ = inverse_.shape;
-        spec.rows = pick_of(row_shape_);
+        spec_.rows = pick_of(row_shape_);
     }
 }
 
-std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
+std::optional<GroupShape> GpuEngine::row_shape(std::uint32_t lines) const {
     const GroupLimits limits = group_limits(*context_);
     const auto same_items = picked_group_shape(row_plan_, limits, false, {lines, row_shape_.items});
     if (same_items && same_items->group_items() <= kMostGroupItems)
@@ -181,15 +169,15 @@ std::optional<GroupShape> FusedGroups::row_shape(std::uint32_t lines) const {
     return picked_group_shape(row_plan_, limits, false, {lines, 0});
 }
 
-GroupKernel FusedGroups::build_inverse(const GroupShape &shape, const std::string &options,
-                                       std::uint32_t lines_of) const {
+GroupKernel GpuEngine::build_inverse(const GroupShape &shape, const std::string &options,
+                                     std::uint32_t lines_of) const {
     return build(*context_, row_plan_, shape, row_band_, "rows_inverse",
-                 fmt::format("-DOVERSAMPLING={} -DPADDED={} {}", pixel_samples_,
-                             grid_.width * pixel_samples_ < grid_.grid_width ? 1 : 0, options),
+                 fmt::format("-DOVERSAMPLING={} -DPADDED={} {}", pixel_samples(),
+                             written().width * pixel_samples() < grid_.grid_width ? 1 : 0, options),
                  lines_of);
 }
 
-void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
+void GpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
     std::vector<bool> column_is_kept(width), row_is_kept(height);
     for (std::uint32_t column = 0; column < width; ++column)
@@ -218,7 +206,7 @@ void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
             }
     kept_ = static_cast<std::uint32_t>(columns.size());
     pitch_ = pitch_for(kept_);
-    capacity_ = every_line ? pitch_for(width) : pitch_;
+    capacity_ = any_pupil ? pitch_for(width) : pitch_;
 
     const std::size_t parts = complex_pupil_ ? 2 : 1;
     std::vector<float> amplitudes(parts * pitch_ * height), line_frequencies, frequencies(height);
@@ -244,7 +232,7 @@ void FusedGroups::make_tables(const Pupil &pupil, bool every_line) {
     line_frequencies_ = device_table(context_, line_frequencies);
 }
 
-GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
+GroupKernel &GpuEngine::field_kernel(const std::string &field_options) {
     const auto found = fields_.find(field_options);
     if (found != fields_.end())
         return found->second;
@@ -254,7 +242,7 @@ GroupKernel &FusedGroups::field_kernel(const std::string &field_options) {
         .first->second;
 }
 
-GroupKernel &FusedGroups::columns_kernel(bool shifted) {
+GroupKernel &GpuEngine::columns_kernel(bool shifted) {
     GroupKernel &columns = shifted ? shifted_columns_ : columns_;
     if (!columns.kernel())
         columns = build(*context_, column_plan_, column_shape_, column_band_, "columns",
@@ -264,12 +252,12 @@ GroupKernel &FusedGroups::columns_kernel(bool shifted) {
 
 // With a row in each quarter of the image, which share blocks of random numbers, if they fit: on an NVIDIA H200 a
 // sensor's pixel costs three times as much where they do not.
-GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
+GroupKernel &GpuEngine::exposed_kernel(const ExposedFrame &exposed) {
     const std::string options = exposed.sensor->pixel_options(exposed.output.format);
     const auto found = exposed_.find(options);
     if (found != exposed_.end())
         return found->second;
-    const std::uint32_t lines = 4 * pixel_samples_;
+    const std::uint32_t lines = 4 * pixel_samples();
     const auto is_good = [&](const GroupShape &shape) {
         return held_points(row_plan_, shape.items) <= kMostQuarterPoints;
     };
@@ -284,82 +272,77 @@ GroupKernel &FusedGroups::exposed_kernel(const ExposedFrame &exposed) {
         }
     }
     return exposed_
-        .emplace(options, build_inverse(*inverse_shape_, "-DSENSOR=1 -DQUARTERS=0 " + options, pixel_samples_))
+        .emplace(options, build_inverse(*inverse_shape_, "-DSENSOR=1 -DQUARTERS=0 " + options, pixel_samples()))
         .first->second;
 }
 
-void FusedGroups::prepare(const Phase &phase, Field &field, const std::vector<LaserLine> &laser_lines, bool with_screen,
-                          bool shifted, const ExposedFrame *exposed, bool) {
-    if (exposed)
-        exposed_kernel(*exposed);
-    for (const LaserLine &line : laser_lines)
-        field_kernel(field.options(phase, line, with_screen));
-    columns_kernel(shifted);
+void GpuEngine::build_kernels(const Phase &phase, Field &field, const std::vector<LaserLine> &lines,
+                              const Exposure &exposure, bool) {
+    if (exposure.exposed)
+        exposed_kernel(*exposure.exposed);
+    for (const LaserLine &line : lines)
+        field_kernel(field.options(phase, line, exposure.screen != nullptr));
+    columns_kernel(exposure.moves_image);
 }
 
-void FusedGroups::enqueue_lines(CommandChain &chain, const Phase &phase, Field &field, const FieldInput &input,
-                                std::uint32_t polarization, const LaserLine &line, const cl::Buffer &lines,
-                                const cl::Buffer &bad_pixels) {
-    GroupKernel &rows = field_kernel(field.options(phase, line, input.screen != nullptr));
-    KernelArguments arguments(rows.kernel);
-    field.add_arguments(arguments, phase, input, polarization, line);
-    arguments.add(lines)
+void GpuEngine::enqueue_field(CommandChain &chain, const FieldPass &pass, const WorkMemory &memory) {
+    GroupKernel &rows = field_kernel(pass.field.options(pass.phase, pass.line, pass.input.screen != nullptr));
+    KernelArguments row_arguments(rows.kernel);
+    pass.field.add_arguments(row_arguments, pass.phase, pass.input, pass.polarization, pass.line);
+    row_arguments.add(memory.field)
         .add(cl_uint{pitch_})
-        .add(bad_pixels)
+        .add(pass.bad_pixels)
         .add(row_twiddles_.get())
         .add(slots_.get())
         .add(cl::Local(rows.tile_bytes));
     rows.enqueue(chain, "fft", grid_.grid_height);
-}
 
-void FusedGroups::enqueue_pupil(CommandChain &chain, const cl::Buffer &lines,
-                                const std::optional<std::array<double, 2>> &shift) {
-    GroupKernel &columns = columns_kernel(shift.has_value());
-    KernelArguments arguments(columns.kernel);
-    arguments.add(lines)
-        .add(lines)
+    GroupKernel &columns = columns_kernel(pass.shift.has_value());
+    KernelArguments column_arguments(columns.kernel);
+    column_arguments.add(memory.field)
+        .add(memory.field)
         .add(cl_uint{kept_})
         .add(cl_uint{pitch_})
         .add(cl_uint{pitch_})
         .add(column_twiddles_.get())
         .add(column_twiddles_.get())
         .add(pupil_.get());
-    if (shift)
-        arguments.add(frequencies_.get())
+    if (pass.shift)
+        column_arguments.add(frequencies_.get())
             .add(line_frequencies_.get())
-            .add(static_cast<cl_float>((*shift)[0]))
-            .add(static_cast<cl_float>((*shift)[1]));
-    arguments.add(cl::Local(columns.tile_bytes));
+            .add(static_cast<cl_float>((*pass.shift)[0]))
+            .add(static_cast<cl_float>((*pass.shift)[1]));
+    column_arguments.add(cl::Local(columns.tile_bytes));
     columns.enqueue(chain, "pupil", kept_);
 }
 
-KernelArguments FusedGroups::inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights,
-                                               bool adds, const ImageView &before) const {
+KernelArguments GpuEngine::inverse_arguments(GroupKernel &inverse, const cl::Buffer &lines, Weights weights, bool adds,
+                                             const ImageView &before) const {
     KernelArguments arguments(inverse.kernel);
     arguments.add(lines)
         .add(cl_uint{pitch_})
         .add(cl_uint{grid_.grid_height})
         .add(row_twiddles_.get())
         .add(slots_.get())
-        .add(static_cast<cl_float>(weights[0] / (pixel_samples_ * pixel_samples_)))
+        .add(static_cast<cl_float>(weights[0] / (pixel_samples() * pixel_samples())))
         .add(cl_uint{adds ? 1u : 0u})
         .add(before);
     return arguments;
 }
 
-void FusedGroups::enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const {
-    arguments.add(cl_uint{grid_.width}).add(cl_uint{grid_.height}).add(cl::Local(inverse.tile_bytes));
-    inverse.enqueue(chain, "inverse_fft", grid_.height * pixel_samples_);
+void GpuEngine::enqueue_inverse(CommandChain &chain, GroupKernel &inverse, KernelArguments &arguments) const {
+    arguments.add(cl_uint{written().width}).add(cl_uint{written().height}).add(cl::Local(inverse.tile_bytes));
+    inverse.enqueue(chain, "inverse_fft", written().height * pixel_samples());
 }
 
-void FusedGroups::enqueue_intensity(CommandChain &chain, const cl::Buffer &lines, Weights weights,
-                                    const ImageView &before, const ImageView &intensity) {
+void GpuEngine::enqueue_pixels(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                               const ImageView &intensity) {
     KernelArguments arguments = inverse_arguments(inverse_, lines, weights, bool(before), before ? before : intensity);
     enqueue_inverse(chain, inverse_, arguments.add(intensity));
 }
 
-void FusedGroups::enqueue_exposed(CommandChain &chain, const cl::Buffer &lines, Weights weights,
-                                  const ImageView &before, const ExposedFrame &exposed) {
+void GpuEngine::enqueue_codes(CommandChain &chain, const cl::Buffer &lines, Weights weights, const ImageView &before,
+                              const ExposedFrame &exposed) {
     GroupKernel &inverse = exposed_kernel(exposed);
     KernelArguments arguments =
         inverse_arguments(inverse, lines, weights, bool(before), before ? before : exposed.output);
@@ -377,9 +360,8 @@ GroupLimits group_limits(const Context &context) {
             context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()};
 }
 
-std::unique_ptr<FusedEngine> make_fused_groups(std::shared_ptr<Context> context, const FieldGrid &grid,
-                                               const Pupil &pupil, const FusedRequest &request, EngineSpec &spec) {
-    return std::make_unique<FusedGroups>(std::move(context), grid, pupil, request, spec);
+std::unique_ptr<Engine> make_gpu_engine(const EngineRequest &request, const EngineSpec &spec) {
+    return std::make_unique<GpuEngine>(request, spec);
 }
 
 } // namespace clsp

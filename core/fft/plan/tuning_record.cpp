@@ -96,11 +96,11 @@ std::optional<GroupPick> pick_of(const Node &node, const char *name) {
 
 EngineSpec spec_of(const Node &node) {
     const std::string name = node.at("engine").text();
-    const std::optional<Engine> engine = engine_of(name);
+    const std::optional<EngineKind> engine = engine_of(name);
     if (!engine)
         refuse(fmt::format("{}.engine is \"{}\", expected clfft, fused-lanes or fused-groups", node.place(), name));
     EngineSpec spec{*engine, pick_of(node, "columns"), pick_of(node, "rows")};
-    if (spec.engine != Engine::kFusedGroups && (spec.columns || spec.rows))
+    if (spec.kind != EngineKind::kGpu && (spec.columns || spec.rows))
         refuse(fmt::format("{} has work-groups, which only fused-groups has", node.place()));
     return spec;
 }
@@ -153,7 +153,7 @@ TuningRecord record_of(const Node &node) {
 }
 
 void put(Json &json, const EngineSpec &spec) {
-    json["engine"] = engine_name(spec.engine);
+    json["engine"] = engine_name(spec.kind);
     for (const auto &[name, pick] : {std::pair{"columns", spec.columns}, std::pair{"rows", spec.rows}})
         if (pick)
             json[name] = {{"lines", pick->lines}, {"work_items", pick->items}};

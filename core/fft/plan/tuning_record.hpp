@@ -2,7 +2,7 @@
 // docs/runtime.md describes the file.
 #pragma once
 
-#include "fft/engine.hpp"
+#include "fft/engine_spec.hpp"
 
 #include <cstdint>
 #include <string>

@@ -3,7 +3,7 @@
 #include "runtime/context.hpp"
 #include "fft/gpu/codelets.hpp"
 #include "stages/aperture.hpp"
-#include "fft/aperture_engine.hpp"
+#include "fft/engine.hpp"
 #include "stages/phase.hpp"
 #include "tuning/tuning.hpp"
 
@@ -94,7 +94,7 @@ class GroupShapes : public ::testing::Test {
     }
     std::vector<float> picture(std::uint32_t width, std::uint32_t height, const EngineSpec &spec) {
         Aperture aperture(context, parameters(width, height, spec));
-        EXPECT_EQ(spec.engine, aperture.engine().engine) << aperture.fft_reason();
+        EXPECT_EQ(spec.kind, aperture.engine().kind) << aperture.clfft_reason();
         for (const auto &[wanted, got] :
              {std::pair{spec.columns, aperture.engine().columns}, std::pair{spec.rows, aperture.engine().rows}})
             if (wanted) {
@@ -115,7 +115,7 @@ class GroupShapes : public ::testing::Test {
 };
 
 constexpr double kBound = 2e-6;
-constexpr EngineSpec kGroups{Engine::kFusedGroups, {}, {}}, kClfft{Engine::kClfft, {}, {}};
+constexpr EngineSpec kGroups{EngineKind::kGpu, {}, {}}, kClfft{EngineKind::kClfft, {}, {}};
 
 TEST_F(GroupShapes, EveryCandidateMakesTheFieldOfClfft) {
     constexpr std::uint32_t width = 96, height = 60;
@@ -126,15 +126,15 @@ TEST_F(GroupShapes, EveryCandidateMakesTheFieldOfClfft) {
     EXPECT_GE(columns.size(), 6u);
     EXPECT_GE(rows.size(), 6u);
     for (const GroupPick &pick : columns)
-        EXPECT_LT(relative_error(picture(width, height, {Engine::kFusedGroups, pick, {}}), expected), kBound)
+        EXPECT_LT(relative_error(picture(width, height, {EngineKind::kGpu, pick, {}}), expected), kBound)
             << pick.lines << " x " << pick.items;
     for (const GroupPick &pick : rows)
-        EXPECT_LT(relative_error(picture(width, height, {Engine::kFusedGroups, {}, pick}), expected), kBound)
+        EXPECT_LT(relative_error(picture(width, height, {EngineKind::kGpu, {}, pick}), expected), kBound)
             << pick.lines << " x " << pick.items;
 }
 
 TEST_F(GroupShapes, LinesAloneGetTheirWorkItems) {
-    Aperture aperture(context, parameters(96, 60, {Engine::kFusedGroups, GroupPick{4, 0}, GroupPick{2, 0}}));
+    Aperture aperture(context, parameters(96, 60, {EngineKind::kGpu, GroupPick{4, 0}, GroupPick{2, 0}}));
     EXPECT_EQ(4u, aperture.engine().columns->lines);
     EXPECT_GT(aperture.engine().columns->items, 1u);
     EXPECT_EQ(2u, aperture.engine().rows->lines);
@@ -147,10 +147,10 @@ TEST_F(GroupShapes, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
         log_lines.clear();
         const std::uint32_t height = pick.lines == 64 ? 8192 / 8 : 60;
         const GroupPick asked = pick.lines == 64 ? GroupPick{64, 128} : pick;
-        const Aperture aperture(context, parameters(8, height, {Engine::kFusedGroups, asked, {}}));
-        EXPECT_STREQ("clFFT", aperture.fft_backend());
-        EXPECT_NE(std::string::npos, aperture.fft_reason().find("do not go in work-groups of"))
-            << aperture.fft_reason();
+        const Aperture aperture(context, parameters(8, height, {EngineKind::kGpu, asked, {}}));
+        EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
+        EXPECT_NE(std::string::npos, aperture.clfft_reason().find("do not go in work-groups of"))
+            << aperture.clfft_reason();
         ASSERT_FALSE(log_lines.empty());
         EXPECT_NE(std::string::npos, log_lines[0].find("is not used for a field grid of 8 x")) << log_lines[0];
         EXPECT_NE(std::string::npos, log_lines[0].find("do not go in work-groups of")) << log_lines[0];
@@ -176,11 +176,11 @@ TEST_F(GroupShapes, KernelsWithLocalMemoryOfTheirOwn) {
 TEST_F(GroupShapes, NoRoomIsFoundWhenTheApertureIsMade) {
     own_local_bytes = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const Aperture aperture(context, parameters(96, 60, kGroups));
-    EXPECT_STREQ("clFFT", aperture.fft_backend());
-    EXPECT_NE(std::string::npos, aperture.fft_reason().find("has 0 bytes of local memory left"))
-        << aperture.fft_reason();
+    EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
+    EXPECT_NE(std::string::npos, aperture.clfft_reason().find("has 0 bytes of local memory left"))
+        << aperture.clfft_reason();
     ASSERT_FALSE(log_lines.empty());
-    EXPECT_NE(std::string::npos, log_lines[0].find(aperture.fft_reason())) << log_lines[0];
+    EXPECT_NE(std::string::npos, log_lines[0].find(aperture.clfft_reason())) << log_lines[0];
 }
 
 TEST_F(GroupShapes, OversampledPixelsStayInOneGroup) {
@@ -189,8 +189,8 @@ TEST_F(GroupShapes, OversampledPixelsStayInOneGroup) {
     p.oversampling = 2;
     most_work_items = 1;
     const Aperture aperture(context, p);
-    EXPECT_STREQ("clFFT", aperture.fft_backend());
-    EXPECT_NE(std::string::npos, aperture.fft_reason().find("need at least 2")) << aperture.fft_reason();
+    EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
+    EXPECT_NE(std::string::npos, aperture.clfft_reason().find("need at least 2")) << aperture.clfft_reason();
 }
 
 TuneParameters quick() {
@@ -226,7 +226,7 @@ TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
     const GroupLimits limits = group_limits(*context);
     EXPECT_GE(columns + 1, group_picks(make_group_plan(16), limits, true).size());
     EXPECT_GE(rows + 1, group_picks(make_group_plan(24), limits, false).size());
-    EXPECT_EQ(default_engine(context->device()), size.candidates[0].spec.engine); // the default is the first
+    EXPECT_EQ(default_engine(context->device()), size.candidates[0].spec.kind); // the default is the first
 }
 
 TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
@@ -247,9 +247,9 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     wrong.kernel_dir = folder.string();
     const TunedSize size = tune(Context::create(wrong), quick()).measured.sizes.at(0);
     fs::remove_all(folder);
-    EXPECT_NE(Engine::kFusedLanes, size.chosen.engine);
+    EXPECT_NE(EngineKind::kCpu, size.chosen.kind);
     for (const TunedCandidate &candidate : size.candidates) {
-        EXPECT_EQ(candidate.spec.engine == Engine::kFusedLanes, !candidate.counts()) << candidate.refusal;
+        EXPECT_EQ(candidate.spec.kind == EngineKind::kCpu, !candidate.counts()) << candidate.refusal;
         if (!candidate.counts()) {
             EXPECT_EQ("its picture differs from clfft's by 0.67 (relative L2)", candidate.refusal);
         }

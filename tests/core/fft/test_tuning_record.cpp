@@ -13,7 +13,7 @@
 
 namespace {
 
-using clsp::Engine;
+using clsp::EngineKind;
 using clsp::EngineChoice;
 using clsp::EngineSpec;
 using clsp::GroupPick;
@@ -22,8 +22,8 @@ using clsp::TuningFile;
 using Json = nlohmann::json;
 
 const clsp::TunedDevice kDevice{"Some GPU", "Vendor", "Platform", "1.2.3", 64};
-const EngineSpec kClfft{Engine::kClfft, {}, {}}, kLanes{Engine::kFusedLanes, {}, {}},
-    kGroups{Engine::kFusedGroups, {}, {}}, kShaped{Engine::kFusedGroups, GroupPick{8, 64}, GroupPick{2, 32}};
+const EngineSpec kClfft{EngineKind::kClfft, {}, {}}, kLanes{EngineKind::kCpu, {}, {}},
+    kGroups{EngineKind::kGpu, {}, {}}, kShaped{EngineKind::kGpu, GroupPick{8, 64}, GroupPick{2, 32}};
 
 clsp::TunedSize size_of(std::uint32_t width, std::uint32_t height, const EngineSpec &chosen) {
     clsp::TunedSize size;
@@ -197,8 +197,8 @@ TEST(TuningRecord, TheSizeItselfComesBeforeTheNearestArea) {
 TEST(TuningRecord, WorkItemsAreOnlyTakenForLinesOfTheirLength) {
     const TuningFile file = file_of({size_of(512, 512, kShaped)});
     const EngineSpec wider = choices(file, 640, 512)[0].spec, higher = choices(file, 512, 480)[0].spec;
-    EXPECT_TRUE((wider == EngineSpec{Engine::kFusedGroups, GroupPick{8, 64}, GroupPick{2, 0}}));
-    EXPECT_TRUE((higher == EngineSpec{Engine::kFusedGroups, GroupPick{8, 0}, GroupPick{2, 32}}));
+    EXPECT_TRUE((wider == EngineSpec{EngineKind::kGpu, GroupPick{8, 64}, GroupPick{2, 0}}));
+    EXPECT_TRUE((higher == EngineSpec{EngineKind::kGpu, GroupPick{8, 0}, GroupPick{2, 32}}));
 }
 
 TEST(TuningRecord, TheUsersAreOfTheDriverShippedOnesOfTheName) {

@@ -1,0 +1,52 @@
+#include "fft/engine_spec.hpp"
+
+#include <fmt/core.h>
+
+namespace clsp {
+namespace {
+
+bool is_of_type(const cl::Device &device, cl_device_type type) {
+    return (device.getInfo<CL_DEVICE_TYPE>() & type) != 0;
+}
+
+} // namespace
+
+const char *engine_name(EngineKind kind) {
+    switch (kind) {
+    case EngineKind::kCpu:
+        return "fused-lanes";
+    case EngineKind::kGpu:
+        return "fused-groups";
+    case EngineKind::kClfft:
+        break;
+    }
+    return "clfft";
+}
+
+std::optional<EngineKind> engine_of(const std::string &name) {
+    for (const EngineKind kind : {EngineKind::kCpu, EngineKind::kGpu, EngineKind::kClfft})
+        if (name == engine_name(kind))
+            return kind;
+    return {};
+}
+
+std::string describe(const EngineSpec &spec) {
+    std::string text = engine_name(spec.kind);
+    for (const auto &[name, pick] : {std::pair{"columns", spec.columns}, std::pair{"rows", spec.rows}})
+        if (pick)
+            text += pick->items ? fmt::format(", {} {} x {}", name, pick->lines, pick->items)
+                                : fmt::format(", {} by {}", name, pick->lines);
+    return text;
+}
+
+EngineKind default_engine(const cl::Device &device) {
+    return is_of_type(device, CL_DEVICE_TYPE_CPU)   ? EngineKind::kCpu
+           : is_of_type(device, CL_DEVICE_TYPE_GPU) ? EngineKind::kGpu
+                                                    : EngineKind::kClfft;
+}
+
+EngineKind own_engine(const cl::Device &device) {
+    return is_of_type(device, CL_DEVICE_TYPE_CPU) ? EngineKind::kCpu : EngineKind::kGpu;
+}
+
+} // namespace clsp
