@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Frames on a GPU by the fused engine, by clFFT and, where CuPy is installed, by CuPy (cuFFT), in one run.
+"""Frames on a GPU by the device's own engine, by clFFT and, where CuPy is installed, by CuPy (cuFFT), in one run.
 
 A frame goes from stored phases and an ideal image to the intensity behind a round aperture: exp(i phase) sqrt(ideal),
 transform, mask, inverse transform, squared modulus, in single precision. Frames follow each other without a wait, as a
@@ -26,14 +26,14 @@ DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
 FRAMES = 50  # of CuPy between two waits
 ROUNDS = 7
 # As in side_by_side.py: bytes per pixel that must move, and those for each unit of D.
-FUSED_BYTES = (12.0, 32.0)
+FRAME_BYTES = (12.0, 32.0)
 Times = dict[tuple[str, int, int, int], float]  # what, width, height, diameter: us
 
 
 def names_of(sizes: list[tuple[int, int]]) -> list[str]:
     """Of the program's benchmarks, those that start fast first: clFFT compiles its kernels anew at every start."""
-    names = [f"intensity/fused_streamed/width:{w}/height:{h}/D%:{d}/" for w, h in sizes for d in DIAMETERS]
-    for engine in ("fused_sensor_streamed", "fused_unpolarized_streamed", "fused"):
+    names = [f"intensity/own_streamed/width:{w}/height:{h}/D%:{d}/" for w, h in sizes for d in DIAMETERS]
+    for engine in ("own_sensor_streamed", "own_unpolarized_streamed", "own"):
         names += [f"intensity/{engine}/width:{w}/height:{h}/D%:50/" for w, h in sizes]
     names += ["frame_of_dots/", "copy_on_device/"]
     return names + [f"intensity/clfft_streamed/width:{w}/height:{h}/D%:50/" for w, h in sizes]
@@ -141,18 +141,18 @@ def cupy_times(sizes: list[tuple[int, int]]) -> Times:
 
 def print_tables(times: Times, extra: dict[str, float], sizes: list[tuple[int, int]]) -> None:
     others = {"CuPy": "CuPy", "CuPy, own kernels": "CuPy, own kernels", "clFFT": "clfft_streamed"}
-    print("| image, D = 0.5 | fused, us | waited for, us | " + " | ".join(f"{o} / fused" for o in others), end="")
+    print("| image, D = 0.5 | own, us | waited for, us | " + " | ".join(f"{o} / own" for o in others), end="")
     print(" | p = 0 / p = 1 | with sensor / without |\n" + "|---" * (len(others) + 5) + "|")
     for width, height in sizes:
-        fused = times.get(("fused_streamed", width, height, 50))
-        if fused is None:
+        own = times.get(("own_streamed", width, height, 50))
+        if own is None:
             continue
-        cells = [f"{width} x {height}", f"{fused:.1f}"]
-        waited = times.get(("fused", width, height, 50))
+        cells = [f"{width} x {height}", f"{own:.1f}"]
+        waited = times.get(("own", width, height, 50))
         cells.append(f"{waited:.1f}" if waited else "-")
-        for what in (*others.values(), "fused_unpolarized_streamed", "fused_sensor_streamed"):
+        for what in (*others.values(), "own_unpolarized_streamed", "own_sensor_streamed"):
             us = times.get((what, width, height, 50))
-            cells.append(f"{us / fused:.2f}" if us else "-")
+            cells.append(f"{us / own:.2f}" if us else "-")
         print("| " + " | ".join(cells) + " |")
     bandwidth = extra.get("bytes_per_second")
     if bandwidth:
@@ -161,8 +161,8 @@ def print_tables(times: Times, extra: dict[str, float], sizes: list[tuple[int, i
         for width, height in sizes:
             cells = [f"{width} x {height}"]
             for d in DIAMETERS:
-                us = times.get(("fused_streamed", width, height, d))
-                floor = 1e6 * (FUSED_BYTES[0] + FUSED_BYTES[1] * 0.01 * d) * width * height / bandwidth
+                us = times.get(("own_streamed", width, height, d))
+                floor = 1e6 * (FRAME_BYTES[0] + FRAME_BYTES[1] * 0.01 * d) * width * height / bandwidth
                 cells.append(f"{us:.1f} ({us / floor:.1f})" if us else "-")
             print("| " + " | ".join(cells) + " |")
         print(f"\nCopies at {1e-12 * bandwidth:.2f} TB/s (read and written).")

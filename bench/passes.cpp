@@ -1,11 +1,11 @@
-// Device times of the fused engine's three passes, in lanes on CPUs, in work-groups by the work-groups that they have:
+// Device times of the three passes of the engine for CPUs, or of that for GPUs by the work-groups that they have:
 // what a whole frame's time (clspeckle tune) does not show. Medians over frames, by the events of a profiling queue.
-#include "runtime/command_chain.hpp"
-#include "runtime/device_buffer.hpp"
+#include "fft/engine.hpp"
 #include "fft/gpu/codelets.hpp"
 #include "fft/plan/line_plan.hpp"
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
 #include "stages/aperture.hpp"
-#include "fft/engine.hpp"
 #include "stages/phase.hpp"
 
 #include <CLI/CLI.hpp>
@@ -51,20 +51,23 @@ class Passes {
             row({clsp::EngineKind::kCpu, {}, {}});
             return;
         }
-        const clsp::GroupLimits limits = clsp::group_limits(*context_);
-        fmt::print("largest work-group {}, local memory {}\n", limits.group_items, limits.local_bytes);
+        const clsp::WorkGroupLimits limits = clsp::work_group_limits(*context_);
+        fmt::print("largest work-group {}, local memory {}\n", limits.work_items, limits.local_bytes);
         heading();
         row({clsp::EngineKind::kGpu, {}, {}});
-        for (const clsp::GroupPick &pick : clsp::group_picks(clsp::make_group_plan(grid_.grid_height), limits, true))
+        for (const clsp::WorkGroup &pick :
+             clsp::work_groups_to_try(clsp::make_gpu_plan(grid_.grid_height), limits, true))
             row({clsp::EngineKind::kGpu, pick, {}});
-        for (const clsp::GroupPick &pick : clsp::group_picks(clsp::make_group_plan(grid_.grid_width), limits, false))
+        for (const clsp::WorkGroup &pick :
+             clsp::work_groups_to_try(clsp::make_gpu_plan(grid_.grid_width), limits, false))
             row({clsp::EngineKind::kGpu, {}, pick});
         row({clsp::EngineKind::kClfft, {}, {}}); // takes the longest to start; of its kernels the last ones are seen
     }
 
   private:
     static void heading() {
-        fmt::print("{:<52} {:>7} {:>7} {:>7} {:>9} {:>9}\n", "us", "A", "B", "C", "A + B + C", "a frame");
+        fmt::print("{:<52} {:>12} {:>7} {:>12} {:>9} {:>9}\n", "us", "rows_forward", "columns", "rows_inverse",
+                   "all three", "a frame");
     }
     static clsp::PhaseParameters phase_parameters(const Arguments &a) {
         clsp::PhaseParameters p;
@@ -127,7 +130,7 @@ class Passes {
             const auto found = us.find(name);
             return found == us.end() ? 0.0 : median(found->second);
         };
-        fmt::print("{:<52} {:>7.1f} {:>7.1f} {:>7.1f} {:>9.1f} {:>9.1f}\n", clsp::describe(aperture.engine()),
+        fmt::print("{:<52} {:>12.1f} {:>7.1f} {:>12.1f} {:>9.1f} {:>9.1f}\n", clsp::describe(aperture.engine()),
                    stage("fft"), stage("pupil"), stage("inverse_fft"), median(sums), median(whole));
         std::fflush(stdout);
     }
@@ -144,7 +147,7 @@ class Passes {
 
 int main(int argc, char **argv) {
     Arguments arguments;
-    CLI::App app{"Device times of the fused engine's passes, by their work-groups where it has such"};
+    CLI::App app{"Device times of the device's engine's passes, by their work-groups where it has such"};
     app.add_option("--width", arguments.width, "of the image, in pixels")->capture_default_str();
     app.add_option("--height", arguments.height, "of the image, in pixels")->capture_default_str();
     app.add_option("--diameter", arguments.diameter, "D, relative to the sampling frequency")->capture_default_str();

@@ -32,13 +32,13 @@ from tqdm import tqdm
 SIZES = ((512, 512), (1024, 1024), (1280, 720), (1920, 1080), (2048, 2048), (4096, 4096))
 REPETITIONS = 3  # of each case in a round
 DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
-# Bytes that a frame of the fused engine must move for each pixel: phase and ideal image are read, the intensity is
+# Bytes that a frame of the device's own engine must move for each pixel: phase and ideal image are read, the intensity is
 # written (4 each); of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
-FUSED_BYTES = (12.0, 32.0)
+FRAME_BYTES = (12.0, 32.0)
 ENGINES = {
-    "intensity/fused": "fused",
-    "intensity/fused_unpolarized": "fused, p = 0",
-    "intensity/fused_sensor": "fused, sensor",
+    "intensity/own": "own",
+    "intensity/own_unpolarized": "own, p = 0",
+    "intensity/own_sensor": "own, sensor",
     "intensity/native": "native",
     "intensity/native_rows_first": "native, rows first",
     "intensity/clfft": "clFFT",
@@ -145,8 +145,8 @@ def jitter(frames: int) -> dict[str, object]:
 
 
 def cost_law(fastest: dict[Key, float]) -> tuple[float, float, float]:
-    """Nanoseconds per pixel of the fused engine, a + b D, by relative least squares; the largest relative error."""
-    cases = [(k, t) for k, t in fastest.items() if k[0] == "fused"]
+    """Nanoseconds per pixel of the device's own engine, a + b D, by relative least squares; the largest relative error."""
+    cases = [(k, t) for k, t in fastest.items() if k[0] == "own"]
     time_per_pixel = np.array([1e6 * t / (k[1] * k[2]) for k, t in cases])
     design = np.array([[1.0, 0.01 * k[3]] for k, _ in cases]) / time_per_pixel[:, None]
     (a, b), *_ = np.linalg.lstsq(design, np.ones(len(cases)), rcond=None)
@@ -156,25 +156,25 @@ def cost_law(fastest: dict[Key, float]) -> tuple[float, float, float]:
 def table(fastest: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
     whats = ["NumPy", "SciPy", "FFTW", "VkFFT, transforms", "clFFT", "native", "native, rows first"]
     lines = [
-        "| image (width x height), D = 0.5, p = 1 | fused, ms | "
-        + " | ".join(f"{w} / fused" for w in whats)
+        "| image (width x height), D = 0.5, p = 1 | own, ms | "
+        + " | ".join(f"{w} / own" for w in whats)
         + " | p = 0 / p = 1 | with sensor / without |",
         "|" + "---|" * (len(whats) + 4),
     ]
     for width, height in sizes:
-        fused = fastest.get(("fused", width, height, 50))
-        if not fused:
+        own = fastest.get(("own", width, height, 50))
+        if not own:
             continue
         ratios = [fastest.get((w, width, height, 50)) for w in whats]
-        unpolarized = fastest.get(("fused, p = 0", width, height, 50))
-        exposed = fastest.get(("fused, sensor", width, height, 50))
+        unpolarized = fastest.get(("own, p = 0", width, height, 50))
+        exposed = fastest.get(("own, sensor", width, height, 50))
         lines.append(
-            f"| {width} x {height} | {fused:.2f} | "
+            f"| {width} x {height} | {own:.2f} | "
             + " | ".join(
-                f"{r / fused:.{2 if w.startswith('native') else 1}f}" if r else "-"
+                f"{r / own:.{2 if w.startswith('native') else 1}f}" if r else "-"
                 for w, r in zip(whats, ratios, strict=True)
             )
-            + "".join(f" | {t / fused:.2f}" if t else " | -" for t in (unpolarized, exposed))
+            + "".join(f" | {t / own:.2f}" if t else " | -" for t in (unpolarized, exposed))
             + " |"
         )
     return lines
@@ -182,20 +182,20 @@ def table(fastest: dict[Key, float], sizes: list[tuple[int, int]]) -> list[str]:
 
 def diameters_table(fastest: dict[Key, float], sizes: list[tuple[int, int]], bandwidth: float) -> list[str]:
     lines = [
-        "| image | D | fused, ms | FFTW / fused | clFFT / fused | times the floor |",
+        "| image | D | own, ms | FFTW / own | clFFT / own | times the floor |",
         "|---|---|---|---|---|---|",
     ]
     for width, height in sizes:
         for diameter in DIAMETERS:
-            fused = fastest.get(("fused", width, height, diameter))
-            if not fused:
+            own = fastest.get(("own", width, height, diameter))
+            if not own:
                 continue
             others = [fastest.get((w, width, height, diameter)) for w in ("FFTW", "clFFT")]
-            moved = (FUSED_BYTES[0] + FUSED_BYTES[1] * 0.01 * diameter) * width * height
-            cells = [f"{o / fused:.1f}" if o else "-" for o in others]
+            moved = (FRAME_BYTES[0] + FRAME_BYTES[1] * 0.01 * diameter) * width * height
+            cells = [f"{o / own:.1f}" if o else "-" for o in others]
             lines.append(
-                f"| {width} x {height} | {0.01 * diameter:g} | {fused:.2f} | {cells[0]} | {cells[1]} "
-                f"| {1e-3 * fused * bandwidth / moved:.1f} |"
+                f"| {width} x {height} | {0.01 * diameter:g} | {own:.2f} | {cells[0]} | {cells[1]} "
+                f"| {1e-3 * own * bandwidth / moved:.1f} |"
             )
     return lines
 
@@ -207,21 +207,21 @@ def plot(fastest: dict[Key, float], law: tuple[float, float, float], path: Path)
     import matplotlib.pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2))
-    for what in ("NumPy", "SciPy", "clFFT", "VkFFT, transforms", "FFTW", "fused"):
+    for what in ("NumPy", "SciPy", "clFFT", "VkFFT, transforms", "FFTW", "own"):
         points = sorted((k[1] * k[2], t) for k, t in fastest.items() if k[0] == what and k[3] == 50)
         if points:
             left.loglog(*zip(*points, strict=True), marker="o", label=what)
     left.set(xlabel="pixels", ylabel="frame, ms", title="D = 0.5, p = 1")
     left.legend()
-    sizes = sorted({k[1:3] for k in fastest if k[0] == "fused"}, key=lambda s: s[0] * s[1])
+    sizes = sorted({k[1:3] for k in fastest if k[0] == "own"}, key=lambda s: s[0] * s[1])
     for width, height in sizes:
         points = sorted(
-            (0.01 * k[3], 1e6 * t / (width * height)) for k, t in fastest.items() if k[:3] == ("fused", width, height)
+            (0.01 * k[3], 1e6 * t / (width * height)) for k, t in fastest.items() if k[:3] == ("own", width, height)
         )
         right.plot(*zip(*points, strict=True), marker="o", label=f"{width} x {height}")
     d = np.linspace(0.25, 1)
     right.plot(d, law[0] + law[1] * d, "k--", label=f"{law[0]:.2f} + {law[1]:.2f} D")
-    right.set(xlabel="D", ylabel="fused engine, ns per pixel", ylim=(0, None))
+    right.set(xlabel="D", ylabel="own engine, ns per pixel", ylim=(0, None))
     right.legend(fontsize=8)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -265,9 +265,9 @@ def main() -> None:
     bandwidth = max(value for name, value in extra.items() if name.startswith("copy_"))
     print("\n".join(table(fastest, sizes)), "\n")
     print("\n".join(diameters_table(fastest, sizes, bandwidth)))
-    floor = f"{FUSED_BYTES[0]:g} + {FUSED_BYTES[1]:g} D bytes per pixel"
+    floor = f"{FRAME_BYTES[0]:g} + {FRAME_BYTES[1]:g} D bytes per pixel"
     print(f"\nCopies at {1e-9 * bandwidth:.1f} GB/s (read and written); the floor moves {floor}.")
-    print(f"Cost of the fused engine: {law[0]:.2f} + {law[1]:.2f} D ns per pixel, to {100 * law[2]:.0f} %.")
+    print(f"Cost of the own engine: {law[0]:.2f} + {law[1]:.2f} D ns per pixel, to {100 * law[2]:.0f} %.")
     spread = jitter(arguments.jitter) if arguments.jitter else None
     if spread:
         print(

@@ -72,9 +72,10 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.workspace_bytes = a->workspace_bytes();
         copy_text(result.fft_backend, a->engine().kind == EngineKind::kClfft ? "clFFT" : "fused");
         copy_text(result.fft_reason, a->clfft_reason());
-        copy_text(result.fft_engine, engine_name(a->engine().kind));
-        const GroupPick columns = a->engine().columns.value_or(GroupPick{}),
-                        rows = a->engine().rows.value_or(GroupPick{});
+        constexpr const char *kNames[] = {"fused-lanes", "fused-groups", "clfft"}; // by EngineKind
+        copy_text(result.fft_engine, kNames[static_cast<int>(a->engine().kind)]);
+        const WorkGroup columns = a->engine().columns.value_or(WorkGroup{}),
+                        rows = a->engine().rows.value_or(WorkGroup{});
         result.column_lines = columns.lines;
         result.column_work_items = columns.items;
         result.row_lines = rows.lines;

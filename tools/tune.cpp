@@ -24,7 +24,7 @@ ClspTuningSize size_of(const std::string &text) {
     throw InputError(fmt::format("--size is \"{}\"; expected WIDTHxHEIGHT in pixels, for example 1920x1080", text));
 }
 
-/** "fused-groups, columns 8 x 64 (lines x work-items)". */
+/** "gpu, columns 8 x 64 (lines x work-items)". */
 std::string engine_text(const Json &spec) {
     std::string text = spec["engine"].get<std::string>();
     for (const char *name : {"columns", "rows"})

@@ -1,4 +1,4 @@
-// Columns, rows, columns: the order of the fused engine's groups; a vector has neighbouring columns.
+// Columns, rows, columns: a vector has neighbouring columns.
 #include "native/aperture.hpp"
 #include "native/orders.hpp"
 #include "native/thread_pool.hpp"
@@ -14,8 +14,8 @@ constexpr unsigned kStrips = 2;
 // second-level cache: rows whose distance is a power of two share few sets of the first.
 constexpr unsigned kPrefetch = 8;
 
-// The kept lines lie in groups of lanes: point x of group g is a pair of vectors (re, im) at 2 (g width + x), lane l
-// the l-th line of the group.
+// The kept lines lie in blocks of lanes: point x of block g is a pair of vectors (re, im) at 2 (g width + x), lane l
+// the l-th line of the block.
 struct Lines {
     std::uint32_t width = 0, groups = 0;
     Pages memory;
@@ -27,7 +27,7 @@ struct ColumnTables {
     std::vector<float> twiddles;
     std::vector<unsigned> frequencies;
     std::vector<std::uint8_t> ends;
-    // Positions of the kept lines, in groups of lanes; the last group is filled up with the length.
+    // Positions of the kept lines, in blocks of lanes; the last one is filled up with the length.
     std::vector<std::uint32_t> kept;
     // Positions that the inverse reads although no line stands there.
     std::vector<std::uint32_t> empty;
@@ -65,7 +65,7 @@ template <class P> ColumnTables column_tables(int limit) {
 // A tile of one strip: the points, and one more that stands for lines that are not there.
 template <class P> constexpr std::size_t kTileLanes = 2 * (P::kLength + 1);
 
-// Pass A for STRIPS strips from column x on.
+// The first pass for STRIPS strips from column x on.
 template <class P, unsigned STRIPS>
 void columns_forward(const ColumnTables &tables, const float *phase, const float *ideal, const Lines &lines,
                      std::uint32_t x, Lanes *tiles) {
@@ -118,7 +118,7 @@ void columns_forward(const ColumnTables &tables, const float *phase, const float
     }
 }
 
-// Pass C likewise.
+// The last pass likewise.
 template <class P, unsigned STRIPS>
 void columns_inverse(const ColumnTables &tables, const Lines &lines, std::uint32_t x, float *intensity, Lanes *tiles) {
     constexpr unsigned R = P::kFirst, M = P::kBlock;

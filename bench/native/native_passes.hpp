@@ -1,4 +1,4 @@
-// The fused engine's three passes in C++, for CPUs, with neither OpenCL nor a library of transforms: what is left to
+// The three passes of the engine for CPUs in C++, for CPUs, with neither OpenCL nor a library of transforms: what is left to
 // gain for the engine's kernels shows beside it.
 #pragma once
 

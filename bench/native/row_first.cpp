@@ -1,4 +1,4 @@
-// Rows, columns, rows: the order of the fused engine's lanes, in which images are read and written along their rows.
+// Rows, columns, rows: the order of the engine for CPUs, in which images are read and written along their rows.
 // The engine has a row in each lane; here it is one row at a time. Lane b of vector a is point a L + b of the row (L
 // lanes): a transform of N / L points over vectors, whose twiddle factors are the same for all lanes; a rotation by
 // w^(b c), w = exp(-2 pi i / N); and a transform of L points over lanes, behind a transposition: frequency c + d N / L,

@@ -14,10 +14,10 @@ const std::vector<LaserLine> &lines_of(const Exposure &exposure, const Field &fi
 
 void check_plans(const FieldGrid &grid) {
     for (const std::uint32_t side : {grid.grid_width, grid.grid_height})
-        if (!fused_plan_exists(side))
+        if (!plan_exists(side))
             throw Error(Status::kUnsupported,
-                        fmt::format("the field grid is {} x {}: the fused engine takes sides of 2 to {}",
-                                    grid.grid_width, grid.grid_height, kLongestFusedLine));
+                        fmt::format("the field grid is {} x {}: the engines cpu and gpu take sides of 2 to {}",
+                                    grid.grid_width, grid.grid_height, kLongestLine));
 }
 
 std::unique_ptr<Engine> make_engine(const EngineRequest &request, const EngineSpec &spec) {

@@ -155,6 +155,6 @@ std::unique_ptr<Engine> make_cpu_engine(const EngineRequest &request);
 std::unique_ptr<Engine> make_gpu_engine(const EngineRequest &request, const EngineSpec &spec);
 std::unique_ptr<Engine> make_clfft_engine(const EngineRequest &request);
 // What a device's work-groups may be.
-GroupLimits group_limits(const Context &context);
+WorkGroupLimits work_group_limits(const Context &context);
 
 } // namespace clsp

@@ -17,15 +17,16 @@ std::optional<EngineKind> read_forced(const Context &context) {
     const std::string choice = context.environment(kVariable);
     if (choice.empty() || choice == "auto")
         return {};
-    if (choice == "fused")
-        return own_engine(context.device());
-    if (const std::optional<EngineKind> kind = engine_of(choice))
+    const std::optional<EngineKind> kind = choice == "fused" ? own_engine(context.device()) : engine_of(choice);
+    if (kind && (choice == "fused" || is_old_engine_name(choice)))
+        context.log(LogLevel::kWarning, fmt::format("CLSPECKLE_FFT is {}, an old name; the engine is called {}", choice,
+                                                    engine_name(*kind)));
+    if (kind)
         return kind;
-    throw Error(
-        Status::kInvalidArgument,
-        fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, clfft, fused, fused-lanes or "
-                    "fused-groups, or unset it",
-                    choice));
+    throw Error(Status::kInvalidArgument,
+                fmt::format("the environment variable CLSPECKLE_FFT is \"{}\"; set it to auto, cpu, gpu or clfft, or "
+                            "unset it",
+                            choice));
 }
 
 std::string read_path(const Context &context) {
@@ -76,6 +77,11 @@ class Choices {
                 fmt::format("the tuning record {} is ignored: {}; `clspeckle tune` renews it", path_, error.what()));
             return;
         }
+        if (user_.old_names)
+            context.log(LogLevel::kWarning,
+                        fmt::format("the tuning record {} has old names: fused-lanes is called cpu, fused-groups gpu; "
+                                    "`clspeckle tune` writes them",
+                                    path_));
         const TunedDevice device = tuned_device(context);
         for (const TuningRecord &record : user_.records)
             if (record.device.name == device.name && !(record.device == device))
@@ -104,7 +110,7 @@ const char *default_source(EngineKind kind) {
         break;
     }
     return "the device is neither CPU nor GPU, and others keep clFFT until they are told; "
-           "CLSPECKLE_FFT=fused takes the fused engine";
+           "CLSPECKLE_FFT=gpu takes the engine for GPUs";
 }
 
 } // namespace

@@ -14,9 +14,9 @@ bool is_of_type(const cl::Device &device, cl_device_type type) {
 const char *engine_name(EngineKind kind) {
     switch (kind) {
     case EngineKind::kCpu:
-        return "fused-lanes";
+        return "cpu";
     case EngineKind::kGpu:
-        return "fused-groups";
+        return "gpu";
     case EngineKind::kClfft:
         break;
     }
@@ -27,7 +27,13 @@ std::optional<EngineKind> engine_of(const std::string &name) {
     for (const EngineKind kind : {EngineKind::kCpu, EngineKind::kGpu, EngineKind::kClfft})
         if (name == engine_name(kind))
             return kind;
+    if (is_old_engine_name(name))
+        return name == "fused-lanes" ? EngineKind::kCpu : EngineKind::kGpu;
     return {};
+}
+
+bool is_old_engine_name(const std::string &name) {
+    return name == "fused-lanes" || name == "fused-groups";
 }
 
 std::string describe(const EngineSpec &spec) {

@@ -13,18 +13,18 @@ namespace clsp {
 enum class EngineKind { kCpu, kGpu, kClfft };
 
 // Of the engine for GPUs: lines in a work-group, and work-items for each of them. items 0: as many as
-// choose_group_shape()'s rule takes for so many lines.
-struct GroupPick {
+// choose_shape()'s rule takes for so many lines.
+struct WorkGroup {
     std::uint32_t lines = 0, items = 0;
 
-    bool operator==(const GroupPick &other) const { return lines == other.lines && items == other.items; }
+    bool operator==(const WorkGroup &other) const { return lines == other.lines && items == other.items; }
 };
 
 // An engine; that for GPUs with the work-groups of the columns' pass and of both rows' passes. None: what
-// choose_group_shape() takes.
+// choose_shape() takes.
 struct EngineSpec {
     EngineKind kind = EngineKind::kClfft;
-    std::optional<GroupPick> columns, rows;
+    std::optional<WorkGroup> columns, rows;
 
     bool operator==(const EngineSpec &other) const {
         return kind == other.kind && columns == other.columns && rows == other.rows;
@@ -37,10 +37,12 @@ struct EngineChoice {
     std::string source; // "CLSPECKLE_FFT is clfft", "the tuning record /home/..", ..
 };
 
-// "clfft", "fused-lanes", "fused-groups".
+// "cpu", "gpu", "clfft".
 const char *engine_name(EngineKind kind);
+// Also of the names that the engines had before: "fused-lanes" (cpu) and "fused-groups" (gpu).
 std::optional<EngineKind> engine_of(const std::string &name);
-// With the work-groups, if they are given: "fused-groups, columns 8 x 64, rows 1 x 64" (lines x work-items).
+bool is_old_engine_name(const std::string &name);
+// With the work-groups, if they are given: "gpu, columns 8 x 64, rows 1 x 64" (lines x work-items).
 std::string describe(const EngineSpec &spec);
 
 // What devices get that no record speaks of.

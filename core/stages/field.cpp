@@ -57,7 +57,7 @@ void Field::configure(const FieldParameters &p) {
     if (dephases && !heights_) {
         draws_in_lanes_ = works_in_lanes(*context_);
         draw_heights_ = draws_in_lanes_ ? context_->kernel("stages/surface_heights_lanes.cl", "surface_heights_lanes",
-                                                           fmt::format("-DLANES={}", fused_lanes(*context_)))
+                                                           fmt::format("-DLANES={}", simd_lanes(*context_)))
                                         : context_->kernel("stages/surface_heights.cl", "surface_heights", "");
         heights_ = DeviceBuffer(context_, grid_.samples() * sizeof(float));
     } else if (!dephases) {

@@ -113,7 +113,7 @@ cl::Kernel &Pattern::kernel_for(const InputSet &inputs) {
                     normal ? 1 : 0, albedo ? 1 : 0, static_cast<std::uint32_t>(visibility),
                     filter_ == PatternFilter::kArea ? 1 : 0, filter_taps_);
     cl::Kernel kernel = in_lanes_ ? context_->kernel("stages/pattern_lanes.cl", "pattern_lookup_lanes",
-                                                     fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
+                                                     fmt::format("{} -DLANES={}", options, simd_lanes(*context_)))
                                   : context_->kernel("stages/pattern.cl", "pattern_lookup", options);
     return kernels_.emplace(inputs, std::move(kernel)).first->second;
 }

@@ -75,8 +75,8 @@ void Phase::configure(const PhaseParameters &p) {
         const std::string options = kernel_options() + " -DADVANCE=0 -DHAS_SHIFT=0";
         const bool in_lanes = works_in_lanes(*context_);
         cl::Kernel refresh_all =
-            in_lanes ? context_->kernel("stages/phase_refresh_lanes.cl", "fused_phase_refresh",
-                                        fmt::format("{} -DLANES={}", kernel_options(), fused_lanes(*context_)))
+            in_lanes ? context_->kernel("stages/phase_refresh_lanes.cl", "phase_refresh_lanes",
+                                        fmt::format("{} -DLANES={}", kernel_options(), simd_lanes(*context_)))
                      : context_->kernel("stages/phase.cl", "phase_refresh", options + " -DHAS_MASK=0");
         refresh_all_ = std::move(refresh_all);
         refreshes_in_lanes_ = in_lanes;
@@ -165,7 +165,7 @@ Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
         works_in_lanes(*context_) && !variant[2] && parameters_.field == FieldKind::kCircularGaussian;
     kernels.advance = kernels.in_lanes
                           ? context_->kernel("stages/phase_advance_lanes.cl", "phase_advance_lanes",
-                                             fmt::format("{} -DLANES={}", options, fused_lanes(*context_)))
+                                             fmt::format("{} -DLANES={}", options, simd_lanes(*context_)))
                           : context_->kernel("stages/phase.cl", "phase_advance", options);
     if (variant[2])
         kernels.claim = context_->kernel("stages/phase.cl", "phase_claim", options);

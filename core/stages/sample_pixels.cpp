@@ -14,11 +14,11 @@ SamplePixels::SamplePixels(const std::shared_ptr<Context> &context, const FieldG
         taps_ = DeviceBuffer(context, taps.size() * sizeof(float), taps.data());
     // In vectors where a row's sums have room.
     if (of_powers && !taps.empty() && works_in_lanes(*context))
-        row_bytes_ = (std::uint64_t{grid.grid_width} + taps.size() + fused_lanes(*context)) * sizeof(float);
+        row_bytes_ = (std::uint64_t{grid.grid_width} + taps.size() + simd_lanes(*context)) * sizeof(float);
     if (row_bytes_ > context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>())
         row_bytes_ = 0;
     const std::string options = row_bytes_ > 0
-                                    ? fmt::format("-DPIXEL_TAPS={} -DLANES={}", taps.size(), fused_lanes(*context))
+                                    ? fmt::format("-DPIXEL_TAPS={} -DLANES={}", taps.size(), simd_lanes(*context))
                                     : fmt::format("-DPIXEL_TAPS={} -DSAMPLE_POWERS={}", taps.size(), of_powers ? 1 : 0);
     for (const bool adds : {false, true})
         (adds ? add_ : write_) = context->kernel(row_bytes_ > 0 ? "stages/aperture_lanes.cl" : "stages/aperture.cl",

@@ -253,7 +253,7 @@ cl::Kernel &Sensor::kernel_for(Format output) {
     const cl::Kernel kernel =
         in_lanes_ ? context_->kernel("stages/sensor_lanes.cl", "sensor_expose_lanes",
                                      fmt::format("-DOUTPUT_FORMAT={} -DLANES={}", static_cast<std::uint32_t>(output),
-                                                 fused_lanes(*context_)))
+                                                 simd_lanes(*context_)))
                   : context_->kernel("stages/sensor.cl", "sensor_expose",
                                      fmt::format("{} -DCROSSTALK={}", pixel_options(output),
                                                  parameters_.crosstalk_fraction > 0.0 ? 1 : 0));

@@ -1,12 +1,12 @@
 #include "tuning/tuning.hpp"
 
+#include "fft/engine_choices.hpp"
+#include "fft/gpu/codelets.hpp"
 #include "runtime/checks.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
-#include "fft/gpu/codelets.hpp"
 #include "stages/aperture.hpp"
-#include "fft/engine_choices.hpp"
 #include "stages/phase.hpp"
 
 #include <algorithm>
@@ -173,18 +173,18 @@ class SizeTuning {
         // Lanes are work-groups of one work-item: on GPUs they would only take the time to compile them.
         if (preferred != EngineKind::kGpu)
             specs.insert(specs.begin() + 1, {EngineKind::kCpu, {}, {}});
-        const bool shapes = parameters_.group_shapes.value_or(preferred != EngineKind::kCpu) &&
-                            fused_plan_exists(grid_.grid_width) && fused_plan_exists(grid_.grid_height);
-        const GroupLimits limits = group_limits(*context_);
+        const bool shapes = parameters_.work_group_shapes.value_or(preferred != EngineKind::kCpu) &&
+                            plan_exists(grid_.grid_width) && plan_exists(grid_.grid_height);
+        const WorkGroupLimits limits = work_group_limits(*context_);
         if (shapes)
-            for (const GroupPick &pick : group_picks(make_group_plan(grid_.grid_height), limits, true))
+            for (const WorkGroup &pick : work_groups_to_try(make_gpu_plan(grid_.grid_height), limits, true))
                 specs.push_back({EngineKind::kGpu, pick, {}});
         measure(specs, 0.0, shapes ? 0.5 : 1.0);
         if (shapes) {
             // The work-groups of the rows, with the best ones of the columns.
             specs.clear();
-            if (const std::optional<GroupPick> columns = best_columns())
-                for (const GroupPick &pick : group_picks(make_group_plan(grid_.grid_width), limits, false))
+            if (const std::optional<WorkGroup> columns = best_columns())
+                for (const WorkGroup &pick : work_groups_to_try(make_gpu_plan(grid_.grid_width), limits, false))
                     specs.push_back({EngineKind::kGpu, columns, pick});
             if (!specs.empty())
                 measure(specs, 0.5, 1.0);
@@ -274,8 +274,8 @@ class SizeTuning {
     }
 
     // Of the work-groups that the rule takes, too.
-    std::optional<GroupPick> best_columns() const {
-        std::optional<GroupPick> best;
+    std::optional<WorkGroup> best_columns() const {
+        std::optional<WorkGroup> best;
         double least = INFINITY;
         for (const Entry &entry : entries_)
             if (entry.runner && entry.candidate.counts() && entry.runner->engine().columns &&

@@ -1,9 +1,9 @@
 // Measures which engine is the fastest on a device, and keeps that as a tuning record.
 #pragma once
 
+#include "fft/plan/tuning_record.hpp"
 #include "runtime/context.hpp"
 #include "runtime/progress.hpp"
-#include "fft/plan/tuning_record.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -21,12 +21,12 @@ struct TuneSize {
 };
 
 struct TuneParameters {
-    std::vector<TuneSize> sizes;      // none: default_tune_sizes()
-    std::uint32_t frames = 15;        // measured of each candidate
-    double relative_diameter = 0.5;   // of the aperture
-    std::optional<bool> group_shapes; // measure several shapes of work-groups; none: on all devices but CPUs
-    bool keep = true;                 // in the record's file
-    std::string path;                 // of that file; "": the context's
+    std::vector<TuneSize> sizes;           // none: default_tune_sizes()
+    std::uint32_t frames = 15;             // measured of each candidate
+    double relative_diameter = 0.5;        // of the aperture
+    std::optional<bool> work_group_shapes; // measure several shapes of work-groups; none: on all devices but CPUs
+    bool keep = true;                      // in the record's file
+    std::string path;                      // of that file; "": the context's
     ProgressFunction progress;
 };
 

@@ -2,8 +2,8 @@
 // functions of philox.h, bit for bit: the same operations in the same order. Pairs go to out-parameters: inlining a function that returns
 // a structure leaves an intrinsic behind (llvm.experimental.noalias.scope.decl) that oclgrind 21.10 cannot run.
 //   LANES  4, 8 or 16
-#ifndef CLSP_FUSED_LANES_H
-#define CLSP_FUSED_LANES_H
+#ifndef CLSP_LANES_H
+#define CLSP_LANES_H
 
 #include "common/philox.h"
 

@@ -6,7 +6,7 @@
 
 #define LANES 16
 #define ROWS 4
-#define GROUP_SIZE __attribute__((reqd_work_group_size(LANES * ROWS, 1, 1)))
+#define WORK_GROUP_SIZE __attribute__((reqd_work_group_size(LANES * ROWS, 1, 1)))
 
 // The lanes of one row of the work-group, one after the other.
 static inline double lane_total(__local const float *lanes) {
@@ -17,7 +17,7 @@ static inline double lane_total(__local const float *lanes) {
 }
 
 // How often each code occurs, and the sum of each row of each frame. histogram: zeros; masked pixels do not count.
-__kernel GROUP_SIZE void frame_sums_count(__global const ushort *codes, __global const float *weight, uint is_masked,
+__kernel WORK_GROUP_SIZE void frame_sums_count(__global const ushort *codes, __global const float *weight, uint is_masked,
                                          uint width, uint height, uint last, __global uint *histogram,
                                          __global uint *row_sums) {
     __local uint partial[ROWS][LANES];
@@ -96,7 +96,7 @@ __kernel void frame_sums_residuals(__global const ushort *codes, __global const 
 }
 
 // Of each row of each image the sums of its values, their squares, cubes and fourth powers.
-__kernel GROUP_SIZE void frame_sums_powers(__global const float *images, uint pixels, uint width, uint rows,
+__kernel WORK_GROUP_SIZE void frame_sums_powers(__global const float *images, uint pixels, uint width, uint rows,
                                           __global double4 *powers) {
     __local float partial[4][ROWS][LANES];
     const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES, image = get_global_id(1);
@@ -135,7 +135,7 @@ typedef struct {
     uint lopsided; // a b (a - b) instead of a b
 } row_product;
 
-__kernel GROUP_SIZE void frame_sums_products(__global const float *images, uint pixels, uint pitch,
+__kernel WORK_GROUP_SIZE void frame_sums_products(__global const float *images, uint pixels, uint pitch,
                                             __global const row_product *products, uint most_rows,
                                             __global double *values) {
     __local float partial[ROWS][LANES];
@@ -224,7 +224,7 @@ __kernel void frame_sums_edge_columns(__global const ushort *codes, __global con
     }
     columns[frame * (width - 1) + x] = total;
 }
-__kernel GROUP_SIZE void frame_sums_edge_rows(__global const ushort *codes, __global const float *weight, uint is_masked,
+__kernel WORK_GROUP_SIZE void frame_sums_edge_rows(__global const ushort *codes, __global const float *weight, uint is_masked,
                                              uint width, uint height, __global uint *rows) {
     __local uint partial[ROWS][LANES];
     const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES, frame = get_global_id(1);

@@ -10,7 +10,7 @@ static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4
     store_some_interleaved(&z, to, count);
 }
 
-__kernel void fused_phase_refresh(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
+__kernel void phase_refresh_lanes(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
                                   uint frame_low, uint frame_high, ulong rest_offset) {
     const uint row = get_global_id(0), polarization = get_global_id(2);
     if (row >= quarter)

@@ -1,5 +1,5 @@
 // The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as expose_pixel() in sensor_pixel.h.
-// What is on is decided at run time: pass C of the fused engine includes this, and a transform takes long to compile.
+// What is on is decided at run time: rows_inverse of the engine for CPUs includes this, and a transform takes long to compile.
 //   OUTPUT_FORMAT
 //   STREAM 1  codes may go past the caches
 #ifndef CLSP_SENSOR_LANES_H

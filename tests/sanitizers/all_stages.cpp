@@ -591,7 +591,7 @@ int main(int argc, char **argv) {
         run();
         run_effects();
         run_doe_design();
-        setenv("CLSPECKLE_FFT", "fused-lanes", 1);
+        setenv("CLSPECKLE_FFT", "cpu", 1);
         run_effects();
         run_lookups();
         run_odd_airflow();
@@ -604,12 +604,12 @@ int main(int argc, char **argv) {
         run_doe();
         // Again in work-groups; columns too long for both parts of them to stand in local memory at once, and
         // butterflies for which there are too few work-items and too many.
-        setenv("CLSPECKLE_FFT", "fused-groups", 1);
+        setenv("CLSPECKLE_FFT", "gpu", 1);
         run_effects();
         apertures.push_back({5, 1080, 1, 0, 0.3, 0.0, 0.0, CLSP_FIELD_UNIT_PHASOR});
         apertures.push_back({250, 4, 1, 0, 0.5, 0.0, 0.0, CLSP_FIELD_CIRCULAR_GAUSSIAN});
         run_apertures(apertures);
-        setenv("CLSPECKLE_FFT", "fused-lanes", 1);
+        setenv("CLSPECKLE_FFT", "cpu", 1);
         run_depth();
         run_simulator();
     } catch (const std::exception &error) {

@@ -30,12 +30,12 @@ EXCLUDED = {
     "test_native_passes": "what it tests belongs to the benchmarks, which are not part of the sanitized build",
 }
 PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
-# Programs that run once more with clFFT, whose plans several apertures and threads share, and in the fused engine's
-# other shape.
-RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft", "test_aperture-fused-groups"]
+# Programs that run once more with clFFT, whose plans several apertures and threads share, and with the engine
+# for GPUs.
+RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft", "test_aperture-gpu"]
 Done = subprocess.CompletedProcess[str]
 # Programs that measure clFFT beside the other engines: its own leaks are known (leaks.supp).
-USERS_OF_CLFFT = {"test_group_shapes", "test_tuning"}
+USERS_OF_CLFFT = {"test_work_groups", "test_tuning"}
 # Programs of which a part is enough: the same code, hundreds of times.
 FILTERS = {
     "test_attribution": "-Diagnosis.N*:Diagnosis.S*:Diagnosis.W*:Diagnosis.A*",
@@ -211,7 +211,7 @@ def test_every_kernel_ran(watched: tuple[Done, str]) -> None:
     ran = set(re.findall(r"Instructions executed for kernel '(\w+)'", log))
     kernels = set()
     for path in (ROOT / "kernels").rglob("*.cl"):
-        kernels |= set(re.findall(r"__kernel\s+(?:GROUP_SIZE\s+)?void\s+(\w+)", path.read_text()))
+        kernels |= set(re.findall(r"__kernel\s+(?:WORK_GROUP_SIZE\s+)?void\s+(\w+)", path.read_text()))
     assert kernels
     assert not kernels - ran, f"all_stages.cpp does not run {sorted(kernels - ran)}"
 

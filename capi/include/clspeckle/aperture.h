@@ -89,9 +89,9 @@ typedef struct ClspApertureInfo {
     double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies with CLSP_NORMALIZATION_TRANSMISSION: E[I] / I0 of a flat
                                        image, about pi D^2 / 4 for a circle. */
     uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
-    char fft_backend[32];         /**< "fused" (the library's own passes, in either shape) or "clFFT". */
+    char fft_backend[32];         /**< "fused" (the engines for CPUs and GPUs) or "clFFT". */
     char fft_reason[192];         /**< Why it is not "fused": CLSPECKLE_FFT, a tuning record, the device, the size of the grid; "" if it is. */
-    char fft_engine[32];          /**< "clfft", "fused-lanes" or "fused-groups": as CLSPECKLE_FFT calls them. */
+    char fft_engine[32];          /**< "fused-lanes", "fused-groups" or "clfft": cpu, gpu and clfft of CLSPECKLE_FFT. */
     uint32_t column_lines;        /**< With fused-groups: columns in a work-group; else 0. */
     uint32_t column_work_items;   /**< With fused-groups: work-items for each column; else 0. */
     uint32_t row_lines;           /**< With fused-groups: rows in a work-group; else 0. */

@@ -2,14 +2,14 @@
  * @file tuning.h
  * @brief Which engine makes an aperture's transforms the fastest on a device: measured, kept, followed.
  *
- * The candidates are clFFT and the library's fused engine in its two shapes, vector lanes and work-groups; of the latter on devices that
+ * The candidates are the engines clfft, cpu and gpu; of the last one on devices that
  * are no CPUs several sizes (docs/runtime.md). clspTuningRun() measures all of them for some sizes and keeps the times and the choice in
  * a JSON file, the tuning record. Apertures that are made by contexts created later follow it:
  *
  *   1. CLSPECKLE_FFT, where it forces an engine;
  *   2. the user's record, for this device and driver: CLSPECKLE_TUNING, else tuning.json in the cache folder (ClspContextDesc::cache_dir);
  *   3. a record that came with the library, for devices of this name;
- *   4. lanes on CPUs, work-groups on GPUs, clFFT elsewhere.
+ *   4. cpu on CPUs, gpu on GPUs, clfft elsewhere.
  *
  * CLSPECKLE_TUNING=off leaves 2 and 3 out. Of a record the size itself counts, else the one with the nearest area. What an engine cannot
  * do goes to the next; ClspApertureInfo and the log (ClspContextDesc::log) say which was taken and why. A record that cannot be read
@@ -80,7 +80,7 @@ CLSP_API ClspStatus clspTuningGetJson(ClspTuning tuning, uint64_t capacity, char
 CLSP_API ClspStatus clspTuningGetPath(ClspTuning tuning, uint64_t capacity, char *path, uint64_t *length);
 
 /**
- * The engine that an aperture of this context would have first, and why: "fused-lanes: the default for CPUs". Whether the device has room
+ * The engine that an aperture of this context would have first, and why: "cpu: the default for CPUs". Whether the device has room
  * for it shows when the aperture is made (ClspApertureInfo). Reads the user's record, once for each context.
  * @param width, height of the image, without oversampling and padding.
  * @param capacity, text, length as for clspTuningGetJson().

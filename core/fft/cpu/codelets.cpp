@@ -14,7 +14,7 @@ enum class Place { kTile, kMacro };
 // Code for the butterfly of point j of the block that begins at `base`.
 class StageText {
   public:
-    StageText(const FusedStage &stage, std::string indent) : stage_(stage), indent_(std::move(indent)) {}
+    StageText(const LineStage &stage, std::string indent) : stage_(stage), indent_(std::move(indent)) {}
 
     std::string read(Place place) const {
         std::string text;
@@ -80,7 +80,7 @@ class StageText {
                                            fmt::format("SPREAD({}[1])", twiddle_table(k)));
     }
 
-    FusedStage stage_;
+    LineStage stage_;
     std::string indent_;
 };
 
@@ -143,7 +143,7 @@ std::string last_stage(const std::string &name, Last what, std::uint32_t radix, 
                     "    for (uint base = first; base < first + {}u; base += {}u)\n"
                     "        switch (FFT_ENDS_OF(base)) {{\n",
                     name, kParameters, what == Last::kFilter ? " FFT_PUPIL_PARAMETERS" : "", block_length, radix);
-    for (const std::uint32_t ends : kFusedEnds)
+    for (const std::uint32_t ends : kEnds)
         if (2 * ends < radix)
             text += fmt::format("        case {}u: {{\n{}            break;\n        }}\n", ends,
                                 last_butterfly(what, radix, ends));
@@ -152,7 +152,7 @@ std::string last_stage(const std::string &name, Last what, std::uint32_t radix, 
 }
 
 // A function that takes every butterfly of a stage within one block of the first stage.
-std::string block_stage(const std::string &name, const FusedStage &stage, std::uint32_t block_length, bool inverse) {
+std::string block_stage(const std::string &name, const LineStage &stage, std::uint32_t block_length, bool inverse) {
     const StageText text(stage, "            ");
     const std::uint32_t span = stage.radix * stage.m;
     return fmt::format("static inline void {}(uint first, {}) {{\n"
@@ -200,12 +200,12 @@ std::string transpose(std::uint32_t lanes) {
 
 } // namespace
 
-std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
-    const std::vector<FusedStage> stages = stages_of(plan);
+std::string cpu_codelets(const LinePlan &plan, std::uint32_t lanes) {
+    const std::vector<LineStage> stages = stages_of(plan);
     const std::size_t count = stages.size();
     const std::uint32_t block = plan.block_length();
     std::string text = fmt::format("// {} points =", plan.length);
-    for (const FusedStage &stage : stages)
+    for (const LineStage &stage : stages)
         text += fmt::format(" {}", stage.radix);
     text += fmt::format("\n#define FFT_LENGTH {}u\n#define FFT_BLOCKS {}u\n#define FFT_BLOCK_LENGTH {}u\n"
                         "#define FFT_TILE_VECTORS (2u * (FFT_LENGTH + 1u))\n",
@@ -224,7 +224,7 @@ std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
                         "#ifndef FFT_INPUT_LOOP\n"
                         "#define FFT_INPUT_LOOP\n"
                         "#endif\n",
-                        plan.radices.back(), kFusedAllEnds);
+                        plan.radices.back(), kAllEnds);
     text += transpose(lanes);
 
     for (std::size_t s = 1; s < count; ++s) {
@@ -247,7 +247,7 @@ std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
                         kParameters);
 
     // First and last stage of the line as statements, so that the macros see the kernel's variables.
-    const FusedStage &outer = stages.front();
+    const LineStage &outer = stages.front();
     const StageText step(outer, "            ");
     const auto statement = [](const std::string &body, std::uint32_t m) {
         const std::string lines =
@@ -288,9 +288,9 @@ std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes) {
     return text;
 }
 
-std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<bool(std::uint32_t)> &counts) {
+std::vector<std::uint8_t> needed_ends(const LinePlan &plan, const std::function<bool(std::uint32_t)> &counts) {
     if (plan.radices.size() == 1)
-        return {kFusedAllEnds}; // the first stage is the last one, too: it takes all points
+        return {kAllEnds}; // the first stage is the last one, too: it takes all points
     const std::uint32_t radix = plan.radices.back();
     std::vector<std::uint8_t> table;
     for (std::uint32_t base = 0; base < plan.length; base += radix) {
@@ -298,16 +298,16 @@ std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<
         for (std::uint32_t q = 0; q < radix; ++q)
             if (counts(base + q))
                 needed = std::max(needed, std::min(q + 1, radix - q));
-        std::uint8_t ends = kFusedAllEnds;
-        for (const std::uint8_t choice : kFusedEnds)
-            if (ends == kFusedAllEnds && needed <= choice && 2u * choice < radix)
+        std::uint8_t ends = kAllEnds;
+        for (const std::uint8_t choice : kEnds)
+            if (ends == kAllEnds && needed <= choice && 2u * choice < radix)
                 ends = choice;
         table.push_back(ends);
     }
     return table;
 }
 
-bool within_ends(const FusedPlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position) {
+bool within_ends(const LinePlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position) {
     const std::uint32_t radix = plan.radices.back();
     return at_ends(position % radix, radix, ends[position / radix]);
 }

@@ -10,9 +10,9 @@
 
 namespace clsp {
 
-constexpr const char *kFusedCodeletsName = "fft/cpu/codelets.h";
+constexpr const char *kCpuCodeletsName = "fft/cpu/codelets.h";
 
-// The text that the kernels fused_*.cl include as "fft/cpu/codelets.h". It reads LANES and the types of common/lanes.h,
+// The text that the kernels of fft/cpu include as "fft/cpu/codelets.h". It reads LANES and the types of common/lanes.h,
 // and macros of the including file for what a line is made of and becomes:
 //   FFT_TILE                      address space of the tiles
 //   FFT_STRIPS                    strips of LANES lines that the first and the last stage take side by side
@@ -20,7 +20,7 @@ constexpr const char *kFusedCodeletsName = "fft/cpu/codelets.h";
 //   FFT_OUTPUT(strip, p, re, im)  takes point p of them                                    (fft_inverse_last)
 //   FFT_PUPIL(p, re, im)          multiplies what stands at position p by the pupil        (fft_filter_block)
 //   FFT_INPUT_LOOP                a pragma before the loop over FFT_INPUT (may be left out)
-//   FFT_ENDS                      defined: only some points of a line count, as the table `ends` says (fused_ends())
+//   FFT_ENDS                      defined: only some points of a line count, as the table `ends` says (needed_ends())
 //   FFT_PUPIL_PARAMETERS, FFT_PUPIL_ARGUMENTS  what FFT_PUPIL needs besides, each with a comma before it
 // A tile holds the points of a strip, re and im of point p at tile[2 p] and tile[2 p + 1]. Where there are several
 // strips, or a kernel wants it, one point more lies behind them that stages leave alone: FFT_TILE_VECTORS vectors.
@@ -32,18 +32,18 @@ constexpr const char *kFusedCodeletsName = "fft/cpu/codelets.h";
 //   transpose_lanes(v)                             LANES vectors
 // and of the including file shuffle_lanes(a, b, places), elements of two vectors; places is a macro that lists their
 // constant numbers.
-std::string fused_codelets(const FusedPlan &plan, std::uint32_t lanes);
+std::string cpu_codelets(const LinePlan &plan, std::uint32_t lanes);
 
 // Of a low-pass only some frequencies count. Behind the last stage those that a butterfly leaves lie a last radix's
-// part of the spectrum apart, from low to high: only the ones at both ends are low. kFusedEnds: how many at each end
+// part of the spectrum apart, from low to high: only the ones at both ends are low. kEnds: how many at each end
 // there is code for, besides all.
-constexpr std::uint8_t kFusedEnds[] = {0, 1, 2, 4}, kFusedAllEnds = 255;
+constexpr std::uint8_t kEnds[] = {0, 1, 2, 4}, kAllEnds = 255;
 
 // For each butterfly of the last stage how many points at either end it needs for all positions that count, rounded
-// up to one of kFusedEnds or kFusedAllEnds. What lies there and does not count is made, too (forward), and read
+// up to one of kEnds or kAllEnds. What lies there and does not count is made, too (forward), and read
 // (inverse).
-std::vector<std::uint8_t> fused_ends(const FusedPlan &plan, const std::function<bool(std::uint32_t)> &counts);
+std::vector<std::uint8_t> needed_ends(const LinePlan &plan, const std::function<bool(std::uint32_t)> &counts);
 // Whether position p is made and read.
-bool within_ends(const FusedPlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position);
+bool within_ends(const LinePlan &plan, const std::vector<std::uint8_t> &ends, std::uint32_t position);
 
 } // namespace clsp

@@ -19,18 +19,18 @@
 namespace clsp {
 namespace {
 
-// Of passes A and C: a tile, and for both polarizations room for a number of each point, in whole squares of lanes:
+// Of both rows' passes: a tile, and for both polarizations room for a number of each point, in whole squares of lanes:
 // the amplitudes that they share, the powers of one.
 std::uint64_t row_bytes(std::uint32_t length, std::uint32_t lanes, std::uint32_t polarizations) {
     const std::uint64_t points = (length + lanes - 1) / lanes * lanes;
-    return fused_tile_bytes(length, lanes) + (polarizations - 1) * points * lanes * sizeof(float);
+    return cpu_tile_bytes(length, lanes) + (polarizations - 1) * points * lanes * sizeof(float);
 }
 
-// What pass A asks for ahead: how many samples of a row, four cache lines of numbers, and into which cache. The builtin
-// of OpenCL does nothing on PoCL, its compiler's own does. Rows whose distance is a power of two share few sets of the
-// first cache, so that samples wait in the second one. An AMD processor leaves what is read past the outer caches
-// (0) there, too, but does not pass it on to the third one, which stays the kept lines'; others have it in the first
-// cache alone.
+// What rows_forward asks for ahead: how many samples of a row, four cache lines of numbers, and into which cache. The
+// builtin of OpenCL does nothing on PoCL, its compiler's own does. Rows whose distance is a power of two share few sets
+// of the first cache, so that samples wait in the second one. An AMD processor leaves what is read past the outer
+// caches (0) there, too, but does not pass it on to the third one, which stays the pupil columns'; others have it in
+// the first cache alone.
 std::string prefetch_options(const Context &context) {
     if (!context.is_pocl_cpu())
         return "-DPREFETCH=0";
@@ -78,7 +78,7 @@ class CpuEngine final : public Engine {
     }
 
   private:
-    std::uint64_t field_bytes() const override { return bytes_of(capacity_groups_); }
+    std::uint64_t field_bytes() const override { return bytes_of(capacity_blocks_); }
     void build_kernels(const Phase &phase, Field &field, const std::vector<LaserLine> &lines, const Exposure &exposure,
                        bool with_intensity) override;
     void enqueue_field(CommandChain &chain, const FieldPass &pass, const WorkMemory &memory) override;
@@ -94,30 +94,30 @@ class CpuEngine final : public Engine {
         return context_->is_pocl_cpu() &&
                std::uint64_t{component_bytes(output)} * written().width * written().height >= kStreamedBytes;
     }
-    std::uint64_t bytes_of(std::uint32_t groups) const {
-        return std::uint64_t{polarizations_} * groups * grid_.grid_height * lanes_ * 2 * sizeof(float);
+    std::uint64_t bytes_of(std::uint32_t column_blocks) const {
+        return std::uint64_t{polarizations_} * column_blocks * grid_.grid_height * lanes_ * 2 * sizeof(float);
     }
-    // Lines that the last cache does not hold from pass A to pass B go past the caches, where they are at least not
-    // read before they are written; only vectors that are cache lines, as halves do not come together there.
-    bool streams_lines() const { return lanes_ == 16 && caches_filled(*context_, bytes_of(groups_)) > 1.0; }
-    // Beside images half of that cache is not always theirs either: pass C asks for them ahead.
-    bool prefetches_lines() const { return caches_filled(*context_, bytes_of(groups_)) > 0.5; }
+    // Lines that the last cache does not hold from rows_forward to columns go past the caches, where they are at least
+    // not read before they are written; only vectors that are cache lines, as halves do not come together there.
+    bool streams_lines() const { return lanes_ == 16 && caches_filled(*context_, bytes_of(column_blocks_)) > 1.0; }
+    // Beside images half of that cache is not always theirs either: rows_inverse asks for them ahead.
+    bool prefetches_lines() const { return caches_filled(*context_, bytes_of(column_blocks_)) > 0.5; }
     std::string inverse_options() const {
         return fmt::format("{} -DPREFETCH_LINES={}", row_options(), prefetches_lines() ? 1 : 0);
     }
     cl::Kernel &field_kernel(const std::string &field_options);
     cl::Kernel &pupil_kernel(bool shifted);
     cl::Kernel &exposed_kernel(Format output);
-    // Those of pass C up to the image before it.
+    // Those of rows_inverse up to the image before it.
     KernelArguments inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
                                       const ImageView &before);
     void enqueue_inverse(CommandChain &chain, cl::Kernel &kernel, KernelArguments &arguments, std::size_t items);
     void make_tables(const Pupil &pupil, bool any_pupil);
 
     std::uint32_t lanes_;
-    FusedPlan row_plan_, column_plan_;
+    LinePlan row_plan_, column_plan_;
     ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
-    std::uint32_t kept_ = 0, groups_ = 0, capacity_groups_ = 0;
+    std::uint32_t pupil_columns_ = 0, column_blocks_ = 0, capacity_blocks_ = 0;
     bool complex_pupil_ = false;
     std::optional<float> hard_amplitude_; // where the pupil is 0 or this: pupil_ has bits
     DeviceBuffer row_twiddles_, column_twiddles_;
@@ -131,19 +131,18 @@ class CpuEngine final : public Engine {
     LazyKernel inverse_;
 };
 
-// A pixel's samples lie in one vector, or pass C leaves them to another kernel.
+// A pixel's samples lie in one vector, or rows_inverse leaves them to another kernel.
 bool sums_pixels(std::uint32_t lanes, std::uint32_t oversampling) {
     return oversampling <= lanes && lanes % oversampling == 0;
 }
 
 CpuEngine::CpuEngine(const EngineRequest &request)
-    : Engine(request, {EngineKind::kCpu, {}, {}}), lanes_(fused_lanes(*context_)),
-      row_plan_(make_fused_plan(grid_.grid_width)),
-      column_plan_(make_fused_plan(grid_.grid_height)), row_codelets_{kFusedCodeletsName,
-                                                                      fused_codelets(row_plan_, lanes_)},
-      column_codelets_{kFusedCodeletsName, fused_codelets(column_plan_, lanes_)},
+    : Engine(request, {EngineKind::kCpu, {}, {}}), lanes_(simd_lanes(*context_)),
+      row_plan_(make_cpu_plan(grid_.grid_width)),
+      column_plan_(make_cpu_plan(grid_.grid_height)), row_codelets_{kCpuCodeletsName, cpu_codelets(row_plan_, lanes_)},
+      column_codelets_{kCpuCodeletsName, cpu_codelets(column_plan_, lanes_)},
       complex_pupil_(!request.pupil.phase_turns.empty()) {
-    const std::uint64_t needed = fused_tile_bytes(grid_.grid_width, lanes_);
+    const std::uint64_t needed = cpu_tile_bytes(grid_.grid_width, lanes_);
     const std::uint64_t local = local_bytes();
     if (needed > local)
         throw Error(Status::kUnsupported,
@@ -154,7 +153,7 @@ CpuEngine::CpuEngine(const EngineRequest &request)
     if (!request.pixel_taps.empty() || !sums_pixels(lanes_, grid_.oversampling))
         pixels_of_powers_.emplace(context_, grid_, request.pixel_taps, true);
     make_tables(request.pupil, request.any_pupil);
-    inverse_ = LazyKernel("fft/cpu/rows_inverse.cl", "fused_rows_inverse",
+    inverse_ = LazyKernel("fft/cpu/rows_inverse.cl", "cpu_rows_inverse",
                           fmt::format("{} -DOVERSAMPLING={} -DSENSOR=0 -DSTREAM={}", inverse_options(), pixel_samples(),
                                       streams(Format::kFloat32) ? 1 : 0),
                           &row_codelets_);
@@ -164,36 +163,36 @@ CpuEngine::CpuEngine(const EngineRequest &request)
 void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
     // Lines that pass something, at the positions where the rows' transform leaves them.
-    std::vector<cl_uint> kept, others;
+    std::vector<cl_uint> positions, others;
     std::vector<cl_uint> blocks;
     const std::uint32_t block_length = row_plan_.block_length();
     const auto passes = [&](std::uint32_t p) { return column_passes(pupil, grid_, row_plan_.frequencies[p]); };
-    const std::vector<std::uint8_t> row_ends = fused_ends(row_plan_, passes);
+    const std::vector<std::uint8_t> row_ends = needed_ends(row_plan_, passes);
     for (std::uint32_t position = 0; position < width; ++position) {
         if (passes(position))
-            kept.push_back(position);
+            positions.push_back(position);
         else if (within_ends(row_plan_, row_ends, position))
             others.push_back(position);
         if ((position + 1) % block_length == 0) {
-            const auto count = static_cast<cl_uint>(kept.size());
+            const auto count = static_cast<cl_uint>(positions.size());
             blocks.insert(blocks.end(),
                           {count / lanes_, (count + lanes_ - 1) / lanes_, static_cast<cl_uint>(others.size())});
         }
     }
-    kept_ = static_cast<std::uint32_t>(kept.size());
-    groups_ = (kept_ + lanes_ - 1) / lanes_;
-    capacity_groups_ = any_pupil ? (width + lanes_ - 1) / lanes_ : groups_;
-    blocks[blocks.size() - 3] = groups_; // the last group need not be full
-    kept.resize(std::size_t{groups_} * lanes_, width);
+    pupil_columns_ = static_cast<std::uint32_t>(positions.size());
+    column_blocks_ = (pupil_columns_ + lanes_ - 1) / lanes_;
+    capacity_blocks_ = any_pupil ? (width + lanes_ - 1) / lanes_ : column_blocks_;
+    blocks[blocks.size() - 3] = column_blocks_; // the last one need not be full
+    positions.resize(std::size_t{column_blocks_} * lanes_, width);
 
     const std::uint32_t parts = complex_pupil_ ? 2 : 1;
-    std::vector<float> amplitudes(std::size_t{groups_} * height * parts * lanes_, 0.0f);
-    std::vector<float> line_frequencies(std::size_t{groups_} * lanes_, 0.0f);
-    for (std::uint32_t i = 0; i < kept_; ++i) {
-        const std::uint32_t column = row_plan_.frequencies[kept[i]], group = i / lanes_, lane = i % lanes_;
+    std::vector<float> amplitudes(std::size_t{column_blocks_} * height * parts * lanes_, 0.0f);
+    std::vector<float> line_frequencies(std::size_t{column_blocks_} * lanes_, 0.0f);
+    for (std::uint32_t i = 0; i < pupil_columns_; ++i) {
+        const std::uint32_t column = row_plan_.frequencies[positions[i]], block = i / lanes_, lane = i % lanes_;
         line_frequencies[i] = signed_frequency(column, width);
         for (std::uint32_t position = 0; position < height; ++position) {
-            float *to = &amplitudes[(std::size_t{group} * height + position) * parts * lanes_ + lane];
+            float *to = &amplitudes[(std::size_t{block} * height + position) * parts * lanes_ + lane];
             const std::complex<float> t = scaled_amplitude(pupil, grid_, column_plan_.frequencies[position], column);
             to[0] = t.real();
             if (complex_pupil_)
@@ -201,9 +200,9 @@ void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
         }
     }
     std::vector<std::uint8_t> column_ends;
-    for (std::uint32_t group = 0; group < groups_; ++group) {
-        const std::vector<std::uint8_t> ends = fused_ends(column_plan_, [&](std::uint32_t position) {
-            const auto first = amplitudes.begin() + (std::ptrdiff_t{group} * height + position) * parts * lanes_;
+    for (std::uint32_t block = 0; block < column_blocks_; ++block) {
+        const std::vector<std::uint8_t> ends = needed_ends(column_plan_, [&](std::uint32_t position) {
+            const auto first = amplitudes.begin() + (std::ptrdiff_t{block} * height + position) * parts * lanes_;
             return std::any_of(first, first + parts * lanes_, [](float part) { return part != 0.0f; });
         });
         column_ends.insert(column_ends.end(), ends.begin(), ends.end());
@@ -211,8 +210,8 @@ void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     std::vector<float> frequencies(height);
     for (std::uint32_t position = 0; position < height; ++position)
         frequencies[position] = signed_frequency(column_plan_.frequencies[position], height);
-    kept.insert(kept.end(), others.begin(), others.end());
-    positions_ = device_table(context_, kept);
+    positions.insert(positions.end(), others.begin(), others.end());
+    positions_ = device_table(context_, positions);
     blocks_ = device_table(context_, blocks);
     row_ends_ = device_table(context_, row_ends);
     column_ends_ = device_table(context_, column_ends);
@@ -230,7 +229,7 @@ cl::Kernel &CpuEngine::field_kernel(const std::string &field_options) {
     if (found != fields_.end())
         return found->second;
     return fields_
-        .emplace(field_options, context_->kernel("fft/cpu/rows_forward.cl", "fused_rows_forward",
+        .emplace(field_options, context_->kernel("fft/cpu/rows_forward.cl", "cpu_rows_forward",
                                                  fmt::format("{} {} {} -DOVERSAMPLING={} -DSTREAM_LINES={}",
                                                              field_options, row_options(), prefetch_options(*context_),
                                                              grid_.oversampling, streams_lines() ? 1 : 0),
@@ -241,7 +240,7 @@ cl::Kernel &CpuEngine::field_kernel(const std::string &field_options) {
 cl::Kernel &CpuEngine::pupil_kernel(bool shifted) {
     cl::Kernel &kernel = shifted ? shifted_columns_ : columns_;
     if (!kernel())
-        kernel = context_->kernel("fft/cpu/columns.cl", "fused_columns",
+        kernel = context_->kernel("fft/cpu/columns.cl", "cpu_columns",
                                   fmt::format("-DLANES={} -DCOMPLEX_PUPIL={} -DHARD_PUPIL={} -DSHIFT={}", lanes_,
                                               complex_pupil_ ? 1 : 0, hard_amplitude_ ? 1 : 0, shifted ? 1 : 0),
                                   &column_codelets_);
@@ -253,7 +252,7 @@ cl::Kernel &CpuEngine::exposed_kernel(Format output) {
     if (found != exposed_.end())
         return found->second;
     return exposed_
-        .emplace(output, context_->kernel("fft/cpu/rows_inverse.cl", "fused_rows_inverse",
+        .emplace(output, context_->kernel("fft/cpu/rows_inverse.cl", "cpu_rows_inverse",
                                           fmt::format("{} -DOVERSAMPLING=1 -DSENSOR=1 -DSTREAM={} -DOUTPUT_FORMAT={}",
                                                       inverse_options(), streams(output) ? 1 : 0,
                                                       static_cast<std::uint32_t>(output)),
@@ -280,7 +279,7 @@ void CpuEngine::enqueue_field(CommandChain &chain, const FieldPass &pass, const 
         .add(pass.bad_pixels)
         .add(row_twiddles_.get())
         .add(positions_.get())
-        .add(cl_uint{groups_})
+        .add(cl_uint{column_blocks_})
         .add(blocks_.get())
         .add(row_ends_.get())
         .add(cl::Local(row_bytes(grid_.grid_width, lanes_, polarizations_)));
@@ -288,10 +287,10 @@ void CpuEngine::enqueue_field(CommandChain &chain, const FieldPass &pass, const 
 
     cl::Kernel &columns = pupil_kernel(pass.shift.has_value());
     KernelArguments column_arguments(columns);
-    const std::uint32_t groups = polarizations_ * groups_;
+    const std::uint32_t column_blocks = polarizations_ * column_blocks_;
     column_arguments.add(memory.field)
-        .add(cl_uint{groups})
-        .add(cl_uint{groups_})
+        .add(cl_uint{column_blocks})
+        .add(cl_uint{column_blocks_})
         .add(column_twiddles_.get())
         .add(column_ends_.get())
         .add(pupil_.get());
@@ -302,7 +301,7 @@ void CpuEngine::enqueue_field(CommandChain &chain, const FieldPass &pass, const 
             .add(line_frequencies_.get())
             .add(static_cast<cl_float>((*pass.shift)[0]))
             .add(static_cast<cl_float>((*pass.shift)[1]));
-    chain.run("pupil", columns, groups, 1, 1, 1);
+    chain.run("pupil", columns, column_blocks, 1, 1, 1);
 }
 
 KernelArguments CpuEngine::inverse_arguments(cl::Kernel &kernel, const cl::Buffer &lines, Weights weights, bool adds,
@@ -312,7 +311,7 @@ KernelArguments CpuEngine::inverse_arguments(cl::Kernel &kernel, const cl::Buffe
         .add(cl_uint{grid_.grid_height})
         .add(row_twiddles_.get())
         .add(positions_.get())
-        .add(cl_uint{groups_})
+        .add(cl_uint{column_blocks_})
         .add(blocks_.get())
         .add(row_ends_.get())
         .add(static_cast<cl_float>(weights[0] / (pixel_samples() * pixel_samples())))

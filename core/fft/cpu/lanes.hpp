@@ -1,4 +1,4 @@
-// What goes in the fused engine's lanes besides an aperture's transforms, and what lanes are.
+// What lanes are, and what goes in them besides an aperture's transforms.
 #pragma once
 
 #include "fft/engine_choices.hpp"
@@ -21,13 +21,13 @@ inline bool works_in_lanes(const Context &context) {
 }
 
 // Vectors as long as the device's own, and at least 4 floats: shorter ones would only make the code scalar.
-inline std::uint32_t fused_lanes(const Context &context) {
+inline std::uint32_t simd_lanes(const Context &context) {
     const cl_uint native = context.device().getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>();
     return native >= 16 ? 16 : native >= 8 ? 8 : 4;
 }
 
 // Local memory of a tile: one line in each lane, and a point behind them that stands for lines that are not there.
-inline std::uint64_t fused_tile_bytes(std::uint32_t length, std::uint32_t lanes) {
+inline std::uint64_t cpu_tile_bytes(std::uint32_t length, std::uint32_t lanes) {
     return (std::uint64_t{length} + 1) * 2 * lanes * sizeof(float);
 }
 

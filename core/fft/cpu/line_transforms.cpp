@@ -1,10 +1,10 @@
-// The fused engine's line transforms behind the Fft interface: columns and rows one after the other.
-#include "runtime/command_chain.hpp"
-#include "runtime/device_buffer.hpp"
-#include "fft/fft.hpp"
+// Line transforms in lanes behind the Fft interface: columns and rows one after the other.
 #include "fft/cpu/codelets.hpp"
 #include "fft/cpu/lanes.hpp"
+#include "fft/fft.hpp"
 #include "fft/plan/line_plan.hpp"
+#include "runtime/command_chain.hpp"
+#include "runtime/device_buffer.hpp"
 #include "runtime/kernel_arguments.hpp"
 
 #include <algorithm>
@@ -19,13 +19,14 @@ namespace {
 class Axis {
   public:
     Axis(const std::shared_ptr<Context> &context, std::uint32_t length, std::uint32_t lines, bool along_rows)
-        : length_(length), lines_(lines), lanes_(fused_lanes(*context)) {
-        const FusedPlan plan = make_fused_plan(length);
-        const ProgramCache::GeneratedHeader codelets{kFusedCodeletsName, fused_codelets(plan, lanes_)};
+        : length_(length), lines_(lines), lanes_(simd_lanes(*context)) {
+        const LinePlan plan = make_cpu_plan(length);
+        const ProgramCache::GeneratedHeader codelets{kCpuCodeletsName, cpu_codelets(plan, lanes_)};
         for (const bool inverse : {false, true})
             kernels_[inverse] = context->kernel(
-                "fft/cpu/line_transforms.cl", "fused_fft",
-                fmt::format("-DLANES={} -DALONG_ROWS={} -DINVERSE={}", lanes_, along_rows ? 1 : 0, inverse ? 1 : 0), &codelets);
+                "fft/cpu/line_transforms.cl", "line_transform",
+                fmt::format("-DLANES={} -DALONG_ROWS={} -DINVERSE={}", lanes_, along_rows ? 1 : 0, inverse ? 1 : 0),
+                &codelets);
         std::vector<cl_uint> positions(length);
         for (std::uint32_t position = 0; position < length; ++position)
             positions[plan.frequencies[position]] = position;
@@ -34,8 +35,8 @@ class Axis {
         twiddles_ = DeviceBuffer(context, twiddles.size() * sizeof(float), twiddles.data());
     }
 
-    void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field, std::uint32_t width,
-                 double scale) {
+    void enqueue(CommandChain &chain, FftDirection direction, const char *stage, const cl::Buffer &field,
+                 std::uint32_t width, double scale) {
         cl::Kernel &kernel = kernels_[direction == FftDirection::kInverse];
         KernelArguments(kernel)
             .add(field)
@@ -44,7 +45,7 @@ class Axis {
             .add(static_cast<cl_float>(scale))
             .add(twiddles_.get())
             .add(positions_.get())
-            .add(cl::Local(fused_tile_bytes(length_, lanes_)));
+            .add(cl::Local(cpu_tile_bytes(length_, lanes_)));
         chain.run(stage, kernel, (lines_ + lanes_ - 1) / lanes_, 1, 1, 1);
     }
 
@@ -54,10 +55,11 @@ class Axis {
     DeviceBuffer positions_, twiddles_;
 };
 
-class FusedFft final : public Fft {
+class LineTransforms final : public Fft {
   public:
-    FusedFft(const std::shared_ptr<Context> &context, std::uint32_t width, std::uint32_t height)
-        : width_(width), height_(height), rows_(context, width, height, true), columns_(context, height, width, false) {}
+    LineTransforms(const std::shared_ptr<Context> &context, std::uint32_t width, std::uint32_t height)
+        : width_(width), height_(height), rows_(context, width, height, true), columns_(context, height, width, false) {
+    }
 
     std::size_t scratch_bytes() const override { return 0; }
 
@@ -79,10 +81,10 @@ class FusedFft final : public Fft {
 
 std::shared_ptr<Fft> make_line_transforms(Context &context, std::uint32_t width, std::uint32_t height) {
     const std::uint64_t local = context.device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    if (!works_in_lanes(context) || !fused_plan_exists(width) || !fused_plan_exists(height) ||
-        fused_tile_bytes(std::max(width, height), fused_lanes(context)) > local)
+    if (!works_in_lanes(context) || !plan_exists(width) || !plan_exists(height) ||
+        cpu_tile_bytes(std::max(width, height), simd_lanes(context)) > local)
         return nullptr;
-    return std::make_shared<FusedFft>(context.shared_from_this(), width, height);
+    return std::make_shared<LineTransforms>(context.shared_from_this(), width, height);
 }
 
 } // namespace clsp

@@ -31,20 +31,20 @@ std::uint32_t rounds(std::uint32_t count, std::uint32_t items) {
 
 // A stop in the tile is followed by the points of another stage, which are an even number of points apart where radices
 // are even: a point of room behind every block of the last stage makes that odd.
-std::uint32_t room_every(const FusedPlan &plan) {
+std::uint32_t room_every(const LinePlan &plan) {
     return plan.radices.size() > 1 && plan.radices.back() % 2 == 0 ? plan.radices.back() : 0;
 }
 
-std::uint32_t tile_points(const FusedPlan &plan) {
+std::uint32_t tile_points(const LinePlan &plan) {
     const std::uint32_t every = room_every(plan);
     return plan.length + (every ? plan.length / every : 0);
 }
 
 // Code of one stage: the butterflies b = t, t + items, .. of a line.
-class GroupStage {
+class GpuStage {
   public:
-    GroupStage(const FusedPlan &plan, const FusedStage &stage, std::size_t number, std::uint32_t items,
-               std::uint32_t first_twiddle, const GroupBand &band)
+    GpuStage(const LinePlan &plan, const LineStage &stage, std::size_t number, std::uint32_t items,
+             std::uint32_t first_twiddle, const PassBand &band)
         : plan_(plan), stage_(stage), number_(number), items_(items), first_twiddle_(first_twiddle),
           butterflies_(plan.length / stage.radix), band_(band) {}
 
@@ -71,7 +71,7 @@ class GroupStage {
                 values.emplace_back(); // zero: neither read nor added
                 continue;
             }
-            body += fmt::format("        const lanes_f x{0}r = re[{1}], x{0}i = im[{1}];\n", q, held(q));
+            body += fmt::format("        const lanes_f x{0}r = re[{1}], x{0}i = im[{1}];\n", q, point(q));
             values.push_back({fmt::format("x{}r", q), fmt::format("x{}i", q)});
         }
         std::string factors;
@@ -97,7 +97,7 @@ class GroupStage {
         body += factors + butterfly.text();
         for (std::uint32_t q = 0; q < stage_.radix; ++q) {
             const Butterfly::Value value = values[q].is_zero() ? Butterfly::Value{"0.0f", "0.0f"} : values[q];
-            body += fmt::format("        re[{0}] = {1};\n        im[{0}] = {2};\n", held(q), value.re, value.im);
+            body += fmt::format("        re[{0}] = {1};\n        im[{0}] = {2};\n", point(q), value.re, value.im);
         }
         return function(fmt::format("fft_{}_{}", inverse ? "inverse" : "forward", number_),
                         "lanes_f *re, lanes_f *im, __global const float2 *twiddles", body);
@@ -124,8 +124,8 @@ class GroupStage {
                     take = fmt::format("        __local const lanes_f *points = tile + FFT_TILE_STRIDE * ({});\n", at);
         for (std::uint32_t q = 0; q < stage_.radix; ++q) {
             const std::string place = fmt::format("points[FFT_TILE_STRIDE * {}u]", q * apart);
-            put += fmt::format("        {} = v[{}];\n", place, held(q));
-            take += fmt::format("        v[{}] = {};\n", held(q), place);
+            put += fmt::format("        {} = v[{}];\n", place, point(q));
+            take += fmt::format("        v[{}] = {};\n", point(q), place);
         }
         return function(fmt::format("fft_put_{}", number_), "const lanes_f *v, __local lanes_f *tile", put) +
                function(fmt::format("fft_take_{}", number_), "lanes_f *v, __local const lanes_f *tile", take);
@@ -133,7 +133,7 @@ class GroupStage {
 
   private:
     bool exact() const { return butterflies_ % items_ == 0; }
-    std::string held(std::uint32_t q) const {
+    std::string point(std::uint32_t q) const {
         return rounds(butterflies_, items_) == 1 ? fmt::format("{}", q) : fmt::format("{}u * c + {}u", stage_.radix, q);
     }
 
@@ -159,11 +159,11 @@ class GroupStage {
             values[k] = butterfly.twiddled(values[k], fmt::format("w{}.x", k), fmt::format("w{}.y", k));
     }
 
-    const FusedPlan &plan_;
-    FusedStage stage_;
+    const LinePlan &plan_;
+    LineStage stage_;
     std::size_t number_;
     std::uint32_t items_, first_twiddle_, butterflies_;
-    GroupBand band_;
+    PassBand band_;
 };
 
 // Points go from one stage's work-items to another's. What a work-item puts down it has read itself, so that nobody
@@ -185,16 +185,16 @@ std::string exchange(std::size_t from, std::size_t to, bool split) {
 
 } // namespace
 
-GroupBand group_band(const FusedPlan &plan, const std::vector<bool> &passes) {
+PassBand pass_band(const LinePlan &plan, const std::vector<bool> &passes) {
     const std::uint32_t radix = plan.radices.back();
-    GroupBand band{0, (1u << radix) - 1u};
+    PassBand band{0, (1u << radix) - 1u};
     band.always = band.never;
     for (std::uint32_t position = 0; position < plan.length; ++position)
         (passes[plan.frequencies[position]] ? band.never : band.always) &= ~(1u << position % radix);
     return band;
 }
 
-std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
+std::uint32_t points_per_item(const LinePlan &plan, std::uint32_t items) {
     std::uint32_t most = 0;
     for (const std::uint32_t radix : plan.radices)
         most = std::max(most, rounds(plan.length / radix, items) * radix);
@@ -204,30 +204,30 @@ std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items) {
 namespace {
 
 // Points in registers, the best first: sixteen leave room for what else a kernel needs.
-constexpr std::uint32_t kHeldPoints[] = {16, 32, kMostHeldPoints};
+constexpr std::uint32_t kPointsPerItem[] = {16, 32, kMostPointsPerItem};
 
 // More work-items for a line have nothing to do in any stage.
-std::uint32_t most_butterflies(const FusedPlan &plan) {
+std::uint32_t most_butterflies(const LinePlan &plan) {
     return plan.length / *std::min_element(plan.radices.begin(), plan.radices.end());
 }
 
 // As few points for each of at most `limit` work-items of a line as may be: all of a long line's in one work-item would
 // be a kernel that compilers take minutes for.
-std::uint32_t fewest_held(const FusedPlan &plan, std::uint32_t limit) {
+std::uint32_t fewest_points(const LinePlan &plan, std::uint32_t limit) {
     std::uint32_t fewest = plan.length;
     for (std::uint32_t items = 1; items <= std::min(limit, most_butterflies(plan)); ++items)
-        fewest = std::min(fewest, held_points(plan, items));
+        fewest = std::min(fewest, points_per_item(plan, items));
     return fewest;
 }
 
 } // namespace
 
-std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held) {
+std::uint32_t items_for(const LinePlan &plan, std::uint32_t limit, std::uint32_t points) {
     std::uint32_t best = 0;
     std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
     const std::uint32_t most = std::min(limit, most_butterflies(plan));
     for (std::uint32_t items = 1; items <= most; ++items) {
-        if (held_points(plan, items) > held)
+        if (points_per_item(plan, items) > points)
             continue;
         std::uint64_t slots = 0; // for points, all work-items and stages, idle ones included
         for (const std::uint32_t radix : plan.radices)
@@ -240,39 +240,39 @@ std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_
     return best;
 }
 
-std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape) {
+std::uint64_t gpu_tile_bytes(const LinePlan &plan, const WorkGroupShape &shape) {
     return std::uint64_t{tile_points(plan)} * shape.lines * (shape.split ? 1 : 2) * sizeof(float);
 }
 
-std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across) {
+std::optional<WorkGroupShape> choose_shape(const LinePlan &plan, const WorkGroupLimits &limits, bool across) {
     constexpr std::uint32_t kWavefront = 64;
-    const std::uint32_t group_items = std::min(limits.group_items, kMostGroupItems);
-    // held 0: as few as may be.
-    const auto fitting = [&](std::uint32_t lines, std::uint32_t held) -> std::optional<GroupShape> {
-        const std::uint32_t limit = group_items / lines;
-        const std::uint32_t items = items_for(plan, limit, held ? held : fewest_held(plan, limit));
+    const std::uint32_t work_items = std::min(limits.work_items, kMostWorkItems);
+    // points 0: as few as may be.
+    const auto fitting = [&](std::uint32_t lines, std::uint32_t points) -> std::optional<WorkGroupShape> {
+        const std::uint32_t limit = work_items / lines;
+        const std::uint32_t items = items_for(plan, limit, points ? points : fewest_points(plan, limit));
         for (const bool split : {false, true}) {
-            const GroupShape shape{lines, items, split, across};
-            if (items != 0 && group_tile_bytes(plan, shape) <= limits.local_bytes)
+            const WorkGroupShape shape{lines, items, split, across};
+            if (items != 0 && gpu_tile_bytes(plan, shape) <= limits.local_bytes)
                 return shape;
         }
         return {};
     };
     if (across) {
         for (const std::vector<std::uint32_t> &counts : {std::vector<std::uint32_t>{8, 4}, {2}, {1}})
-            for (const std::uint32_t held : kHeldPoints)
+            for (const std::uint32_t points : kPointsPerItem)
                 for (const std::uint32_t lines : counts)
-                    if (const auto shape = fitting(lines, held))
+                    if (const auto shape = fitting(lines, points))
                         return shape;
         return fitting(1, 0);
     }
-    for (const std::uint32_t held : kHeldPoints) {
-        std::optional<GroupShape> best;
+    for (const std::uint32_t points : kPointsPerItem) {
+        std::optional<WorkGroupShape> best;
         for (const std::uint32_t lines : {1u, 2u, 4u, 8u}) {
-            const std::optional<GroupShape> shape = fitting(lines, held);
+            const std::optional<WorkGroupShape> shape = fitting(lines, points);
             if (shape && (!best || !shape->split))
                 best = shape;
-            if (best && best->group_items() >= kWavefront)
+            if (best && best->work_items() >= kWavefront)
                 break;
         }
         if (best)
@@ -284,87 +284,88 @@ std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupL
 namespace {
 
 // With the tile whole if it fits, else split; none if it does not fit either way.
-std::optional<GroupShape> with_tile(const FusedPlan &plan, GroupShape shape, const GroupLimits &limits) {
-    if (shape.items == 0 || shape.group_items() > limits.group_items)
+std::optional<WorkGroupShape> with_tile(const LinePlan &plan, WorkGroupShape shape, const WorkGroupLimits &limits) {
+    if (shape.items == 0 || shape.work_items() > limits.work_items)
         return {};
     for (const bool split : {false, true}) {
         shape.split = split;
-        if (group_tile_bytes(plan, shape) <= limits.local_bytes)
+        if (gpu_tile_bytes(plan, shape) <= limits.local_bytes)
             return shape;
     }
     return {};
 }
 
 // Work-items for a line that do not hold more points than may be.
-std::uint32_t good_items(const FusedPlan &plan, std::uint32_t limit) {
-    for (const std::uint32_t held : kHeldPoints)
-        if (const std::uint32_t items = items_for(plan, limit, held); items != 0)
+std::uint32_t good_items(const LinePlan &plan, std::uint32_t limit) {
+    for (const std::uint32_t points : kPointsPerItem)
+        if (const std::uint32_t items = items_for(plan, limit, points); items != 0)
             return items;
-    return items_for(plan, limit, fewest_held(plan, limit));
+    return items_for(plan, limit, fewest_points(plan, limit));
 }
 
 } // namespace
 
-std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across,
-                                             const GroupPick &pick) {
-    if (pick.lines == 0 || pick.lines > limits.group_items || pick.items > most_butterflies(plan))
+std::optional<WorkGroupShape> picked_shape(const LinePlan &plan, const WorkGroupLimits &limits, bool across,
+                                           const WorkGroup &pick) {
+    if (pick.lines == 0 || pick.lines > limits.work_items || pick.items > most_butterflies(plan))
         return {};
     const std::uint32_t items =
-        pick.items ? pick.items : good_items(plan, std::min(limits.group_items, kMostGroupItems) / pick.lines);
+        pick.items ? pick.items : good_items(plan, std::min(limits.work_items, kMostWorkItems) / pick.lines);
     return with_tile(plan, {pick.lines, items, false, across}, limits);
 }
 
-std::vector<GroupPick> group_picks(const FusedPlan &plan, const GroupLimits &limits, bool across) {
-    std::vector<GroupPick> picks;
+std::vector<WorkGroup> work_groups_to_try(const LinePlan &plan, const WorkGroupLimits &limits, bool across) {
+    std::vector<WorkGroup> picks;
     for (const std::uint32_t lines : {1u, 2u, 4u, 8u, 16u})
-        for (const std::uint32_t held : {8u, 16u, 32u}) {
-            const GroupPick pick{lines, items_for(plan, limits.group_items / lines, held)};
+        for (const std::uint32_t points : {8u, 16u, 32u}) {
+            const WorkGroup pick{lines, items_for(plan, limits.work_items / lines, points)};
             if (pick.items != 0 && std::find(picks.begin(), picks.end(), pick) == picks.end() &&
-                picked_group_shape(plan, limits, across, pick))
+                picked_shape(plan, limits, across, pick))
                 picks.push_back(pick);
         }
     return picks;
 }
 
-std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const GroupShape &shape, const GroupLimits &limits,
-                                              std::uint32_t lines_of) {
+std::optional<WorkGroupShape> smaller_shape(const LinePlan &plan, const WorkGroupShape &shape,
+                                            const WorkGroupLimits &limits, std::uint32_t lines_of) {
     // Never larger than it was: a kernel whose limits change with its shape must not be asked in circles.
-    const std::uint64_t tile_bytes = group_tile_bytes(plan, shape);
-    const GroupLimits smaller{std::min(limits.group_items, shape.group_items()),
-                              std::min(limits.local_bytes, tile_bytes)};
+    const std::uint64_t tile_bytes = gpu_tile_bytes(plan, shape);
+    const WorkGroupLimits smaller{std::min(limits.work_items, shape.work_items()),
+                                  std::min(limits.local_bytes, tile_bytes)};
     // Fewer lines before more points in registers.
-    for (const bool is_makeshift : {false, true})
+    for (const bool over_budget : {false, true})
         for (std::uint32_t lines = shape.lines; lines >= lines_of; lines /= 2) {
-            const std::uint32_t items = good_items(plan, smaller.group_items / lines);
-            if (lines % lines_of != 0 || items == 0 || (held_points(plan, items) > kMostHeldPoints) != is_makeshift)
+            const std::uint32_t items = good_items(plan, smaller.work_items / lines);
+            if (lines % lines_of != 0 || items == 0 ||
+                (points_per_item(plan, items) > kMostPointsPerItem) != over_budget)
                 continue;
             const auto fitting = with_tile(plan, {lines, items, false, shape.across}, smaller);
-            if (fitting &&
-                (fitting->group_items() < shape.group_items() || group_tile_bytes(plan, *fitting) < tile_bytes))
+            if (fitting && (fitting->work_items() < shape.work_items() || gpu_tile_bytes(plan, *fitting) < tile_bytes))
                 return fitting;
         }
     return {};
 }
 
-std::string group_codelets(const FusedPlan &plan, const GroupShape &shape, const GroupBand &band) {
-    const std::vector<FusedStage> stages = stages_of(plan);
+std::string gpu_codelets(const LinePlan &plan, const WorkGroupShape &shape, const PassBand &band) {
+    const std::vector<LineStage> stages = stages_of(plan);
     std::string text = fmt::format("// {} points =", plan.length);
-    for (const FusedStage &stage : stages)
+    for (const LineStage &stage : stages)
         text += fmt::format(" {}", stage.radix);
     const std::uint32_t points = tile_points(plan), every = room_every(plan);
     text += fmt::format(
-        "\n#define FFT_LENGTH {}u\n#define FFT_LINES {}u\n#define FFT_ITEMS {}u\n#define FFT_GROUP_ITEMS {}\n"
-        "#define FFT_ACROSS {}\n#define FFT_HELD {}\n#define FFT_TILE_STRIDE {}u\n#define FFT_LINE_STRIDE {}u\n"
+        "\n#define FFT_LENGTH {}u\n#define FFT_LINES {}u\n#define FFT_ITEMS {}u\n#define FFT_WORK_ITEMS {}\n"
+        "#define FFT_ACROSS {}\n#define FFT_POINTS {}\n#define FFT_TILE_STRIDE {}u\n#define FFT_LINE_STRIDE {}u\n"
         "#define FFT_PLANE {}u\n#define fft_tile_at(p) ({})\n#define FFT_LAST_ALWAYS {:#x}u\n#define FFT_LAST_NEVER "
         "{:#x}u\n",
-        plan.length, shape.lines, shape.items, shape.group_items(), shape.across ? 1 : 0,
-        held_points(plan, shape.items), shape.across ? shape.lines : 1, shape.across ? 1 : points, points * shape.lines,
-        every ? fmt::format("(p) + (p) / {}u", every) : std::string("(p)"), band.always, band.never);
+        plan.length, shape.lines, shape.items, shape.work_items(), shape.across ? 1 : 0,
+        points_per_item(plan, shape.items), shape.across ? shape.lines : 1, shape.across ? 1 : points,
+        points * shape.lines, every ? fmt::format("(p) + (p) / {}u", every) : std::string("(p)"), band.always,
+        band.never);
     std::string forward, inverse;
     const std::size_t count = stages.size();
     std::uint32_t twiddles = 0;
     for (std::size_t s = 0; s < count; ++s) {
-        const GroupStage stage(plan, stages[s], s, shape.items, twiddles, band);
+        const GpuStage stage(plan, stages[s], s, shape.items, twiddles, band);
         twiddles += stage.twiddles();
         if (s == 0)
             text += stage.defines("FFT_FIRST", "fft_first");
@@ -389,9 +390,9 @@ std::string group_codelets(const FusedPlan &plan, const GroupShape &shape, const
     return text;
 }
 
-std::vector<float> group_twiddles(const FusedPlan &plan) {
+std::vector<float> gpu_twiddles(const LinePlan &plan) {
     std::vector<float> result;
-    for (const FusedStage &stage : stages_of(plan))
+    for (const LineStage &stage : stages_of(plan))
         if (stage.m > 1)
             for (std::uint32_t k = 1; k < stage.radix; ++k)
                 for (std::uint32_t j = 0; is_read(k, stage.radix) && j < stage.m; ++j)

@@ -15,7 +15,7 @@ namespace clsp {
 // What a work-group is. A work-item holds the points of its butterflies in registers; between stages points change
 // hands in a tile of local memory, where a point behind each block of the last stage keeps work-items off each other's
 // banks.
-struct GroupShape {
+struct WorkGroupShape {
     std::uint32_t lines = 1; // in a work-group
     std::uint32_t items = 1; // work-items for each line
     bool split = false; // real parts go through the tile first, then imaginary ones: half the memory, three barriers
@@ -23,61 +23,61 @@ struct GroupShape {
     // Neighbouring work-items take neighbouring lines (columns), not neighbouring points of a line (rows).
     bool across = false;
 
-    std::uint32_t group_items() const { return lines * items; }
+    std::uint32_t work_items() const { return lines * items; }
 };
 
-struct GroupLimits {
-    std::uint32_t group_items; // work-items in a work-group
+struct WorkGroupLimits {
+    std::uint32_t work_items; // work-items in a work-group
     std::uint64_t local_bytes;
 };
 
 // Which positions of a plan the pupil lets through. Those of the last stage's butterflies' q-th points make up run q
 // (q = 0 .. last radix - 1), neighbouring frequencies: most runs pass whole or not at all.
-struct GroupBand {
+struct PassBand {
     std::uint32_t always = 0; // bit q: all of run q passes
     std::uint32_t never = 0;  // bit q: nothing of it
 };
 // passes: of each frequency of the transform.
-GroupBand group_band(const FusedPlan &plan, const std::vector<bool> &passes);
+PassBand pass_band(const LinePlan &plan, const std::vector<bool> &passes);
 
 // What the rule takes of work-items: larger groups wait longer at their barriers and leave fewer of them to a
 // processor. AMD's driver gives no more to begin with, and NVIDIA's (580.159) gives these kernels no more, though its
 // devices say 1024.
-constexpr std::uint32_t kMostGroupItems = 256;
+constexpr std::uint32_t kMostWorkItems = 256;
 // What a work-item holds in registers with a strain: with 40 points NVIDIA's processors still have two work-groups of
-// 256, with 45 one. More are a makeshift.
-constexpr std::uint32_t kMostHeldPoints = 40;
+// 256, with 45 one. More are over budget.
+constexpr std::uint32_t kMostPointsPerItem = 40;
 
 // The most points that a work-item holds.
-std::uint32_t held_points(const FusedPlan &plan, std::uint32_t items);
-// Work-items for each line, at most `limit`, such that the fewest stand idle and none holds more than `held` points; 0
-// if there is no such number.
-std::uint32_t items_for(const FusedPlan &plan, std::uint32_t limit, std::uint32_t held);
-std::uint64_t group_tile_bytes(const FusedPlan &plan, const GroupShape &shape);
+std::uint32_t points_per_item(const LinePlan &plan, std::uint32_t items);
+// Work-items for each line, at most `limit`, such that the fewest stand idle and none holds more than `points` points;
+// 0 if there is no such number.
+std::uint32_t items_for(const LinePlan &plan, std::uint32_t limit, std::uint32_t points);
+std::uint64_t gpu_tile_bytes(const LinePlan &plan, const WorkGroupShape &shape);
 
 // A shape that fits the limits; none if a line alone does not. Lines across (of complex points): eight side by side
 // fill half a cache line of every row, four fill the sectors that GPUs fetch; fewer only where memory allows no more.
 // Lines along: as few as make up a wavefront.
-std::optional<GroupShape> choose_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across);
+std::optional<WorkGroupShape> choose_shape(const LinePlan &plan, const WorkGroupLimits &limits, bool across);
 
 // The shape with those lines and work-items, if it fits the limits and no work-item would stand idle throughout.
-std::optional<GroupShape> picked_group_shape(const FusedPlan &plan, const GroupLimits &limits, bool across,
-                                             const GroupPick &pick);
+std::optional<WorkGroupShape> picked_shape(const LinePlan &plan, const WorkGroupLimits &limits, bool across,
+                                           const WorkGroup &pick);
 // Shapes that are worth a measurement: so many lines as powers of two allow up to 16, with as few work-items as hold 8,
 // 16 or 32 points each.
-std::vector<GroupPick> group_picks(const FusedPlan &plan, const GroupLimits &limits, bool across);
+std::vector<WorkGroup> work_groups_to_try(const LinePlan &plan, const WorkGroupLimits &limits, bool across);
 // A shape for a kernel that turned out to leave its work-group less than `shape` takes: fewer work-items for each line,
-// then fewer lines, always a multiple of lines_of, and more than kMostHeldPoints only where that does not fit either.
-// None if nothing fits.
-std::optional<GroupShape> smaller_group_shape(const FusedPlan &plan, const GroupShape &shape, const GroupLimits &limits,
-                                              std::uint32_t lines_of);
+// then fewer lines, always a multiple of lines_of, and more than kMostPointsPerItem only where that does not fit
+// either. None if nothing fits.
+std::optional<WorkGroupShape> smaller_shape(const LinePlan &plan, const WorkGroupShape &shape,
+                                            const WorkGroupLimits &limits, std::uint32_t lines_of);
 
-constexpr const char *kFusedGroupCodeletsName = "fft/gpu/codelets.h";
+constexpr const char *kGpuCodeletsName = "fft/gpu/codelets.h";
 
 // The text that the kernels of fft/gpu include under that name. It reads the types of fft/gpu/work_groups.h and defines
-//   FFT_LENGTH, FFT_LINES, FFT_ITEMS, FFT_GROUP_ITEMS
+//   FFT_LENGTH, FFT_LINES, FFT_ITEMS, FFT_WORK_ITEMS
 //   FFT_ACROSS      1: neighbouring work-items take neighbouring lines
-//   FFT_HELD        points that a work-item holds in re[] and im[]
+//   FFT_POINTS        points that a work-item holds in re[] and im[]
 //   FFT_TILE_STRIDE, FFT_LINE_STRIDE  of neighbouring points and of lines in the tile, in floats
 //   fft_tile_at(p)  which point of a line in the tile is point p
 //   FFT_FIRST_RADIX, FFT_FIRST_BUTTERFLIES, FFT_FIRST_COUNT, fft_first_takes(b), fft_first_point(b, q)
@@ -88,10 +88,10 @@ constexpr const char *kFusedGroupCodeletsName = "fft/gpu/codelets.h";
 //   fft_forward(t, re, im, tile, twiddles)   from the first stage's points to the last one's; all work-items call it
 //   fft_inverse(t, re, im, tile, twiddles)   back; points of runs that never pass are not asked for
 // tile: of the work-item's line. After either, a work-item may write the tile's points that it holds without a barrier.
-std::string group_codelets(const FusedPlan &plan, const GroupShape &shape, const GroupBand &band = {});
+std::string gpu_codelets(const LinePlan &plan, const WorkGroupShape &shape, const PassBand &band = {});
 
 // The plan's twiddle factors that are read, in the order in which neighbouring work-items do: stage after stage, for
 // each such k those of all j.
-std::vector<float> group_twiddles(const FusedPlan &plan);
+std::vector<float> gpu_twiddles(const LinePlan &plan);
 
 } // namespace clsp

@@ -166,8 +166,8 @@ Butterfly::Values Butterfly::transform_prime(const Values &x) {
     return result;
 }
 
-std::vector<FusedStage> stages_of(const FusedPlan &plan) {
-    std::vector<FusedStage> stages;
+std::vector<LineStage> stages_of(const LinePlan &plan) {
+    std::vector<LineStage> stages;
     std::uint32_t block = plan.length, twiddles = 0;
     for (const std::uint32_t radix : plan.radices) {
         const std::uint32_t m = block / radix;

@@ -1,4 +1,4 @@
-// OpenCL source of one butterfly, which both shapes of the fused engine are put together from.
+// OpenCL source of one butterfly, which the transforms of both engines are put together from.
 #pragma once
 
 #include "fft/plan/line_plan.hpp"
@@ -53,10 +53,10 @@ class Butterfly {
 };
 
 // One stage of a plan.
-struct FusedStage {
+struct LineStage {
     std::uint32_t radix, m;
     std::uint32_t twiddles; // where its table begins, in floats
 };
-std::vector<FusedStage> stages_of(const FusedPlan &plan);
+std::vector<LineStage> stages_of(const LinePlan &plan);
 
 } // namespace clsp

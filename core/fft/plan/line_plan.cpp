@@ -62,8 +62,8 @@ std::vector<std::uint32_t> cheapest_radices(std::uint32_t length, std::uint32_t 
     return best;
 }
 
-FusedPlan plan_of(std::uint32_t length, std::vector<std::uint32_t> radices) {
-    FusedPlan plan;
+LinePlan plan_of(std::uint32_t length, std::vector<std::uint32_t> radices) {
+    LinePlan plan;
     plan.length = length;
     plan.radices = std::move(radices);
     plan.frequencies.assign(length, 0);
@@ -87,28 +87,27 @@ FusedPlan plan_of(std::uint32_t length, std::vector<std::uint32_t> radices) {
 }
 
 void check_length(std::uint32_t length) {
-    if (!fused_plan_exists(length))
-        throw Error(
-            Status::kUnsupported,
-            fmt::format("the fused engine has no transform of {} points: lines have 2 to {} points and no prime "
-                        "factor above {}",
-                        length, kLongestFusedLine, kLargestFusedFactor));
+    if (!plan_exists(length))
+        throw Error(Status::kUnsupported,
+                    fmt::format("there is no transform of {} points: lines have 2 to {} points and no prime "
+                                "factor above {}",
+                                length, kLongestLine, kLargestFactor));
 }
 
 } // namespace
 
-bool fused_plan_exists(std::uint32_t length) {
-    return length >= 2 && length <= kLongestFusedLine && rest_of(length) == 1;
+bool plan_exists(std::uint32_t length) {
+    return length >= 2 && length <= kLongestLine && rest_of(length) == 1;
 }
 
-FusedPlan make_fused_plan(std::uint32_t length) {
+LinePlan make_cpu_plan(std::uint32_t length) {
     check_length(length);
     return plan_of(length, radices_of(length));
 }
 
-FusedPlan make_group_plan(std::uint32_t length) {
+LinePlan make_gpu_plan(std::uint32_t length) {
     check_length(length);
-    std::vector<std::uint32_t> radices = cheapest_radices(length, kLargestGroupRadix);
+    std::vector<std::uint32_t> radices = cheapest_radices(length, kLargestGpuRadix);
     std::reverse(radices.begin(), radices.end());
     return plan_of(length, radices);
 }

@@ -1,5 +1,5 @@
-// One-dimensional transforms of the fused speckle engine: in which radices a length is taken apart, and the tables that
-// its kernels read.
+// One-dimensional transforms of the engines for CPUs and GPUs: in which radices a length is taken apart, and the tables
+// that its kernels read.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace clsp {
 //   y[k m + j] = w^(j k) sum_q x[q m + j] exp(-2 pi i q k / r),   w = exp(-2 pi i / (r m)),
 // and each block goes on by itself. What comes out stands in digit-reversed order; the inverse takes the same steps
 // backwards, so that nothing is ever put in order.
-struct FusedPlan {
+struct LinePlan {
     std::uint32_t length = 0;
     std::vector<std::uint32_t> radices; // first stage to last
     // Frequency, 0 .. length - 1, that stands at each position behind the forward transform.
@@ -26,16 +26,16 @@ struct FusedPlan {
 };
 
 // The largest prime factor of a length, and the longest one.
-constexpr std::uint32_t kLargestFusedFactor = 13;
-constexpr std::uint32_t kLongestFusedLine = 8192;
+constexpr std::uint32_t kLargestFactor = 13;
+constexpr std::uint32_t kLongestLine = 8192;
 
-// True if make_fused_plan() takes the length: 2 to kLongestFusedLine, no prime factor above kLargestFusedFactor.
-bool fused_plan_exists(std::uint32_t length);
-FusedPlan make_fused_plan(std::uint32_t length);
+// True if make_cpu_plan() takes the length: 2 to kLongestLine, no prime factor above kLargestFactor.
+bool plan_exists(std::uint32_t length);
+LinePlan make_cpu_plan(std::uint32_t length);
 
-// The same for work-groups: as few stages as radices up to kLargestGroupRadix allow, since each ends at a barrier, and
+// The same for work-groups: as few stages as radices up to kLargestGpuRadix allow, since each ends at a barrier, and
 // among those the one with the smallest radices.
-constexpr std::uint32_t kLargestGroupRadix = 16;
-FusedPlan make_group_plan(std::uint32_t length);
+constexpr std::uint32_t kLargestGpuRadix = 16;
+LinePlan make_gpu_plan(std::uint32_t length);
 
 } // namespace clsp

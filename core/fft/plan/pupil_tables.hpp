@@ -1,4 +1,4 @@
-// What both shapes of the fused engine tell their kernels about a pupil.
+// What the engines for CPUs and GPUs tell their kernels about a pupil.
 #pragma once
 
 #include "runtime/device_buffer.hpp"

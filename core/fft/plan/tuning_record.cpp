@@ -87,21 +87,21 @@ class Node {
     std::string place_;
 };
 
-std::optional<GroupPick> pick_of(const Node &node, const char *name) {
+std::optional<WorkGroup> pick_of(const Node &node, const char *name) {
     if (!node.has(name))
         return {};
     const Node pick = node.at(name);
-    return GroupPick{pick.at("lines").integer(1, 64), pick.at("work_items").integer(1, 4096)};
+    return WorkGroup{pick.at("lines").integer(1, 64), pick.at("work_items").integer(1, 4096)};
 }
 
 EngineSpec spec_of(const Node &node) {
     const std::string name = node.at("engine").text();
     const std::optional<EngineKind> engine = engine_of(name);
     if (!engine)
-        refuse(fmt::format("{}.engine is \"{}\", expected clfft, fused-lanes or fused-groups", node.place(), name));
+        refuse(fmt::format("{}.engine is \"{}\", expected cpu, gpu or clfft", node.place(), name));
     EngineSpec spec{*engine, pick_of(node, "columns"), pick_of(node, "rows")};
     if (spec.kind != EngineKind::kGpu && (spec.columns || spec.rows))
-        refuse(fmt::format("{} has work-groups, which only fused-groups has", node.place()));
+        refuse(fmt::format("{} has work-groups, which only gpu has", node.place()));
     return spec;
 }
 
@@ -226,6 +226,8 @@ TuningFile parse_tuning(const std::string &text) {
     TuningFile file;
     for (const Node &record : root.at("records").items())
         file.records.push_back(record_of(record));
+    for (const char *name : {"\"fused-lanes\"", "\"fused-groups\""})
+        file.old_names = file.old_names || text.find(name) != std::string::npos;
     return file;
 }
 

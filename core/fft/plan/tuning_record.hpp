@@ -53,6 +53,7 @@ struct TuningRecord {
 // A file: one record for each device.
 struct TuningFile {
     std::vector<TuningRecord> records;
+    bool old_names = false; // some of its engines have the names of before
 
     // Puts measured sizes in the place of older ones of the same device and size.
     void merge(const TuningRecord &measured);

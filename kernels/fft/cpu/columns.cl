@@ -1,7 +1,7 @@
-// Pass B of the fused speckle engine: LANES kept lines at once, transformed along the columns, multiplied by the pupil and transformed back,
+// The columns' pass of the engine for CPUs: LANES pupil columns at once, transformed along the columns, multiplied by the pupil and transformed back,
 // in place (the layout is in rows_forward.cl): also between the stages, as a tile beside the lines would need as much of the caches again.
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
-//   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the kept lines
+//   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the pupil columns
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "common/lanes.h"
 
@@ -69,23 +69,23 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
 
 #include "fft/cpu/codelets.h"
 
-// pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_groups groups of lines; then they begin anew.
-// ends: of the transform (fused_ends() of the host), for each of the pupil's groups.
-__kernel void fused_columns(__global lanes_f *lines, uint groups, uint pupil_groups, __global const float *twiddles,
+// pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_blocks blocks of columns; then they begin anew.
+// ends: of the transform (needed_ends() of the host), for each of the pupil's blocks.
+__kernel void cpu_columns(__global lanes_f *lines, uint column_blocks, uint pupil_blocks, __global const float *twiddles,
                             __global const uchar *ends, PUPIL_PARAMETERS
 #if SHIFT
                             , __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y
 #endif
 ) {
-    const uint group = get_global_id(0);
-    if (group >= groups)
+    const uint column_block = get_global_id(0);
+    if (column_block >= column_blocks)
         return;
-    __global lanes_f *tiles = lines + 2 * (ulong)group * FFT_LENGTH;
-    const uint pupil_group = group % pupil_groups;
-    pupil += (ulong)pupil_group * PUPIL_NUMBERS * FFT_LENGTH;
-    ends += pupil_group * FFT_ENDS_COUNT;
+    __global lanes_f *tiles = lines + 2 * (ulong)column_block * FFT_LENGTH;
+    const uint pupil_block = column_block % pupil_blocks;
+    pupil += (ulong)pupil_block * PUPIL_NUMBERS * FFT_LENGTH;
+    ends += pupil_block * FFT_ENDS_COUNT;
 #if SHIFT
-    const lanes_f column_turns = line_frequencies[pupil_group] * shift_x;
+    const lanes_f column_turns = line_frequencies[pupil_block] * shift_x;
 #endif
     fft_forward_first
     for (uint block = 0; block < FFT_BLOCKS; ++block)

@@ -1,4 +1,4 @@
-// One axis of a two-dimensional transform in place, natural order in and out, on LANES lines at once: what the fused engine's passes are made
+// One axis of a two-dimensional transform in place, natural order in and out, on LANES lines at once: what the passes of the engine for CPUs are made
 // of, for fields that exist as such (filters, screens).
 //   ALONG_ROWS 0   columns x .. x + LANES - 1
 //   ALONG_ROWS 1   rows y .. y + LANES - 1
@@ -111,7 +111,7 @@ static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint
 #endif
 
 // field: rows of `width` complex numbers. line_count: of all lines. positions: where each frequency stands in a transformed line.
-__kernel void fused_fft(__global float *field, uint width, uint line_count, float scale, __global const float *twiddles,
+__kernel void line_transform(__global float *field, uint width, uint line_count, float scale, __global const float *twiddles,
                         __global const uint *positions, __local lanes_f *tiles) {
     const uint line = get_global_id(0) * LANES;
     if (line >= line_count)

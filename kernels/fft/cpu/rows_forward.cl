@@ -1,13 +1,13 @@
-// Pass A of the fused speckle engine: the field of LANES rows at once (what field_sample.h does, the same bits), its transform along the rows, and
+// The first pass of the engine for CPUs: the field of LANES rows at once (what field_sample.h does, the same bits), its transform along the rows, and
 // of that only the lines that the pupil lets through.
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
 //   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is read once
 //   PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which cache, as __builtin_prefetch() has it
-//   STREAM_LINES 1  the kept lines go past the caches
+//   STREAM_LINES 1  the pupil columns go past the caches
 //
-// Kept lines lie in groups of LANES, in the order in which the transform leaves them: point y of group g is a pair of vectors (re, im) at
-// lines[2 (g grid_height + y)], lane l the l-th line of the group.
+// Pupil columns lie in column blocks of LANES, in the order in which the transform leaves them: point y of block b is a pair of vectors (re, im) at
+// lines[2 (b grid_height + y)], lane l the l-th column of the block.
 #include "stages/field_sample.h"
 #include "common/lanes.h"
 
@@ -269,12 +269,12 @@ static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int firs
     }
 }
 
-// positions: of each kept line in the transform, `groups` of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
-// blocks: for each block of the transform three numbers, of which the first counts the groups that are complete behind it.
-// ends: of the transform (fused_ends() of the host), so that kept lines are among what is made.
-__kernel void fused_rows_forward(FIELD_PARAMETERS,
+// positions: of each pupil column in the transform, `column_blocks` of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
+// blocks: for each block of the transform three numbers, of which the first counts the column blocks that are complete behind it.
+// ends: of the transform (needed_ends() of the host), so that pupil columns are among what is made.
+__kernel void cpu_rows_forward(FIELD_PARAMETERS,
                                  __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
-                                 __global const uint *positions, uint groups, __global const uint *blocks, __global const uchar *ends,
+                                 __global const uint *positions, uint column_blocks, __global const uint *blocks, __global const uchar *ends,
                                  __local lanes_f *tiles) {
     const uint y = get_global_id(0) * LANES;
     if (y >= grid_height)
@@ -320,15 +320,15 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
             for (uint x = 0; x < FFT_LENGTH; x += LANES)
                 load_points(&source, x, 0, &worst, tiles);
         fft_forward_first
-        uint group = 0;
+        uint column_block = 0;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {
 #if PREFETCH
             prefetch_starts(&source, k, block, FFT_BLOCKS);
 #endif
             fft_forward_block(block, tiles, twiddles FFT_ENDS_ARGUMENT);
-            for (; group < blocks[3u * block]; ++group) {
-                __global const uint *places = positions + group * LANES;
-                __global lanes_f *out = lines + 2 * ((ulong)group * grid_height + y);
+            for (; column_block < blocks[3u * block]; ++column_block) {
+                __global const uint *places = positions + column_block * LANES;
+                __global lanes_f *out = lines + 2 * ((ulong)column_block * grid_height + y);
                 // One part after the other: both at once are more than there are registers.
                 for (uint part = 0; part < 2; ++part) {
                     lanes_f v[LANES];
@@ -349,7 +349,7 @@ __kernel void fused_rows_forward(FIELD_PARAMETERS,
                 }
             }
         }
-        lines += 2 * (ulong)groups * grid_height;
+        lines += 2 * (ulong)column_blocks * grid_height;
         source.first += samples;
         ++source.polarization;
     }

@@ -1,7 +1,7 @@
-// Pass C of the fused speckle engine: LANES rows at once from the kept lines back to the image plane, and the intensity.
+// The last pass of the engine for CPUs: LANES rows at once from the pupil columns back to the image plane, and the intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
-//   PREFETCH_LINES 1  kept lines are asked for ahead: those of the second polarization, or of the work-item that follows
+//   PREFETCH_LINES 1  pupil columns are asked for ahead: those of the second polarization, or of the work-item that follows
 //   STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
 //   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
@@ -206,12 +206,12 @@ static inline void store_spans(const image_t *image, const spans_t *spans, uint 
 }
 #endif
 
-// positions: of the kept lines (as in pass A), then of all others that are read. blocks: for each block of the transform three numbers; the
-// second counts the groups that reach into it or lie before it, the third the other lines up to its end. ends: as in pass A. width, height:
+// positions: of the pupil columns (as in rows_forward), then of all others that are read. blocks: for each block of the transform three numbers; the
+// second counts the column blocks that reach into it or lie before it, the third the other lines up to its end. ends: as in rows_forward. width, height:
 // of the image in pixels. adds 1: the intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform
 // takes long to compile.
-__kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height, __global const float *twiddles,
-                                 __global const uint *positions, uint groups, __global const uint *blocks,
+__kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, __global const float *twiddles,
+                                 __global const uint *positions, uint column_blocks, __global const uint *blocks,
                                  __global const uchar *ends, float weight,
                                  float second_weight, uint adds, __global const float *before, ulong before_offset, uint before_pitch,
 #if SENSOR
@@ -254,18 +254,18 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
     image.height = height;
 
     for (uint k = 0; k < POLARIZATIONS; ++k) {
-        uint group = 0, other = 0;
-        __global const uint *others = positions + groups * LANES;
+        uint column_block = 0, other = 0;
+        __global const uint *others = positions + column_blocks * LANES;
         for (uint block = 0; block < FFT_BLOCKS; ++block) {
             for (; other < blocks[3u * block + 2u]; ++other) {
                 const uint p = others[other];
                 tiles[2u * p] = tiles[2u * p + 1u] = SPREAD(0.0f);
             }
-            for (; group < blocks[3u * block + 1u]; ++group) {
-                __global const lanes_f *in = lines + 2 * (ulong)group * grid_height;
-                __global const uint *places = positions + group * LANES;
+            for (; column_block < blocks[3u * block + 1u]; ++column_block) {
+                __global const lanes_f *in = lines + 2 * (ulong)column_block * grid_height;
+                __global const uint *places = positions + column_block * LANES;
 #if PREFETCH_LINES
-                const ulong polarization = 2 * (ulong)groups * grid_height;
+                const ulong polarization = 2 * (ulong)column_blocks * grid_height;
                 __global const lanes_f *next = k + 1 < POLARIZATIONS ? in + polarization : in + 2u * NEXT_ROWS - k * polarization;
                 for (uint l = 0; l < LANES; ++l)
                     for (uint part = 0; part < 2; ++part)
@@ -286,7 +286,7 @@ __kernel void fused_rows_inverse(__global const lanes_f *lines, uint grid_height
             fft_inverse_block(block, tiles, twiddles FFT_ENDS_ARGUMENT);
         }
         fft_inverse_last
-        lines += 2 * (ulong)groups * grid_height;
+        lines += 2 * (ulong)column_blocks * grid_height;
     }
 #if SENSOR
     const camera_t camera = SENSOR_CAMERA;

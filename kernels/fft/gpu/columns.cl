@@ -1,4 +1,4 @@
-// Pass B of the fused speckle engine for work-groups: FFT_LINES neighbouring kept lines, transformed along the columns, multiplied by the pupil
+// The columns' pass of the engine for GPUs: FFT_LINES neighbouring pupil columns, transformed along the columns, multiplied by the pupil
 // and transformed back, in place (the layout is in work_groups.h).
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
@@ -10,11 +10,11 @@ typedef float2 pupil_t;
 typedef float pupil_t;
 #endif
 
-// kept: how many lines. pupil: amplitude / samples of the field grid, at last_entry() * pitch + line. frequencies: in the order of
+// pupil_columns: how many there are. pupil: amplitude / samples of the field grid, at last_entry() * pitch + line. frequencies: in the order of
 // last_entry(), in cycles per sample along the column; line_frequencies: of each line, along the row. shift_x, shift_y: in samples.
 // lines_back, pitch_back, twiddles_back: the same as lines, pitch and twiddles by other names, so that compilers do not keep all addresses
 // and factors in registers on the way there and back.
-__kernel GROUP_SIZE void fused_groups_columns(__global const float2 *lines, __global float2 *lines_back, uint kept, uint pitch,
+__kernel WORK_GROUP_SIZE void gpu_columns(__global const float2 *lines, __global float2 *lines_back, uint pupil_columns, uint pitch,
                                               uint pitch_back, __global const float2 *twiddles,
                                               __global const float2 *twiddles_back, __global const pupil_t *pupil,
 #if SHIFT
@@ -22,11 +22,11 @@ __kernel GROUP_SIZE void fused_groups_columns(__global const float2 *lines, __gl
                                               float shift_y,
 #endif
                                               __local float *tiles) {
-    const uint line = GROUP_LINE, t = GROUP_T, k = (uint)get_group_id(0) * FFT_LINES + line;
+    const uint line = ITEM_LINE, t = ITEM_T, k = (uint)get_group_id(0) * FFT_LINES + line;
     // Work-items beyond the last line read what lies behind it in each row, and store nothing.
     const uint column = min(k, pitch - 1u);
     __local float *tile = tiles + line * FFT_LINE_STRIDE;
-    float re[FFT_HELD], im[FFT_HELD];
+    float re[FFT_POINTS], im[FFT_POINTS];
 #pragma unroll
     for (uint c = 0; c < FFT_FIRST_COUNT; ++c) {
         const uint b = t + c * FFT_ITEMS;
@@ -71,7 +71,7 @@ __kernel GROUP_SIZE void fused_groups_columns(__global const float2 *lines, __gl
         }
     }
     fft_inverse(t, re, im, tile, twiddles_back);
-    if (k >= kept)
+    if (k >= pupil_columns)
         return;
 #pragma unroll
     for (uint c = 0; c < FFT_FIRST_COUNT; ++c) {

@@ -1,4 +1,4 @@
-// Pass A of the fused speckle engine for work-groups: the field of FFT_LINES rows, its transform along the rows, and of that only the
+// The first pass of the engine for GPUs: the field of FFT_LINES rows, its transform along the rows, and of that only the
 // frequencies that the pupil lets through.
 //   MATERIALS, COHERENT, LINES, SCREEN, PADDED as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
@@ -6,11 +6,11 @@
 #include "fft/gpu/work_groups.h"
 
 // slots: of each position's line, in the order of last_entry().
-__kernel GROUP_SIZE void fused_groups_rows_forward(FIELD_PARAMETERS, __global float2 *lines, uint pitch, __global uint *bad,
+__kernel WORK_GROUP_SIZE void gpu_rows_forward(FIELD_PARAMETERS, __global float2 *lines, uint pitch, __global uint *bad,
                                                    __global const float2 *twiddles, __global const uint *slots, __local float *tiles) {
-    const uint line = GROUP_LINE, t = GROUP_T, y = (uint)get_group_id(0) * FFT_LINES + line;
+    const uint line = ITEM_LINE, t = ITEM_T, y = (uint)get_group_id(0) * FFT_LINES + line;
     const uint row = min(y, grid_height - 1u); // work-items beyond the last row do what those of that row do, and store nothing
-    float re[FFT_HELD], im[FFT_HELD];
+    float re[FFT_POINTS], im[FFT_POINTS];
     // No branch and no store stands between the reads: a GPU's compiler then issues many before it waits for the first. Bad pixels are told
     // afterwards.
     uint wrong = 0;

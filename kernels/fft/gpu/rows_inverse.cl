@@ -1,4 +1,4 @@
-// Pass C of the fused speckle engine for work-groups: FFT_LINES rows from the kept lines back to the image plane, and the intensity.
+// The last pass of the engine for GPUs: FFT_LINES rows from the pupil columns back to the image plane, and the intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; FFT_LINES is a multiple of n
 //   SENSOR 1        the intensity goes through the camera's chain, and only the frame is written; sensor_pixel.h's switches
 //   PADDED 1        the field grid is larger than the image's samples
@@ -16,7 +16,7 @@
 
 // slots: of each position's line, in the order of last_entry(). width, height: of the image in pixels. adds 1: the intensity is added to
 // `before`, which may be the same pixels.
-__kernel GROUP_SIZE void fused_groups_rows_inverse(__global const float2 *lines, uint pitch, uint grid_height,
+__kernel WORK_GROUP_SIZE void gpu_rows_inverse(__global const float2 *lines, uint pitch, uint grid_height,
                                                    __global const float2 *twiddles, __global const uint *slots, float weight, uint adds,
                                                    __global const float *before, ulong before_offset, uint before_pitch,
 #if SENSOR
@@ -25,7 +25,7 @@ __kernel GROUP_SIZE void fused_groups_rows_inverse(__global const float2 *lines,
                                                    __global float *intensity, ulong intensity_offset, uint intensity_pitch,
 #endif
                                                    uint width, uint height, __local float *tiles) {
-    const uint line = GROUP_LINE, t = GROUP_T, group = (uint)get_group_id(0);
+    const uint line = ITEM_LINE, t = ITEM_T, group = (uint)get_group_id(0);
 #if QUARTERS
     const uint pixel_y = group + line / OVERSAMPLING * sensor.quarter;
 #else
@@ -33,7 +33,7 @@ __kernel GROUP_SIZE void fused_groups_rows_inverse(__global const float2 *lines,
 #endif
     const uint y = min(pixel_y * OVERSAMPLING + line % OVERSAMPLING, grid_height - 1u);
     __local float *tile = tiles + line * FFT_LINE_STRIDE;
-    float re[FFT_HELD], im[FFT_HELD];
+    float re[FFT_POINTS], im[FFT_POINTS];
     lines += y * pitch;
 #pragma unroll
     for (uint c = 0; c < FFT_LAST_COUNT; ++c) {
@@ -94,7 +94,7 @@ __kernel GROUP_SIZE void fused_groups_rows_inverse(__global const float2 *lines,
 #endif
     const uint rows = FFT_LINES / OVERSAMPLING; // of pixels
 #if QUARTERS
-    for (uint x = get_local_id(0); x < width; x += FFT_GROUP_ITEMS) {
+    for (uint x = get_local_id(0); x < width; x += FFT_WORK_ITEMS) {
         const pixel_noise_t noise = draw_pixel_noise(&camera.s, x, group);
 #pragma unroll
         for (uint j = 0; j < 4; ++j) {
@@ -102,7 +102,7 @@ __kernel GROUP_SIZE void fused_groups_rows_inverse(__global const float2 *lines,
             if (to_y >= height)
                 break;
 #else
-    for (uint i = get_local_id(0); i < width * rows; i += FFT_GROUP_ITEMS) {
+    for (uint i = get_local_id(0); i < width * rows; i += FFT_WORK_ITEMS) {
         const uint x = i % width, row = i / width, to_y = group * rows + row;
         if (to_y < height) {
 #if SENSOR

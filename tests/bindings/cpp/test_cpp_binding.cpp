@@ -201,7 +201,7 @@ TEST_F(CppBinding, AWholeFrame) {
     pipeline.enqueue_frame(profiling, frame, {}, &done);
     done.wait();
     pipeline.check(profiling);
-    // Every stage but the pattern. The fused engine makes the field in its forward transform, and the codes in the
+    // Every stage but the pattern. The device's own engine makes the field in its forward transform, and the codes in the
     // inverse one.
     const std::string engine = aperture.info().fft_engine;
     EXPECT_EQ(engine == "clfft" ? 7u : 4u, pipeline.timings().size());

@@ -1,4 +1,4 @@
-// The generated line transforms of the fused engine, alone: forward, inverse and filtered lines against sums in double
+// The generated line transforms of the engine for CPUs, alone: forward, inverse and filtered lines against sums in double
 // precision.
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
@@ -17,7 +17,7 @@
 namespace {
 
 using clsp::Context;
-using clsp::FusedPlan;
+using clsp::LinePlan;
 using Complex = std::complex<double>;
 
 constexpr double kPi = 3.14159265358979323846;
@@ -115,11 +115,11 @@ std::vector<Complex> transform(const std::vector<Complex> &v, double sign) {
 class Codelets {
   public:
     // pruned: the kernels leave alone what does not count, as leave_alone() says.
-    Codelets(const FusedPlan &plan, std::uint32_t lanes, bool pruned = false)
+    Codelets(const LinePlan &plan, std::uint32_t lanes, bool pruned = false)
         : plan_(plan), lanes_(lanes), queue_(context().cl_context(), context().device()) {
         std::string source = kKernels;
         const std::string mark = "CODELETS";
-        source.replace(source.find(mark), mark.size(), clsp::fused_codelets(plan, lanes));
+        source.replace(source.find(mark), mark.size(), clsp::cpu_codelets(plan, lanes));
         program_ = cl::Program(context().cl_context(), source);
         try {
             program_.build({context().device()},
@@ -156,7 +156,7 @@ class Codelets {
         return cl::Buffer(context().cl_context(), CL_MEM_COPY_HOST_PTR, values.size() * sizeof(T), values.data());
     }
 
-    FusedPlan plan_;
+    LinePlan plan_;
     std::uint32_t lanes_;
     std::vector<std::uint8_t> ends_;
     cl::CommandQueue queue_;
@@ -170,7 +170,7 @@ const std::uint32_t kLengths[] = {2,  3,  4,  5,  7,   8,   11,  13,  14,  16,  
 class Line : public testing::TestWithParam<std::uint32_t> {};
 
 TEST_P(Line, PlanTakesTheLengthApart) {
-    const FusedPlan plan = clsp::make_fused_plan(GetParam());
+    const LinePlan plan = clsp::make_cpu_plan(GetParam());
     EXPECT_EQ(GetParam(), std::accumulate(plan.radices.begin(), plan.radices.end(), 1u, std::multiplies<>()));
     std::vector<std::uint32_t> sorted = plan.frequencies;
     std::sort(sorted.begin(), sorted.end());
@@ -181,7 +181,7 @@ TEST_P(Line, PlanTakesTheLengthApart) {
 // Relative RMS over a line; single precision rounds each of up to ten levels of additions to 6e-8 / sqrt(3).
 TEST_P(Line, AgreesWithTheSumInDoublePrecision) {
     const std::uint32_t n = GetParam();
-    const FusedPlan plan = clsp::make_fused_plan(n);
+    const LinePlan plan = clsp::make_cpu_plan(n);
     const std::size_t local = context().device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const bool eight_fit = (std::size_t{n} + 1) * 2 * 8 * sizeof(float) <= local; // not all do on GPUs
     for (const std::uint32_t lanes : {4u, 8u}) {
@@ -225,7 +225,7 @@ TEST_P(Line, AgreesWithTheSumInDoublePrecision) {
 // Of a low-pass only what it lets through is made and read: the same numbers there, whatever lies elsewhere.
 TEST_P(Line, LeavesAloneWhatALowPassStops) {
     const std::uint32_t n = GetParam();
-    const FusedPlan plan = clsp::make_fused_plan(n);
+    const LinePlan plan = clsp::make_cpu_plan(n);
     constexpr std::uint32_t lanes = 4;
     const Codelets all(plan, lanes);
     Codelets some(plan, lanes, true);
@@ -235,7 +235,7 @@ TEST_P(Line, LeavesAloneWhatALowPassStops) {
             const double f = plan.frequencies[p];
             return part > 1.0 ? f > 0.55 * n && f < 0.8 * n : 2.0 * std::min(f, n - f) <= part * n;
         };
-        const std::vector<std::uint8_t> ends = clsp::fused_ends(plan, passes);
+        const std::vector<std::uint8_t> ends = clsp::needed_ends(plan, passes);
         std::uint32_t spared = 0, counted = 0;
         Lines cut = random_lines(n, lanes), torn = cut;
         std::vector<float> pupil(n, 0.0f);
@@ -280,7 +280,7 @@ INSTANTIATE_TEST_SUITE_P(Lengths, Line, testing::ValuesIn(kLengths));
 
 TEST(Codelets, TransposeChangesLanesAndVectors) {
     for (const std::uint32_t lanes : {4u, 8u, 16u}) {
-        const Codelets codelets(clsp::make_fused_plan(2), lanes);
+        const Codelets codelets(clsp::make_cpu_plan(2), lanes);
         Lines matrix(lanes, lanes); // twice as many values as needed
         for (std::uint32_t i = 0; i < lanes * lanes; ++i)
             matrix.values[i] = static_cast<float>(i);
@@ -293,9 +293,9 @@ TEST(Codelets, TransposeChangesLanesAndVectors) {
 
 TEST(Plan, RefusesWhatHasNoButterfly) {
     for (const std::uint32_t length : {0u, 1u, 17u, 34u, 4099u, 8193u, 16384u}) {
-        EXPECT_FALSE(clsp::fused_plan_exists(length)) << length;
+        EXPECT_FALSE(clsp::plan_exists(length)) << length;
         try {
-            clsp::make_fused_plan(length);
+            clsp::make_cpu_plan(length);
             ADD_FAILURE() << length << " was taken";
         } catch (const clsp::Error &error) {
             EXPECT_EQ(clsp::Status::kUnsupported, error.status());
@@ -303,7 +303,7 @@ TEST(Plan, RefusesWhatHasNoButterfly) {
         }
     }
     for (const std::uint32_t length : {2u, 13u, 1080u, 1920u, 4096u, 8192u})
-        EXPECT_TRUE(clsp::fused_plan_exists(length)) << length;
+        EXPECT_TRUE(clsp::plan_exists(length)) << length;
 }
 
 } // namespace

@@ -1,4 +1,4 @@
-// The generated transforms of the fused engine's work-groups, alone: lines forward, and through a pupil and back,
+// The generated transforms of the engine for GPUs, alone: lines forward, and through a pupil and back,
 // against sums in double precision, in groups of every kind.
 #include "runtime/context.hpp"
 #include "fft/gpu/codelets.hpp"
@@ -16,8 +16,8 @@
 namespace {
 
 using clsp::Context;
-using clsp::FusedPlan;
-using clsp::GroupShape;
+using clsp::LinePlan;
+using clsp::WorkGroupShape;
 using Complex = std::complex<double>;
 
 constexpr double kPi = 3.14159265358979323846;
@@ -52,7 +52,7 @@ CODELETS
     lines += get_group_id(0) * FFT_LINES * FFT_LENGTH + LINE * FFT_LENGTH; \
     __local float *tile = tiles + LINE * FFT_LINE_STRIDE; \
     const uint t = T; \
-    float re[FFT_HELD], im[FFT_HELD];
+    float re[FFT_POINTS], im[FFT_POINTS];
 __kernel void forward(__global float2 *lines, __global const float2 *twiddles, __local float *tiles) {
     BEGIN
     EACH(FFT_FIRST, fft_first, re[i] = lines[p].x; im[i] = lines[p].y)
@@ -98,21 +98,21 @@ double relative_error(const std::vector<Complex> &got, const std::vector<Complex
 }
 
 // never: runs of the last stage that the pupil stops.
-void check(std::uint32_t n, const GroupShape &shape, std::uint32_t never) {
+void check(std::uint32_t n, const WorkGroupShape &shape, std::uint32_t never) {
     SCOPED_TRACE(std::to_string(n) + " points, " + std::to_string(shape.lines) + " lines, " +
                  std::to_string(shape.items) + " work-items each, " + (shape.split ? "split, " : "") +
                  (shape.across ? "across" : "along") + ", without the runs " + std::to_string(never));
-    const FusedPlan plan = clsp::make_group_plan(n);
+    const LinePlan plan = clsp::make_gpu_plan(n);
     std::vector<bool> passes(n, true);
     for (std::uint32_t p = 0; p < n; ++p)
         if (never >> p % plan.radices.back() & 1u)
             passes[plan.frequencies[p]] = false;
-    const clsp::GroupBand band = clsp::group_band(plan, passes);
+    const clsp::PassBand band = clsp::pass_band(plan, passes);
     EXPECT_EQ(never, band.never);
     EXPECT_EQ((1u << plan.radices.back()) - 1u - never, band.always);
     std::string source = kKernels;
     const std::string mark = "CODELETS";
-    source.replace(source.find(mark), mark.size(), clsp::group_codelets(plan, shape, band));
+    source.replace(source.find(mark), mark.size(), clsp::gpu_codelets(plan, shape, band));
     const cl::Program program(context().cl_context(), source);
     try {
         program.build({context().device()}, "-cl-std=CL1.2");
@@ -125,7 +125,7 @@ void check(std::uint32_t n, const GroupShape &shape, std::uint32_t never) {
     std::vector<float> values(std::size_t{2} * n * lines);
     for (float &value : values)
         value = normal(engine);
-    std::vector<float> twiddles = clsp::group_twiddles(plan);
+    std::vector<float> twiddles = clsp::gpu_twiddles(plan);
     twiddles.resize(std::max<std::size_t>(twiddles.size(), 2));
     const cl::CommandQueue queue(context().cl_context(), context().device());
     const auto run = [&](const char *name) {
@@ -137,9 +137,9 @@ void check(std::uint32_t n, const GroupShape &shape, std::uint32_t never) {
         cl::Kernel kernel(program, name);
         kernel.setArg(0, buffer);
         kernel.setArg(1, table);
-        kernel.setArg(2, cl::Local(clsp::group_tile_bytes(plan, shape)));
-        queue.enqueueNDRangeKernel(kernel, cl::NullRange, cl::NDRange(groups * shape.group_items()),
-                                   cl::NDRange(shape.group_items()));
+        kernel.setArg(2, cl::Local(clsp::gpu_tile_bytes(plan, shape)));
+        queue.enqueueNDRangeKernel(kernel, cl::NullRange, cl::NDRange(groups * shape.work_items()),
+                                   cl::NDRange(shape.work_items()));
         queue.enqueueReadBuffer(buffer, CL_TRUE, 0, result.size() * sizeof(float), result.data());
         return result;
     };
@@ -168,7 +168,7 @@ class Group : public testing::TestWithParam<std::uint32_t> {};
 // Every butterfly, alone and in company; work-items that divide the butterflies and such that leave some idle.
 TEST_P(Group, AgreesWithTheSumInDoublePrecision) {
     const std::uint32_t n = GetParam();
-    const FusedPlan plan = clsp::make_group_plan(n);
+    const LinePlan plan = clsp::make_gpu_plan(n);
     EXPECT_EQ(n, std::accumulate(plan.radices.begin(), plan.radices.end(), 1u, std::multiplies<>()));
     const std::uint32_t items = clsp::items_for(plan, 64, 32);
     ASSERT_GT(items, 0u);
@@ -187,26 +187,26 @@ TEST_P(Group, AgreesWithTheSumInDoublePrecision) {
 INSTANTIATE_TEST_SUITE_P(Lengths, Group,
                          testing::Values(2u, 3u, 4u, 5u, 13u, 14u, 22u, 42u, 64u, 128u, 143u, 225u, 720u, 1080u));
 
-TEST(GroupBand, KnowsWhichRunsPass) {
+TEST(PassBand, KnowsWhichRunsPass) {
     // 16 points in one stage: run q is frequency q. 48 = 6 * 8: run q is frequencies 6 q to 6 q + 5.
     std::vector<bool> passes(16, false);
     passes[0] = passes[1] = passes[15] = true;
-    clsp::GroupBand band = clsp::group_band(clsp::make_group_plan(16), passes);
+    clsp::PassBand band = clsp::pass_band(clsp::make_gpu_plan(16), passes);
     EXPECT_EQ(0x8003u, band.always);
     EXPECT_EQ(0x7ffcu, band.never);
-    const FusedPlan plan = clsp::make_group_plan(48);
+    const LinePlan plan = clsp::make_gpu_plan(48);
     ASSERT_EQ((std::vector<std::uint32_t>{6, 8}), plan.radices);
     passes.assign(48, false);
     for (std::uint32_t f = 0; f < 48; ++f)
         passes[f] = f < 10 || f > 39;
-    band = clsp::group_band(plan, passes);
+    band = clsp::pass_band(plan, passes);
     EXPECT_EQ(0x81u, band.always); // 0 to 5, 42 to 47
     EXPECT_EQ(0x3cu, band.never);  // 12 to 35
 }
 
-TEST(GroupShapes, FitTheirDevices) {
+TEST(WorkGroupShapes, FitTheirDevices) {
     struct Case {
-        std::uint32_t length, group_items;
+        std::uint32_t length, work_items;
         std::uint64_t local_bytes;
         std::uint32_t lines; // across, at least
     };
@@ -216,32 +216,32 @@ TEST(GroupShapes, FitTheirDevices) {
                           {8192, 1024, 48 << 10, 1}, {1280, 512, 64 << 10, 4},  {512, 128, 16 << 10, 4},
                           {1080, 128, 16 << 10, 2},  {2, 1024, 48 << 10, 8},    {13, 64, 48 << 10, 8}};
     for (const Case &c : cases) {
-        const FusedPlan plan = clsp::make_group_plan(c.length);
+        const LinePlan plan = clsp::make_gpu_plan(c.length);
         for (const bool across : {true, false}) {
             SCOPED_TRACE(std::to_string(c.length) + (across ? " across" : " along"));
-            const auto shape = clsp::choose_group_shape(plan, {c.group_items, c.local_bytes}, across);
+            const auto shape = clsp::choose_shape(plan, {c.work_items, c.local_bytes}, across);
             ASSERT_TRUE(shape);
             EXPECT_EQ(across, shape->across);
-            EXPECT_LE(shape->group_items(), c.group_items);
-            EXPECT_LE(clsp::group_tile_bytes(plan, *shape), c.local_bytes);
-            EXPECT_LE(clsp::held_points(plan, shape->items), 32u);
+            EXPECT_LE(shape->work_items(), c.work_items);
+            EXPECT_LE(clsp::gpu_tile_bytes(plan, *shape), c.local_bytes);
+            EXPECT_LE(clsp::points_per_item(plan, shape->items), 32u);
             EXPECT_GE(shape->lines, across ? c.lines : 1u);
         }
     }
-    EXPECT_FALSE(clsp::choose_group_shape(clsp::make_group_plan(8192), {1024, 16 << 10}, true))
+    EXPECT_FALSE(clsp::choose_shape(clsp::make_gpu_plan(8192), {1024, 16 << 10}, true))
         << "a line is 32 KB at least";
-    EXPECT_FALSE(clsp::choose_group_shape(clsp::make_group_plan(8192), {1024, 16 << 10}, false));
+    EXPECT_FALSE(clsp::choose_shape(clsp::make_gpu_plan(8192), {1024, 16 << 10}, false));
     // One work-item alone can hold everything.
-    EXPECT_TRUE(clsp::choose_group_shape(clsp::make_group_plan(64), {1, 16 << 10}, true));
+    EXPECT_TRUE(clsp::choose_shape(clsp::make_gpu_plan(64), {1, 16 << 10}, true));
 }
 
-TEST(GroupPlan, HasFewStages) {
+TEST(GpuPlan, HasFewStages) {
     using Radices = std::vector<std::uint32_t>;
-    EXPECT_EQ((Radices{8, 16, 16}), clsp::make_group_plan(2048).radices);
-    EXPECT_EQ((Radices{9, 10, 12}), clsp::make_group_plan(1080).radices);
-    EXPECT_EQ((Radices{8, 9, 10}), clsp::make_group_plan(720).radices);
-    EXPECT_EQ((Radices{13}), clsp::make_group_plan(13).radices);
-    EXPECT_EQ((Radices{8, 9, 10, 11}), clsp::make_group_plan(7920).radices);
+    EXPECT_EQ((Radices{8, 16, 16}), clsp::make_gpu_plan(2048).radices);
+    EXPECT_EQ((Radices{9, 10, 12}), clsp::make_gpu_plan(1080).radices);
+    EXPECT_EQ((Radices{8, 9, 10}), clsp::make_gpu_plan(720).radices);
+    EXPECT_EQ((Radices{13}), clsp::make_gpu_plan(13).radices);
+    EXPECT_EQ((Radices{8, 9, 10, 11}), clsp::make_gpu_plan(7920).radices);
 }
 
 } // namespace

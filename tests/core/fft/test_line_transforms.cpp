@@ -1,4 +1,4 @@
-// The fused engine behind the Fft interface: two-dimensional transforms in place against sums in double precision.
+// Line transforms in lanes behind the Fft interface: two-dimensional transforms in place against sums in double precision.
 #include "runtime/command_chain.hpp"
 #include "runtime/context.hpp"
 #include "runtime/device_buffer.hpp"
@@ -88,13 +88,13 @@ double relative_error(const Field &got, const std::vector<Complex> &expected, do
 struct Size {
     std::uint32_t width, height;
 };
-class FusedFft : public testing::TestWithParam<Size> {};
+class LineTransforms : public testing::TestWithParam<Size> {};
 
 // Lines that fill the vectors and lines that do not, one butterfly and several stages.
-INSTANTIATE_TEST_SUITE_P(Sizes, FusedFft,
+INSTANTIATE_TEST_SUITE_P(Sizes, LineTransforms,
                          testing::Values(Size{192, 160}, Size{160, 312}, Size{2, 2}, Size{3, 13}, Size{45, 28}, Size{26, 33}, Size{64, 5}));
 
-TEST_P(FusedFft, AgreesWithSums) {
+TEST_P(LineTransforms, AgreesWithSums) {
     const auto [width, height] = GetParam();
     const auto fft = clsp::make_line_transforms(*context(), width, height);
     if (!clsp::works_in_lanes(*context())) { // clFFT is forced, or the device is a GPU
@@ -110,7 +110,7 @@ TEST_P(FusedFft, AgreesWithSums) {
 }
 
 // Threads share a plan: each gets its own field's transform.
-TEST(FusedFft, ServesSeveralThreads) {
+TEST(LineTransforms, ServesSeveralThreads) {
     const auto fft = clsp::fft_of(*context(), 48, 40);
     const auto work = [&](unsigned seed) {
         const Field field = noise(48 * 40, seed);
@@ -123,7 +123,7 @@ TEST(FusedFft, ServesSeveralThreads) {
     other.join();
 }
 
-TEST(FusedFft, LeavesOtherSizesToClfft) {
+TEST(LineTransforms, LeavesOtherSizesToClfft) {
     EXPECT_FALSE(clsp::make_line_transforms(*context(), 17, 16));
     EXPECT_FALSE(clsp::make_line_transforms(*context(), 16, 1));
     EXPECT_FALSE(clsp::make_line_transforms(*context(), 16384, 16));

@@ -1,4 +1,4 @@
-// The benchmarks' C++ version of the fused engine's passes (bench/native), against sums in double precision and
+// The benchmarks' C++ version of the CPU engine's passes (bench/native), against sums in double precision and
 // against the engine.
 #include "native/native_passes.hpp"
 #include "test_support.hpp"

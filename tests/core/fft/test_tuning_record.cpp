@@ -16,14 +16,14 @@ namespace {
 using clsp::EngineKind;
 using clsp::EngineChoice;
 using clsp::EngineSpec;
-using clsp::GroupPick;
+using clsp::WorkGroup;
 using clsp::TunedCandidate;
 using clsp::TuningFile;
 using Json = nlohmann::json;
 
 const clsp::TunedDevice kDevice{"Some GPU", "Vendor", "Platform", "1.2.3", 64};
-const EngineSpec kClfft{EngineKind::kClfft, {}, {}}, kLanes{EngineKind::kCpu, {}, {}},
-    kGroups{EngineKind::kGpu, {}, {}}, kShaped{EngineKind::kGpu, GroupPick{8, 64}, GroupPick{2, 32}};
+const EngineSpec kClfft{EngineKind::kClfft, {}, {}}, kCpu{EngineKind::kCpu, {}, {}},
+    kGpu{EngineKind::kGpu, {}, {}}, kShaped{EngineKind::kGpu, WorkGroup{8, 64}, WorkGroup{2, 32}};
 
 clsp::TunedSize size_of(std::uint32_t width, std::uint32_t height, const EngineSpec &chosen) {
     clsp::TunedSize size;
@@ -35,7 +35,7 @@ clsp::TunedSize size_of(std::uint32_t width, std::uint32_t height, const EngineS
     size.version = "0.1.0";
     size.chosen = chosen;
     size.reason = "the fastest";
-    size.candidates = {{kClfft, 3.0, 0.1, ""}, {kGroups, 0.0, 0.0, "no room"}};
+    size.candidates = {{kClfft, 3.0, 0.1, ""}, {kGpu, 0.0, 0.0, "no room"}};
     if (!(chosen == kClfft))
         size.candidates.push_back({chosen, 1.0, 0.1, ""});
     return size;
@@ -119,9 +119,9 @@ TEST(TuningRecord, RefusesWhatIsWrong) {
         // One that was left out.
         {"no candidate that was measured",
          [&](Json &j) {
-             size(j)["chosen"] = {{"engine", "fused-groups"}};
+             size(j)["chosen"] = {{"engine", "gpu"}};
          }},
-        {"only fused-groups has",
+        {"only gpu has",
          [&](Json &j) {
              size(j)["candidates"][0]["rows"] = {{"lines", 1}, {"work_items", 2}};
          }},
@@ -151,7 +151,7 @@ TEST(TuningRecord, FilesAreThereOrNotOrNoFiles) {
     EXPECT_TRUE(clsp::load_tuning(path).records.empty());
     clsp::check_tuning_place(path);
     EXPECT_TRUE(fs::is_empty(folder / "deep"));
-    clsp::save_tuning(path, file_of({size_of(512, 512, kLanes)}));
+    clsp::save_tuning(path, file_of({size_of(512, 512, kCpu)}));
     EXPECT_EQ(1u, clsp::load_tuning(path).records.size());
     EXPECT_THROW(clsp::load_tuning(folder.string()), clsp::Error);
     EXPECT_THROW(clsp::check_tuning_place(folder.string()), clsp::Error);
@@ -162,7 +162,7 @@ TEST(TuningRecord, FilesAreThereOrNotOrNoFiles) {
 }
 
 TEST(TuningRecord, NewMeasurementsTakeThePlaceOfOldOnes) {
-    TuningFile file = file_of({size_of(512, 512, kLanes), size_of(64, 64, kLanes)});
+    TuningFile file = file_of({size_of(512, 512, kCpu), size_of(64, 64, kCpu)});
     clsp::TunedDevice other = kDevice;
     other.driver_version = "1.2.4";
     file.merge({other, {size_of(512, 512, kClfft)}});
@@ -183,26 +183,26 @@ std::vector<EngineChoice> choices(const TuningFile &file, std::uint32_t width, s
 
 TEST(TuningRecord, TheSizeItselfComesBeforeTheNearestArea) {
     const TuningFile file =
-        file_of({size_of(256, 1024, kLanes), size_of(512, 512, kShaped), size_of(2048, 2048, kClfft)});
+        file_of({size_of(256, 1024, kCpu), size_of(512, 512, kShaped), size_of(2048, 2048, kClfft)});
     const auto same = choices(file, 512, 512);
     ASSERT_EQ(3u, same.size());
     EXPECT_TRUE(same[0].spec == kShaped);
     EXPECT_EQ("record, 512 x 512", same[0].source);
-    EXPECT_TRUE(same[1].spec == kLanes);
+    EXPECT_TRUE(same[1].spec == kCpu);
     EXPECT_TRUE(same[2].spec == kClfft);
     EXPECT_TRUE(choices(file, 1920, 1080)[0].spec == kClfft);
-    EXPECT_TRUE(choices(file, 1024, 256)[0].spec == kLanes); // the area of two: the first of them
+    EXPECT_TRUE(choices(file, 1024, 256)[0].spec == kCpu); // the area of two: the first of them
 }
 
 TEST(TuningRecord, WorkItemsAreOnlyTakenForLinesOfTheirLength) {
     const TuningFile file = file_of({size_of(512, 512, kShaped)});
     const EngineSpec wider = choices(file, 640, 512)[0].spec, higher = choices(file, 512, 480)[0].spec;
-    EXPECT_TRUE((wider == EngineSpec{EngineKind::kGpu, GroupPick{8, 64}, GroupPick{2, 0}}));
-    EXPECT_TRUE((higher == EngineSpec{EngineKind::kGpu, GroupPick{8, 0}, GroupPick{2, 32}}));
+    EXPECT_TRUE((wider == EngineSpec{EngineKind::kGpu, WorkGroup{8, 64}, WorkGroup{2, 0}}));
+    EXPECT_TRUE((higher == EngineSpec{EngineKind::kGpu, WorkGroup{8, 0}, WorkGroup{2, 32}}));
 }
 
 TEST(TuningRecord, TheUsersAreOfTheDriverShippedOnesOfTheName) {
-    const TuningFile file = file_of({size_of(512, 512, kLanes)});
+    const TuningFile file = file_of({size_of(512, 512, kCpu)});
     EXPECT_EQ(1u, choices(file, 512, 512).size());
     for (const auto change :
          {+[](clsp::TunedDevice &d) { d.driver_version = "2"; }, +[](clsp::TunedDevice &d) { d.compute_units = 32; },
@@ -250,13 +250,13 @@ TEST(TuningChoice, TheFastestUnlessTheDefaultIsAsFast) {
     EXPECT_EQ(0u, chosen({{kClfft, 1.0, 0.01, ""}, {kShaped, 3.0, 0.01, ""}}));
     // 1 % is nothing, 3 % of quiet medians is something.
     EXPECT_EQ(0u, chosen({{kClfft, 1.0, 0.001, ""}, {kShaped, 0.99, 0.001, ""}}, &reason));
-    EXPECT_EQ("fused-groups, columns 8 x 64, rows 2 x 32 is faster by 1.0 %, which is within the noise", reason);
+    EXPECT_EQ("gpu, columns 8 x 64, rows 2 x 32 is faster by 1.0 %, which is within the noise", reason);
     EXPECT_EQ(1u, chosen({{kClfft, 1.0, 0.001, ""}, {kShaped, 0.97, 0.001, ""}}));
     // 2 x 1.2533 x hypot(0.2, 0.2) / 4 = 0.177
     EXPECT_EQ(0u, chosen({{kClfft, 1.0, 0.2, ""}, {kShaped, 0.83, 0.2, ""}}));
     EXPECT_EQ(1u, chosen({{kClfft, 1.0, 0.2, ""}, {kShaped, 0.81, 0.2, ""}}));
     // Within the noise of the fastest, the preferred of those that are not slower.
-    EXPECT_EQ(1u, chosen({{kClfft, 2.0, 0.001, ""}, {kGroups, 1.01, 0.001, ""}, {kShaped, 1.0, 0.001, ""}}));
+    EXPECT_EQ(1u, chosen({{kClfft, 2.0, 0.001, ""}, {kGpu, 1.01, 0.001, ""}, {kShaped, 1.0, 0.001, ""}}));
 }
 
 TEST(TuningChoice, WhatDoesNotCountIsNotTaken) {

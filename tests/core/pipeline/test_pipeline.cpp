@@ -466,7 +466,7 @@ TEST_F(Pipeline, TimingsCoverAllStages) {
     const clspeckle::Context own;
     const clspeckle::Queue profiling(own, CLSP_QUEUE_PROFILING);
     const clspeckle::Aperture aperture(own, aperture_desc());
-    // The fused engine makes the field in its forward transform, intensity and codes in the inverse one.
+    // The device's own engine makes the field in its forward transform, intensity and codes in the inverse one.
     const std::string engine = aperture.info().fft_engine;
     const std::vector<std::string> expected =
         engine == "clfft" ? std::vector<std::string>{"pattern", "phase",       "field",     "fft",

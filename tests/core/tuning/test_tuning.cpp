@@ -91,7 +91,7 @@ TEST_F(Tuning, StructsFollowTheRules) {
     test::check_init<ClspContextDesc>("clspContextDescInit", clspContextDescInit);
 }
 
-// Whether the device's default is the fused engine in groups, as GPUs' is.
+// Whether the device's default is the engine for GPUs, as GPUs' is.
 bool defaults_to_groups(const clspeckle::Context &context) {
     cl_device_type type = 0;
     clGetDeviceInfo(context.info().cl_device, CL_DEVICE_TYPE, sizeof type, &type, nullptr);
@@ -102,10 +102,10 @@ TEST_F(Tuning, ARunWritesARecordThatIsFollowed) {
     const clspeckle::Tuning tuning(context, desc());
     EXPECT_EQ(path, tuning.path());
     const std::string json = tuning.json();
-    for (const char *words : {"\"clfft\"", "\"fused-groups\"", "\"median_ms\"", "\"width\": 48"})
+    for (const char *words : {"\"clfft\"", "\"gpu\"", "\"median_ms\"", "\"width\": 48"})
         EXPECT_NE(std::string::npos, json.find(words)) << words << json;
     // Lanes are no candidate where groups are the default (GPUs).
-    const bool has_lanes = json.find("\"fused-lanes\"") != std::string::npos;
+    const bool has_lanes = json.find("\"cpu\"") != std::string::npos;
     EXPECT_NE(has_lanes, defaults_to_groups(context));
     EXPECT_EQ(json, content());
 
@@ -130,13 +130,13 @@ TEST_F(Tuning, WhatAnEngineCannotDoGoesOnToTheNext) {
     const clspeckle::Tuning tuning(context, desc());
     const std::size_t from = content().find("\"chosen\""), to = content().find("[", from);
     // A shape that was measured, says the record, but that no device has.
-    const std::string shape = R"({"engine": "fused-groups", "columns": {"lines": 64, "work_items": 4096})";
+    const std::string shape = R"({"engine": "gpu", "columns": {"lines": 64, "work_items": 4096})";
     replace(content().substr(from, to - from), "\"chosen\": " + shape + R"(}, "reason": "", "candidates": [)" + shape +
                                                    R"(, "median_ms": 1, "spread_ms": 0}], "others":)");
     const ClspApertureInfo info = aperture_info(logged(), 48, 32);
     EXPECT_EQ(std::string::npos, std::string(info.fft_source).find(path)) << info.fft_source;
     EXPECT_EQ(1,
-              log.count(CLSP_LOG_INFO, "fused-groups, columns 64 x 4096 is not used for a field grid of 48 x 32 (the "
+              log.count(CLSP_LOG_INFO, "gpu, columns 64 x 4096 is not used for a field grid of 48 x 32 (the "
                                        "tuning record " +
                                            path + ", 48 x 32): lines of 32 points do not go in"));
     EXPECT_NE(64u, info.column_lines);

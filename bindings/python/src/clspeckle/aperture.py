@@ -81,11 +81,11 @@ class ApertureInfo:
     workspace_bytes: int
     """Work memory that a frame needs."""
     fft_backend: str
-    """"fused" (the library's own passes, in either shape) or "clFFT"."""
+    """"fused" (the engines for CPUs and GPUs) or "clFFT"."""
     fft_reason: str
     """Why it is not "fused"; empty if it is."""
     fft_engine: str
-    """"clfft", "fused-lanes" or "fused-groups"."""
+    """"fused-lanes", "fused-groups" or "clfft": cpu, gpu and clfft of CLSPECKLE_FFT."""
     fft_source: str
     """Whose choice it was: CLSPECKLE_FFT, a tuning record with its size (:func:`tune`), a default."""
     column_group: tuple[int, int] | None

@@ -146,7 +146,7 @@ class PatternLanes : public ::testing::Test {
   protected:
     static void SetUpTestSuite() {
         scalar = std::make_unique<Side>("clfft");
-        lanes = std::make_unique<Side>("fused-lanes");
+        lanes = std::make_unique<Side>("cpu");
         std::mt19937 engine(61);
         texels.resize(kTexelsWidth * kTexelsHeight);
         for (float &texel : texels)

@@ -1,9 +1,9 @@
-// The fused engine in work-groups of a given shape: the field is clFFT's in every one of them; kernels that leave their
-// work-groups less than they take get smaller ones, or the aperture falls back when it is made.
-#include "runtime/context.hpp"
-#include "fft/gpu/codelets.hpp"
-#include "stages/aperture.hpp"
+// The engine for GPUs in work-groups of a given shape: the field is clFFT's in every one of them; kernels that leave
+// their work-groups less than they take get smaller ones, or the aperture falls back when it is made.
 #include "fft/engine.hpp"
+#include "fft/gpu/codelets.hpp"
+#include "runtime/context.hpp"
+#include "stages/aperture.hpp"
 #include "stages/phase.hpp"
 #include "tuning/tuning.hpp"
 
@@ -45,7 +45,7 @@ using namespace clsp;
 
 std::vector<std::string> log_lines;
 
-class GroupShapes : public ::testing::Test {
+class WorkGpu : public ::testing::Test {
   protected:
     void SetUp() override {
         if (!context) {
@@ -115,38 +115,38 @@ class GroupShapes : public ::testing::Test {
 };
 
 constexpr double kBound = 2e-6;
-constexpr EngineSpec kGroups{EngineKind::kGpu, {}, {}}, kClfft{EngineKind::kClfft, {}, {}};
+constexpr EngineSpec kGpu{EngineKind::kGpu, {}, {}}, kClfft{EngineKind::kClfft, {}, {}};
 
-TEST_F(GroupShapes, EveryCandidateMakesTheFieldOfClfft) {
+TEST_F(WorkGpu, EveryCandidateMakesTheFieldOfClfft) {
     constexpr std::uint32_t width = 96, height = 60;
-    const GroupLimits limits{256, 49152};
+    const WorkGroupLimits limits{256, 49152};
     const std::vector<float> expected = picture(width, height, kClfft);
-    const auto columns = group_picks(make_group_plan(height), limits, true),
-               rows = group_picks(make_group_plan(width), limits, false);
+    const auto columns = work_groups_to_try(make_gpu_plan(height), limits, true),
+               rows = work_groups_to_try(make_gpu_plan(width), limits, false);
     EXPECT_GE(columns.size(), 6u);
     EXPECT_GE(rows.size(), 6u);
-    for (const GroupPick &pick : columns)
+    for (const WorkGroup &pick : columns)
         EXPECT_LT(relative_error(picture(width, height, {EngineKind::kGpu, pick, {}}), expected), kBound)
             << pick.lines << " x " << pick.items;
-    for (const GroupPick &pick : rows)
+    for (const WorkGroup &pick : rows)
         EXPECT_LT(relative_error(picture(width, height, {EngineKind::kGpu, {}, pick}), expected), kBound)
             << pick.lines << " x " << pick.items;
 }
 
-TEST_F(GroupShapes, LinesAloneGetTheirWorkItems) {
-    Aperture aperture(context, parameters(96, 60, {EngineKind::kGpu, GroupPick{4, 0}, GroupPick{2, 0}}));
+TEST_F(WorkGpu, LinesAloneGetTheirWorkItems) {
+    Aperture aperture(context, parameters(96, 60, {EngineKind::kGpu, WorkGroup{4, 0}, WorkGroup{2, 0}}));
     EXPECT_EQ(4u, aperture.engine().columns->lines);
     EXPECT_GT(aperture.engine().columns->items, 1u);
     EXPECT_EQ(2u, aperture.engine().rows->lines);
     EXPECT_LT(relative_error(picture(aperture), picture(96, 60, kClfft)), kBound);
 }
 
-TEST_F(GroupShapes, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
+TEST_F(WorkGpu, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
     // More work-items than there is work, more lines than a work-group holds.
-    for (const GroupPick pick : {GroupPick{1, 4000}, GroupPick{64, 60}}) {
+    for (const WorkGroup pick : {WorkGroup{1, 4000}, WorkGroup{64, 60}}) {
         log_lines.clear();
         const std::uint32_t height = pick.lines == 64 ? 8192 / 8 : 60;
-        const GroupPick asked = pick.lines == 64 ? GroupPick{64, 128} : pick;
+        const WorkGroup asked = pick.lines == 64 ? WorkGroup{64, 128} : pick;
         const Aperture aperture(context, parameters(8, height, {EngineKind::kGpu, asked, {}}));
         EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
         EXPECT_NE(std::string::npos, aperture.clfft_reason().find("do not go in work-groups of"))
@@ -157,25 +157,25 @@ TEST_F(GroupShapes, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
     }
 }
 
-TEST_F(GroupShapes, KernelsWithFewerWorkItemsThanTheirGroup) {
+TEST_F(WorkGpu, KernelsWithFewerWorkItemsThanTheirGroup) {
     const std::vector<float> expected = picture(96, 60, kClfft);
     for (const std::size_t most : {48, 7, 3, 1}) {
         most_work_items = most;
-        EXPECT_LT(relative_error(picture(96, 60, kGroups), expected), kBound) << most;
+        EXPECT_LT(relative_error(picture(96, 60, kGpu), expected), kBound) << most;
     }
 }
 
-TEST_F(GroupShapes, KernelsWithLocalMemoryOfTheirOwn) {
+TEST_F(WorkGpu, KernelsWithLocalMemoryOfTheirOwn) {
     const std::vector<float> expected = picture(96, 60, kClfft);
     const cl_ulong local = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     // Room for a line or two.
     own_local_bytes = local - 1200;
-    EXPECT_LT(relative_error(picture(96, 60, kGroups), expected), kBound);
+    EXPECT_LT(relative_error(picture(96, 60, kGpu), expected), kBound);
 }
 
-TEST_F(GroupShapes, NoRoomIsFoundWhenTheApertureIsMade) {
+TEST_F(WorkGpu, NoRoomIsFoundWhenTheApertureIsMade) {
     own_local_bytes = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-    const Aperture aperture(context, parameters(96, 60, kGroups));
+    const Aperture aperture(context, parameters(96, 60, kGpu));
     EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
     EXPECT_NE(std::string::npos, aperture.clfft_reason().find("has 0 bytes of local memory left"))
         << aperture.clfft_reason();
@@ -183,9 +183,9 @@ TEST_F(GroupShapes, NoRoomIsFoundWhenTheApertureIsMade) {
     EXPECT_NE(std::string::npos, log_lines[0].find(aperture.clfft_reason())) << log_lines[0];
 }
 
-TEST_F(GroupShapes, OversampledPixelsStayInOneGroup) {
-    // Pass C sums a pixel's samples, which are in two rows: groups of one would not hold them.
-    ApertureParameters p = parameters(48, 30, kGroups);
+TEST_F(WorkGpu, OversampledPixelsStayInOneGroup) {
+    // rows_inverse sums a pixel's samples, which are in two rows: groups of one would not hold them.
+    ApertureParameters p = parameters(48, 30, kGpu);
     p.oversampling = 2;
     most_work_items = 1;
     const Aperture aperture(context, p);
@@ -201,12 +201,12 @@ TuneParameters quick() {
     return p;
 }
 
-TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
+TEST_F(WorkGpu, TuningMeasuresEveryShapeOnce) {
     TuneParameters p = quick();
-    p.group_shapes = true;
+    p.work_group_shapes = true;
     const TunedSize size = tune(context, p).measured.sizes.at(0);
     // The work-groups that the rule takes count once, under no shape of their own.
-    Aperture automatic(context, parameters(24, 16, kGroups));
+    Aperture automatic(context, parameters(24, 16, kGpu));
     std::size_t columns = 0, rows = 0;
     for (std::size_t i = 0; i < size.candidates.size(); ++i) {
         const TunedCandidate &candidate = size.candidates[i];
@@ -223,13 +223,13 @@ TEST_F(GroupShapes, TuningMeasuresEveryShapeOnce) {
         columns += candidate.spec.columns && !candidate.spec.rows;
         rows += candidate.spec.columns && candidate.spec.rows;
     }
-    const GroupLimits limits = group_limits(*context);
-    EXPECT_GE(columns + 1, group_picks(make_group_plan(16), limits, true).size());
-    EXPECT_GE(rows + 1, group_picks(make_group_plan(24), limits, false).size());
+    const WorkGroupLimits limits = work_group_limits(*context);
+    EXPECT_GE(columns + 1, work_groups_to_try(make_gpu_plan(16), limits, true).size());
+    EXPECT_GE(rows + 1, work_groups_to_try(make_gpu_plan(24), limits, false).size());
     EXPECT_EQ(default_engine(context->device()), size.candidates[0].spec.kind); // the default is the first
 }
 
-TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
+TEST_F(WorkGpu, AnEngineWithAnotherPictureIsNotChosen) {
     // Lanes with a third of the light: fast, but wrong.
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / "clspeckle_test_group_shapes";
@@ -256,37 +256,37 @@ TEST_F(GroupShapes, AnEngineWithAnotherPictureIsNotChosen) {
     }
 }
 
-TEST(GroupShapesAlone, SmallerOnesGetSmaller) {
+TEST(WorkGpuAlone, SmallerOnesGetSmaller) {
     for (const std::uint32_t length : {60u, 512u, 1080u, 8192u}) {
-        const FusedPlan plan = make_group_plan(length);
+        const LinePlan plan = make_gpu_plan(length);
         for (const bool across : {false, true}) {
-            const auto first = choose_group_shape(plan, {512, 49152}, across);
+            const auto first = choose_shape(plan, {512, 49152}, across);
             ASSERT_TRUE(first);
-            std::optional<GroupShape> shape = first;
+            std::optional<WorkGroupShape> shape = first;
             int steps = 0;
-            for (std::uint32_t most = first->group_items(); shape; ++steps) {
-                most = shape->group_items() - 1;
-                const auto smaller = smaller_group_shape(plan, *shape, {most, 49152}, 1);
+            for (std::uint32_t most = first->work_items(); shape; ++steps) {
+                most = shape->work_items() - 1;
+                const auto smaller = smaller_shape(plan, *shape, {most, 49152}, 1);
                 if (smaller) {
-                    EXPECT_LE(smaller->group_items(), most);
-                    EXPECT_LE(group_tile_bytes(plan, *smaller), group_tile_bytes(plan, *shape));
+                    EXPECT_LE(smaller->work_items(), most);
+                    EXPECT_LE(gpu_tile_bytes(plan, *smaller), gpu_tile_bytes(plan, *shape));
                 }
                 shape = smaller;
             }
             EXPECT_LT(steps, 600);
             EXPECT_GT(steps, 1);
             // Memory, too: half of it, and none.
-            const auto half = smaller_group_shape(plan, *first, {512, group_tile_bytes(plan, *first) / 2}, 1);
+            const auto half = smaller_shape(plan, *first, {512, gpu_tile_bytes(plan, *first) / 2}, 1);
             if (half) {
-                EXPECT_LE(group_tile_bytes(plan, *half), group_tile_bytes(plan, *first) / 2);
+                EXPECT_LE(gpu_tile_bytes(plan, *half), gpu_tile_bytes(plan, *first) / 2);
             }
-            EXPECT_FALSE(smaller_group_shape(plan, *first, {512, 0}, 1));
+            EXPECT_FALSE(smaller_shape(plan, *first, {512, 0}, 1));
         }
     }
 }
 
 // A line's points all in one work-item would waste no slot, and no compiler would ever be done with them.
-TEST(GroupShapesAlone, NobodyHoldsMoreThanMustBe) {
+TEST(WorkGpuAlone, NobodyHoldsMoreThanMustBe) {
     for (std::uint32_t length = 64; length <= 4096; ++length) {
         std::uint32_t left = length;
         for (const std::uint32_t prime : {2u, 3u, 5u, 7u})
@@ -294,21 +294,21 @@ TEST(GroupShapesAlone, NobodyHoldsMoreThanMustBe) {
                 left /= prime;
         if (left != 1)
             continue;
-        const FusedPlan plan = make_group_plan(length);
+        const LinePlan plan = make_gpu_plan(length);
         // NVIDIA's driver gives a kernel 256 work-items where its device has 1024.
-        const auto smaller = smaller_group_shape(plan, {8, 120, true, true}, {256, 49152}, 1);
+        const auto smaller = smaller_shape(plan, {8, 120, true, true}, {256, 49152}, 1);
         ASSERT_TRUE(smaller) << length;
-        EXPECT_LE(held_points(plan, smaller->items), kMostHeldPoints) << length;
+        EXPECT_LE(points_per_item(plan, smaller->items), kMostPointsPerItem) << length;
         // Four rows that belong together have 64 each, and cannot do with fewer lines.
-        const auto quarters = picked_group_shape(plan, {1024, 1 << 17}, false, {4, 0});
+        const auto quarters = picked_shape(plan, {1024, 1 << 17}, false, {4, 0});
         ASSERT_TRUE(quarters) << length;
-        EXPECT_LE(quarters->group_items(), kMostGroupItems);
-        EXPECT_LE(held_points(plan, quarters->items), std::max(kMostHeldPoints, length / 64 + 16)) << length;
+        EXPECT_LE(quarters->work_items(), kMostWorkItems);
+        EXPECT_LE(points_per_item(plan, quarters->items), std::max(kMostPointsPerItem, length / 64 + 16)) << length;
         for (const bool across : {false, true}) {
-            const auto chosen = choose_group_shape(plan, {1024, 49152}, across);
+            const auto chosen = choose_shape(plan, {1024, 49152}, across);
             ASSERT_TRUE(chosen) << length;
-            EXPECT_LE(chosen->group_items(), kMostGroupItems);
-            EXPECT_LE(held_points(plan, chosen->items), kMostHeldPoints) << length;
+            EXPECT_LE(chosen->work_items(), kMostWorkItems);
+            EXPECT_LE(points_per_item(plan, chosen->items), kMostPointsPerItem) << length;
         }
     }
 }

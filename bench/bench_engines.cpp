@@ -1,5 +1,5 @@
-// The fused engine beside clFFT: from stored phases and an ideal image to the intensity, or with the default sensor to
-// codes. fftw_frame does the intensity's work by FFTW.
+// The device's own engine beside clFFT: from stored phases and an ideal image to the intensity, or with the default
+// sensor to codes. fftw_frame does the intensity's work by FFTW.
 #include "bench.hpp"
 
 #include <cstdlib>
@@ -14,8 +14,10 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
                int frames_per_wait = 1) {
     const auto width = static_cast<std::uint32_t>(state.range(0)), height = static_cast<std::uint32_t>(state.range(1));
     setenv("CLSPECKLE_FFT", engine, 1); // contexts read it when they are made
+    setenv("CLSPECKLE_TUNING", "off", 1);
     const clspeckle::Context context;
     unsetenv("CLSPECKLE_FFT");
+    unsetenv("CLSPECKLE_TUNING");
     const clspeckle::Queue queue(context);
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     phase_desc.width = width;
@@ -65,14 +67,14 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
         double(width) * height * 1e-9, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
-BENCHMARK_CAPTURE(intensity, fused, "fused", 1.0, false)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_unpolarized, "fused", 0.0, false)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_sensor, "fused", 1.0, true)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_streamed, "fused", 1.0, false, kStreamed)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_unpolarized_streamed, "fused", 0.0, false, kStreamed)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_sensor_streamed, "fused", 1.0, true, kStreamed)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own, "auto", 1.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own_unpolarized, "auto", 0.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own_sensor, "auto", 1.0, true)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own_streamed, "auto", 1.0, false, kStreamed)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own_unpolarized_streamed, "auto", 0.0, false, kStreamed)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, own_sensor_streamed, "auto", 1.0, true, kStreamed)->Apply(bench::apertures);
 BENCHMARK_CAPTURE(intensity, clfft_streamed, "clfft", 1.0, false, kStreamed)->Apply(bench::apertures);
-BENCHMARK_CAPTURE(intensity, fused_groups, "fused-groups", 1.0, false)->Apply(bench::apertures);
+BENCHMARK_CAPTURE(intensity, gpu, "gpu", 1.0, false)->Apply(bench::apertures);
 BENCHMARK_CAPTURE(intensity, clfft, "clfft", 1.0, false)->Apply(bench::apertures);
 BENCHMARK_CAPTURE(intensity, clfft_unpolarized, "clfft", 0.0, false)->Apply(bench::apertures);
 
