@@ -9,6 +9,13 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(PupilShape, kRing, CLSP_PUPIL_CIRCLE, CLSP_PUPIL_IMAGE, CLSP_PUPIL_POLYGON, CLSP_PUPIL_RING)
+CLSP_ENUM(Normalization, kUnitMean, CLSP_NORMALIZATION_TRANSMISSION, CLSP_NORMALIZATION_UNIT_MEAN)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
@@ -16,8 +23,8 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.height, p.height);
     field(d.oversampling, p.oversampling);
     field(d.guard_px, p.guard_px);
-    field(d.pupil, p.pupil.shape);
-    field(d.normalization, p.pupil.normalization);
+    field(d.pupil, p.pupil.shape, "desc->pupil");
+    field(d.normalization, p.pupil.normalization, "desc->normalization");
     field(d.soft_rim, p.pupil.soft_rim);
     field(d.pupil_image, p.pupil.image);
     field(d.pupil_width, p.pupil.image_width);

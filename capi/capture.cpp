@@ -5,6 +5,7 @@
 #include "capture/capture_validation.hpp"
 #include "capture/capture_writer.hpp"
 #include "capture_handle.hpp"
+#include "convert.hpp"
 #include "fields.hpp"
 #include "status.hpp"
 #include "texts.hpp"
@@ -15,18 +16,22 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(CaptureScene, kDots, CLSP_SCENE_DARK, CLSP_SCENE_FLAT, CLSP_SCENE_BOARD, CLSP_SCENE_DOTS)
+
+} // namespace clsp::capi
+
 namespace {
 
 static_assert(CLSP_MAX_CAPTURE_NAME == kMaxSequenceName + 1, "the engine's limit and the API's must agree");
-static_assert(static_cast<std::uint32_t>(CaptureScene::kDots) == CLSP_SCENE_DOTS,
-              "CaptureScene and CLSP_SCENE_* must agree");
 static_assert(CLSP_MAX_DOTS == kMaxCaptureDots, "the engine's limit and the API's must agree");
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.bits, p.bits);
-    field(d.field, p.field);
+    field(d.field, p.field, "desc->field");
     field(d.pixel_pitch_m, p.pixel_pitch_m);
     field(d.f_number, p.f_number);
     field(d.wavelength_m, p.wavelength_m);
@@ -120,7 +125,7 @@ CLSP_API ClspStatus clspCaptureAddSequence(ClspCapture capture, const ClspCaptur
             throw Error(Status::kInvalidArgument, "sequence->codes is NULL");
         SequenceLayout added;
         added.name = &required(s.name, "sequence->name");
-        added.scene = static_cast<CaptureScene>(s.scene);
+        added.scene = checked_enum<CaptureScene>(s.scene, "sequence->scene");
         added.moving = checked_flag(s.moving, "sequence->moving");
         added.frame_count = s.frame_count;
         added.f_number = s.f_number == 0.0 ? c->layout.f_number : s.f_number;

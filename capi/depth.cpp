@@ -11,6 +11,12 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(DirectionKind, kDirectionCosines, CLSP_PROJECTION_TANGENT_PLANE, CLSP_PROJECTION_DIRECTION_COSINES)
+
+} // namespace clsp::capi
+
 namespace {
 
 static_assert(CLSP_MAX_DIRECTIONS == kMaxDirections && CLSP_NO_DOT == kNoDot,
@@ -31,8 +37,6 @@ static_assert(CLSP_DEPTH_WARNING_NO_DOTS == kWarningNoDots && CLSP_DEPTH_WARNING
                   CLSP_DEPTH_WARNING_EPIPOLAR == kWarningEpipolar &&
                   CLSP_DEPTH_WARNING_SATURATED == kWarningSaturated && CLSP_DEPTH_WARNING_MERGED == kWarningMerged,
               "kWarning* and CLSP_DEPTH_WARNING_* must agree");
-static_assert(CLSP_PROJECTION_DIRECTION_COSINES == std::uint32_t(DirectionKind::kDirectionCosines),
-              "DirectionKind and CLSP_PROJECTION_* must agree");
 static_assert(sizeof(ClspDepthDot) == 232 && sizeof(ClspDepthPatternDot) == 8, "frozen");
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
@@ -49,7 +53,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.min_correlation, p.detector.min_correlation);
     field(d.epipolar_tolerance_px, p.identification.epipolar_tolerance_px);
     field(d.min_confidence, p.identification.min_confidence);
-    field(d.projection, p.geometry.directions);
+    field(d.projection, p.geometry.directions, "desc->projection");
     field(d.laser_from_camera, p.geometry.laser_from_camera);
     field(d.fx_px, p.geometry.fx_px);
     field(d.fy_px, p.geometry.fy_px);

@@ -27,15 +27,11 @@ using namespace clsp::capi;
 namespace clsp::capi {
 
 CLSP_HANDLE(ClspDiagnosis, const DiagnosisResult, "diagnosis")
+CLSP_ENUM(HypothesisPoint, kCodes, CLSP_HYPOTHESIS_IRRADIANCE, CLSP_HYPOTHESIS_INTENSITY, CLSP_HYPOTHESIS_CODES)
 
 } // namespace clsp::capi
 
 namespace {
-
-static_assert(static_cast<std::uint32_t>(HypothesisPoint::kIrradiance) == CLSP_HYPOTHESIS_IRRADIANCE,
-              "HypothesisPoint and CLSP_HYPOTHESIS_* must agree");
-static_assert(static_cast<std::uint32_t>(HypothesisPoint::kCodes) == CLSP_HYPOTHESIS_CODES,
-              "HypothesisPoint and CLSP_HYPOTHESIS_* must agree");
 
 constexpr std::uint32_t kLeastReplicates = 12, kMostReplicates = 100000;
 constexpr std::uint32_t kMostEffects = 64;
@@ -137,11 +133,7 @@ Hypothesis checked_hypothesis(const ClspHypothesis *user, std::uint32_t index) {
                                 named, result.stage));
     if (h.summary)
         result.summary = h.summary;
-    if (h.point > CLSP_HYPOTHESIS_CODES)
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("the point {} is {}, it must be 0 (irradiance), 1 (intensity) or 2 (codes)", named, h.point));
-    result.point = static_cast<HypothesisPoint>(h.point);
+    result.point = checked_enum<HypothesisPoint>(h.point, ("the point " + named).c_str());
     if (h.parameter_count < 1 || h.parameter_count > CLSP_MAX_EFFECT_PARAMETERS)
         throw Error(Status::kInvalidArgument,
                     fmt::format("parameter_count {} is {}, it must be 1 to {}: without a parameter there is nothing to "

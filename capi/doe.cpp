@@ -11,13 +11,21 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(BeamKind, kImage, CLSP_BEAM_GAUSSIAN, CLSP_BEAM_FLAT_CIRCLE, CLSP_BEAM_FLAT_SQUARE, CLSP_BEAM_SUPER_GAUSSIAN,
+          CLSP_BEAM_SKEWED, CLSP_BEAM_IMAGE)
+CLSP_ENUM(DoeEvaluation, kAperture, CLSP_DOE_EVALUATION_AUTO, CLSP_DOE_EVALUATION_ORDERS, CLSP_DOE_EVALUATION_APERTURE)
+
+} // namespace clsp::capi
+
 namespace {
 
 static_assert(CLSP_MAX_DOE_SAMPLES == kMaxDoeSide && CLSP_MAX_DOE_LINES == kMaxDoeLines,
               "the engine's limits and the API's must agree");
 
 constexpr auto kBeamFields = [](auto field, auto &d, auto &p) {
-    field(d.kind, p.kind);
+    field(d.kind, p.kind, "beam->kind");
     field(d.covariance_xx_m2, p.covariance_xx_m2);
     field(d.covariance_xy_m2, p.covariance_xy_m2);
     field(d.covariance_yy_m2, p.covariance_yy_m2);
@@ -74,7 +82,7 @@ constexpr auto kDoeFields = [](auto field, auto &d, auto &p) {
     field(d.dot_directions, p.dot_directions);
     field(d.dot_weights, p.dot_weights);
     field(d.design_levels, p.design_levels);
-    field(d.evaluation, p.evaluation);
+    field(d.evaluation, p.evaluation, "desc->evaluation");
     field(d.line_count, p.line_count);
     field(d.oversampling, p.oversampling);
     field(d.line_wavelengths_m, p.line_wavelengths_m);

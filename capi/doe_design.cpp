@@ -16,15 +16,15 @@ using namespace clsp::capi;
 namespace clsp::capi {
 
 CLSP_HANDLE(ClspDoeDesign, const DoeDesign, "design")
+CLSP_ENUM(DoeRule, kPhaseFixed, CLSP_DOE_RULE_GS, CLSP_DOE_RULE_GSW, CLSP_DOE_RULE_NOGRETTE, CLSP_DOE_RULE_KIM)
 
 } // namespace clsp::capi
 
 namespace {
 
-static_assert(static_cast<std::uint32_t>(DoeRule::kPhaseFixed) == CLSP_DOE_RULE_KIM &&
-                  kLargestDoeSide == CLSP_MAX_DOE_SIDE && kLargestDoeLevels == CLSP_MAX_DOE_LEVELS &&
+static_assert(kLargestDoeSide == CLSP_MAX_DOE_SIDE && kLargestDoeLevels == CLSP_MAX_DOE_LEVELS &&
                   kMostDoeOrders == CLSP_MAX_DOE_ORDERS,
-              "the engine's limits and rules are those of doe_design.h");
+              "the engine's limits are those of doe_design.h");
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
@@ -35,7 +35,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.beam_diameter_m, p.beam_diameter_m);
     field(d.seed, p.seed);
     field(d.feedback, p.feedback);
-    field(d.rule, p.rule);
+    field(d.rule, p.rule, "desc->rule");
     field(d.iterations, p.iterations);
     field(d.quantization_iterations, p.quantization_iterations);
     field(d.fix_phase_iteration, p.fix_phase_iteration);

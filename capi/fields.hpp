@@ -1,8 +1,10 @@
 // One list of fields for a C struct and the parameters behind it, for both directions. A list is a generic lambda
 //     [](auto field, auto &c, auto &p) { field(c.member, p.parameter); ... }
-// and what `field` does is the direction. A flag names itself, for the message about one that is neither 0 nor 1.
+// and what `field` does is the direction. A flag or an enumeration names itself, for the message about a number that is
+// none of its values: field(c.rule, p.rule, "desc->rule").
 #pragma once
 
+#include "enums.hpp"
 #include "structs.hpp"
 
 #include <algorithm>
@@ -12,13 +14,16 @@
 namespace clsp::capi {
 
 struct FieldFromC {
-    template <typename C, typename P> void operator()(const C &c, P &p, const char *flag = nullptr) const {
+    template <typename C, typename P> void operator()(const C &c, P &p) const {
+        static_assert(!std::is_same_v<P, bool> && !std::is_enum_v<P>, "flags and enumerations name themselves");
         if constexpr (std::is_array_v<C>)
             std::copy(std::begin(c), std::end(c), std::begin(p));
-        else if constexpr (std::is_same_v<P, bool>)
-            p = checked_flag(c, flag);
         else
             p = static_cast<P>(c);
+    }
+    void operator()(std::uint32_t c, bool &p, const char *name) const { p = checked_flag(c, name); }
+    template <typename Enum> void operator()(std::uint32_t c, Enum &p, const char *name) const {
+        p = checked_enum<Enum>(c, name);
     }
 };
 

@@ -12,12 +12,19 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(RadiusUnit, kFocalLength, CLSP_LENS_RADIUS_CORNER, CLSP_LENS_RADIUS_FOCAL_LENGTH)
+CLSP_ENUM(Interpolation, kCubic, CLSP_INTERPOLATION_NEAREST, CLSP_INTERPOLATION_LINEAR, CLSP_INTERPOLATION_CUBIC)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
-    field(d.radius_unit, p.radius_unit);
+    field(d.radius_unit, p.radius_unit, "desc->radius_unit");
     field(d.cos4_falloff, p.cos4_falloff, "desc->cos4_falloff");
     field(d.principal_point_given, p.principal_point_given, "desc->principal_point_given");
     field(d.principal_point_x_px, p.principal_point_x_px);
@@ -98,7 +105,7 @@ CLSP_API ClspStatus clspLensEnqueueDistort(ClspLens lens, cl_command_queue queue
                               Format::kFloat32x2, Format::kFloat32x3, Format::kFloat32x4};
         const ImageView from = check_image(description(ideal, "ideal"), "ideal", context, size, formats);
         const ImageView to = check_image(description(distorted, "distorted"), "distorted", context, size, formats);
-        const auto how = static_cast<Interpolation>(interpolation);
+        const auto how = checked_enum<Interpolation>(interpolation, "interpolation");
         l->check_distort(from, to, how);
         enqueue(*l->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { l->enqueue_distort(chain, from, to, how); });

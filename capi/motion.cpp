@@ -8,14 +8,20 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(MotionRule, kReplace, CLSP_MOTION_CORRELATE, CLSP_MOTION_REPLACE)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
-    field(d.rule, p.rule);
+    field(d.rule, p.rule, "desc->rule");
     field(d.translate, p.translate, "desc->translate");
-    field(d.depth_kind, p.depth_kind);
+    field(d.depth_kind, p.depth_kind, "desc->depth_kind");
     field(d.fx_px, p.fx_px);
     field(d.fy_px, p.fy_px);
     field(d.cx_px, p.cx_px);
@@ -52,15 +58,15 @@ MotionInput motion_input(const ClspMotionInput *user) {
     input.previous_from_current = i.previous_from_current;
     input.transform_count = i.transform_count;
     input.roll_from_motion = checked_flag(i.roll_from_motion, "input->roll_from_motion");
-    input.position = optional_description(&i.position);
-    input.depth = optional_description(&i.depth);
-    input.normal = optional_description(&i.normal);
-    input.material = optional_description(&i.material);
-    input.motion = optional_description(&i.motion);
-    input.previous_position = optional_description(&i.previous_position);
-    input.previous_depth = optional_description(&i.previous_depth);
-    input.previous_normal = optional_description(&i.previous_normal);
-    input.previous_material = optional_description(&i.previous_material);
+    input.position = optional_description(i.position, "input->position");
+    input.depth = optional_description(i.depth, "input->depth");
+    input.normal = optional_description(i.normal, "input->normal");
+    input.material = optional_description(i.material, "input->material");
+    input.motion = optional_description(i.motion, "input->motion");
+    input.previous_position = optional_description(i.previous_position, "input->previous_position");
+    input.previous_depth = optional_description(i.previous_depth, "input->previous_depth");
+    input.previous_normal = optional_description(i.previous_normal, "input->previous_normal");
+    input.previous_material = optional_description(i.previous_material, "input->previous_material");
     return input;
 }
 
@@ -97,11 +103,11 @@ CLSP_API ClspStatus clspMotionEnqueueCompute(ClspMotion motion, cl_command_queue
         const ClspMotionOutput o = read_struct(output, output_defaults(), "output");
         check_reserved(o.reserved, "output->reserved");
         MotionOutput out;
-        out.path = optional_description(&o.path);
-        out.correlation = optional_description(&o.correlation);
-        out.shift = optional_description(&o.shift);
-        out.displacement = optional_description(&o.displacement);
-        out.mask = optional_description(&o.mask);
+        out.path = optional_description(o.path, "output->path");
+        out.correlation = optional_description(o.correlation, "output->correlation");
+        out.shift = optional_description(o.shift, "output->shift");
+        out.displacement = optional_description(o.displacement, "output->displacement");
+        out.mask = optional_description(o.mask, "output->mask");
         enqueue(*m->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { m->enqueue_compute(chain, in, out); });
     });

@@ -8,11 +8,19 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(Projection, kDirectionCosines, CLSP_PROJECTION_TANGENT_PLANE, CLSP_PROJECTION_DIRECTION_COSINES)
+CLSP_ENUM(PatternQuantity, kPlaneIrradiance, CLSP_QUANTITY_RADIANT_INTENSITY, CLSP_QUANTITY_PLANE_IRRADIANCE)
+CLSP_ENUM(PatternFilter, kArea, CLSP_FILTER_BILINEAR, CLSP_FILTER_AREA)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
-    field(d.projection, p.projection);
-    field(d.quantity, p.quantity);
+    field(d.projection, p.projection, "desc->projection");
+    field(d.quantity, p.quantity, "desc->quantity");
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.texels, p.texels);
@@ -21,7 +29,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.half_extent_y, p.half_extent_y);
     field(d.power_scale, p.power_scale);
     field(d.laser_from_geometry, p.laser_from_geometry);
-    field(d.filter, p.filter);
+    field(d.filter, p.filter, "desc->filter");
     field(d.filter_taps, p.filter_taps);
 };
 
@@ -49,12 +57,12 @@ namespace clsp::capi {
 Geometry geometry(const ClspGeometry *user) {
     const ClspGeometry g = read_struct(user, geometry_defaults(), "geometry");
     Geometry result;
-    result.depth_kind = static_cast<DepthKind>(g.depth_kind);
-    result.position = optional_description(&g.position);
-    result.depth = optional_description(&g.depth);
-    result.normal = optional_description(&g.normal);
-    result.albedo = optional_description(&g.albedo);
-    result.visibility = optional_description(&g.visibility);
+    result.depth_kind = checked_enum<DepthKind>(g.depth_kind, "geometry.depth_kind");
+    result.position = optional_description(g.position, "geometry.position");
+    result.depth = optional_description(g.depth, "geometry.depth");
+    result.normal = optional_description(g.normal, "geometry.normal");
+    result.albedo = optional_description(g.albedo, "geometry.albedo");
+    result.visibility = optional_description(g.visibility, "geometry.visibility");
     result.fx_px = g.fx_px;
     result.fy_px = g.fy_px;
     result.cx_px = g.cx_px;

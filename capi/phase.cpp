@@ -8,6 +8,12 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(Dynamics, kContinuous, CLSP_DYNAMICS_REPLACE, CLSP_DYNAMICS_CONTINUOUS)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
@@ -15,10 +21,10 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.height, p.height);
     field(d.oversampling, p.oversampling);
     field(d.guard_px, p.guard_px);
-    field(d.field, p.field);
+    field(d.field, p.field, "desc->field");
     field(d.polarization_count, p.polarization_count);
     field(d.seed, p.seed);
-    field(d.dynamics, p.dynamics);
+    field(d.dynamics, p.dynamics, "desc->dynamics");
     field(d.translate, p.translate, "desc->translate");
 };
 
@@ -68,7 +74,7 @@ CLSP_API ClspStatus clspPhaseEnqueueRefresh(ClspPhase phase, cl_command_queue qu
                                             const cl_event *event_wait_list, cl_event *event) {
     return guarded("clspPhaseEnqueueRefresh", [&] {
         const auto p = object(phase);
-        const ImageView view = mask && mask->mem ? p->check_mask(description(*mask), "mask") : ImageView{};
+        const ImageView view = mask && mask->mem ? p->check_mask(description(*mask, "mask"), "mask") : ImageView{};
         enqueue(*p->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { p->enqueue_refresh(chain, frame_index, view); });
     });
@@ -83,7 +89,7 @@ CLSP_API ClspStatus clspPhaseEnqueueAdvance(ClspPhase phase, cl_command_queue qu
         const auto p = object(phase);
         const ClspPhaseAdvance a = read_struct(advance, advance_defaults(), "advance");
         const auto view = [&](const ClspImage &image, const char *name, Format format) {
-            return image.mem ? check_image(description(image), name, p->context()->cl_context()(),
+            return image.mem ? check_image(description(image, name), name, p->context()->cl_context()(),
                                            {p->grid().width, p->grid().height}, {format})
                              : ImageView{};
         };

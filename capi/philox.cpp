@@ -7,6 +7,12 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(Distribution, kNormal, CLSP_DISTRIBUTION_BITS, CLSP_DISTRIBUTION_UNIFORM, CLSP_DISTRIBUTION_NORMAL)
+
+} // namespace clsp::capi
+
 namespace {
 
 ClspPhiloxDesc philox_defaults() {
@@ -48,7 +54,7 @@ CLSP_API ClspStatus clspPhiloxEnqueueFill(ClspContext context, cl_command_queue 
         const auto c = object(context);
         const ClspPhiloxDesc d = read_struct(desc, philox_defaults(), "desc");
         PhiloxParameters p;
-        p.distribution = static_cast<Distribution>(d.distribution);
+        p.distribution = checked_enum<Distribution>(d.distribution, "desc->distribution");
         p.seed = d.seed;
         p.frame_index = d.frame_index;
         p.stream = d.stream;

@@ -8,10 +8,19 @@
 #include "texts.hpp"
 
 #include <fmt/core.h>
+#include <string>
 #include <vector>
 
 using namespace clsp;
 using namespace clsp::capi;
+
+namespace clsp::capi {
+
+CLSP_ENUM(ExposureCorrelation, kGaussian, CLSP_EXPOSURE_CORRELATION_FIELD, CLSP_EXPOSURE_CORRELATION_GAUSSIAN)
+CLSP_ENUM(Refresh, kAll, CLSP_REFRESH_MASK, CLSP_REFRESH_ALL)
+CLSP_ENUM(Illumination, kDark, CLSP_ILLUMINATION_LASER, CLSP_ILLUMINATION_INCOHERENT, CLSP_ILLUMINATION_DARK)
+
+} // namespace clsp::capi
 
 namespace {
 
@@ -32,7 +41,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.airflow_wind_px, p.airflow.wind_px);
     field(d.vibration_rms_px, p.vibration_rms_px);
     field(d.shutter_fraction, p.shutter_fraction);
-    field(d.exposure_correlation, p.exposure_correlation);
+    field(d.exposure_correlation, p.exposure_correlation, "desc->exposure_correlation");
 };
 
 ClspPipelineDesc pipeline_defaults() {
@@ -57,24 +66,25 @@ struct FrameView {
     Frame frame;
 };
 
-void read_frame(const ClspFrame *user, const char *name, FrameView &view) {
+// `prefix` comes before a member's name in messages.
+void read_frame(const ClspFrame *user, const char *name, const std::string &prefix, FrameView &view) {
     const ClspFrame f = read_struct(user, frame_defaults(), name);
     if (f.geometry)
         view.geometry = geometry(f.geometry);
     if (f.motion)
         view.motion = motion_input(f.motion);
+    const auto named = [&](const char *member) { return prefix + member; };
     Frame &frame = view.frame;
-    frame.refresh = static_cast<Refresh>(f.refresh);
+    frame.refresh = checked_enum<Refresh>(f.refresh, named("refresh").c_str());
     frame.frame_index = f.frame_index;
     frame.geometry = f.geometry ? &view.geometry : nullptr;
-    frame.irradiance = optional_description(&f.irradiance);
-    frame.refresh_mask = optional_description(&f.refresh_mask);
-    frame.output = description(f.output);
+    frame.irradiance = optional_description(f.irradiance, named("irradiance"));
+    frame.refresh_mask = optional_description(f.refresh_mask, named("refresh_mask"));
+    frame.output = description(f.output, named("output"));
     frame.motion = f.motion ? &view.motion : nullptr;
-    frame.material = optional_description(&f.material);
-    frame.illumination = static_cast<Illumination>(f.illumination);
-    if (f.reserved != 0)
-        check_reserved(f.reserved, fmt::format("{}->reserved", name).c_str());
+    frame.material = optional_description(f.material, named("material"));
+    frame.illumination = checked_enum<Illumination>(f.illumination, named("illumination").c_str());
+    check_reserved(f.reserved, named("reserved").c_str());
 }
 
 } // namespace
@@ -113,7 +123,7 @@ CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_q
     return guarded("clspPipelineEnqueueFrame", [&] {
         const auto p = object(pipeline);
         FrameView view;
-        read_frame(frame, "frame", view);
+        read_frame(frame, "frame", "frame->", view);
         p->enqueue_frame(queue, view.frame, num_events_in_wait_list, event_wait_list, event);
     });
 }
@@ -143,7 +153,7 @@ CLSP_API ClspStatus clspPipelineEnqueueFrames(ClspPipeline pipeline, cl_command_
                             fmt::format("frames[{}].struct_size is {}, that of frames[0] {}; call clspFrameInit() on "
                                         "each element",
                                         i, frame->struct_size, size));
-            read_frame(frame, fmt::format("(&frames[{}])", i).c_str(), views[i]);
+            read_frame(frame, fmt::format("(&frames[{}])", i).c_str(), fmt::format("frames[{}].", i), views[i]);
             list[i] = views[i].frame;
         }
         p->enqueue_frames(queue, list.data(), count, num_events_in_wait_list, event_wait_list, event);
@@ -154,7 +164,7 @@ CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue q
     return guarded("clspPipelineWarmUp", [&] {
         const auto p = object(pipeline);
         FrameView view;
-        read_frame(frame, "frame", view);
+        read_frame(frame, "frame", "frame->", view);
         p->warm_up(queue, view.frame);
     });
 }

@@ -13,6 +13,12 @@
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace clsp::capi {
+
+CLSP_ENUM(DiskCache, kOn, CLSP_DISK_CACHE_AUTO, CLSP_DISK_CACHE_OFF, CLSP_DISK_CACHE_ON)
+
+} // namespace clsp::capi
+
 namespace {
 
 static_assert(static_cast<std::uint32_t>(LogLevel::kWarning) == CLSP_LOG_WARNING &&
@@ -124,16 +130,13 @@ CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *
     return guarded("clspContextCreate", [&] {
         required(context, "context");
         const ClspContextDesc d = desc ? read_struct(desc, context_defaults(), "desc") : context_defaults();
-        if (d.disk_cache > CLSP_DISK_CACHE_ON)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("disk_cache is {}, expected CLSP_DISK_CACHE_AUTO, _OFF or _ON", d.disk_cache));
         ContextParameters parameters;
         parameters.host_context = d.cl_context_handle;
         parameters.host_device = d.cl_device;
         parameters.device = text_or_empty(d.device);
         parameters.kernel_dir = text_or_empty(d.kernel_dir);
         parameters.cache_dir = text_or_empty(d.cache_dir);
-        parameters.disk_cache = static_cast<DiskCache>(d.disk_cache);
+        parameters.disk_cache = checked_enum<DiskCache>(d.disk_cache, "desc->disk_cache");
         if (d.log)
             parameters.log = [log = d.log, data = d.log_data](LogLevel level, const std::string &message) {
                 log(data, static_cast<std::uint32_t>(level), message.c_str());

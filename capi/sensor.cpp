@@ -19,6 +19,12 @@ static_assert(offsetof(ClspSensorDesc, conversion_gain_dn_per_e) == kFirstSize<C
 static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, row_prnu) + sizeof(double),
               "no hidden padding at the end");
 
+namespace clsp::capi {
+
+CLSP_ENUM(Bayer, kGbrg, CLSP_BAYER_RGGB, CLSP_BAYER_BGGR, CLSP_BAYER_GRBG, CLSP_BAYER_GBRG)
+
+} // namespace clsp::capi
+
 namespace {
 
 constexpr auto kFields = [](auto field, auto &d, auto &p) {
@@ -89,7 +95,7 @@ CLSP_API ClspStatus clspSensorMosaicFromBayer(uint32_t bayer, double red, double
                                               double mosaic_gain[4]) {
     return guarded("clspSensorMosaicFromBayer", [&] {
         required(mosaic_gain, "mosaic_gain");
-        const auto gains = mosaic_gain_of(static_cast<Bayer>(bayer), red, green, blue);
+        const auto gains = mosaic_gain_of(checked_enum<Bayer>(bayer, "bayer"), red, green, blue);
         std::copy(gains.begin(), gains.end(), mosaic_gain);
     });
 }
@@ -156,11 +162,11 @@ CLSP_API ClspStatus clspSensorEnqueueDemosaic(ClspSensor sensor, cl_command_queu
                         fmt::format("the sensor has {} x {} pixels (width x height); a colour filter needs at least "
                                     "2 x 2",
                                     s->width(), s->height()));
-        check_bayer(static_cast<Bayer>(bayer));
+        const auto sites = checked_enum<Bayer>(bayer, "bayer");
         check_writable(out, "rgb");
         refuse_overlap(out, "rgb", in, "raw");
         enqueue(*s->context(), queue, num_events_in_wait_list, event_wait_list, event,
-                [&](CommandChain &chain) { s->enqueue_demosaic(chain, in, static_cast<Bayer>(bayer), out); });
+                [&](CommandChain &chain) { s->enqueue_demosaic(chain, in, sites, out); });
     });
 }
 

@@ -14,7 +14,7 @@ CLSP_API ClspStatus clspStatisticsMoments(ClspContext context, cl_command_queue 
     return guarded("clspStatisticsMoments", [&] {
         const auto c = object(context);
         check_struct_size(required(moments, "moments").struct_size, kFirstSize<ClspMoments>, "moments");
-        const Moments m = compute_moments(c, queue, description(image, "image"), optional_description(mask));
+        const Moments m = compute_moments(c, queue, description(image, "image"), optional_description(mask, "mask"));
         ClspMoments result{};
         result.count = m.count;
         result.mean = m.mean;
@@ -35,7 +35,7 @@ CLSP_API ClspStatus clspStatisticsHistogram(ClspContext context, cl_command_queu
         const auto c = object(context);
         required(counts, "counts");
         const std::vector<std::uint64_t> result =
-            compute_histogram(c, queue, description(image, "image"), optional_description(mask), low, high, bins);
+            compute_histogram(c, queue, description(image, "image"), optional_description(mask, "mask"), low, high, bins);
         std::copy(result.begin(), result.end(), counts);
     });
 }

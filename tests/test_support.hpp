@@ -49,10 +49,10 @@ inline ::testing::AssertionResult succeeded(const char *, ClspStatus status) {
     return ::testing::AssertionFailure() << describe(status) << last_error().build_log;
 }
 
-// The name of the function in "clspSomething(...)".
+// The name of the function in "clspSomething(...)", or in "enqueue(clspSomething, ...)".
 inline std::string function_of(const std::string &expression) {
     const std::size_t begin = expression.find("clsp");
-    return expression.substr(begin, expression.find('(', begin) - begin);
+    return expression.substr(begin, expression.find_first_of("(,", begin) - begin);
 }
 
 // Leaves an error of another function behind, so that a call that reports nothing cannot pass by an older message.
@@ -344,6 +344,8 @@ inline void check_image_rules(const std::string &function, const clspeckle::Cont
     for (std::uint32_t format : {wrong_format, std::uint32_t{CLSP_FORMAT_NONE}, 8u, 0xffffffffu}) {
         image = changed([&](ClspImage &i) { i.format = format; });
         fails(CLSP_ERROR_INVALID_FORMAT, name, &image);
+        if (format > CLSP_FORMAT_FLOAT32X4)
+            fails(CLSP_ERROR_INVALID_FORMAT, "CLSP_FORMAT_FLOAT32X3 (6) or CLSP_FORMAT_FLOAT32X4 (7)", &image);
     }
     for (std::uint32_t side : {0u, 16385u, 0x80000000u, 0xffffffffu}) {
         image = changed([&](ClspImage &i) { i.width = side; });

@@ -24,11 +24,6 @@ std::array<double, 3> laser_position(const std::array<double, 12> &pose) {
 } // namespace
 
 void check(const DepthGeometry &g) {
-    if (static_cast<std::uint32_t>(g.directions) > 1)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("projection is {}, it must be CLSP_PROJECTION_TANGENT_PLANE (0) or "
-                                "CLSP_PROJECTION_DIRECTION_COSINES (1)",
-                                static_cast<std::uint32_t>(g.directions)));
     check_pose(g.laser_from_camera.data(), "laser_from_camera");
     check_positive(g.fx_px, "fx_px");
     check_positive(g.fy_px, "fy_px");

@@ -32,9 +32,6 @@ double square(double x) {
 } // namespace
 
 BeamProfile::BeamProfile(const BeamParameters &p) : parameters_(p) {
-    if (p.kind > BeamKind::kImage)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("beam->kind is {}, expected one of CLSP_BEAM_*", static_cast<std::uint32_t>(p.kind)));
     if (!(p.m_squared >= 1 && p.m_squared <= 100))
         throw Error(Status::kInvalidArgument,
                     fmt::format("beam->m_squared is {}, it must be 1 (diffraction limited) to 100", p.m_squared));

@@ -24,9 +24,6 @@ void check_design(const DoePatternParameters &p) {
     if (p.design_levels == 1 || p.design_levels > 65536)
         throw Error(Status::kInvalidArgument,
                     fmt::format("design_levels is {}, it must be 0 (any phase) or 2 to 65536", p.design_levels));
-    if (p.evaluation > DoeEvaluation::kAperture)
-        throw Error(Status::kInvalidArgument, fmt::format("evaluation is {}, expected one of CLSP_DOE_EVALUATION_*",
-                                                          static_cast<std::uint32_t>(p.evaluation)));
     if (p.evaluation == DoeEvaluation::kOrders && !p.periodic)
         throw Error(Status::kInvalidArgument, "evaluation is ORDERS, but the design does not repeat (periodic is 0), "
                                               "so it has no orders; use APERTURE or AUTO");

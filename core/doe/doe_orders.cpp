@@ -172,9 +172,6 @@ DoeDesignParameters checked_doe_parameters(DoeDesignParameters p) {
     if (p.levels == 1 || p.levels > kLargestDoeLevels)
         throw Error(Status::kInvalidArgument,
                     fmt::format("levels is {}, it must be 0 (continuous) or 2 to {}", p.levels, kLargestDoeLevels));
-    if (static_cast<std::uint32_t>(p.rule) > 3)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("rule is {}, it must be one of CLSP_DOE_RULE_*", static_cast<std::uint32_t>(p.rule)));
     const double most_feedback = p.rule == DoeRule::kAdaptive ? 0.99 : 2.0;
     if (!(p.feedback >= 0.0 && p.feedback <= most_feedback))
         throw Error(

@@ -60,12 +60,12 @@ ExposureSteps exposure_steps(const ExposureParameters &p) {
         if (sub_exposures != 0)
             throw Error(
                 Status::kInvalidArgument,
-                fmt::format("sub_exposures is {}, but an exposure_correlation of CLSP_EXPOSURE_CORRELATION_GAUSSIAN "
-                            "says itself how many there are; leave it 0",
+                fmt::format("sub_exposures is {}, but a Gaussian exposure_correlation says itself how many there are; "
+                            "leave it 0",
                             sub_exposures));
         if (exposure_path > kLongestPath)
             throw Error(Status::kInvalidArgument,
-                        fmt::format("exposure_path is {}, with CLSP_EXPOSURE_CORRELATION_GAUSSIAN it must be 0 to {}",
+                        fmt::format("exposure_path is {}, with a Gaussian exposure_correlation it must be 0 to {}",
                                     exposure_path, kLongestPath));
         steps.modes = exposure_modes(exposure_path, p.correlation);
         steps.count = static_cast<std::uint32_t>(steps.modes.size());

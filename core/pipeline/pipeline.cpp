@@ -25,12 +25,6 @@ void check_parameters(const PipelineParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("sub_exposures is {}, it must be 0 (automatic) to {}", p.sub_exposures, kMaxSubstep));
     check_not_negative(p.exposure_path, "exposure_path");
-    if (p.exposure_correlation != ExposureCorrelation::kField &&
-        p.exposure_correlation != ExposureCorrelation::kGaussian)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("exposure_correlation is {}, it must be 0 (CLSP_EXPOSURE_CORRELATION_FIELD) or 1 "
-                                "(CLSP_EXPOSURE_CORRELATION_GAUSSIAN)",
-                                static_cast<std::uint32_t>(p.exposure_correlation)));
     check_fraction(p.shutter_fraction, "shutter_fraction");
     if (!(p.boiling_correlation_frames > 0.0))
         throw Error(Status::kInvalidArgument,
@@ -106,8 +100,8 @@ void Pipeline::check_stages() const {
         const PhaseParameters &phase = stages_.phase->parameters();
         if (motion.rule == MotionRule::kCorrelate && phase.dynamics != Dynamics::kContinuous)
             throw Error(Status::kInvalidArgument,
-                        "motion has the rule CLSP_MOTION_CORRELATE, which needs a phase with dynamics "
-                        "CLSP_DYNAMICS_CONTINUOUS; or make the motion with CLSP_MOTION_REPLACE");
+                        "motion has the rule correlate, which needs a phase with dynamics continuous; or make the "
+                        "motion with the rule replace");
         if (motion.translate && !phase.translate)
             throw Error(Status::kInvalidArgument,
                         "motion was made with translate = 1, which needs a phase with translate = 1");
@@ -180,7 +174,7 @@ void Pipeline::apply_own(const PipelineModel &model) {
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(
             Status::kInvalidArgument,
-            "boiling_correlation_frames and exposure_path need a phase with field CLSP_FIELD_CIRCULAR_GAUSSIAN");
+            "boiling_correlation_frames and exposure_path need a phase with a circular Gaussian field");
     if (stages_.materials && (p.coherent_fraction > 0.0 || p.subsurface_fraction > 0.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("{} was given to a pipeline with a material table; set {} of the materials",
@@ -351,14 +345,6 @@ Pipeline::Images Pipeline::check_images(const Frame &frame) {
         allocate(); // the lens was changed by its owner
     const FieldGrid &grid = stages_.aperture->grid();
     const ImageSize size{grid.width, grid.height};
-    if (frame.refresh != Refresh::kMask && frame.refresh != Refresh::kAll)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("refresh is {}, expected CLSP_REFRESH_MASK or CLSP_REFRESH_ALL",
-                                static_cast<std::uint32_t>(frame.refresh)));
-    if (frame.illumination > Illumination::kDark)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("illumination is {}, expected CLSP_ILLUMINATION_LASER, _INCOHERENT or _DARK",
-                                static_cast<std::uint32_t>(frame.illumination)));
     const bool laser = frame.illumination == Illumination::kLaser;
     Images images;
     images.output = stages_.sensor ? stages_.sensor->check_output(frame.output, laser && exposes_in_last_pass())
@@ -384,7 +370,7 @@ Pipeline::Images Pipeline::check_images(const Frame &frame) {
     if (frame.illumination == Illumination::kIncoherent && !frame.irradiance)
         throw Error(
             Status::kInvalidArgument,
-            "irradiance is missing; with CLSP_ILLUMINATION_INCOHERENT it is the light of the scene, whatever the "
+            "irradiance is missing; with incoherent illumination it is the light of the scene, whatever the "
             "pipeline's pattern or dots");
     if (laser && stages_.pattern) {
         if (!frame.geometry)
@@ -726,8 +712,8 @@ std::vector<StageTiming> Pipeline::timings() {
         throw Error(Status::kInvalidState, "no frame has been enqueued yet");
     if (profile_.entries.empty())
         throw Error(Status::kInvalidState,
-                    "the last frame's queue had no profiling; make it with CLSP_QUEUE_PROFILING or "
-                    "CL_QUEUE_PROFILING_ENABLE");
+                    "the last frame's queue had no profiling; make one with profiling (in OpenCL "
+                    "CL_QUEUE_PROFILING_ENABLE)");
     wait_for_events(1, &profile_.entries.back().event());
     std::vector<StageTiming> timings;
     cl_ulong previous_end = 0;

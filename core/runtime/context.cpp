@@ -138,7 +138,7 @@ void Context::log(LogLevel level, const std::string &message) const {
 void Context::check_queue(cl_command_queue queue) const {
     if (!queue)
         throw Error(Status::kInvalidArgument,
-                    "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
+                    "queue is NULL; make one with the clSpeckle context or clCreateCommandQueue()");
     ::cl_context queue_context = nullptr;
     cl_device_id queue_device = nullptr;
     check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof queue_context, &queue_context, nullptr),

@@ -34,23 +34,23 @@ std::uint32_t component_count(Format format) {
 std::string format_name(Format format) {
     switch (format) {
     case Format::kNone:
-        return "CLSP_FORMAT_NONE";
+        break;
     case Format::kUint8:
-        return "CLSP_FORMAT_UINT8";
+        return "uint8";
     case Format::kUint16:
-        return "CLSP_FORMAT_UINT16";
+        return "uint16";
     case Format::kUint32:
-        return "CLSP_FORMAT_UINT32";
+        return "uint32";
     case Format::kFloat32:
-        return "CLSP_FORMAT_FLOAT32";
+        return "float32";
     case Format::kFloat32x2:
-        return "CLSP_FORMAT_FLOAT32X2";
+        return "float32x2";
     case Format::kFloat32x3:
-        return "CLSP_FORMAT_FLOAT32X3";
+        return "float32x3";
     case Format::kFloat32x4:
-        return "CLSP_FORMAT_FLOAT32X4";
+        return "float32x4";
     }
-    return fmt::format("unknown format {}", static_cast<std::uint32_t>(format));
+    return "none";
 }
 
 void check_image_size(std::uint32_t width, std::uint32_t height, const char *what) {

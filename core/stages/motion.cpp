@@ -45,14 +45,6 @@ std::array<float, kBodyFloats> body_of(const double *pose, std::uint32_t index) 
 Motion::Motion(std::shared_ptr<Context> context, const MotionParameters &p)
     : context_(std::move(context)), parameters_(p), bad_pixels_(context_), bad_materials_(context_) {
     check_image_size(p.width, p.height, "the image");
-    if (p.rule != MotionRule::kCorrelate && p.rule != MotionRule::kReplace)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("rule is {}, expected CLSP_MOTION_CORRELATE or CLSP_MOTION_REPLACE",
-                                static_cast<std::uint32_t>(p.rule)));
-    if (p.depth_kind != DepthKind::kAlongAxis && p.depth_kind != DepthKind::kAlongRay)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("depth_kind is {}, expected CLSP_DEPTH_ALONG_AXIS or _ALONG_RAY",
-                                static_cast<std::uint32_t>(p.depth_kind)));
     if (p.fx_px != 0.0 || p.fy_px != 0.0) {
         check_positive(p.fx_px, "fx_px");
         check_positive(p.fy_px, "fy_px");

@@ -56,17 +56,6 @@ Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
         throw Error(Status::kInvalidArgument,
                     fmt::format("the pattern is {} x {} texels (width x height); each side must be 2 to {}", p.width,
                                 p.height, kMaxImageSide));
-    if (p.projection != Projection::kTangentPlane && p.projection != Projection::kDirectionCosines)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("projection is {}, expected CLSP_PROJECTION_TANGENT_PLANE or _DIRECTION_COSINES",
-                                static_cast<std::uint32_t>(p.projection)));
-    if (p.quantity != PatternQuantity::kRadiantIntensity && p.quantity != PatternQuantity::kPlaneIrradiance)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("quantity is {}, expected CLSP_QUANTITY_RADIANT_INTENSITY or _PLANE_IRRADIANCE",
-                                static_cast<std::uint32_t>(p.quantity)));
-    if (p.filter != PatternFilter::kBilinear && p.filter != PatternFilter::kArea)
-        throw Error(Status::kInvalidArgument, fmt::format("filter is {}, expected CLSP_FILTER_BILINEAR or _AREA",
-                                                          static_cast<std::uint32_t>(p.filter)));
     if (p.filter_taps < 1 || p.filter_taps > kMaxFilterTaps)
         throw Error(Status::kInvalidArgument,
                     fmt::format("filter_taps is {}, it must be 1 to {}", p.filter_taps, kMaxFilterTaps));
@@ -126,10 +115,6 @@ Pattern::Inputs Pattern::check_inputs(const Geometry &g, const ImageView &irradi
         throw Error(Status::kInvalidArgument, g.position
                                                   ? "geometry has both position and depth; give one of them"
                                                   : "geometry has neither position nor depth; one of them is needed");
-    if (g.depth_kind != DepthKind::kAlongAxis && g.depth_kind != DepthKind::kAlongRay)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("depth_kind is {}, expected CLSP_DEPTH_ALONG_AXIS or _ALONG_RAY",
-                                static_cast<std::uint32_t>(g.depth_kind)));
     Inputs in;
     const auto take = [&](const ImageDescription &image, const char *name, std::initializer_list<Format> formats) {
         const ImageView view = check_image(image, name, cl_context, size, formats);

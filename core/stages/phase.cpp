@@ -13,22 +13,13 @@ namespace clsp {
 namespace {
 
 void check_parameters(const PhaseParameters &p) {
-    if (p.field != FieldKind::kCircularGaussian && p.field != FieldKind::kUnitPhasor)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("field is {}, expected CLSP_FIELD_CIRCULAR_GAUSSIAN or CLSP_FIELD_UNIT_PHASOR",
-                                static_cast<std::uint32_t>(p.field)));
     if (p.polarization_count != 1 && p.polarization_count != 2)
         throw Error(Status::kInvalidArgument,
                     fmt::format("polarization_count is {}, it must be 1 or 2", p.polarization_count));
-    if (p.dynamics != Dynamics::kReplace && p.dynamics != Dynamics::kContinuous)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("dynamics is {}, expected CLSP_DYNAMICS_REPLACE or CLSP_DYNAMICS_CONTINUOUS",
-                                static_cast<std::uint32_t>(p.dynamics)));
     if (p.dynamics == Dynamics::kContinuous && p.field == FieldKind::kUnitPhasor)
         throw Error(
             Status::kInvalidArgument,
-            "dynamics is CLSP_DYNAMICS_CONTINUOUS, which needs field CLSP_FIELD_CIRCULAR_GAUSSIAN: a sum of two unit "
-            "phasors is not one");
+            "dynamics is continuous, which needs a circular Gaussian field: a sum of two unit phasors is not one");
 }
 
 // What of the state's layout the parameters decide, and nothing else.
@@ -111,7 +102,7 @@ void Phase::add_state(KernelArguments &arguments, std::uint32_t polarization) co
 void Phase::check_refreshed() const {
     if (!refreshed_)
         throw Error(Status::kInvalidState,
-                    "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
+                    "the phase holds no values yet; refresh it or restore a state first");
 }
 
 void Phase::check_polarization(std::uint32_t polarization) const {
@@ -184,12 +175,12 @@ void Phase::check_advance(const PhaseAdvance &advance) {
     if (parameters_.dynamics != Dynamics::kContinuous && (advance.path || advance.uniform_path > 0.0))
         throw Error(
             Status::kInvalidArgument,
-            "a path was given to a phase with dynamics CLSP_DYNAMICS_REPLACE, which is kept or replaced; make it with "
-            "CLSP_DYNAMICS_CONTINUOUS, or give a mask (a motion with CLSP_MOTION_REPLACE makes one)");
+            "a path was given to a phase with dynamics replace, which is kept or replaced; make it with dynamics "
+            "continuous, or give a mask (a motion with the rule replace makes one)");
     if (parameters_.field == FieldKind::kUnitPhasor && (advance.correlation || advance.uniform_correlation < 1.0))
-        throw Error(Status::kInvalidArgument, "a correlation was given to a phase with field CLSP_FIELD_UNIT_PHASOR, "
-                                              "which is kept or replaced; make it with "
-                                              "CLSP_FIELD_CIRCULAR_GAUSSIAN, or give a mask");
+        throw Error(Status::kInvalidArgument,
+                    "a correlation was given to a phase with a unit phasor field, which is kept or replaced; make it "
+                    "with a circular Gaussian field, or give a mask");
     if (advance.shift && !parameters_.translate)
         throw Error(Status::kInvalidArgument,
                     "a shift was given to a phase that does not move; make it with translate = 1, or give no shift");

@@ -78,11 +78,6 @@ void enqueue_philox_blocks(Context &context, CommandChain &chain, cl_mem counter
 
 void enqueue_philox_fill(Context &context, CommandChain &chain, const PhiloxParameters &parameters,
                          const ImageDescription &image) {
-    const auto distribution = static_cast<std::uint32_t>(parameters.distribution);
-    if (distribution > 2)
-        throw Error(
-            Status::kInvalidArgument,
-            fmt::format("distribution is {}, expected CLSP_DISTRIBUTION_BITS, _UNIFORM or _NORMAL", distribution));
     if (parameters.stream < 0x8000 || parameters.stream > 0xffff)
         throw Error(
             Status::kInvalidArgument,
@@ -94,7 +89,9 @@ void enqueue_philox_fill(Context &context, CommandChain &chain, const PhiloxPara
         check_image(image, "image", context.cl_context()(), {0, 0},
                     {parameters.distribution == Distribution::kBits ? Format::kUint32 : Format::kFloat32});
     const std::uint32_t quarter = quarter_rows(view.height);
-    cl::Kernel kernel = context.kernel("stages/philox.cl", "philox_fill", fmt::format("-DDISTRIBUTION={}", distribution));
+    cl::Kernel kernel =
+        context.kernel("stages/philox.cl", "philox_fill",
+                       fmt::format("-DDISTRIBUTION={}", static_cast<std::uint32_t>(parameters.distribution)));
     KernelArguments(kernel)
         .add(view)
         .add(cl_uint{view.width})

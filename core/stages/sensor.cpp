@@ -141,14 +141,7 @@ bool has_read_noise_map(const SensorParameters &p) {
 
 } // namespace
 
-void check_bayer(Bayer bayer) {
-    const auto number = static_cast<std::uint32_t>(bayer);
-    if (number < 1 || number > 4)
-        throw Error(Status::kInvalidArgument, fmt::format("bayer is {}, it must be one of CLSP_BAYER_*", number));
-}
-
 std::array<double, 4> mosaic_gain_of(Bayer bayer, double red, double green, double blue) {
-    check_bayer(bayer);
     check_not_negative(red, "red");
     check_not_negative(green, "green");
     check_not_negative(blue, "blue");
@@ -290,8 +283,7 @@ ImageView Sensor::check_output(const ImageDescription &output, bool in_last_pass
     if (view.format == Format::kUint8 && parameters_.bits > 8)
         throw Error(
             Status::kInvalidFormat,
-            fmt::format("output.format is CLSP_FORMAT_UINT8, but the sensor has {} bits; use CLSP_FORMAT_UINT16",
-                        parameters_.bits));
+            fmt::format("output.format is uint8, but the sensor has {} bits; use uint16", parameters_.bits));
     check_writable(view, "output");
     if (!in_last_pass)
         kernel_for(view.format); // built now if it must be, not after the first commands of a frame

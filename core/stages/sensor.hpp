@@ -54,7 +54,6 @@ CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, sat
 
 // Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
 enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };
-void check_bayer(Bayer bayer);
 // The mosaic_gain of a colour filter.
 std::array<double, 4> mosaic_gain_of(Bayer bayer, double red, double green, double blue);
 

@@ -79,8 +79,6 @@ void validate_camera(const CaptureLayout &layout, const CaptureOrigin &origin) {
     check_real(origin, "/laser/wavelength_nm", nm, nm >= 100.0 && nm <= 20000.0, "100 to 20000 nm");
     check_real(origin, "/laser/degree_of_polarization", layout.degree_of_polarization,
                layout.degree_of_polarization >= 0.0 && layout.degree_of_polarization <= 1.0, "0 to 1");
-    if (layout.field != FieldKind::kCircularGaussian && layout.field != FieldKind::kUnitPhasor)
-        refuse(origin, "/baseline/field", "is unknown; expected circular_gaussian or unit_phasor");
 }
 
 void validate_dots(const CaptureLayout &layout, const CaptureDots &dots, const CaptureOrigin &origin) {
@@ -118,8 +116,6 @@ void validate_sequence(const CaptureLayout &layout, std::size_t sequence, const 
             refuse(origin, sequence_field(sequence, "name"),
                    fmt::format("\"{}\" is the name of sequence {} too{}; give each sequence a name of its own", s.name,
                                i, layout.sequences[i].name == s.name ? "" : " but for capital letters"));
-    if (static_cast<std::uint32_t>(s.scene) > static_cast<std::uint32_t>(CaptureScene::kDots))
-        refuse(origin, sequence_field(sequence, "scene"), "is unknown; expected dark, flat, board or dots");
     if (s.frame_count == 0 || s.frame_count > kMaxCaptureFrames)
         refuse(origin, sequence_field(sequence, "frame_count"),
                fmt::format("of \"{}\" is {}; a sequence has 1 to {} frames", s.name, s.frame_count, kMaxCaptureFrames));

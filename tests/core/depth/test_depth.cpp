@@ -359,7 +359,8 @@ TEST_F(Depth, BadDescriptions) {
     fails(argument, "need at least 11 x 11", [](auto &d) { d.width = 10; });
     fails(argument, "max_dots", [](auto &d) { d.max_dots = 0; });
     fails(argument, "max_dots", [](auto &d) { d.max_dots = 1000001; });
-    fails(argument, "projection", [](auto &d) { d.projection = 2; });
+    fails(argument, "expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)",
+          [](auto &d) { d.projection = 2; });
     fails(argument, "reserved", [](auto &d) { d.reserved = 1; });
     fails(argument, "directions", [](auto &d) { d.directions = nullptr; });
     fails(argument, "directions", [](auto &d) { d.direction_count = 0; });

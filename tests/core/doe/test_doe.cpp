@@ -259,11 +259,14 @@ TEST_F(Doe, ContradictionsAreRefused) {
     desc = valid();
     desc.reserved = 1;
     refused(CLSP_ERROR_INVALID_ARGUMENT, "reserved", desc);
+    desc = valid();
+    desc.evaluation = 3;
+    refused(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_DOE_EVALUATION_ORDERS (1) or CLSP_DOE_EVALUATION_APERTURE (2)", desc);
     auto beam = clspeckle::make<ClspBeamProfile>();
     desc = valid();
     desc.beam = &beam;
     beam.kind = 9;
-    refused(CLSP_ERROR_INVALID_ARGUMENT, "beam->kind", desc);
+    refused(CLSP_ERROR_INVALID_ARGUMENT, "beam->kind is 9, expected CLSP_BEAM_GAUSSIAN (0), ", desc);
     beam = clspeckle::make<ClspBeamProfile>();
     beam.covariance_xy_m2 = 1;
     refused(CLSP_ERROR_INVALID_ARGUMENT, "positive definite", desc);

@@ -334,7 +334,7 @@ TEST_F(DoeDesign, BadDescriptionsAreRefused) {
     EXPECT_REFUSED("prime factor", changed([](D &d) { d.height = 17; }));
     EXPECT_REFUSED("levels", changed([](D &d) { d.levels = 1; }));
     EXPECT_REFUSED("levels", changed([](D &d) { d.levels = 257; }));
-    EXPECT_REFUSED("rule", changed([](D &d) { d.rule = 4; }));
+    EXPECT_REFUSED("or CLSP_DOE_RULE_KIM (3)", changed([](D &d) { d.rule = 4; }));
     EXPECT_REFUSED("feedback", changed([](D &d) { d.feedback = -0.1; }));
     EXPECT_REFUSED("feedback", changed([](D &d) {
                        d.rule = CLSP_DOE_RULE_NOGRETTE;

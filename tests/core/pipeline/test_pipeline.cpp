@@ -173,7 +173,7 @@ TEST_F(Pipeline, OfFramesThatAreRefusedNoneIsEnqueued) {
                                                     given.data(), 0, nullptr, nullptr));
     };
     frames[2].refresh = 7;
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[2]: refresh is 7", frames);
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[2].refresh is 7", frames);
     frames[2] = frame(9);
     frames[3].output.mem = nullptr;
     fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[3]: output", frames);
@@ -731,7 +731,7 @@ TEST_F(Pipeline, CreateRefusesBadArguments) {
     fails(CLSP_ERROR_INVALID_ARGUMENT, "aperture", [](ClspPipelineDesc &d) { d.aperture = nullptr; });
     fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved", [](ClspPipelineDesc &d) { d.reserved = 1; });
     fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved_exposure", [](ClspPipelineDesc &d) { d.reserved_exposure = 1; });
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "exposure_correlation is 2",
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_EXPOSURE_CORRELATION_FIELD (0) or CLSP_EXPOSURE_CORRELATION_GAUSSIAN (1)",
           [](ClspPipelineDesc &d) { d.exposure_correlation = 2; });
     ClspSensor released = clspeckle::Sensor(context, sensor_desc()).get(); // the temporary is gone after this line
     fails(CLSP_ERROR_INVALID_HANDLE, "sensor", [&](ClspPipelineDesc &d) { d.sensor = released; });
@@ -791,7 +791,10 @@ TEST_F(Pipeline, FramesRefuseBadArguments) {
         EXPECT_CLSP_FAILS(expected, word, clspPipelineEnqueueFrame(which, queue, &changed, 0, nullptr, nullptr));
         EXPECT_CLSP_FAILS(expected, word, clspPipelineWarmUp(which, queue, &changed));
     };
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "refresh", [](ClspFrame &f) { f.refresh = 2; });
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "refresh is 2, expected CLSP_REFRESH_MASK (0) or CLSP_REFRESH_ALL (1)",
+          [](ClspFrame &f) { f.refresh = 2; });
+    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "CLSP_ILLUMINATION_INCOHERENT (1) or CLSP_ILLUMINATION_DARK (2)",
+          [](ClspFrame &f) { f.illumination = 3; });
     fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
           [](ClspFrame &f) { f.frame_index = std::uint64_t{1} << 48; });
     fails(pipeline, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &f) { f.output.format = CLSP_FORMAT_UINT8; });

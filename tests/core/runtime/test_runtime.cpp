@@ -242,7 +242,8 @@ TEST_F(Context, CreateRefusesBadArguments) {
     });
     auto desc = valid;
     desc.disk_cache = 3;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "disk_cache", clspContextCreate(&desc, &made));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_DISK_CACHE_OFF (1) or CLSP_DISK_CACHE_ON (2)",
+                      clspContextCreate(&desc, &made));
     const test::HostContext host;
     desc = valid;
     desc.cl_context_handle = host.context;

@@ -193,7 +193,8 @@ TEST(Capture, RefusesACameraThatCannotBe) {
         {[](ClspCaptureDesc &d) { d.black_level_dn = 1023; }, {"/camera/black_level_dn", "1023"}},
         {[](ClspCaptureDesc &d) { d.read_noise_dn = -1; }, {"/camera/read_noise_dn"}},
         {[](ClspCaptureDesc &d) { d.read_noise_dn = INFINITY; }, {"/camera/read_noise_dn", "inf"}},
-        {[](ClspCaptureDesc &d) { d.field = 5; }, {"/baseline/field"}},
+        {[](ClspCaptureDesc &d) { d.field = 5; },
+         {"desc->field is 5", "CLSP_FIELD_CIRCULAR_GAUSSIAN (0) or CLSP_FIELD_UNIT_PHASOR (1)"}},
         {[](ClspCaptureDesc &d) { d.principal_point_x_px = 3; }, {"principal_point_given is 0"}},
     };
     for (const Case &c : cases) {
@@ -223,7 +224,8 @@ TEST(Capture, RefusesSequencesThatCannotBeAndStaysAsItWas) {
         {[](ClspCaptureSequence &s) { s.name = "a b"; }, {"/sequences/3/name"}},
         {[](ClspCaptureSequence &s) { s.name = "dark"; }, {"\"dark\"", "sequence 0"}},
         {[](ClspCaptureSequence &s) { s.name = "DARK"; }, {"\"DARK\"", "capital letters"}},
-        {[](ClspCaptureSequence &s) { s.scene = 4; }, {"/sequences/3/scene", "board"}},
+        {[](ClspCaptureSequence &s) { s.scene = 4; },
+         {"sequence->scene is 4", "CLSP_SCENE_BOARD (2) or CLSP_SCENE_DOTS (3)"}},
         {[](ClspCaptureSequence &s) { s.moving = 2; }, {"moving", "0 or 1"}},
         {[](ClspCaptureSequence &s) { s.frame_count = 0; }, {"/sequences/3/frame_count", "1 to 65535"}},
         {[](ClspCaptureSequence &s) { s.f_number = kNan; }, {"/sequences/3/f_number"}},

@@ -189,7 +189,7 @@ TEST_F(Diagnosis, RefusesBadHypotheses) {
     refuse("catalogue", [](H &h, P &) { h.id = "defocus"; });
     refuse("laser, doe", [](H &h, P &) { h.stage = "lens"; });
     refuse("stage", [](H &h, P &) { h.stage = nullptr; });
-    refuse("point", [](H &h, P &) { h.point = 3; });
+    refuse("CLSP_HYPOTHESIS_INTENSITY (1) or CLSP_HYPOTHESIS_CODES (2)", [](H &h, P &) { h.point = 3; });
     refuse("parameter_count", [](H &h, P &) { h.parameter_count = 0; });
     refuse("parameter_count", [](H &h, P &) { h.parameter_count = 5; });
     refuse("NULL", [](H &h, P &) { h.parameters = nullptr; });

@@ -331,8 +331,10 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
     fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 0; });
     fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 9; });
     fails("guard", [](ClspApertureDesc &d) { d.guard_px = 0xffffffffu; });
-    fails("pupil", [](ClspApertureDesc &d) { d.pupil = 4; });
-    fails("normalization", [](ClspApertureDesc &d) { d.normalization = 2; });
+    fails("CLSP_PUPIL_CIRCLE (0), CLSP_PUPIL_IMAGE (1), CLSP_PUPIL_POLYGON (2) or CLSP_PUPIL_RING (3)",
+          [](ClspApertureDesc &d) { d.pupil = 4; });
+    fails("expected CLSP_NORMALIZATION_TRANSMISSION (0) or CLSP_NORMALIZATION_UNIT_MEAN (1)",
+          [](ClspApertureDesc &d) { d.normalization = 2; });
     fails("workspace_from_host", [](ClspApertureDesc &d) { d.workspace_from_host = 2; });
     for (double bad : {-0.5, test::nan_value, test::infinity, -test::infinity})
         fails("relative_diameter", [&](ClspApertureDesc &d) { d.relative_diameter = bad; });

@@ -92,7 +92,8 @@ TEST_F(Lens, CreateRefusesBadArguments) {
         fails("width|image", [&](ClspLensDesc &d) { d.width = side; });
         fails("height|image", [&](ClspLensDesc &d) { d.height = side; });
     }
-    fails("radius_unit", [](ClspLensDesc &d) { d.radius_unit = 2; });
+    fails("radius_unit is 2, expected CLSP_LENS_RADIUS_CORNER (0) or CLSP_LENS_RADIUS_FOCAL_LENGTH (1)",
+          [](ClspLensDesc &d) { d.radius_unit = 2; });
     fails("focal_length_x_px", [](ClspLensDesc &d) { d.radius_unit = CLSP_LENS_RADIUS_FOCAL_LENGTH; });
     fails("focal_length_y_px", [](ClspLensDesc &d) {
         d.cos4_falloff = 1;
@@ -171,7 +172,8 @@ TEST_F(Lens, DistortRefusesBadImages) {
                             [&](const ClspImage *image) { return run(&ideal.view, image); });
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "lens",
                       clspLensEnqueueDistort(nullptr, queue, 0, &ideal.view, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "interpolation",
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT,
+                      "CLSP_INTERPOLATION_NEAREST (0), CLSP_INTERPOLATION_LINEAR (1) or CLSP_INTERPOLATION_CUBIC (2)",
                       clspLensEnqueueDistort(lens, queue, 3, &ideal.view, &out.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "ideal",
                       clspLensEnqueueDistort(lens, queue, 0, &ideal.view, &ideal.view, 0, nullptr, nullptr));

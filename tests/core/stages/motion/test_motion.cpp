@@ -221,9 +221,11 @@ TEST_F(Motion, CreateRefusesBadArguments) {
         fails("width", [&](ClspMotionDesc &d) { d.width = side; });
         fails("height", [&](ClspMotionDesc &d) { d.height = side; });
     }
-    fails("rule", [](ClspMotionDesc &d) { d.rule = 2; });
+    fails("rule is 2, expected CLSP_MOTION_CORRELATE (0) or CLSP_MOTION_REPLACE (1)",
+          [](ClspMotionDesc &d) { d.rule = 2; });
     fails("translate", [](ClspMotionDesc &d) { d.translate = 2; });
-    fails("depth_kind", [](ClspMotionDesc &d) { d.depth_kind = 2; });
+    fails("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)",
+          [](ClspMotionDesc &d) { d.depth_kind = 2; });
     for (const double wrong : {-1.0, std::nan(""), HUGE_VAL}) {
         fails("fx_px", [&](ClspMotionDesc &d) { d.fx_px = wrong; });
         fails("fy_px", [&](ClspMotionDesc &d) { d.fy_px = wrong; });

@@ -272,8 +272,12 @@ TEST_F(Pattern, CreateRefusesBadArguments) {
         EXPECT_CLSP_FAILS(expected, word, clspPatternCreate(context, &changed, &pattern));
         EXPECT_EQ(nullptr, pattern);
     };
-    fails("projection", [](ClspPatternDesc &d) { d.projection = 2; });
-    fails("quantity", [](ClspPatternDesc &d) { d.quantity = 2; });
+    fails("expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)",
+          [](ClspPatternDesc &d) { d.projection = 2; });
+    fails("expected CLSP_QUANTITY_RADIANT_INTENSITY (0) or CLSP_QUANTITY_PLANE_IRRADIANCE (1)",
+          [](ClspPatternDesc &d) { d.quantity = 2; });
+    fails("filter is 2, expected CLSP_FILTER_BILINEAR (0) or CLSP_FILTER_AREA (1)",
+          [](ClspPatternDesc &d) { d.filter = 2; });
     fails("reserved", [](ClspPatternDesc &d) { d.reserved = 1; });
     for (std::uint32_t side : {0u, 1u, 16385u, 0xffffffffu}) {
         fails("width", [&](ClspPatternDesc &d) { d.width = side; });
@@ -328,7 +332,8 @@ TEST_F(Pattern, LookupRefusesBadArguments) {
     };
     fails("position", [](ClspGeometry &g) { g.depth.mem = nullptr; });       // neither
     fails("position", [&](ClspGeometry &g) { g.position = position.view; }); // both
-    fails("depth_kind", [](ClspGeometry &g) { g.depth_kind = 2; });
+    fails("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)",
+          [](ClspGeometry &g) { g.depth_kind = 2; });
     for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
         fails("fx_px", [&](ClspGeometry &g) { g.fx_px = bad; });
         fails("fy_px", [&](ClspGeometry &g) { g.fy_px = bad; });

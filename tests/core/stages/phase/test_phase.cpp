@@ -193,15 +193,15 @@ TEST_F(Phase, AdvanceRefusesBadArguments) {
     });
     const clspeckle::Phase kept_or_replaced(context, valid());
     kept_or_replaced.enqueue_refresh(queue, 0);
-    refuses(kept_or_replaced, "CONTINUOUS", [&](ClspPhaseAdvance &a) { a.path = path.view; });
-    refuses(kept_or_replaced, "CONTINUOUS", [](ClspPhaseAdvance &a) { a.uniform_path = HUGE_VAL; });
+    refuses(kept_or_replaced, "continuous", [&](ClspPhaseAdvance &a) { a.path = path.view; });
+    refuses(kept_or_replaced, "continuous", [](ClspPhaseAdvance &a) { a.uniform_path = HUGE_VAL; });
     refuses(kept_or_replaced, "translate", [&](ClspPhaseAdvance &a) { a.shift = shift.view; });
     desc = valid();
     desc.field = CLSP_FIELD_UNIT_PHASOR;
     const clspeckle::Phase phasors(context, desc);
     phasors.enqueue_refresh(queue, 0);
-    refuses(phasors, "UNIT_PHASOR", [](ClspPhaseAdvance &a) { a.uniform_correlation = 0.5; });
-    refuses(phasors, "UNIT_PHASOR", [&](ClspPhaseAdvance &a) { a.correlation = correlation.view; });
+    refuses(phasors, "unit phasor", [](ClspPhaseAdvance &a) { a.uniform_correlation = 0.5; });
+    refuses(phasors, "unit phasor", [&](ClspPhaseAdvance &a) { a.correlation = correlation.view; });
     queue.finish();
     EXPECT_CLSP_OK(clspPhaseCheck(phase, queue));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseCheck(nullptr, queue));
@@ -375,13 +375,15 @@ TEST_F(Phase, CreateRefusesBadArguments) {
     fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 0; });
     fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 9; });
     fails("guard", [](ClspPhaseDesc &d) { d.guard_px = 0xffffffffu; });
-    fails("field", [](ClspPhaseDesc &d) { d.field = 2; });
+    fails("field is 2, expected CLSP_FIELD_CIRCULAR_GAUSSIAN (0) or CLSP_FIELD_UNIT_PHASOR (1)",
+          [](ClspPhaseDesc &d) { d.field = 2; });
     fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 0; });
     fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 3; });
     fails("reserved", [](ClspPhaseDesc &d) { d.reserved = 1; });
-    fails("dynamics", [](ClspPhaseDesc &d) { d.dynamics = 2; });
+    fails("dynamics is 2, expected CLSP_DYNAMICS_REPLACE (0) or CLSP_DYNAMICS_CONTINUOUS (1)",
+          [](ClspPhaseDesc &d) { d.dynamics = 2; });
     fails("translate", [](ClspPhaseDesc &d) { d.translate = 2; });
-    fails("CIRCULAR_GAUSSIAN", [](ClspPhaseDesc &d) {
+    fails("circular Gaussian", [](ClspPhaseDesc &d) {
         d.dynamics = CLSP_DYNAMICS_CONTINUOUS;
         d.field = CLSP_FIELD_UNIT_PHASOR;
     });

@@ -173,7 +173,7 @@ TEST_F(Philox, FillRefusesBadArguments) {
                             [&](const ClspImage *view) { return fill(&valid, view); });
     auto desc = valid;
     desc.distribution = 3;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "distribution",
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_DISTRIBUTION_UNIFORM (1) or CLSP_DISTRIBUTION_NORMAL (2)",
                       clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
     desc.distribution = CLSP_DISTRIBUTION_NORMAL; // floats do not go into UINT32
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_FORMAT, "image",

@@ -392,7 +392,8 @@ TEST_F(Sensor, MosaicOfAColourFilter) {
         EXPECT_EQ(expected[bayer - 1], clspeckle::Sensor::mosaic_gain(bayer, 0.5, 1.0, 0.25)) << bayer;
     double gains[4] = {};
     for (std::uint32_t bad : {0u, 5u, 0xffffffffu})
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "bayer", clspSensorMosaicFromBayer(bad, 1, 1, 1, gains));
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_BAYER_GRBG (3) or CLSP_BAYER_GBRG (4)",
+                          clspSensorMosaicFromBayer(bad, 1, 1, 1, gains));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mosaic_gain", clspSensorMosaicFromBayer(1, 1, 1, 1, nullptr));
     for (double bad : {-1.0, test::nan_value, test::infinity}) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "red", clspSensorMosaicFromBayer(1, bad, 1, 1, gains));
