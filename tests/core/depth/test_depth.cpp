@@ -1,16 +1,14 @@
 // Depth from dots through the C interface: what is found and placed, what is said of what is not, and what bad
 // arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 #include <random>
 
 namespace {
 
-using test::DeviceTest;
-
 // A laser 5 cm to the right of the camera, both looking along z; a wall at 1 m. Dots are placed with no order, so that
 // none of their neighbourhoods repeats.
-class Depth : public DeviceTest {
+class Depth : public test::StageTest<ClspDepth> {
   protected:
     static constexpr std::uint32_t width = 160, height = 120;
     static constexpr double focal = 150.0, baseline = 0.05, wall = 1.0, sigma = 1.5;
@@ -31,7 +29,7 @@ class Depth : public DeviceTest {
                 directions.insert(directions.end(), {u, v});
         }
     }
-    ClspDepthDesc valid() const {
+    ClspDepthDesc valid() const override {
         auto desc = clspeckle::make<ClspDepthDesc>();
         desc.width = width;
         desc.height = height;
@@ -72,9 +70,7 @@ class Depth : public DeviceTest {
 };
 
 TEST_F(Depth, InitFunctionWritesDefaults) {
-    test::check_init<ClspDepthDesc>("clspDepthDescInit", clspDepthDescInit);
-    ClspDepthDesc desc;
-    ASSERT_CLSP_OK(clspDepthDescInit(&desc, sizeof(desc)));
+    const ClspDepthDesc desc = checked_defaults();
     EXPECT_EQ(65536u, desc.max_dots);
     EXPECT_EQ(std::uint32_t{CLSP_PROJECTION_TANGENT_PLANE}, desc.projection);
     EXPECT_EQ(0u, desc.direction_count);
@@ -312,93 +308,57 @@ TEST_F(Depth, WordsForEverything) {
 }
 
 TEST_F(Depth, HandlesAndRules) {
-    ClspDepth handle = nullptr;
-    const auto desc = valid();
-    ASSERT_CLSP_OK(clspDepthCreate(context, &desc, &handle));
-    EXPECT_CLSP_OK(clspDepthRetain(handle));
-    EXPECT_CLSP_OK(clspDepthRelease(handle));
+    const clspeckle::Depth depth(context, valid());
     const Image image = floats(frame(), width, height);
-    test::check_enqueue_rules("clspDepthEnqueueDetect", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspDepthEnqueueDetect(handle, q, &image.view, count, events, event);
-                              });
-    const auto call = [&](const ClspImage *view) {
-        return clspDepthEnqueueDetect(handle, queue, view, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspDepthEnqueueDetect", context, image.view, "image", CLSP_FORMAT_FLOAT32X2, call);
-    test::check_image_size_must_match("clspDepthEnqueueDetect", context, image.view, "image", call);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image",
-                      clspDepthEnqueueDetect(handle, queue, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(clspQueueFinish(queue));
-    EXPECT_CLSP_OK(clspDepthRelease(handle));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth", clspDepthRelease(handle));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "depth", clspDepthRetain(handle));
-    EXPECT_CLSP_OK(clspDepthRelease(nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "depth", clspDepthCreate(context, &desc, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspDepthCreate(context, nullptr, &handle));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspDepthCreate(nullptr, &desc, &handle));
-    test::check_struct_size<ClspDepthDesc>("clspDepthCreate", desc, [&](ClspDepthDesc *d) {
-        ClspDepth made = nullptr;
-        const ClspStatus status = clspDepthCreate(context, d, &made);
-        clspDepthRelease(made);
-        return status;
-    });
+    check_enqueue(CLSP_NAMED(clspDepthEnqueueDetect), depth, &image.view);
+    check_image("clspDepthEnqueueDetect", "image", image.view, CLSP_FORMAT_FLOAT32X2,
+                [&](const ClspImage *view) { return enqueue(clspDepthEnqueueDetect, depth, view); });
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image", enqueue(clspDepthEnqueueDetect, depth, nullptr));
+    check_references("clspDepthEnqueueDetect",
+                     [&](ClspDepth handle) { return enqueue(clspDepthEnqueueDetect, handle, &image.view); });
 }
 
 TEST_F(Depth, BadDescriptions) {
-    const auto fails = [&](ClspStatus status, const char *words, const std::function<void(ClspDepthDesc &)> &change) {
-        auto desc = valid();
-        change(desc);
-        ClspDepth handle = nullptr;
-        EXPECT_CLSP_FAILS(status, words, clspDepthCreate(context, &desc, &handle));
-        EXPECT_EQ(nullptr, handle) << words;
-    };
-    const ClspStatus argument = CLSP_ERROR_INVALID_ARGUMENT;
-    fails(argument, "width", [](auto &d) { d.width = 0; });
-    fails(argument, "16384", [](auto &d) { d.height = 20000; });
-    fails(argument, "need at least 11 x 11", [](auto &d) { d.width = 10; });
-    fails(argument, "max_dots", [](auto &d) { d.max_dots = 0; });
-    fails(argument, "max_dots", [](auto &d) { d.max_dots = 1000001; });
-    fails(argument, "expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)",
-          [](auto &d) { d.projection = 2; });
-    fails(argument, "reserved", [](auto &d) { d.reserved = 1; });
-    fails(argument, "directions", [](auto &d) { d.directions = nullptr; });
-    fails(argument, "directions", [](auto &d) { d.direction_count = 0; });
-    fails(argument, "direction_count", [](auto &d) { d.direction_count = CLSP_MAX_DIRECTIONS + 1; });
-    fails(argument, "rotation", [](auto &d) { d.laser_from_camera[0] = 2; });
-    fails(argument, "reflection", [](auto &d) { d.laser_from_camera[10] = -1; });
-    fails(argument, "laser lies 0 m", [](auto &d) { d.laser_from_camera[3] = 0; });
-    fails(argument, "near_m is 4", [](auto &d) { d.near_m = 4; });
-    const double bad[] = {test::nan_value, test::infinity, -test::infinity};
-    for (double value : bad) {
-        fails(argument, "laser_from_camera", [&](auto &d) { d.laser_from_camera[7] = value; });
-        fails(argument, "fx_px", [&](auto &d) { d.fx_px = value; });
-        fails(argument, "cx_px", [&](auto &d) { d.cx_px = value; });
-        fails(argument, "near_m", [&](auto &d) { d.near_m = value; });
-        fails(argument, "far_m", [&](auto &d) { d.far_m = value; });
-        fails(argument, "dot_sigma_px", [&](auto &d) { d.dot_sigma_px = value; });
-        fails(argument, "min_amplitude_dn", [&](auto &d) { d.min_amplitude_dn = value; });
-        fails(argument, "threshold_sigmas", [&](auto &d) { d.threshold_sigmas = value; });
-        fails(argument, "min_correlation", [&](auto &d) { d.min_correlation = value; });
-        fails(argument, "read_noise_dn", [&](auto &d) { d.read_noise_dn = value; });
-        fails(argument, "dn_per_electron", [&](auto &d) { d.dn_per_electron = value; });
-        fails(argument, "black_level_dn", [&](auto &d) { d.black_level_dn = value; });
-        fails(argument, "saturation_dn", [&](auto &d) { d.saturation_dn = value; });
-        fails(argument, "epipolar_tolerance_px", [&](auto &d) { d.epipolar_tolerance_px = value; });
-        fails(argument, "min_confidence", [&](auto &d) { d.min_confidence = value; });
-    }
-    fails(argument, "fy_px", [](auto &d) { d.fy_px = 0; });
-    fails(argument, "dot_sigma_px", [](auto &d) { d.dot_sigma_px = 0.4; });
-    fails(argument, "epipolar_tolerance_px", [](auto &d) { d.epipolar_tolerance_px = 0; });
-    fails(argument, "min_confidence", [](auto &d) { d.min_confidence = 1; });
+    using D = ClspDepthDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, {0});
+    refuses("16384", &D::height, {20000});
+    refuses("need at least 11 x 11", &D::width, {10});
+    refuses("max_dots", &D::max_dots, {0, 1000001});
+    refuses("expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)", &D::projection, {2});
+    refuses("reserved", &D::reserved, {1});
+    refuses("directions", &D::directions, {nullptr});
+    refuses("directions", &D::direction_count, {0});
+    refuses("direction_count", &D::direction_count, {CLSP_MAX_DIRECTIONS + 1});
+    refuses("rotation", [](D &d) { d.laser_from_camera[0] = 2; });
+    refuses("reflection", [](D &d) { d.laser_from_camera[10] = -1; });
+    refuses("laser lies 0 m", [](D &d) { d.laser_from_camera[3] = 0; });
+    refuses("near_m is 4", &D::near_m, {4});
+    for (double value : test::bad())
+        refuses("laser_from_camera", [&](D &d) { d.laser_from_camera[7] = value; });
+    refuses("fx_px", &D::fx_px, test::bad());
+    refuses("fy_px", &D::fy_px, {0});
+    refuses("cx_px", &D::cx_px, test::bad());
+    refuses("near_m", &D::near_m, test::bad());
+    refuses("far_m", &D::far_m, test::bad());
+    refuses("dot_sigma_px", &D::dot_sigma_px, test::bad({0.4}));
+    refuses("min_amplitude_dn", &D::min_amplitude_dn, test::bad());
+    refuses("threshold_sigmas", &D::threshold_sigmas, test::bad());
+    refuses("min_correlation", &D::min_correlation, test::bad());
+    refuses("read_noise_dn", &D::read_noise_dn, test::bad());
+    refuses("dn_per_electron", &D::dn_per_electron, test::bad());
+    refuses("black_level_dn", &D::black_level_dn, test::bad());
+    refuses("saturation_dn", &D::saturation_dn, test::bad());
+    refuses("epipolar_tolerance_px", &D::epipolar_tolerance_px, test::bad({0}));
+    refuses("min_confidence", &D::min_confidence, test::bad({1}));
     std::vector<double> wrong = directions;
     wrong[9] = test::nan_value;
-    fails(CLSP_ERROR_INVALID_DATA, "dot 4", [&](auto &d) { d.directions = wrong.data(); });
+    refuses("dot 4", &D::directions, {wrong.data()}, CLSP_ERROR_INVALID_DATA);
     wrong[9] = 1.0;
-    fails(CLSP_ERROR_INVALID_DATA, "direction cosines", [&](auto &d) {
-        d.directions = wrong.data();
-        d.projection = CLSP_PROJECTION_DIRECTION_COSINES;
-    });
+    refuses(
+        "direction cosines",
+        [&](D &d) { d.directions = wrong.data(), d.projection = CLSP_PROJECTION_DIRECTION_COSINES; },
+        CLSP_ERROR_INVALID_DATA);
 }
 
 } // namespace

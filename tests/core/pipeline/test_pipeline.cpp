@@ -1,13 +1,11 @@
 // Whole frames: what a frame consists of, queues and events, host contexts, lifetimes, timings, and what bad arguments
 // get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 #include <chrono>
 #include <thread>
 
 namespace {
-
-using test::DeviceTest;
 
 constexpr std::uint32_t width = 32, height = 28;
 
@@ -48,8 +46,19 @@ clspeckle::Pipeline make_pipeline(const clspeckle::Context &context, bool with_s
             with_sensor ? clspeckle::Sensor(context, sensor_desc()) : clspeckle::Sensor()};
 }
 
-class Pipeline : public DeviceTest {
+class Pipeline : public test::StageTest<ClspPipeline> {
   protected:
+    const clspeckle::Phase phase_{context, phase_desc()};
+    const clspeckle::Aperture aperture_{context, aperture_desc()};
+    const clspeckle::Sensor sensor_{context, sensor_desc()};
+    ClspPipelineDesc valid() const override {
+        auto desc = clspeckle::make<ClspPipelineDesc>();
+        desc.phase = phase_;
+        desc.aperture = aperture_;
+        desc.sensor = sensor_;
+        return desc;
+    }
+
     Image ideal = floats(test::dots(width, height), width, height);
     Image codes = make_image(width, height, CLSP_FORMAT_UINT16);
 
@@ -67,11 +76,9 @@ class Pipeline : public DeviceTest {
 };
 
 TEST_F(Pipeline, InitFunctionsWriteDefaults) {
-    test::check_init<ClspPipelineDesc>("clspPipelineDescInit", clspPipelineDescInit);
+    const ClspPipelineDesc desc = checked_defaults();
     test::check_init<ClspFrame>("clspFrameInit", clspFrameInit);
-    ClspPipelineDesc desc;
     ClspFrame frame;
-    ASSERT_CLSP_OK(clspPipelineDescInit(&desc, sizeof(desc)));
     ASSERT_CLSP_OK(clspFrameInit(&frame, sizeof(frame)));
     EXPECT_EQ(nullptr, desc.pattern);
     EXPECT_EQ(nullptr, desc.sensor);
@@ -104,7 +111,7 @@ TEST_F(Pipeline, StructsOfTheFirstReleaseStillWork) {
     ClspPipeline pipeline = nullptr;
     ASSERT_CLSP_OK(clspPipelineCreate(context, as<ClspPipelineDesc>(pipeline_bytes), &pipeline));
     const auto frame_bytes = first_release(frame(3), 144);
-    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, as<ClspFrame>(frame_bytes), 0, nullptr, nullptr));
+    EXPECT_CLSP_OK(enqueue(clspPipelineEnqueueFrame, pipeline, as<ClspFrame>(frame_bytes)));
     const auto old = download<std::uint16_t>(codes);
     EXPECT_EQ(render(make_pipeline(context), 3), old);
     for (std::uint32_t short_by : {1u, 8u}) {
@@ -345,7 +352,7 @@ TEST_F(Pipeline, SubBuffersWork) {
     EXPECT_EQ(expected, out.read<std::uint16_t>(queue, width * height));
     // The same bytes seen through the parent: an overlap.
     f.output = parent.image(width, height, CLSP_FORMAT_UINT16, 0, align + 64);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output", clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output", enqueue(clspPipelineEnqueueFrame, pipeline, &f));
 }
 
 TEST_F(Pipeline, SideBySideInOneAtlas) {
@@ -369,8 +376,7 @@ TEST_F(Pipeline, SideBySideInOneAtlas) {
     }
     for (std::uint64_t offset : {std::uint64_t{190}, std::uint64_t{2}}) { // one pixel of the other
         f.output = atlas.image(width, height, CLSP_FORMAT_UINT16, pitch, offset);
-        EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output",
-                          clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+        EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output", enqueue(clspPipelineEnqueueFrame, pipeline, &f));
     }
 }
 
@@ -384,8 +390,7 @@ TEST_F(Pipeline, ReadOnlyMemoryIsNotWritten) {
     const auto pipeline = make_pipeline(context);
     auto f = frame(3);
     f.output = mem.image(width, height, CLSP_FORMAT_UINT16);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CL_MEM_READ_ONLY",
-                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CL_MEM_READ_ONLY", enqueue(clspPipelineEnqueueFrame, pipeline, &f));
     f = frame(3);
     f.irradiance = mem.image(width, height, CLSP_FORMAT_FLOAT32);
     pipeline.enqueue_frame(queue, f);
@@ -613,7 +618,7 @@ TEST_F(Pipeline, ReleaseInAnyOrder) {
                 alive = false;
             }
             if (alive && which == order[3]) {
-                ASSERT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+                ASSERT_CLSP_OK(enqueue(clspPipelineEnqueueFrame, pipeline, &f));
                 EXPECT_EQ(expected, download<std::uint16_t>(codes));
             }
         }
@@ -636,18 +641,9 @@ TEST_F(Pipeline, ReleasedWhileAFrameIsStillWaiting) {
 }
 
 TEST_F(Pipeline, RetainAndRelease) {
-    ClspPipeline pipeline = make_pipeline(context).release();
     const ClspFrame f = frame();
-    EXPECT_CLSP_OK(clspPipelineRetain(pipeline));
-    EXPECT_CLSP_OK(clspPipelineRelease(pipeline));
-    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(clspQueueFinish(queue));
-    EXPECT_CLSP_OK(clspPipelineRelease(pipeline));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline",
-                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineRetain(pipeline));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineRelease(pipeline));
-    EXPECT_CLSP_OK(clspPipelineRelease(nullptr));
+    check_references("clspPipelineEnqueueFrame",
+                     [&](ClspPipeline pipeline) { return enqueue(clspPipelineEnqueueFrame, pipeline, &f); });
 }
 
 // One live handle of each kind, given to the functions of all other kinds.
@@ -703,53 +699,30 @@ TEST_F(Pipeline, HandlesOfAnotherKindAreRefused) {
 }
 
 TEST_F(Pipeline, CreateRefusesBadArguments) {
-    const clspeckle::Phase phase(context, phase_desc());
-    const clspeckle::Aperture aperture(context, aperture_desc());
-    const clspeckle::Sensor sensor(context, sensor_desc());
-    auto desc = clspeckle::make<ClspPipelineDesc>();
-    desc.phase = phase;
-    desc.aperture = aperture;
-    desc.sensor = sensor;
-    ClspPipeline pipeline = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPipelineCreate(nullptr, &desc, &pipeline));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPipelineCreate(context, nullptr, &pipeline));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pipeline", clspPipelineCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspPipelineDesc>("clspPipelineCreate", desc, [&](ClspPipelineDesc *d) {
-        ClspPipeline made = nullptr;
-        const ClspStatus status = clspPipelineCreate(context, d, &made);
-        clspPipelineRelease(made);
-        return status;
-    });
-    const auto fails = [&](ClspStatus expected, const char *word,
-                           const std::function<void(ClspPipelineDesc &)> &change) {
-        ClspPipelineDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspPipelineCreate(context, &changed, &pipeline));
-        EXPECT_EQ(nullptr, pipeline);
-    };
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "phase", [](ClspPipelineDesc &d) { d.phase = nullptr; });
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "aperture", [](ClspPipelineDesc &d) { d.aperture = nullptr; });
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved", [](ClspPipelineDesc &d) { d.reserved = 1; });
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved_exposure", [](ClspPipelineDesc &d) { d.reserved_exposure = 1; });
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_EXPOSURE_CORRELATION_FIELD (0) or CLSP_EXPOSURE_CORRELATION_GAUSSIAN (1)",
-          [](ClspPipelineDesc &d) { d.exposure_correlation = 2; });
+    using D = ClspPipelineDesc;
+    const auto refuses = check_create(valid());
+    refuses("phase", &D::phase, {nullptr});
+    refuses("aperture", &D::aperture, {nullptr});
+    refuses("reserved", &D::reserved, {1});
+    refuses("reserved_exposure", &D::reserved_exposure, {1});
+    refuses("CLSP_EXPOSURE_CORRELATION_FIELD (0) or CLSP_EXPOSURE_CORRELATION_GAUSSIAN (1)", &D::exposure_correlation,
+            {2});
     ClspSensor released = clspeckle::Sensor(context, sensor_desc()).get(); // the temporary is gone after this line
-    fails(CLSP_ERROR_INVALID_HANDLE, "sensor", [&](ClspPipelineDesc &d) { d.sensor = released; });
-    ClspPattern no_pattern = reinterpret_cast<ClspPattern>(sensor.get());
-    fails(CLSP_ERROR_INVALID_HANDLE, "pattern", [&](ClspPipelineDesc &d) { d.pattern = no_pattern; });
+    refuses("sensor", &D::sensor, {released}, CLSP_ERROR_INVALID_HANDLE);
+    refuses("pattern", &D::pattern, {reinterpret_cast<ClspPattern>(sensor_.get())}, CLSP_ERROR_INVALID_HANDLE);
 
     auto other_phase = phase_desc();
     other_phase.width += 1;
     const clspeckle::Phase wide(context, other_phase);
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "phase", [&](ClspPipelineDesc &d) { d.phase = wide; });
+    refuses("phase", &D::phase, {wide.get()});
     other_phase = phase_desc();
     other_phase.polarization_count = 1;
     const clspeckle::Phase single(context, other_phase);
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "polarization", [&](ClspPipelineDesc &d) { d.phase = single; });
+    refuses("polarization", &D::phase, {single.get()});
     auto other_sensor = sensor_desc();
     other_sensor.height -= 1;
     const clspeckle::Sensor low(context, other_sensor);
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "sensor", [&](ClspPipelineDesc &d) { d.sensor = low; });
+    refuses("sensor", &D::sensor, {low.get()});
 
     const test::HostContext host;
     const auto foreign = clspeckle::Context::from_host(host.context, host.device);
@@ -757,21 +730,21 @@ TEST_F(Pipeline, CreateRefusesBadArguments) {
     const clspeckle::Aperture foreign_aperture(foreign, aperture_desc());
     const clspeckle::Sensor foreign_sensor(foreign, sensor_desc());
     const auto foreign_pattern = make_pattern(foreign);
-    fails(CLSP_ERROR_WRONG_CONTEXT, "phase", [&](ClspPipelineDesc &d) { d.phase = foreign_phase; });
-    fails(CLSP_ERROR_WRONG_CONTEXT, "aperture", [&](ClspPipelineDesc &d) { d.aperture = foreign_aperture; });
-    fails(CLSP_ERROR_WRONG_CONTEXT, "sensor", [&](ClspPipelineDesc &d) { d.sensor = foreign_sensor; });
-    fails(CLSP_ERROR_WRONG_CONTEXT, "pattern", [&](ClspPipelineDesc &d) { d.pattern = foreign_pattern; });
+    refuses("phase", &D::phase, {foreign_phase.get()}, CLSP_ERROR_WRONG_CONTEXT);
+    refuses("aperture", &D::aperture, {foreign_aperture.get()}, CLSP_ERROR_WRONG_CONTEXT);
+    refuses("sensor", &D::sensor, {foreign_sensor.get()}, CLSP_ERROR_WRONG_CONTEXT);
+    refuses("pattern", &D::pattern, {foreign_pattern.get()}, CLSP_ERROR_WRONG_CONTEXT);
 }
 
 TEST_F(Pipeline, FramesRefuseBadArguments) {
+    using F = ClspFrame;
     const auto pipeline = make_pipeline(context);
     const auto bare = make_pipeline(context, false);
-    const ClspFrame valid = frame();
-    auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline",
-                      clspPipelineEnqueueFrame(nullptr, queue, &valid, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame",
-                      clspPipelineEnqueueFrame(pipeline, queue, nullptr, 0, nullptr, nullptr));
+    const auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
+    F valid = frame();
+    valid.refresh_mask = mask.view;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", enqueue(clspPipelineEnqueueFrame, nullptr, &valid));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame", enqueue(clspPipelineEnqueueFrame, pipeline, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineWarmUp(nullptr, queue, &valid));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspPipelineWarmUp(pipeline, nullptr, &valid));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame", clspPipelineWarmUp(pipeline, queue, nullptr));
@@ -779,70 +752,47 @@ TEST_F(Pipeline, FramesRefuseBadArguments) {
         const test::Foreign foreign;
         EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "queue", clspPipelineWarmUp(pipeline, foreign.queue, &valid));
     }
-    test::check_struct_size<ClspFrame>("clspPipelineEnqueueFrame", valid, [&](ClspFrame *f) {
-        return clspPipelineEnqueueFrame(pipeline, queue, f, 0, nullptr, nullptr);
-    });
-    test::check_struct_size<ClspFrame>("clspPipelineWarmUp", valid,
-                                       [&](ClspFrame *f) { return clspPipelineWarmUp(pipeline, queue, f); });
-    const auto fails = [&](const clspeckle::Pipeline &which, ClspStatus expected, const char *word,
-                           const std::function<void(ClspFrame &)> &change) {
-        ClspFrame changed = valid;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspPipelineEnqueueFrame(which, queue, &changed, 0, nullptr, nullptr));
-        EXPECT_CLSP_FAILS(expected, word, clspPipelineWarmUp(which, queue, &changed));
+    const auto enqueues = [&](const clspeckle::Pipeline &which) {
+        return test::Refusals<F>("clspPipelineEnqueueFrame", valid,
+                                 [&](F *f) { return enqueue(clspPipelineEnqueueFrame, which, f); });
     };
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "refresh is 2, expected CLSP_REFRESH_MASK (0) or CLSP_REFRESH_ALL (1)",
-          [](ClspFrame &f) { f.refresh = 2; });
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "CLSP_ILLUMINATION_INCOHERENT (1) or CLSP_ILLUMINATION_DARK (2)",
-          [](ClspFrame &f) { f.illumination = 3; });
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
-          [](ClspFrame &f) { f.frame_index = std::uint64_t{1} << 48; });
-    fails(pipeline, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &f) { f.output.format = CLSP_FORMAT_UINT8; });
-    fails(bare, CLSP_ERROR_INVALID_FORMAT, "output", [](ClspFrame &) {}); // codes without a sensor
-    fails(pipeline, CLSP_ERROR_OVERLAP, "irradiance", [&](ClspFrame &f) {
-        f.output = ideal.view;
-        f.output.format = CLSP_FORMAT_FLOAT32;
-    });
-    fails(pipeline, CLSP_ERROR_OVERLAP, "refresh_mask", [&](ClspFrame &f) {
-        f.refresh_mask = codes.view;
-        f.refresh_mask.format = CLSP_FORMAT_UINT8;
-    });
-    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    const auto warms_up = [&](const clspeckle::Pipeline &which) {
+        return test::Refusals<F>("clspPipelineWarmUp", valid,
+                                 [&](F *f) { return clspPipelineWarmUp(which, queue, f); });
+    };
+    enqueues(pipeline).check_struct_size();
+    warms_up(pipeline).check_struct_size();
+    const auto fails = [&](const clspeckle::Pipeline &which, ClspStatus expected, const char *word, auto change) {
+        enqueues(which)(word, change, expected);
+        warms_up(which)(word, change, expected);
+    };
+    const auto argument = CLSP_ERROR_INVALID_ARGUMENT;
+    fails(pipeline, argument, "refresh is 2, expected CLSP_REFRESH_MASK (0) or CLSP_REFRESH_ALL (1)",
+          [](F &f) { f.refresh = 2; });
+    fails(pipeline, argument, "CLSP_ILLUMINATION_INCOHERENT (1) or CLSP_ILLUMINATION_DARK (2)",
+          [](F &f) { f.illumination = 3; });
+    fails(pipeline, argument, "frame_index", [](F &f) { f.frame_index = std::uint64_t{1} << 48; });
+    fails(pipeline, CLSP_ERROR_INVALID_FORMAT, "output", [](F &f) { f.output.format = CLSP_FORMAT_UINT8; });
+    fails(bare, CLSP_ERROR_INVALID_FORMAT, "output", [](F &) {}); // codes without a sensor
+    fails(pipeline, CLSP_ERROR_OVERLAP, "irradiance",
+          [&](F &f) { f.output = ideal.view, f.output.format = CLSP_FORMAT_FLOAT32; });
+    fails(pipeline, CLSP_ERROR_OVERLAP, "refresh_mask",
+          [&](F &f) { f.refresh_mask = codes.view, f.refresh_mask.format = CLSP_FORMAT_UINT8; });
+    const auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
     auto geometry = clspeckle::make<ClspGeometry>();
     geometry.depth = depth.view;
     geometry.fx_px = geometry.fy_px = 25;
-    fails(pipeline, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [&](ClspFrame &f) { f.geometry = &geometry; });
-    const clspeckle::Pipeline scene(context, make_pattern(context), clspeckle::Phase(context, phase_desc()),
-                                    clspeckle::Aperture(context, aperture_desc()),
-                                    clspeckle::Sensor(context, sensor_desc()));
-    fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "geometry", [](ClspFrame &f) { f.irradiance = ClspImage{}; });
-    fails(scene, CLSP_ERROR_INVALID_ARGUMENT, "irradiance", [&](ClspFrame &f) { f.geometry = &geometry; });
-    fails(scene, CLSP_ERROR_OVERLAP, "geometry", [&](ClspFrame &f) {
-        f.irradiance = ClspImage{};
-        f.geometry = &geometry;
-        f.output = depth.view;
-    });
+    fails(pipeline, argument, "geometry", [&](F &f) { f.geometry = &geometry; });
+    const clspeckle::Pipeline scene(context, make_pattern(context), phase_, aperture_, sensor_);
+    fails(scene, argument, "geometry", [](F &f) { f.irradiance = {}; });
+    fails(scene, argument, "irradiance", [&](F &f) { f.geometry = &geometry; });
+    fails(scene, CLSP_ERROR_OVERLAP, "geometry",
+          [&](F &f) { f.irradiance = {}, f.geometry = &geometry, f.output = depth.view; });
 
-    const auto with = [&](ClspImage ClspFrame::*member) {
-        return [&, member](const ClspImage *image) {
-            ClspFrame changed = valid;
-            changed.*member = *image;
-            return clspPipelineEnqueueFrame(pipeline, queue, &changed, 0, nullptr, nullptr);
-        };
-    };
-    const char *function = "clspPipelineEnqueueFrame";
-    test::check_image_rules(function, context, ideal.view, "irradiance", CLSP_FORMAT_UINT16,
-                            with(&ClspFrame::irradiance));
-    test::check_image_rules(function, context, codes.view, "output", CLSP_FORMAT_UINT32, with(&ClspFrame::output));
-    test::check_image_rules(function, context, mask.view, "refresh_mask", CLSP_FORMAT_UINT16,
-                            with(&ClspFrame::refresh_mask), true);
-    test::check_image_size_must_match(function, context, ideal.view, "irradiance", with(&ClspFrame::irradiance));
-    test::check_image_size_must_match(function, context, codes.view, "output", with(&ClspFrame::output));
-    test::check_image_size_must_match(function, context, mask.view, "refresh_mask", with(&ClspFrame::refresh_mask));
-    test::check_enqueue_rules(function, context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPipelineEnqueueFrame(pipeline, q, &valid, count, events, event);
-                              });
+    enqueues(pipeline).check_image(context, "refresh_mask", &F::refresh_mask, CLSP_FORMAT_UINT16);
+    enqueues(pipeline).check_image(context, "irradiance", &F::irradiance, CLSP_FORMAT_UINT16, false);
+    enqueues(pipeline).check_image(context, "output", &F::output, CLSP_FORMAT_UINT32, false);
+    check_enqueue(CLSP_NAMED(clspPipelineEnqueueFrame), pipeline, &valid);
 }
 
 TEST_F(Pipeline, ARefusedFrameChangesNothing) {
@@ -855,8 +805,7 @@ TEST_F(Pipeline, ARefusedFrameChangesNothing) {
                                        clspeckle::Sensor(context, sensor_desc()));
     ClspFrame f = frame(1);
     std::uint32_t count = 0;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace",
-                      clspPipelineEnqueueFrame(pipeline, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace", enqueue(clspPipelineEnqueueFrame, pipeline, &f));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace", clspPipelineWarmUp(pipeline, queue, &f));
     const clspeckle::Buffer workspace(context, aperture.info().workspace_bytes);
@@ -872,8 +821,7 @@ TEST_F(Pipeline, ARefusedFrameChangesNothing) {
     geometry.depth = depth.view; // and no focal length
     f.irradiance = ClspImage{};
     f.geometry = &geometry;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fx_px",
-                      clspPipelineEnqueueFrame(scene, queue, &f, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fx_px", enqueue(clspPipelineEnqueueFrame, scene, &f));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "no frame", clspPipelineGetTimings(scene, 0, nullptr, &count));
 }
 

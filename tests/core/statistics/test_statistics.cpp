@@ -1,11 +1,9 @@
 // Moments, histogram and autocovariance against the same sums on the host, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 namespace {
 
-using test::DeviceTest;
-
-class Statistics : public DeviceTest {
+class Statistics : public test::EnqueueTest {
   protected:
     static constexpr std::uint32_t width = 45, height = 31;
 
@@ -181,67 +179,54 @@ TEST_F(Statistics, RefuseBadArguments) {
     std::vector<float> covariance(9);
     const test::Foreign foreign;
 
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
-                      clspStatisticsMoments(nullptr, queue, &image.view, nullptr, &moments));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue",
-                      clspStatisticsMoments(context, nullptr, &image.view, nullptr, &moments));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "queue",
-                      clspStatisticsMoments(context, foreign.queue, &image.view, nullptr, &moments));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image",
-                      clspStatisticsMoments(context, queue, nullptr, nullptr, &moments));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "moments",
-                      clspStatisticsMoments(context, queue, &image.view, nullptr, nullptr));
+    const auto argument = CLSP_ERROR_INVALID_ARGUMENT;
+    {
+        const test::Failures fails("clspStatisticsHistogram");
+        const auto run = [&](ClspContext c, cl_command_queue q, const ClspImage *view, double low, double high,
+                             std::uint32_t bins, std::uint64_t *to) {
+            return clspStatisticsHistogram(c, q, view, nullptr, low, high, bins, to);
+        };
+        fails(CLSP_ERROR_INVALID_HANDLE, "context", run(nullptr, queue, &image.view, 0, 1, 4, counts.data()));
+        fails(argument, "queue", run(context, nullptr, &image.view, 0, 1, 4, counts.data()));
+        fails(argument, "counts", run(context, queue, &image.view, 0, 1, 4, nullptr));
+        fails(argument, "bins", run(context, queue, &image.view, 0, 1, 0, counts.data()));
+        fails(argument, "bins", run(context, queue, &image.view, 0, 1, 0xffffffffu, counts.data()));
+        fails(argument, "low", run(context, queue, &image.view, 1, 1, 4, counts.data()));
+        fails(argument, "low", run(context, queue, &image.view, test::nan_value, 1, 4, counts.data()));
+        fails(argument, "high", run(context, queue, &image.view, 0, test::infinity, 4, counts.data()));
+        test::check_image_rules(
+            "clspStatisticsHistogram", context, image.view, "image", CLSP_FORMAT_UINT32,
+            [&](const ClspImage *view) { return run(context, queue, view, 0, 1, 4, counts.data()); });
+    }
+    {
+        const test::Failures fails("clspStatisticsAutocovariance");
+        const auto run = [&](ClspContext c, cl_command_queue q, const ClspImage *view, std::uint32_t lag, float *to) {
+            return clspStatisticsAutocovariance(c, q, view, lag, to);
+        };
+        fails(CLSP_ERROR_INVALID_HANDLE, "context", run(nullptr, queue, &image.view, 1, covariance.data()));
+        fails(argument, "queue", run(context, nullptr, &image.view, 1, covariance.data()));
+        fails(argument, "autocovariance", run(context, queue, &image.view, 1, nullptr));
+        for (std::uint32_t lag : {31u, 0x7fffffffu, 0xffffffffu})
+            fails(argument, "max_lag", run(context, queue, &image.view, lag, covariance.data()));
+        test::check_image_rules("clspStatisticsAutocovariance", context, image.view, "image", CLSP_FORMAT_UINT32,
+                                [&](const ClspImage *view) { return run(context, queue, view, 1, covariance.data()); });
+    }
+    const test::Failures fails("clspStatisticsMoments");
+    const auto run = [&](ClspContext c, cl_command_queue q, const ClspImage *view, const ClspImage *where,
+                         ClspMoments *to) { return clspStatisticsMoments(c, q, view, where, to); };
+    fails(CLSP_ERROR_INVALID_HANDLE, "context", run(nullptr, queue, &image.view, nullptr, &moments));
+    fails(argument, "queue", run(context, nullptr, &image.view, nullptr, &moments));
+    fails(CLSP_ERROR_WRONG_CONTEXT, "queue", run(context, foreign.queue, &image.view, nullptr, &moments));
+    fails(argument, "image", run(context, queue, nullptr, nullptr, &moments));
+    fails(argument, "moments", run(context, queue, &image.view, nullptr, nullptr));
     moments.struct_size = 4;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size",
-                      clspStatisticsMoments(context, queue, &image.view, nullptr, &moments));
+    fails(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size", run(context, queue, &image.view, nullptr, &moments));
     moments.struct_size = sizeof(moments);
-    const auto of_image = [&](const ClspImage *view) {
-        return clspStatisticsMoments(context, queue, view, nullptr, &moments);
-    };
-    const auto of_mask = [&](const ClspImage *view) {
-        return clspStatisticsMoments(context, queue, &image.view, view, &moments);
-    };
-    test::check_image_rules("clspStatisticsMoments", context, image.view, "image", CLSP_FORMAT_UINT32, of_image);
-    test::check_image_rules("clspStatisticsMoments", context, mask.view, "mask", CLSP_FORMAT_FLOAT32, of_mask, true);
-    test::check_image_size_must_match("clspStatisticsMoments", context, mask.view, "mask", of_mask);
-
-    const auto histogram = [&](const ClspImage *view) {
-        return clspStatisticsHistogram(context, queue, view, nullptr, 0, 1, 4, counts.data());
-    };
-    test::check_image_rules("clspStatisticsHistogram", context, image.view, "image", CLSP_FORMAT_UINT32, histogram);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
-                      clspStatisticsHistogram(nullptr, queue, &image.view, nullptr, 0, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue",
-                      clspStatisticsHistogram(context, nullptr, &image.view, nullptr, 0, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "counts",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, 1, 4, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "bins",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, 1, 0, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "bins",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, 1, 0xffffffffu, counts.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "low",
-                      clspStatisticsHistogram(context, queue, &image.view, nullptr, 1, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(
-        CLSP_ERROR_INVALID_ARGUMENT, "low",
-        clspStatisticsHistogram(context, queue, &image.view, nullptr, test::nan_value, 1, 4, counts.data()));
-    EXPECT_CLSP_FAILS(
-        CLSP_ERROR_INVALID_ARGUMENT, "high",
-        clspStatisticsHistogram(context, queue, &image.view, nullptr, 0, test::infinity, 4, counts.data()));
-
-    const auto autocovariance = [&](const ClspImage *view) {
-        return clspStatisticsAutocovariance(context, queue, view, 1, covariance.data());
-    };
-    test::check_image_rules("clspStatisticsAutocovariance", context, image.view, "image", CLSP_FORMAT_UINT32,
-                            autocovariance);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
-                      clspStatisticsAutocovariance(nullptr, queue, &image.view, 1, covariance.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue",
-                      clspStatisticsAutocovariance(context, nullptr, &image.view, 1, covariance.data()));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "autocovariance",
-                      clspStatisticsAutocovariance(context, queue, &image.view, 1, nullptr));
-    for (std::uint32_t lag : {31u, 0x7fffffffu, 0xffffffffu})
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "max_lag",
-                          clspStatisticsAutocovariance(context, queue, &image.view, lag, covariance.data()));
+    test::check_image_rules("clspStatisticsMoments", context, image.view, "image", CLSP_FORMAT_UINT32,
+                            [&](const ClspImage *view) { return run(context, queue, view, nullptr, &moments); });
+    check_image(
+        "clspStatisticsMoments", "mask", mask.view, CLSP_FORMAT_FLOAT32,
+        [&](const ClspImage *view) { return run(context, queue, &image.view, view, &moments); }, true);
 }
 
 } // namespace

@@ -1,15 +1,13 @@
 // The aperture: pupil, intensity, host workspace, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 namespace {
 
-using test::DeviceTest;
-
-class Aperture : public DeviceTest {
+class Aperture : public test::StageTest<ClspAperture> {
   protected:
     static constexpr std::uint32_t width = 24, height = 20;
 
-    static ClspApertureDesc valid() {
+    ClspApertureDesc valid() const override {
         auto desc = clspeckle::make<ClspApertureDesc>();
         desc.width = width;
         desc.height = height;
@@ -28,22 +26,18 @@ class Aperture : public DeviceTest {
     }
     std::vector<float> pupil(const clspeckle::Aperture &aperture) {
         const ClspApertureInfo info = aperture.info();
-        auto image = make_image(info.grid_width, info.grid_height, CLSP_FORMAT_FLOAT32);
-        aperture.enqueue_pupil(queue, image.view);
-        return download<float>(image);
+        return written(info.grid_width, info.grid_height, CLSP_FORMAT_FLOAT32,
+                       [&](const ClspImage &image) { aperture.enqueue_pupil(queue, image); });
     }
     std::vector<float> intensity(const clspeckle::Aperture &aperture, const clspeckle::Phase &phase,
                                  const Image &ideal) {
-        auto image = make_image(ideal.view.width, ideal.view.height, CLSP_FORMAT_FLOAT32);
-        aperture.enqueue_intensity(queue, phase, ideal.view, image.view);
-        return download<float>(image);
+        return written(ideal.view.width, ideal.view.height, CLSP_FORMAT_FLOAT32,
+                       [&](const ClspImage &image) { aperture.enqueue_intensity(queue, phase, ideal.view, image); });
     }
 };
 
 TEST_F(Aperture, DescInit) {
-    test::check_init<ClspApertureDesc>("clspApertureDescInit", clspApertureDescInit);
-    ClspApertureDesc desc;
-    ASSERT_CLSP_OK(clspApertureDescInit(&desc, sizeof(desc)));
+    const ClspApertureDesc desc = checked_defaults();
     EXPECT_EQ(1u, desc.oversampling);
     EXPECT_EQ(0u, desc.guard_px);
     EXPECT_EQ(CLSP_PUPIL_CIRCLE, desc.pupil);
@@ -265,117 +259,77 @@ TEST_F(Aperture, WorkspaceFromTheHost) {
     const clspeckle::Aperture aperture(context, desc);
     const std::uint64_t bytes = aperture.info().workspace_bytes;
     EXPECT_LT(context.info().allocated_bytes - before, bytes) << "the library allocated work memory all the same";
-    EXPECT_CLSP_FAILS(
-        CLSP_ERROR_INVALID_STATE, "workspace",
-        clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, &out.view, 0, nullptr, nullptr));
+    const auto run = [&](const ClspImage &in, const ClspImage &result) {
+        return enqueue(clspApertureEnqueueIntensity, aperture, phase, &in, &result);
+    };
+    const test::Failures frame_fails("clspApertureEnqueueIntensity");
+    frame_fails(CLSP_ERROR_INVALID_STATE, "workspace", run(ideal.view, out.view));
     {
         const clspeckle::Buffer workspace(context, bytes + 8192);
         const test::Foreign foreign;
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture",
-                          clspApertureSetWorkspace(nullptr, workspace, 0, bytes));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem", clspApertureSetWorkspace(aperture, nullptr, 0, bytes));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "offset",
-                          clspApertureSetWorkspace(aperture, workspace, 64, bytes));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "size_bytes",
-                          clspApertureSetWorkspace(aperture, workspace, 0, bytes - 1));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem|workspace",
-                          clspApertureSetWorkspace(aperture, workspace, 8192, bytes + 1));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem|workspace",
-                          clspApertureSetWorkspace(aperture, workspace, ~std::uint64_t{0} - 4095, bytes));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "mem|workspace",
-                          clspApertureSetWorkspace(aperture, foreign.buffer, 0, bytes));
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "workspace",
-                          clspApertureSetWorkspace(clspeckle::Aperture(context, valid()), workspace, 0, bytes));
-        EXPECT_CLSP_OK(clspApertureSetWorkspace(aperture, workspace, 4096, bytes));
+        const clspeckle::Aperture own_workspace(context, valid());
+        const test::Failures fails("clspApertureSetWorkspace");
+        const auto set = clspApertureSetWorkspace;
+        fails(CLSP_ERROR_INVALID_HANDLE, "aperture", set(nullptr, workspace, 0, bytes));
+        fails(CLSP_ERROR_INVALID_ARGUMENT, "mem", set(aperture, nullptr, 0, bytes));
+        fails(CLSP_ERROR_INVALID_ARGUMENT, "offset", set(aperture, workspace, 64, bytes));
+        fails(CLSP_ERROR_BUFFER_TOO_SMALL, "size_bytes", set(aperture, workspace, 0, bytes - 1));
+        fails(CLSP_ERROR_BUFFER_TOO_SMALL, "mem|workspace", set(aperture, workspace, 8192, bytes + 1));
+        fails(CLSP_ERROR_BUFFER_TOO_SMALL, "mem|workspace", set(aperture, workspace, ~std::uint64_t{0} - 4095, bytes));
+        fails(CLSP_ERROR_WRONG_CONTEXT, "mem|workspace", set(aperture, foreign.buffer, 0, bytes));
+        fails(CLSP_ERROR_INVALID_STATE, "workspace", set(own_workspace, workspace, 0, bytes));
+        EXPECT_CLSP_OK(set(aperture, workspace, 4096, bytes));
         const ClspImage inside = workspace.image(width, height, CLSP_FORMAT_FLOAT32, 0, 4096 + 64);
-        EXPECT_CLSP_FAILS(
-            CLSP_ERROR_OVERLAP, "work",
-            clspApertureEnqueueIntensity(aperture, queue, phase, &inside, &out.view, 0, nullptr, nullptr));
-        EXPECT_CLSP_FAILS(
-            CLSP_ERROR_OVERLAP, "work",
-            clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, &inside, 0, nullptr, nullptr));
+        frame_fails(CLSP_ERROR_OVERLAP, "work", run(inside, out.view));
+        frame_fails(CLSP_ERROR_OVERLAP, "work", run(ideal.view, inside));
         const ClspImage before_it = workspace.image(8, 8, CLSP_FORMAT_FLOAT32);
-        EXPECT_CLSP_FAILS(
-            CLSP_ERROR_INVALID_ARGUMENT, "irradiance", // the size is wrong, the place is not
-            clspApertureEnqueueIntensity(aperture, queue, phase, &before_it, &out.view, 0, nullptr, nullptr));
+        frame_fails(CLSP_ERROR_INVALID_ARGUMENT, "irradiance", run(before_it, out.view)); // its size, not its place
     } // the library keeps the memory
     EXPECT_EQ(expected, intensity(aperture, phase, ideal));
 }
 
 TEST_F(Aperture, CreateRefusesBadArguments) {
-    const ClspApertureDesc desc = valid();
-    ClspAperture aperture = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspApertureCreate(nullptr, &desc, &aperture));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspApertureCreate(context, nullptr, &aperture));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "aperture", clspApertureCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspApertureDesc>("clspApertureCreate", desc, [&](ClspApertureDesc *d) {
-        ClspAperture made = nullptr;
-        const ClspStatus status = clspApertureCreate(context, d, &made);
-        clspApertureRelease(made);
-        return status;
-    });
-    const auto fails_as = [&](ClspStatus expected, const char *word,
-                              const std::function<void(ClspApertureDesc &)> &change) {
-        ClspApertureDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspApertureCreate(context, &changed, &aperture));
-        EXPECT_EQ(nullptr, aperture);
-    };
-    const auto fails = [&](const char *word, const std::function<void(ClspApertureDesc &)> &change) {
-        fails_as(CLSP_ERROR_INVALID_ARGUMENT, word, change);
-    };
-    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspApertureDesc &d) { d.width = side; });
-        fails("height", [&](ClspApertureDesc &d) { d.height = side; });
-    }
-    fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 0; });
-    fails("oversampling", [](ClspApertureDesc &d) { d.oversampling = 9; });
-    fails("guard", [](ClspApertureDesc &d) { d.guard_px = 0xffffffffu; });
-    fails("CLSP_PUPIL_CIRCLE (0), CLSP_PUPIL_IMAGE (1), CLSP_PUPIL_POLYGON (2) or CLSP_PUPIL_RING (3)",
-          [](ClspApertureDesc &d) { d.pupil = 4; });
-    fails("expected CLSP_NORMALIZATION_TRANSMISSION (0) or CLSP_NORMALIZATION_UNIT_MEAN (1)",
-          [](ClspApertureDesc &d) { d.normalization = 2; });
-    fails("workspace_from_host", [](ClspApertureDesc &d) { d.workspace_from_host = 2; });
-    for (double bad : {-0.5, test::nan_value, test::infinity, -test::infinity})
-        fails("relative_diameter", [&](ClspApertureDesc &d) { d.relative_diameter = bad; });
+    using D = ClspApertureDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, test::bad_sides);
+    refuses("height", &D::height, test::bad_sides);
+    refuses("oversampling", &D::oversampling, {0, 9});
+    refuses("guard", &D::guard_px, {0xffffffffu});
+    refuses("CLSP_PUPIL_CIRCLE (0), CLSP_PUPIL_IMAGE (1), CLSP_PUPIL_POLYGON (2) or CLSP_PUPIL_RING (3)", &D::pupil,
+            {4});
+    refuses("expected CLSP_NORMALIZATION_TRANSMISSION (0) or CLSP_NORMALIZATION_UNIT_MEAN (1)", &D::normalization, {2});
+    refuses("workspace_from_host", &D::workspace_from_host, {2});
+    refuses("relative_diameter", &D::relative_diameter, test::bad({-0.5}));
     for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
-        const auto lens = [&](ClspApertureDesc &d) { d.relative_diameter = 0; };
-        fails("f_number", [&](ClspApertureDesc &d) { lens(d), d.f_number = bad; });
-        fails("pixel_pitch_m", [&](ClspApertureDesc &d) { lens(d), d.pixel_pitch_m = bad; });
-        fails("wavelength_m", [&](ClspApertureDesc &d) { lens(d), d.wavelength_m = bad; });
+        refuses("f_number", [&](D &d) { d.relative_diameter = 0, d.f_number = bad; });
+        refuses("pixel_pitch_m", [&](D &d) { d.relative_diameter = 0, d.pixel_pitch_m = bad; });
+        refuses("wavelength_m", [&](D &d) { d.relative_diameter = 0, d.wavelength_m = bad; });
     }
     // D above what the grid carries; the message says what to do.
-    fails("oversampling", [](ClspApertureDesc &d) { d.relative_diameter = 1.01; });
-    fails("oversampling", [](ClspApertureDesc &d) { d.relative_diameter = 2.5, d.oversampling = 2; });
-    fails("oversampling", [](ClspApertureDesc &d) { d.relative_diameter = 0, d.f_number = 2.8; }); // D = 1.10
-    for (double bad : {-0.1, 1.1, test::nan_value, test::infinity}) {
-        fails("soft_rim", [&](ClspApertureDesc &d) { d.soft_rim = bad; });
-        fails("degree_of_polarization", [&](ClspApertureDesc &d) { d.degree_of_polarization = bad; });
-    }
+    refuses("oversampling", &D::relative_diameter, {1.01});
+    refuses("oversampling", [](D &d) { d.relative_diameter = 2.5, d.oversampling = 2; });
+    refuses("oversampling", [](D &d) { d.relative_diameter = 0, d.f_number = 2.8; }); // D = 1.10
+    refuses("soft_rim", &D::soft_rim, test::bad({-0.1, 1.1}));
+    refuses("degree_of_polarization", &D::degree_of_polarization, test::bad({-0.1, 1.1}));
+    refuses(
+        "grid", [](D &d) { d.width = d.height = 16384, d.oversampling = 8; }, CLSP_ERROR_UNSUPPORTED);
+    D desc = valid();
     const std::vector<float> image(6, 0.5f);
-    const auto with_image = [&](ClspApertureDesc &d) {
-        d.pupil = CLSP_PUPIL_IMAGE;
-        d.pupil_image = image.data();
-        d.pupil_width = 3;
-        d.pupil_height = 2;
-    };
-    fails("pupil_image", [&](ClspApertureDesc &d) { with_image(d), d.pupil_image = nullptr; });
-    fails("pupil_image", [&](ClspApertureDesc &d) { with_image(d), d.pupil = CLSP_PUPIL_CIRCLE; });
-    for (std::uint64_t huge : {std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{3}})
-        fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = huge; });
-    fails_as(CLSP_ERROR_UNSUPPORTED, "grid",
-             [](ClspApertureDesc &d) { d.width = d.height = 16384, d.oversampling = 8; });
-    for (std::uint32_t side : {0u, 16385u}) {
-        fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_width = side; });
-        fails("pupil", [&](ClspApertureDesc &d) { with_image(d), d.pupil_height = side; });
-    }
-    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 8; });
-    fails("pupil_pitch_bytes", [&](ClspApertureDesc &d) { with_image(d), d.pupil_pitch_bytes = 13; });
-    for (float bad : {-0.1f, 1.1f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    desc.pupil = CLSP_PUPIL_IMAGE;
+    desc.pupil_image = image.data();
+    desc.pupil_width = 3;
+    desc.pupil_height = 2;
+    const auto refuses_image = check_create(desc);
+    refuses_image("pupil_image", &D::pupil_image, {nullptr});
+    refuses_image("pupil_image", &D::pupil, {CLSP_PUPIL_CIRCLE});
+    refuses_image("pupil_pitch_bytes", &D::pupil_pitch_bytes,
+                  {8, 13, std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{3}});
+    refuses_image("pupil", &D::pupil_width, {0u, 16385u});
+    refuses_image("pupil", &D::pupil_height, {0u, 16385u});
+    for (double bad : test::bad({-0.1, 1.1})) {
         std::vector<float> values(6, 0.5f);
-        values[4] = bad;
-        fails_as(CLSP_ERROR_INVALID_DATA, "pupil_image",
-                 [&](ClspApertureDesc &d) { with_image(d), d.pupil_image = values.data(); });
+        values[4] = static_cast<float>(bad);
+        refuses_image("pupil_image", &D::pupil_image, {values.data()}, CLSP_ERROR_INVALID_DATA);
     }
 }
 
@@ -384,81 +338,55 @@ TEST_F(Aperture, EnqueueRefusesBadArguments) {
     const auto phase = make_phase();
     auto ideal = floats(test::dots(width, height), width, height);
     auto out = make_image(width, height, CLSP_FORMAT_FLOAT32);
-    const auto run = [&](const ClspImage *in, const ClspImage *result) {
-        return clspApertureEnqueueIntensity(aperture, queue, phase, in, result, 0, nullptr, nullptr);
+    const auto run = [&](ClspAperture a, ClspPhase p, const ClspImage *in, const ClspImage *result) {
+        return enqueue(clspApertureEnqueueIntensity, a, p, in, result);
     };
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture",
-                      clspApertureEnqueueIntensity(nullptr, queue, phase, &ideal.view, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(
-        CLSP_ERROR_INVALID_HANDLE, "phase",
-        clspApertureEnqueueIntensity(aperture, queue, nullptr, &ideal.view, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance",
-                      clspApertureEnqueueIntensity(aperture, queue, phase, nullptr, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "intensity",
-                      clspApertureEnqueueIntensity(aperture, queue, phase, &ideal.view, nullptr, 0, nullptr, nullptr));
-    const auto as_input = [&](const ClspImage *image) { return run(image, &out.view); };
-    const auto as_output = [&](const ClspImage *image) { return run(&ideal.view, image); };
-    test::check_image_rules("clspApertureEnqueueIntensity", context, ideal.view, "irradiance", CLSP_FORMAT_UINT16,
-                            as_input);
-    test::check_image_rules("clspApertureEnqueueIntensity", context, out.view, "intensity", CLSP_FORMAT_FLOAT32X2,
-                            as_output);
-    test::check_image_size_must_match("clspApertureEnqueueIntensity", context, ideal.view, "irradiance", as_input);
-    test::check_image_size_must_match("clspApertureEnqueueIntensity", context, out.view, "intensity", as_output);
-    test::check_enqueue_rules("clspApertureEnqueueIntensity", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspApertureEnqueueIntensity(aperture, q, phase, &ideal.view, &out.view, count,
-                                                                      events, event);
-                              });
+    const test::Failures fails("clspApertureEnqueueIntensity");
+    fails(CLSP_ERROR_INVALID_HANDLE, "aperture", run(nullptr, phase, &ideal.view, &out.view));
+    fails(CLSP_ERROR_INVALID_HANDLE, "phase", run(aperture, nullptr, &ideal.view, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "irradiance", run(aperture, phase, nullptr, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "intensity", run(aperture, phase, &ideal.view, nullptr));
+    check_image("clspApertureEnqueueIntensity", "irradiance", ideal.view, CLSP_FORMAT_UINT16,
+                [&](const ClspImage *image) { return run(aperture, phase, image, &out.view); });
+    check_image("clspApertureEnqueueIntensity", "intensity", out.view, CLSP_FORMAT_FLOAT32X2,
+                [&](const ClspImage *image) { return run(aperture, phase, &ideal.view, image); });
+    check_enqueue(CLSP_NAMED(clspApertureEnqueueIntensity), aperture, phase, &ideal.view, &out.view);
     // Overlap without being the same image: half a row further in one buffer.
     const clspeckle::Buffer both(context, 2 * width * height * sizeof(float));
     const ClspImage first = both.image(width, height, CLSP_FORMAT_FLOAT32);
     const ClspImage shifted = both.image(width, height, CLSP_FORMAT_FLOAT32, 0, width * sizeof(float) / 2);
     const ClspImage behind = both.image(width, height, CLSP_FORMAT_FLOAT32, 0, width * height * sizeof(float));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "irradiance",
-                      clspApertureEnqueueIntensity(aperture, queue, phase, &first, &shifted, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(run(&first, &behind));
+    fails(CLSP_ERROR_OVERLAP, "irradiance", run(aperture, phase, &first, &shifted));
+    EXPECT_CLSP_OK(run(aperture, phase, &first, &behind));
 
-    const auto refused_phase = [&](ClspStatus expected, const char *word, const clspeckle::Aperture &which,
-                                   const clspeckle::Phase &wrong) {
-        EXPECT_CLSP_FAILS(
-            expected, word,
-            clspApertureEnqueueIntensity(which, queue, wrong, &ideal.view, &out.view, 0, nullptr, nullptr));
+    const auto refused_phase = [&](ClspStatus expected, const char *word, const clspeckle::Phase &wrong) {
+        fails(expected, word, run(aperture, wrong, &ideal.view, &out.view));
     };
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.width = 25; }));
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.height = 21; }));
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture,
-                  make_phase([](ClspPhaseDesc &d) { d.oversampling = 2; }));
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "phase", aperture, make_phase([](ClspPhaseDesc &d) { d.guard_px = 1; }));
+    const auto argument = CLSP_ERROR_INVALID_ARGUMENT;
+    refused_phase(argument, "phase", make_phase([](ClspPhaseDesc &d) { d.width = 25; }));
+    refused_phase(argument, "phase", make_phase([](ClspPhaseDesc &d) { d.height = 21; }));
+    refused_phase(argument, "phase", make_phase([](ClspPhaseDesc &d) { d.oversampling = 2; }));
+    refused_phase(argument, "phase", make_phase([](ClspPhaseDesc &d) { d.guard_px = 1; }));
     auto half = valid();
     half.degree_of_polarization = 0.5;
-    refused_phase(CLSP_ERROR_INVALID_ARGUMENT, "polarization", clspeckle::Aperture(context, half),
-                  make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; }));
-    EXPECT_CLSP_OK(clspApertureEnqueueIntensity(aperture, queue,
-                                                make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; }),
-                                                &ideal.view, &out.view, 0, nullptr, nullptr));
+    const auto single = make_phase([](ClspPhaseDesc &d) { d.polarization_count = 1; });
+    fails(argument, "polarization", run(clspeckle::Aperture(context, half), single, &ideal.view, &out.view));
+    EXPECT_CLSP_OK(run(aperture, single, &ideal.view, &out.view));
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     phase_desc.width = width;
     phase_desc.height = height;
-    refused_phase(CLSP_ERROR_INVALID_STATE, "refresh", aperture, clspeckle::Phase(context, phase_desc));
+    refused_phase(CLSP_ERROR_INVALID_STATE, "refresh", clspeckle::Phase(context, phase_desc));
     const test::HostContext host;
-    refused_phase(CLSP_ERROR_WRONG_CONTEXT, "phase", aperture,
+    refused_phase(CLSP_ERROR_WRONG_CONTEXT, "phase",
                   clspeckle::Phase(clspeckle::Context::from_host(host.context, host.device), phase_desc));
 
     auto pupil_image = make_image(width, height, CLSP_FORMAT_FLOAT32);
-    const auto pupil_to = [&](const ClspImage *image) {
-        return clspApertureEnqueuePupil(aperture, queue, image, 0, nullptr, nullptr);
-    };
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture",
-                      clspApertureEnqueuePupil(nullptr, queue, &pupil_image.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pupil",
-                      clspApertureEnqueuePupil(aperture, queue, nullptr, 0, nullptr, nullptr));
-    test::check_image_rules("clspApertureEnqueuePupil", context, pupil_image.view, "pupil", CLSP_FORMAT_UINT8,
-                            pupil_to);
-    test::check_image_size_must_match("clspApertureEnqueuePupil", context, pupil_image.view, "pupil", pupil_to);
-    test::check_enqueue_rules("clspApertureEnqueuePupil", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspApertureEnqueuePupil(aperture, q, &pupil_image.view, count, events, event);
-                              });
+                      enqueue(clspApertureEnqueuePupil, nullptr, &pupil_image.view));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pupil", enqueue(clspApertureEnqueuePupil, aperture, nullptr));
+    check_image("clspApertureEnqueuePupil", "pupil", pupil_image.view, CLSP_FORMAT_UINT8,
+                [&](const ClspImage *image) { return enqueue(clspApertureEnqueuePupil, aperture, image); });
+    check_enqueue(CLSP_NAMED(clspApertureEnqueuePupil), aperture, &pupil_image.view);
 
     auto info = clspeckle::make<ClspApertureInfo>();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture", clspApertureGetInfo(nullptr, &info));
@@ -468,18 +396,9 @@ TEST_F(Aperture, EnqueueRefusesBadArguments) {
 }
 
 TEST_F(Aperture, RetainAndRelease) {
-    ClspAperture aperture = nullptr;
-    const ClspApertureDesc desc = valid();
     auto info = clspeckle::make<ClspApertureInfo>();
-    ASSERT_CLSP_OK(clspApertureCreate(context, &desc, &aperture));
-    EXPECT_CLSP_OK(clspApertureRetain(aperture));
-    EXPECT_CLSP_OK(clspApertureRelease(aperture));
-    EXPECT_CLSP_OK(clspApertureGetInfo(aperture, &info));
-    EXPECT_CLSP_OK(clspApertureRelease(aperture));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture", clspApertureGetInfo(aperture, &info));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture", clspApertureRetain(aperture));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "aperture", clspApertureRelease(aperture));
-    EXPECT_CLSP_OK(clspApertureRelease(nullptr));
+    check_references("clspApertureGetInfo",
+                     [&](ClspAperture aperture) { return clspApertureGetInfo(aperture, &info); });
 }
 
 } // namespace

@@ -1,18 +1,16 @@
 // Ideal projected dots: one defect at a time against closed forms, what configure() keeps, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 namespace {
 
-using test::DeviceTest;
-
-class Dots : public DeviceTest {
+class Dots : public test::StageTest<ClspDots> {
   protected:
     static constexpr std::uint32_t width = 70, height = 50;
 
     // Inside by more than the support of their profile, and off the pixel grid.
     const std::vector<double> positions = {20.3, 19.8, 47.6, 18.2, 33.9, 32.4};
 
-    ClspDotsDesc valid() const {
+    ClspDotsDesc valid() const override {
         auto desc = clspeckle::make<ClspDotsDesc>();
         desc.width = width;
         desc.height = height;
@@ -21,9 +19,7 @@ class Dots : public DeviceTest {
         return desc;
     }
     std::vector<float> render(const clspeckle::Dots &dots, std::uint32_t w = width, std::uint32_t h = height) {
-        auto image = make_image(w, h, CLSP_FORMAT_FLOAT32);
-        dots.enqueue_render(queue, image.view);
-        return download<float>(image);
+        return written(w, h, CLSP_FORMAT_FLOAT32, [&](const ClspImage &image) { dots.enqueue_render(queue, image); });
     }
     std::vector<float> render(const ClspDotsDesc &desc) {
         return render(clspeckle::Dots(context, desc), desc.width, desc.height);
@@ -41,9 +37,7 @@ class Dots : public DeviceTest {
 constexpr double two_pi = 2 * M_PI, sigma = 2.0;
 
 TEST_F(Dots, InitFunctionWritesDefaults) {
-    test::check_init<ClspDotsDesc>("clspDotsDescInit", clspDotsDescInit);
-    ClspDotsDesc desc;
-    ASSERT_CLSP_OK(clspDotsDescInit(&desc, sizeof(desc)));
+    const ClspDotsDesc desc = checked_defaults();
     EXPECT_EQ(0u, desc.count);
     EXPECT_EQ(nullptr, desc.positions_px);
     EXPECT_EQ(nullptr, desc.sigmas_px);
@@ -366,123 +360,73 @@ TEST_F(Dots, EnqueuingAllocatesAndBuildsNothing) {
 }
 
 TEST_F(Dots, CreateRefusesBadArguments) {
-    const ClspDotsDesc desc = valid();
-    ClspDots dots = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspDotsCreate(nullptr, &desc, &dots));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspDotsCreate(context, nullptr, &dots));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "dots", clspDotsCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspDotsDesc>("clspDotsCreate", desc, [&](ClspDotsDesc *d) {
-        ClspDots made = nullptr;
-        const ClspStatus status = clspDotsCreate(context, d, &made);
-        clspDotsRelease(made);
-        return status;
-    });
-    const auto fails_as = [&](ClspStatus expected, const char *word,
-                              const std::function<void(ClspDotsDesc &)> &change) {
-        ClspDotsDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspDotsCreate(context, &changed, &dots));
-        EXPECT_EQ(nullptr, dots);
-    };
-    const auto fails = [&](const char *word, const std::function<void(ClspDotsDesc &)> &change) {
-        fails_as(CLSP_ERROR_INVALID_ARGUMENT, word, change);
-    };
-    const auto refuses = [&](const char *word, double ClspDotsDesc::*member, std::initializer_list<double> values) {
-        for (double value : values)
-            fails(word, [&](ClspDotsDesc &d) { d.*member = value; });
-    };
-    const double nan = test::nan_value, infinity = test::infinity;
-    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspDotsDesc &d) { d.width = side; });
-        fails("height", [&](ClspDotsDesc &d) { d.height = side; });
-    }
-    for (std::uint64_t count : {std::uint64_t{0}, std::uint64_t{CLSP_MAX_DOTS} + 1, ~std::uint64_t{0}})
-        fails("count", [&](ClspDotsDesc &d) { d.count = count; });
-    fails("positions_px", [](ClspDotsDesc &d) { d.positions_px = nullptr; });
-    fails("reserved", [](ClspDotsDesc &d) { d.reserved = 1; });
-    fails("principal_point_given", [](ClspDotsDesc &d) { d.principal_point_given = 2; });
-    fails("ghost_offset_given", [](ClspDotsDesc &d) { d.ghost_offset_given = 2; });
-    refuses("sigma_px", &ClspDotsDesc::sigma_px, {0.0, -1.0, 0.009, 16385.0, nan, infinity});
-    refuses("scale", &ClspDotsDesc::scale, {-1.0, nan, infinity});
-    refuses("relative_wavelength_shift", &ClspDotsDesc::relative_wavelength_shift, {-1.0, 1.1, nan, infinity});
-    refuses("beam_skew", &ClspDotsDesc::beam_skew, {-3.1, 3.1, nan, infinity});
-    refuses("beam_skew_angle_rad", &ClspDotsDesc::beam_skew_angle_rad, {nan, infinity});
-    refuses("beam_flatness", &ClspDotsDesc::beam_flatness, {-0.1, 4.1, nan, infinity});
-    refuses("zero_order_relative_intensity", &ClspDotsDesc::zero_order_relative_intensity, {-1.0, nan, infinity});
-    refuses("ghost_relative_intensity", &ClspDotsDesc::ghost_relative_intensity, {-1.0, nan, infinity});
-    refuses("scatter_fraction", &ClspDotsDesc::scatter_fraction, {-0.1, 1.1, nan, infinity});
+    using D = ClspDotsDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, test::bad_sides);
+    refuses("height", &D::height, test::bad_sides);
+    refuses("count", &D::count, {0, CLSP_MAX_DOTS + 1, ~std::uint64_t{0}});
+    refuses("positions_px", &D::positions_px, {nullptr});
+    refuses("reserved", &D::reserved, {1});
+    refuses("principal_point_given", &D::principal_point_given, {2});
+    refuses("ghost_offset_given", &D::ghost_offset_given, {2});
+    refuses("sigma_px", &D::sigma_px, test::bad({0.0, -1.0, 0.009, 16385.0}));
+    refuses("scale", &D::scale, test::bad({-1.0}));
+    refuses("relative_wavelength_shift", &D::relative_wavelength_shift, test::bad({-1.0, 1.1}));
+    refuses("beam_skew", &D::beam_skew, test::bad({-3.1, 3.1}));
+    refuses("beam_skew_angle_rad", &D::beam_skew_angle_rad, test::bad());
+    refuses("beam_flatness", &D::beam_flatness, test::bad({-0.1, 4.1}));
+    refuses("zero_order_relative_intensity", &D::zero_order_relative_intensity, test::bad({-1.0}));
+    refuses("ghost_relative_intensity", &D::ghost_relative_intensity, test::bad({-1.0}));
+    refuses("scatter_fraction", &D::scatter_fraction, test::bad({-0.1, 1.1}));
     // A point without its flag is forgotten, not ignored; with it, it must be finite.
-    refuses("principal_point_given is 0", &ClspDotsDesc::principal_point_x_px, {1.0, nan});
-    refuses("principal_point_given is 0", &ClspDotsDesc::principal_point_y_px, {1.0, nan});
-    refuses("ghost_offset_given is 0", &ClspDotsDesc::ghost_offset_x_px, {1.0, nan});
-    refuses("ghost_offset_given is 0", &ClspDotsDesc::ghost_offset_y_px, {1.0, nan});
-    for (double bad : {nan, infinity}) {
-        fails("principal_point_x_px", [&](ClspDotsDesc &d) {
-            d.principal_point_given = 1;
-            d.principal_point_x_px = bad;
-        });
-        fails("ghost_offset_y_px", [&](ClspDotsDesc &d) {
-            d.ghost_offset_given = 1;
-            d.ghost_offset_y_px = bad;
-        });
+    refuses("principal_point_given is 0", &D::principal_point_x_px, {1.0, test::nan_value});
+    refuses("principal_point_given is 0", &D::principal_point_y_px, {1.0, test::nan_value});
+    refuses("ghost_offset_given is 0", &D::ghost_offset_x_px, {1.0, test::nan_value});
+    refuses("ghost_offset_given is 0", &D::ghost_offset_y_px, {1.0, test::nan_value});
+    for (double bad : test::bad()) {
+        refuses("principal_point_x_px", [&](D &d) { d.principal_point_given = 1, d.principal_point_x_px = bad; });
+        refuses("ghost_offset_y_px", [&](D &d) { d.ghost_offset_given = 1, d.ghost_offset_y_px = bad; });
         auto broken = positions;
         broken[3] = bad;
-        fails_as(CLSP_ERROR_INVALID_DATA, "y of dot 1", [&](ClspDotsDesc &d) { d.positions_px = broken.data(); });
+        refuses("y of dot 1", &D::positions_px, {broken.data()}, CLSP_ERROR_INVALID_DATA);
         broken = positions;
         broken[4] = bad;
-        fails_as(CLSP_ERROR_INVALID_DATA, "x of dot 2", [&](ClspDotsDesc &d) { d.positions_px = broken.data(); });
+        refuses("x of dot 2", &D::positions_px, {broken.data()}, CLSP_ERROR_INVALID_DATA);
     }
-    for (double bad : {0.0, -1.0, nan, infinity}) {
+    for (double bad : test::bad({0.0, -1.0})) {
         const double sigmas[] = {1.0, bad, 1.0};
-        fails_as(CLSP_ERROR_INVALID_DATA, "sigmas_px[1]", [&](ClspDotsDesc &d) { d.sigmas_px = sigmas; });
+        refuses("sigmas_px[1]", &D::sigmas_px, {sigmas}, CLSP_ERROR_INVALID_DATA);
     }
-    for (double bad : {-1.0, nan, infinity}) {
+    for (double bad : test::bad({-1.0})) {
         const double peaks[] = {1.0, 1.0, bad};
-        fails_as(CLSP_ERROR_INVALID_DATA, "peaks[2]", [&](ClspDotsDesc &d) { d.peaks = peaks; });
+        refuses("peaks[2]", &D::peaks, {peaks}, CLSP_ERROR_INVALID_DATA);
     }
-    fails("ghost_offset", [](ClspDotsDesc &d) { // one dot is no lattice
-        d.count = 1;
-        d.ghost_relative_intensity = 0.1;
-    });
+    refuses("ghost_offset", [](D &d) { d.count = 1, d.ghost_relative_intensity = 0.1; }); // one dot is no lattice
     const std::vector<double> many(2 * 2000, 100.0); // 2000 dots that each reach 1024 x 1024 tiles
-    fails_as(CLSP_ERROR_UNSUPPORTED, "tiles", [&](ClspDotsDesc &d) {
-        d.width = d.height = 16384;
-        d.count = 2000;
-        d.positions_px = many.data();
-        d.sigma_px = 16384;
-    });
+    refuses(
+        "tiles",
+        [&](D &d) {
+            d.width = d.height = 16384;
+            d.count = 2000;
+            d.positions_px = many.data();
+            d.sigma_px = 16384;
+        },
+        CLSP_ERROR_UNSUPPORTED);
 }
 
 TEST_F(Dots, EnqueueRefusesBadArguments) {
     const clspeckle::Dots dots(context, valid());
     const auto out = make_image(width, height, CLSP_FORMAT_FLOAT32);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "dots",
-                      clspDotsEnqueueRender(nullptr, queue, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance",
-                      clspDotsEnqueueRender(dots, queue, nullptr, 0, nullptr, nullptr));
-    const auto as_output = [&](const ClspImage *image) {
-        return clspDotsEnqueueRender(dots, queue, image, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspDotsEnqueueRender", context, out.view, "irradiance", CLSP_FORMAT_UINT8, as_output);
-    test::check_image_size_must_match("clspDotsEnqueueRender", context, out.view, "irradiance", as_output);
-    test::check_enqueue_rules("clspDotsEnqueueRender", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspDotsEnqueueRender(dots, q, &out.view, count, events, event);
-                              });
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "dots", enqueue(clspDotsEnqueueRender, nullptr, &out.view));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance", enqueue(clspDotsEnqueueRender, dots, nullptr));
+    check_image("clspDotsEnqueueRender", "irradiance", out.view, CLSP_FORMAT_UINT8,
+                [&](const ClspImage *image) { return enqueue(clspDotsEnqueueRender, dots, image); });
+    check_enqueue(CLSP_NAMED(clspDotsEnqueueRender), dots, &out.view);
 }
 
 TEST_F(Dots, RetainAndRelease) {
-    ClspDots dots = nullptr;
     const ClspDotsDesc desc = valid();
-    ASSERT_CLSP_OK(clspDotsCreate(context, &desc, &dots));
-    EXPECT_CLSP_OK(clspDotsRetain(dots));
-    EXPECT_CLSP_OK(clspDotsRelease(dots));
-    EXPECT_CLSP_OK(clspDotsConfigure(dots, &desc));
-    EXPECT_CLSP_OK(clspDotsRelease(dots));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "dots", clspDotsConfigure(dots, &desc));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "dots", clspDotsRetain(dots));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "dots", clspDotsRelease(dots));
-    EXPECT_CLSP_OK(clspDotsRelease(nullptr));
+    check_references("clspDotsConfigure", [&](ClspDots dots) { return clspDotsConfigure(dots, &desc); });
     const clspeckle::Dots adopted = clspeckle::Dots::adopt([&] {
         ClspDots made = nullptr;
         EXPECT_CLSP_OK(clspDotsCreate(context, &desc, &made));

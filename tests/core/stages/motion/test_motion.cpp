@@ -1,14 +1,12 @@
 // Motion and materials through the C interface: defaults, the three ways to say how points moved, and what bad
 // arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 #include <cmath>
 #include <cstddef>
 #include <limits>
 
 namespace {
-
-using test::DeviceTest;
 
 constexpr float nan_value = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
 
@@ -24,12 +22,12 @@ TEST(Material, InitFunctionWritesDefaults) {
     EXPECT_EQ(0.0, material.subsurface_fraction);
 }
 
-class Motion : public DeviceTest {
+class Motion : public test::StageTest<ClspMotion> {
   protected:
     static constexpr std::uint32_t width = 6, height = 5, pixels = width * height;
     static constexpr double focal_length = 100.0, lateral = 0.5e-3, axial = 3e-3;
 
-    static ClspMotionDesc valid() {
+    ClspMotionDesc valid() const override {
         auto desc = clspeckle::make<ClspMotionDesc>();
         desc.width = width;
         desc.height = height;
@@ -67,10 +65,9 @@ class Motion : public DeviceTest {
 constexpr double Motion::identity[12];
 
 TEST_F(Motion, InitFunctionsWriteDefaults) {
-    test::check_init<ClspMotionDesc>("clspMotionDescInit", clspMotionDescInit);
+    const ClspMotionDesc desc = checked_defaults();
     test::check_init<ClspMotionInput>("clspMotionInputInit", clspMotionInputInit);
     test::check_init<ClspMotionOutput>("clspMotionOutputInit", clspMotionOutputInit);
-    const auto desc = clspeckle::make<ClspMotionDesc>();
     EXPECT_EQ(CLSP_MOTION_CORRELATE, desc.rule);
     EXPECT_EQ(0u, desc.translate);
     EXPECT_EQ(CLSP_DEPTH_ALONG_AXIS, desc.depth_kind);
@@ -199,50 +196,24 @@ TEST_F(Motion, TransformsOfMaterialsAreCopiedDuringTheCall) {
 }
 
 TEST_F(Motion, CreateRefusesBadArguments) {
-    ClspMotion motion = nullptr;
-    const ClspMotionDesc desc = valid();
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspMotionCreate(nullptr, &desc, &motion));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspMotionCreate(context, nullptr, &motion));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "motion", clspMotionCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspMotionDesc>("clspMotionCreate", desc, [&](ClspMotionDesc *d) {
-        ClspMotion made = nullptr;
-        const ClspStatus status = clspMotionCreate(context, d, &made);
-        EXPECT_EQ(status == CLSP_SUCCESS, made != nullptr);
-        clspMotionRelease(made);
-        return status;
-    });
-    const auto fails = [&](const char *word, const std::function<void(ClspMotionDesc &)> &change) {
-        ClspMotionDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word, clspMotionCreate(context, &changed, &motion));
-        EXPECT_EQ(nullptr, motion);
-    };
-    for (const std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspMotionDesc &d) { d.width = side; });
-        fails("height", [&](ClspMotionDesc &d) { d.height = side; });
-    }
-    fails("rule is 2, expected CLSP_MOTION_CORRELATE (0) or CLSP_MOTION_REPLACE (1)",
-          [](ClspMotionDesc &d) { d.rule = 2; });
-    fails("translate", [](ClspMotionDesc &d) { d.translate = 2; });
-    fails("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)",
-          [](ClspMotionDesc &d) { d.depth_kind = 2; });
-    for (const double wrong : {-1.0, std::nan(""), HUGE_VAL}) {
-        fails("fx_px", [&](ClspMotionDesc &d) { d.fx_px = wrong; });
-        fails("fy_px", [&](ClspMotionDesc &d) { d.fy_px = wrong; });
-        fails("replace_threshold", [&](ClspMotionDesc &d) { d.replace_threshold = wrong; });
-        fails("occlusion_tolerance", [&](ClspMotionDesc &d) { d.occlusion_tolerance = wrong; });
-    }
-    fails("fy_px", [](ClspMotionDesc &d) { d.fy_px = 0.0; });
-    fails("cx_px", [](ClspMotionDesc &d) { d.cx_px = std::nan(""); });
-    fails("cy_px", [](ClspMotionDesc &d) { d.cy_px = HUGE_VAL; });
-    ClspMotionDesc wrong = desc;
-    wrong.materials = reinterpret_cast<ClspMaterialTable>(context.get());
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "table", clspMotionCreate(context, &wrong, &motion));
+    using D = ClspMotionDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, test::bad_sides);
+    refuses("height", &D::height, test::bad_sides);
+    refuses("rule is 2, expected CLSP_MOTION_CORRELATE (0) or CLSP_MOTION_REPLACE (1)", &D::rule, {2});
+    refuses("translate", &D::translate, {2});
+    refuses("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)", &D::depth_kind, {2});
+    refuses("fx_px", &D::fx_px, test::bad({-1.0}));
+    refuses("fy_px", &D::fy_px, test::bad({-1.0, 0.0}));
+    refuses("replace_threshold", &D::replace_threshold, test::bad({-1.0}));
+    refuses("occlusion_tolerance", &D::occlusion_tolerance, test::bad({-1.0}));
+    refuses("cx_px", &D::cx_px, test::bad());
+    refuses("cy_px", &D::cy_px, test::bad());
+    refuses("table", &D::materials, {reinterpret_cast<ClspMaterialTable>(context.get())}, CLSP_ERROR_INVALID_HANDLE);
     const test::HostContext host;
     const auto other = clspeckle::Context::from_host(host.context, host.device);
     const clspeckle::MaterialTable foreign(other, {clspeckle::make<ClspMaterial>()});
-    wrong.materials = foreign;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "materials", clspMotionCreate(context, &wrong, &motion));
+    refuses("materials", &D::materials, {foreign.get()}, CLSP_ERROR_WRONG_CONTEXT);
 }
 
 TEST_F(Motion, ComputeRefusesBadArguments) {
@@ -256,131 +227,92 @@ TEST_F(Motion, ComputeRefusesBadArguments) {
     const auto ids = upload(std::vector<std::uint8_t>(pixels, 0), width, height, CLSP_FORMAT_UINT8);
     auto path = make_image(width, height, CLSP_FORMAT_FLOAT32);
     auto shift = make_image(width, height, CLSP_FORMAT_FLOAT32X2);
-    auto input = clspeckle::make<ClspMotionInput>();
+    using I = ClspMotionInput;
+    using O = ClspMotionOutput;
+    auto input = clspeckle::make<I>();
     input.depth = depth.view;
     input.motion = vectors.view;
     input.previous_depth = depth.view;
-    auto output = clspeckle::make<ClspMotionOutput>();
+    auto output = clspeckle::make<O>();
     output.path = path.view;
-    const auto call = [&](const ClspMotionInput &i, const ClspMotionOutput &o) {
-        return clspMotionEnqueueCompute(motion, queue, &i, &o, 0, nullptr, nullptr);
+    const auto call = [&](ClspMotion m, const I *i, const O *o) { return enqueue(clspMotionEnqueueCompute, m, i, o); };
+    const test::Failures fails("clspMotionEnqueueCompute");
+    fails(CLSP_ERROR_INVALID_HANDLE, "motion", call(nullptr, &input, &output));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "input", call(motion, nullptr, &output));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "output", call(motion, &input, nullptr));
+    check_enqueue(CLSP_NAMED(clspMotionEnqueueCompute), motion, &input, &output);
+    const auto with = [&](const I &base) {
+        return test::Refusals<I>("clspMotionEnqueueCompute", base, [&](I *i) { return call(motion, i, &output); });
     };
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "motion",
-                      clspMotionEnqueueCompute(nullptr, queue, &input, &output, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "input",
-                      clspMotionEnqueueCompute(motion, queue, nullptr, &output, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "output",
-                      clspMotionEnqueueCompute(motion, queue, &input, nullptr, 0, nullptr, nullptr));
-    test::check_struct_size<ClspMotionInput>("clspMotionEnqueueCompute", input, [&](ClspMotionInput *i) {
-        return clspMotionEnqueueCompute(motion, queue, i, &output, 0, nullptr, nullptr);
-    });
-    test::check_struct_size<ClspMotionOutput>("clspMotionEnqueueCompute", output, [&](ClspMotionOutput *o) {
-        return clspMotionEnqueueCompute(motion, queue, &input, o, 0, nullptr, nullptr);
-    });
-    test::check_enqueue_rules("clspMotionEnqueueCompute", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspMotionEnqueueCompute(motion, q, &input, &output, count, events, event);
-                              });
+    const auto refuses = with(input);
+    refuses.check_struct_size();
     // Each image, alone wrong.
-    using Member = ClspImage ClspMotionInput::*;
-    const auto image_rules = [&](const ClspMotionInput &base, Member member, const char *name, std::uint32_t format) {
-        const auto changed = [&](const ClspImage *image) {
-            ClspMotionInput i = base;
-            i.*member = *image;
-            return call(i, output);
-        };
-        test::check_image_rules("clspMotionEnqueueCompute", context, base.*member, name, format, changed, true);
-        test::check_image_size_must_match("clspMotionEnqueueCompute", context, base.*member, name, changed);
-    };
-    ClspMotionInput full = input;
+    I full = input;
     full.normal = full.previous_normal = position.view;
     full.material = full.previous_material = ids.view;
-    image_rules(full, &ClspMotionInput::depth, "depth", CLSP_FORMAT_FLOAT32X3);
-    image_rules(full, &ClspMotionInput::motion, "motion", CLSP_FORMAT_FLOAT32);
-    image_rules(full, &ClspMotionInput::previous_depth, "previous_depth", CLSP_FORMAT_UINT16);
-    image_rules(full, &ClspMotionInput::normal, "normal", CLSP_FORMAT_FLOAT32X2);
-    image_rules(full, &ClspMotionInput::previous_normal, "previous_normal", CLSP_FORMAT_FLOAT32X2);
-    image_rules(full, &ClspMotionInput::material, "material", CLSP_FORMAT_FLOAT32);
-    image_rules(full, &ClspMotionInput::previous_material, "previous_material", CLSP_FORMAT_UINT16);
-    ClspMotionInput positions = clspeckle::make<ClspMotionInput>();
+    const auto of_full = with(full);
+    of_full.check_image(context, "depth", &I::depth, CLSP_FORMAT_FLOAT32X3);
+    of_full.check_image(context, "motion", &I::motion, CLSP_FORMAT_FLOAT32);
+    of_full.check_image(context, "previous_depth", &I::previous_depth, CLSP_FORMAT_UINT16);
+    of_full.check_image(context, "normal", &I::normal, CLSP_FORMAT_FLOAT32X2);
+    of_full.check_image(context, "previous_normal", &I::previous_normal, CLSP_FORMAT_FLOAT32X2);
+    of_full.check_image(context, "material", &I::material, CLSP_FORMAT_FLOAT32);
+    of_full.check_image(context, "previous_material", &I::previous_material, CLSP_FORMAT_UINT16);
+    I positions = clspeckle::make<I>();
     positions.position = positions.previous_position = position.view;
-    image_rules(positions, &ClspMotionInput::position, "position", CLSP_FORMAT_FLOAT32X2);
-    image_rules(positions, &ClspMotionInput::previous_position, "previous_position", CLSP_FORMAT_FLOAT32);
+    with(positions).check_image(context, "position", &I::position, CLSP_FORMAT_FLOAT32X2);
+    with(positions).check_image(context, "previous_position", &I::previous_position, CLSP_FORMAT_FLOAT32);
 
-    const auto fails = [&](const char *word, const std::function<void(ClspMotionInput &)> &change) {
-        ClspMotionInput changed = input;
-        change(changed);
-        test::poison_last_error("clspMotionEnqueueCompute");
-        EXPECT_TRUE(
-            test::failed_as("clspMotionEnqueueCompute", call(changed, output), CLSP_ERROR_INVALID_ARGUMENT, word))
-            << word;
-    };
-    fails("reserved", [](ClspMotionInput &i) { i.reserved = 1; });
-    fails("roll_from_motion", [](ClspMotionInput &i) { i.roll_from_motion = 2; });
-    for (const double wrong : {-1.0, std::nan(""), HUGE_VAL})
-        fails("frame_time_s", [&](ClspMotionInput &i) { i.frame_time_s = wrong; });
-    fails("both position and depth", [&](ClspMotionInput &i) { i.position = position.view; });
-    fails("neither position nor depth", [&](ClspMotionInput &i) { i.depth = {}; });
-    fails("previous_depth", [&](ClspMotionInput &i) { i.previous_position = position.view; });
-    fails("previous_depth", [&](ClspMotionInput &i) { i.previous_depth = {}; });
-    fails("how surfaces moved", [&](ClspMotionInput &i) { i.motion = i.previous_depth = {}; });
-    fails("previous_from_current is NULL", [&](ClspMotionInput &i) { i.transform_count = 1; });
-    fails("transform_count is 0", [&](ClspMotionInput &i) { i.previous_from_current = identity; });
-    fails("both previous_from_current", [&](ClspMotionInput &i) {
-        i.previous_from_current = identity;
-        i.transform_count = 1;
-    });
-    fails("previous_normal needs normal", [&](ClspMotionInput &i) { i.previous_normal = position.view; });
-    fails("previous_material needs material", [&](ClspMotionInput &i) { i.previous_material = ids.view; });
+    refuses("reserved", &I::reserved, {1});
+    refuses("roll_from_motion", &I::roll_from_motion, {2});
+    refuses("frame_time_s", &I::frame_time_s, test::bad({-1.0}));
+    refuses("both position and depth", &I::position, {position.view});
+    refuses("neither position nor depth", &I::depth, {{}});
+    refuses("previous_depth", &I::previous_position, {position.view});
+    refuses("previous_depth", &I::previous_depth, {{}});
+    refuses("how surfaces moved", [](I &i) { i.motion = i.previous_depth = {}; });
+    refuses("previous_from_current is NULL", &I::transform_count, {1});
+    refuses("transform_count is 0", &I::previous_from_current, {identity});
+    refuses("both previous_from_current", [](I &i) { i.previous_from_current = identity, i.transform_count = 1; });
+    refuses("previous_normal needs normal", &I::previous_normal, {position.view});
+    refuses("previous_material needs material", &I::previous_material, {ids.view});
     double pose[24];
     std::copy(identity, identity + 12, pose);
     std::copy(identity, identity + 12, pose + 12);
-    const auto transforms_fail = [&](const char *word, std::uint32_t count,
-                                     const std::function<void(ClspMotionInput &)> &change) {
-        fails(word, [&](ClspMotionInput &i) {
-            i.motion = i.previous_depth = {};
-            i.previous_from_current = pose;
-            i.transform_count = count;
-            change(i);
-        });
-    };
-    const auto nothing = [](ClspMotionInput &) {};
-    transforms_fail("transform_count is 3", 3, nothing);
-    transforms_fail("material", 2, nothing);
-    transforms_fail("roll_from_motion needs motion", 1, [](ClspMotionInput &i) { i.roll_from_motion = 1; });
-    pose[7] = std::nan("");
-    transforms_fail("finite", 1, nothing);
+    I moved = input;
+    moved.motion = moved.previous_depth = {};
+    moved.previous_from_current = pose;
+    moved.transform_count = 1;
+    const auto refuses_transforms = with(moved);
+    refuses_transforms("transform_count is 3", &I::transform_count, {3});
+    refuses_transforms("material", &I::transform_count, {2});
+    refuses_transforms("roll_from_motion needs motion", &I::roll_from_motion, {1});
+    pose[7] = test::nan_value;
+    refuses_transforms("finite", &I::transform_count, {1});
     pose[7] = 0.0;
     pose[0] = 1.1;
-    transforms_fail("rotation", 1, nothing);
+    refuses_transforms("rotation", &I::transform_count, {1});
     pose[0] = -1.0;
-    transforms_fail("reflection", 1, nothing);
+    refuses_transforms("reflection", &I::transform_count, {1});
 
-    // Outputs.
-    const auto output_fails = [&](ClspStatus status, const char *word,
-                                  const std::function<void(ClspMotionOutput &)> &change) {
-        ClspMotionOutput changed = output;
-        change(changed);
-        test::poison_last_error("clspMotionEnqueueCompute");
-        EXPECT_TRUE(test::failed_as("clspMotionEnqueueCompute", call(input, changed), status, word)) << word;
-    };
-    output_fails(CLSP_ERROR_INVALID_ARGUMENT, "reserved", [](ClspMotionOutput &o) { o.reserved = 1; });
-    output_fails(CLSP_ERROR_INVALID_ARGUMENT, "no image", [](ClspMotionOutput &o) { o.path = {}; });
-    output_fails(CLSP_ERROR_INVALID_FORMAT, "mask", [&](ClspMotionOutput &o) { o.mask = path.view; });
-    output_fails(CLSP_ERROR_OVERLAP, "correlation", [&](ClspMotionOutput &o) { o.correlation = path.view; });
-    output_fails(CLSP_ERROR_OVERLAP, "depth", [&](ClspMotionOutput &o) { o.path = depth.view; });
-    output_fails(CLSP_ERROR_OVERLAP, "motion", [&](ClspMotionOutput &o) { o.shift = vectors.view; });
+    const test::Refusals<O> of_output("clspMotionEnqueueCompute", output,
+                                      [&](O *o) { return call(motion, &input, o); });
+    of_output.check_struct_size();
+    of_output("reserved", &O::reserved, {1});
+    of_output("no image", &O::path, {{}});
+    of_output("mask", &O::mask, {path.view}, CLSP_ERROR_INVALID_FORMAT);
+    of_output("correlation", &O::correlation, {path.view}, CLSP_ERROR_OVERLAP);
+    of_output("depth", &O::path, {depth.view}, CLSP_ERROR_OVERLAP);
+    of_output("motion", &O::shift, {vectors.view}, CLSP_ERROR_OVERLAP);
 
     // Without the focal length.
     auto blind_desc = valid();
     blind_desc.fx_px = blind_desc.fy_px = 0.0;
     const clspeckle::Motion blind(context, blind_desc);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fx_px",
-                      clspMotionEnqueueCompute(blind, queue, &input, &output, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(clspMotionEnqueueCompute(blind, queue, &positions, &output, 0, nullptr, nullptr));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "fx_px", call(blind, &input, &output));
+    EXPECT_CLSP_OK(call(blind, &positions, &output));
     output.shift = shift.view;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fx_px",
-                      clspMotionEnqueueCompute(blind, queue, &positions, &output, 0, nullptr, nullptr));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "fx_px", call(blind, &positions, &output));
     queue.finish();
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "motion", clspMotionCheck(nullptr, queue));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "queue", clspMotionCheck(motion, nullptr));
@@ -400,29 +332,24 @@ TEST_F(Motion, TableRefusesBadMaterials) {
         clspMaterialTableRelease(made);
         return status;
     });
-    const auto fails = [&](double ClspMaterial::*member, const char *name, const std::vector<double> &values) {
-        for (const double value : values) {
-            std::vector<ClspMaterial> materials(2, good);
-            materials[1].*member = value;
-            EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, name,
-                              clspMaterialTableCreate(context, materials.data(), 2, &table));
-            EXPECT_TRUE(test::last_error().message && std::strstr(test::last_error().message, "material 1")) << name;
-            EXPECT_EQ(nullptr, table);
-        }
-    };
-    const double nan = std::nan("");
-    fails(&ClspMaterial::roughness_rms_m, "roughness_rms_m", {-1e-9, nan});
-    fails(&ClspMaterial::degree_of_polarization, "degree_of_polarization", {1.001, nan});
-    fails(&ClspMaterial::correlation_time_s, "correlation_time_s", {-1.0, nan});
-    for (const double wrong : {0.0, -1.0, nan}) {
-        fails(&ClspMaterial::lateral_correlation_length_m, "lateral_correlation_length_m", {wrong});
-        fails(&ClspMaterial::axial_correlation_length_m, "axial_correlation_length_m", {wrong});
-        fails(&ClspMaterial::rotation_correlation_angle_rad, "rotation_correlation_angle_rad", {wrong});
-    }
-    fails(&ClspMaterial::subsurface_fraction, "subsurface_fraction", {-0.1, 1.1, nan});
-    auto reserved = good;
-    reserved.reserved = 1;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "reserved", clspMaterialTableCreate(context, &reserved, 1, &table));
+    // The second of two materials is wrong.
+    using D = ClspMaterial;
+    const test::Refusals<D> refuses("clspMaterialTableCreate", good, [&](D *m) {
+        const std::array<D, 2> materials = {good, *m};
+        const ClspStatus status = clspMaterialTableCreate(context, materials.data(), 2, &table);
+        EXPECT_EQ(nullptr, table);
+        EXPECT_TRUE(m->reserved || std::strstr(test::last_error().message, "material 1"));
+        return status;
+    });
+    const double nan = test::nan_value;
+    refuses("roughness_rms_m", &D::roughness_rms_m, {-1e-9, nan});
+    refuses("degree_of_polarization", &D::degree_of_polarization, {1.001, nan});
+    refuses("correlation_time_s", &D::correlation_time_s, {-1.0, nan});
+    refuses("lateral_correlation_length_m", &D::lateral_correlation_length_m, {0.0, -1.0, nan});
+    refuses("axial_correlation_length_m", &D::axial_correlation_length_m, {0.0, -1.0, nan});
+    refuses("rotation_correlation_angle_rad", &D::rotation_correlation_angle_rad, {0.0, -1.0, nan});
+    refuses("subsurface_fraction", &D::subsurface_fraction, {-0.1, 1.1, nan});
+    refuses("reserved", &D::reserved, {1});
     std::vector<ClspMaterial> uneven(2, good);
     uneven[1].struct_size = 0;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "materials[1]",
@@ -430,26 +357,20 @@ TEST_F(Motion, TableRefusesBadMaterials) {
 }
 
 TEST_F(Motion, RetainAndRelease) {
+    check_references("clspMotionCheck", [&](ClspMotion motion) { return clspMotionCheck(motion, queue); });
     ClspMaterialTable table = nullptr;
     const auto material = clspeckle::make<ClspMaterial>();
     ASSERT_CLSP_OK(clspMaterialTableCreate(context, &material, 1, &table));
-    ClspMotion motion = nullptr;
     auto desc = valid();
     desc.materials = table;
-    ASSERT_CLSP_OK(clspMotionCreate(context, &desc, &motion));
+    const clspeckle::Motion motion(context, desc);
     EXPECT_CLSP_OK(clspMaterialTableRetain(table));
     EXPECT_CLSP_OK(clspMaterialTableRelease(table));
     EXPECT_CLSP_OK(clspMaterialTableRelease(table)); // the motion still has it
+    EXPECT_CLSP_OK(clspMotionCheck(motion, queue));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "table", clspMaterialTableRelease(table));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "table", clspMaterialTableRetain(nullptr));
     EXPECT_CLSP_OK(clspMaterialTableRelease(nullptr));
-    EXPECT_CLSP_OK(clspMotionRetain(motion));
-    EXPECT_CLSP_OK(clspMotionRelease(motion));
-    EXPECT_CLSP_OK(clspMotionCheck(motion, queue));
-    EXPECT_CLSP_OK(clspMotionRelease(motion));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "motion", clspMotionRelease(motion));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "motion", clspMotionRetain(nullptr));
-    EXPECT_CLSP_OK(clspMotionRelease(nullptr));
 }
 
 } // namespace

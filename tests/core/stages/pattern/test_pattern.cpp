@@ -1,17 +1,15 @@
 // The pattern lookup: geometry of a plane before the laser, poses, masks, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 namespace {
 
-using test::DeviceTest;
-
-class Pattern : public DeviceTest {
+class Pattern : public test::StageTest<ClspPattern> {
   protected:
     static constexpr std::uint32_t width = 16, height = 12;
 
     const std::vector<float> flat = std::vector<float>(4 * 4, 2.0f);
 
-    ClspPatternDesc valid() const {
+    ClspPatternDesc valid() const override {
         auto desc = clspeckle::make<ClspPatternDesc>();
         desc.width = 4;
         desc.height = 4;
@@ -21,10 +19,11 @@ class Pattern : public DeviceTest {
     }
     std::vector<float> lookup(const clspeckle::Pattern &pattern, const ClspGeometry &geometry, std::uint32_t w = width,
                               std::uint32_t h = height) {
-        auto out = make_image(w, h, CLSP_FORMAT_FLOAT32);
-        pattern.enqueue_lookup(queue, geometry, out.view);
-        return download<float>(out);
+        return written(w, h, CLSP_FORMAT_FLOAT32,
+                       [&](const ClspImage &image) { pattern.enqueue_lookup(queue, geometry, image); });
     }
+    static constexpr double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+
     static ClspGeometry camera() {
         auto geometry = clspeckle::make<ClspGeometry>();
         geometry.fx_px = 20;
@@ -36,10 +35,8 @@ class Pattern : public DeviceTest {
 };
 
 TEST_F(Pattern, InitFunctionsWriteDefaults) {
-    test::check_init<ClspPatternDesc>("clspPatternDescInit", clspPatternDescInit);
+    const ClspPatternDesc desc = checked_defaults();
     test::check_init<ClspGeometry>("clspGeometryInit", clspGeometryInit);
-    ClspPatternDesc desc;
-    ASSERT_CLSP_OK(clspPatternDescInit(&desc, sizeof(desc)));
     EXPECT_EQ(CLSP_PROJECTION_TANGENT_PLANE, desc.projection);
     EXPECT_EQ(CLSP_QUANTITY_RADIANT_INTENSITY, desc.quantity);
     EXPECT_EQ(0.5, desc.half_extent_x);
@@ -202,7 +199,6 @@ TEST_F(Pattern, PoseCanChange) {
     pattern.set_pose(away);
     for (float value : lookup(pattern, geometry))
         EXPECT_EQ(0.0f, value);
-    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternSetPose(nullptr, identity));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "laser_from_geometry", clspPatternSetPose(pattern, nullptr));
     const double scaled[12] = {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0};
@@ -254,139 +250,75 @@ TEST_F(Pattern, TexelPitch) {
 }
 
 TEST_F(Pattern, CreateRefusesBadArguments) {
-    const ClspPatternDesc desc = valid();
-    ClspPattern pattern = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPatternCreate(nullptr, &desc, &pattern));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPatternCreate(context, nullptr, &pattern));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "pattern", clspPatternCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspPatternDesc>("clspPatternCreate", desc, [&](ClspPatternDesc *d) {
-        ClspPattern made = nullptr;
-        const ClspStatus status = clspPatternCreate(context, d, &made);
-        clspPatternRelease(made);
-        return status;
-    });
-    const auto fails = [&](const char *word, const std::function<void(ClspPatternDesc &)> &change,
-                           ClspStatus expected = CLSP_ERROR_INVALID_ARGUMENT) {
-        ClspPatternDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspPatternCreate(context, &changed, &pattern));
-        EXPECT_EQ(nullptr, pattern);
-    };
-    fails("expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)",
-          [](ClspPatternDesc &d) { d.projection = 2; });
-    fails("expected CLSP_QUANTITY_RADIANT_INTENSITY (0) or CLSP_QUANTITY_PLANE_IRRADIANCE (1)",
-          [](ClspPatternDesc &d) { d.quantity = 2; });
-    fails("filter is 2, expected CLSP_FILTER_BILINEAR (0) or CLSP_FILTER_AREA (1)",
-          [](ClspPatternDesc &d) { d.filter = 2; });
-    fails("reserved", [](ClspPatternDesc &d) { d.reserved = 1; });
-    for (std::uint32_t side : {0u, 1u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspPatternDesc &d) { d.width = side; });
-        fails("height", [&](ClspPatternDesc &d) { d.height = side; });
-    }
-    fails("texels", [](ClspPatternDesc &d) { d.texels = nullptr; });
-    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 12; });
-    fails("texels_pitch_bytes", [](ClspPatternDesc &d) { d.texels_pitch_bytes = 17; });
-    for (std::uint64_t huge : {std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{3}})
-        fails("texels_pitch_bytes", [&](ClspPatternDesc &d) { d.texels_pitch_bytes = huge; });
-    for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
-        fails("half_extent_x", [&](ClspPatternDesc &d) { d.half_extent_x = bad; });
-        fails("half_extent_y", [&](ClspPatternDesc &d) { d.half_extent_y = bad; });
-    }
-    for (double bad : {-1.0, test::nan_value, test::infinity})
-        fails("power_scale", [&](ClspPatternDesc &d) { d.power_scale = bad; });
-    fails("laser_from_geometry", [](ClspPatternDesc &d) { d.laser_from_geometry[0] = 0.5; });
-    fails("laser_from_geometry", [](ClspPatternDesc &d) { d.laser_from_geometry[3] = test::nan_value; });
-    for (float bad : {-1.0f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    using D = ClspPatternDesc;
+    const auto refuses = check_create(valid());
+    refuses("expected CLSP_PROJECTION_TANGENT_PLANE (0) or CLSP_PROJECTION_DIRECTION_COSINES (1)", &D::projection, {2});
+    refuses("expected CLSP_QUANTITY_RADIANT_INTENSITY (0) or CLSP_QUANTITY_PLANE_IRRADIANCE (1)", &D::quantity, {2});
+    refuses("filter is 2, expected CLSP_FILTER_BILINEAR (0) or CLSP_FILTER_AREA (1)", &D::filter, {2});
+    refuses("reserved", &D::reserved, {1});
+    refuses("width", &D::width, {0u, 1u, 16385u, 0xffffffffu});
+    refuses("height", &D::height, {0u, 1u, 16385u, 0xffffffffu});
+    refuses("texels", &D::texels, {nullptr});
+    refuses("texels_pitch_bytes", &D::texels_pitch_bytes,
+            {12, 17, std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{3}});
+    refuses("half_extent_x", &D::half_extent_x, test::bad({0.0, -1.0}));
+    refuses("half_extent_y", &D::half_extent_y, test::bad({0.0, -1.0}));
+    refuses("power_scale", &D::power_scale, test::bad({-1.0}));
+    refuses("laser_from_geometry", [](D &d) { d.laser_from_geometry[0] = 0.5; });
+    refuses("laser_from_geometry", [](D &d) { d.laser_from_geometry[3] = test::nan_value; });
+    for (double bad : test::bad({-1.0})) {
         std::vector<float> texels(16, 1.0f);
-        texels[9] = bad;
-        fails(
-            "texels", [&](ClspPatternDesc &d) { d.texels = texels.data(); }, CLSP_ERROR_INVALID_DATA);
+        texels[9] = static_cast<float>(bad);
+        refuses("texels", &D::texels, {texels.data()}, CLSP_ERROR_INVALID_DATA);
     }
 }
 
 TEST_F(Pattern, LookupRefusesBadArguments) {
     const clspeckle::Pattern pattern(context, valid());
-    auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
-    auto position = make_image(width, height, CLSP_FORMAT_FLOAT32X3);
-    auto normal = make_image(width, height, CLSP_FORMAT_FLOAT32X4);
-    auto out = make_image(width, height, CLSP_FORMAT_FLOAT32);
-    ClspGeometry geometry = camera();
-    geometry.depth = depth.view;
-    const auto run = [&](const ClspGeometry &g) {
-        return clspPatternEnqueueLookup(pattern, queue, &g, &out.view, 0, nullptr, nullptr);
+    const auto depth = floats(std::vector<float>(width * height, 1.0f), width, height);
+    const auto position = make_image(width, height, CLSP_FORMAT_FLOAT32X3);
+    const auto normal = make_image(width, height, CLSP_FORMAT_FLOAT32X4);
+    const auto bytes = make_image(width, height, CLSP_FORMAT_UINT8);
+    const auto out = make_image(width, height, CLSP_FORMAT_FLOAT32);
+    using G = ClspGeometry;
+    G geometry = camera();
+    geometry.depth = geometry.albedo = depth.view;
+    geometry.normal = normal.view;
+    geometry.visibility = bytes.view;
+    const auto run = [&](ClspPattern p, const G *g, const ClspImage *to) {
+        return enqueue(clspPatternEnqueueLookup, p, g, to);
     };
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern",
-                      clspPatternEnqueueLookup(nullptr, queue, &geometry, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "geometry",
-                      clspPatternEnqueueLookup(pattern, queue, nullptr, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "irradiance",
-                      clspPatternEnqueueLookup(pattern, queue, &geometry, nullptr, 0, nullptr, nullptr));
-    test::check_struct_size<ClspGeometry>("clspPatternEnqueueLookup", geometry, [&](ClspGeometry *g) {
-        return clspPatternEnqueueLookup(pattern, queue, g, &out.view, 0, nullptr, nullptr);
-    });
-    const auto fails = [&](const char *word, const std::function<void(ClspGeometry &)> &change) {
-        ClspGeometry changed = geometry;
-        change(changed);
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word,
-                          clspPatternEnqueueLookup(pattern, queue, &changed, &out.view, 0, nullptr, nullptr));
+    const test::Failures fails("clspPatternEnqueueLookup");
+    fails(CLSP_ERROR_INVALID_HANDLE, "pattern", run(nullptr, &geometry, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "geometry", run(pattern, nullptr, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "irradiance", run(pattern, &geometry, nullptr));
+    fails(CLSP_ERROR_OVERLAP, "irradiance", run(pattern, &geometry, &depth.view));
+    const auto with = [&](const G &base) {
+        return test::Refusals<G>("clspPatternEnqueueLookup", base, [&](G *g) { return run(pattern, g, &out.view); });
     };
-    fails("position", [](ClspGeometry &g) { g.depth.mem = nullptr; });       // neither
-    fails("position", [&](ClspGeometry &g) { g.position = position.view; }); // both
-    fails("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)",
-          [](ClspGeometry &g) { g.depth_kind = 2; });
-    for (double bad : {0.0, -1.0, test::nan_value, test::infinity}) {
-        fails("fx_px", [&](ClspGeometry &g) { g.fx_px = bad; });
-        fails("fy_px", [&](ClspGeometry &g) { g.fy_px = bad; });
-    }
-    for (double bad : {test::nan_value, test::infinity}) {
-        fails("cx_px", [&](ClspGeometry &g) { g.cx_px = bad; });
-        fails("cy_px", [&](ClspGeometry &g) { g.cy_px = bad; });
-    }
-
-    const auto image_rules = [&](const char *name, ClspImage ClspGeometry::*member, const ClspImage &valid_image,
-                                 std::uint32_t wrong_format, bool optional) {
-        const auto with = [&](const ClspImage *image) {
-            ClspGeometry changed = geometry;
-            if (member == &ClspGeometry::position)
-                changed.depth = ClspImage{};
-            changed.*member = *image;
-            return run(changed);
-        };
-        test::check_image_rules("clspPatternEnqueueLookup", context, valid_image, name, wrong_format, with, optional);
-        test::check_image_size_must_match("clspPatternEnqueueLookup", context, valid_image, name, with);
-    };
-    auto bytes = make_image(width, height, CLSP_FORMAT_UINT8);
-    image_rules("depth", &ClspGeometry::depth, depth.view, CLSP_FORMAT_UINT16, true);
-    image_rules("position", &ClspGeometry::position, position.view, CLSP_FORMAT_FLOAT32, true);
-    image_rules("normal", &ClspGeometry::normal, normal.view, CLSP_FORMAT_FLOAT32X2, true);
-    image_rules("albedo", &ClspGeometry::albedo, depth.view, CLSP_FORMAT_UINT8, true);
-    image_rules("visibility", &ClspGeometry::visibility, bytes.view, CLSP_FORMAT_UINT16, true);
-    const auto as_output = [&](const ClspImage *image) {
-        return clspPatternEnqueueLookup(pattern, queue, &geometry, image, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspPatternEnqueueLookup", context, out.view, "irradiance", CLSP_FORMAT_UINT8, as_output);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "irradiance",
-                      clspPatternEnqueueLookup(pattern, queue, &geometry, &depth.view, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspPatternEnqueueLookup", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPatternEnqueueLookup(pattern, q, &geometry, &out.view, count, events,
-                                                                  event);
-                              });
+    const auto refuses = with(geometry);
+    refuses.check_struct_size();
+    refuses("position", [](G &g) { g.depth.mem = nullptr; }); // neither
+    refuses("position", &G::position, {position.view});       // both
+    refuses("depth_kind is 2, expected CLSP_DEPTH_ALONG_AXIS (0) or CLSP_DEPTH_ALONG_RAY (1)", &G::depth_kind, {2});
+    refuses("fx_px", &G::fx_px, test::bad({0.0, -1.0}));
+    refuses("fy_px", &G::fy_px, test::bad({0.0, -1.0}));
+    refuses("cx_px", &G::cx_px, test::bad());
+    refuses("cy_px", &G::cy_px, test::bad());
+    refuses.check_image(context, "depth", &G::depth, CLSP_FORMAT_UINT16);
+    refuses.check_image(context, "normal", &G::normal, CLSP_FORMAT_FLOAT32X2);
+    refuses.check_image(context, "albedo", &G::albedo, CLSP_FORMAT_UINT8);
+    refuses.check_image(context, "visibility", &G::visibility, CLSP_FORMAT_UINT16);
+    auto positions = clspeckle::make<G>();
+    positions.position = position.view;
+    with(positions).check_image(context, "position", &G::position, CLSP_FORMAT_FLOAT32);
+    test::check_image_rules("clspPatternEnqueueLookup", context, out.view, "irradiance", CLSP_FORMAT_UINT8,
+                            [&](const ClspImage *image) { return run(pattern, &geometry, image); });
+    check_enqueue(CLSP_NAMED(clspPatternEnqueueLookup), pattern, &geometry, &out.view);
 }
 
 TEST_F(Pattern, RetainAndRelease) {
-    ClspPattern pattern = nullptr;
-    const ClspPatternDesc desc = valid();
-    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    ASSERT_CLSP_OK(clspPatternCreate(context, &desc, &pattern));
-    EXPECT_CLSP_OK(clspPatternRetain(pattern));
-    EXPECT_CLSP_OK(clspPatternRelease(pattern));
-    EXPECT_CLSP_OK(clspPatternSetPose(pattern, identity));
-    EXPECT_CLSP_OK(clspPatternRelease(pattern));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternSetPose(pattern, identity));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternRetain(pattern));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pattern", clspPatternRelease(pattern));
-    EXPECT_CLSP_OK(clspPatternRelease(nullptr));
+    check_references("clspPatternSetPose", [&](ClspPattern pattern) { return clspPatternSetPose(pattern, identity); });
 }
 
 } // namespace

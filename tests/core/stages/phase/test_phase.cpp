@@ -1,5 +1,5 @@
 // The phase state: field grid, refresh by mask, field, saving and restoring, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 #include <cmath>
 #include <complex>
@@ -7,7 +7,6 @@
 
 namespace {
 
-using test::DeviceTest;
 using Complex = std::complex<float>;
 
 TEST(FieldGrid, SmallestSizesWithoutLargePrimeFactors) {
@@ -29,32 +28,24 @@ TEST(FieldGrid, SmallestSizesWithoutLargePrimeFactors) {
 
 TEST(FieldGrid, RefusesBadArguments) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "grid", clspFieldGridCompute(nullptr));
-    const auto compute = [](std::uint32_t width, std::uint32_t height, std::uint32_t oversampling,
-                            std::uint32_t guard) {
-        ClspFieldGrid grid{width, height, oversampling, guard, 77, 88};
-        test::poison_last_error("clspFieldGridCompute");
-        const ClspStatus status = clspFieldGridCompute(&grid);
-        EXPECT_EQ(77u, grid.grid_width) << "written in spite of an error";
+    using G = ClspFieldGrid;
+    const test::Refusals<G> refuses("clspFieldGridCompute", {8, 8, 1, 0, 77, 88}, [](G *grid) {
+        const ClspStatus status = clspFieldGridCompute(grid);
+        EXPECT_EQ(77u, grid->grid_width) << "written in spite of an error";
         return status;
-    };
-    const auto fails = [](const char *word, ClspStatus got) {
-        EXPECT_TRUE(test::failed_as("clspFieldGridCompute", got, CLSP_ERROR_INVALID_ARGUMENT, word));
-    };
-    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", compute(side, 8, 1, 0));
-        fails("height", compute(8, side, 1, 0));
-    }
-    fails("oversampling", compute(8, 8, 0, 0));
-    fails("oversampling", compute(8, 8, 9, 0));
-    fails("guard", compute(8, 8, 1, 0xffffffffu));
-    fails("guard", compute(8, 8, 8, 0x80000000u));
+    });
+    refuses("width", &G::width, test::bad_sides);
+    refuses("height", &G::height, test::bad_sides);
+    refuses("oversampling", &G::oversampling, {0, 9});
+    refuses("guard", &G::guard_px, {0xffffffffu});
+    refuses("guard", [](G &g) { g.oversampling = 8, g.guard_px = 0x80000000u; });
 }
 
-class Phase : public DeviceTest {
+class Phase : public test::StageTest<ClspPhase> {
   protected:
     static constexpr std::uint32_t width = 20, height = 12;
 
-    static ClspPhaseDesc valid() {
+    ClspPhaseDesc valid() const override {
         auto desc = clspeckle::make<ClspPhaseDesc>();
         desc.width = width;
         desc.height = height;
@@ -63,16 +54,13 @@ class Phase : public DeviceTest {
     }
     std::vector<Complex> field(const clspeckle::Phase &phase, std::uint32_t polarization, std::uint32_t w = width,
                                std::uint32_t h = height) {
-        auto image = make_image(w, h, CLSP_FORMAT_FLOAT32X2);
-        phase.enqueue_field(queue, polarization, image.view);
-        return download<Complex>(image);
+        return written<Complex>(w, h, CLSP_FORMAT_FLOAT32X2,
+                                [&](const ClspImage &image) { phase.enqueue_field(queue, polarization, image); });
     }
 };
 
 TEST_F(Phase, DescInit) {
-    test::check_init<ClspPhaseDesc>("clspPhaseDescInit", clspPhaseDescInit);
-    ClspPhaseDesc desc;
-    ASSERT_CLSP_OK(clspPhaseDescInit(&desc, sizeof(desc)));
+    const ClspPhaseDesc desc = checked_defaults();
     EXPECT_EQ(1u, desc.oversampling);
     EXPECT_EQ(0u, desc.guard_px);
     EXPECT_EQ(CLSP_FIELD_CIRCULAR_GAUSSIAN, desc.field);
@@ -133,75 +121,46 @@ TEST_F(Phase, AdvanceRefusesBadArguments) {
     advance.correlation = correlation.view;
     advance.shift = shift.view;
     advance.mask = mask.view;
-    const auto call = [&](ClspPhase p, const ClspPhaseAdvance *a, std::uint64_t frame_index = 1) {
-        return clspPhaseEnqueueAdvance(p, queue, frame_index, a, 0, nullptr, nullptr);
+    using A = ClspPhaseAdvance;
+    const auto call = [&](ClspPhase p, const A *a, std::uint64_t frame_index = 1) {
+        return enqueue(clspPhaseEnqueueAdvance, p, frame_index, a);
     };
-    const auto fails = [&](ClspStatus status, const std::string &word, ClspStatus got) {
-        EXPECT_TRUE(test::failed_as("clspPhaseEnqueueAdvance", got, status, word)) << word;
-    };
-    test::poison_last_error("clspPhaseEnqueueAdvance");
+    const test::Failures fails("clspPhaseEnqueueAdvance");
     fails(CLSP_ERROR_INVALID_STATE, "refresh", call(phase, &advance));
     phase.enqueue_refresh(queue, 0);
     fails(CLSP_ERROR_INVALID_HANDLE, "phase", call(nullptr, &advance));
     fails(CLSP_ERROR_INVALID_ARGUMENT, "advance", call(phase, nullptr));
     fails(CLSP_ERROR_INVALID_ARGUMENT, "frame_index", call(phase, &advance, std::uint64_t{1} << 48));
-    test::check_struct_size<ClspPhaseAdvance>("clspPhaseEnqueueAdvance", advance,
-                                              [&](ClspPhaseAdvance *a) { return call(phase, a); });
-    test::check_enqueue_rules("clspPhaseEnqueueAdvance", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueAdvance(phase, q, 2, &advance, count, events, event);
-                              });
+    check_enqueue(CLSP_NAMED(clspPhaseEnqueueAdvance), phase, 2, &advance);
     // With nothing to do there is still an event.
-    const auto nothing = clspeckle::make<ClspPhaseAdvance>();
-    test::check_enqueue_rules("clspPhaseEnqueueAdvance", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueAdvance(phase, q, 2, &nothing, count, events, event);
-                              });
-    using Member = ClspImage ClspPhaseAdvance::*;
-    const auto image_rules = [&](Member member, const char *name, std::uint32_t format) {
-        const auto changed = [&](const ClspImage *image) {
-            ClspPhaseAdvance a = advance;
-            a.*member = *image;
-            return call(phase, &a);
-        };
-        test::check_image_rules("clspPhaseEnqueueAdvance", context, advance.*member, name, format, changed, true);
-        test::check_image_size_must_match("clspPhaseEnqueueAdvance", context, advance.*member, name, changed);
+    const auto nothing = clspeckle::make<A>();
+    check_enqueue(CLSP_NAMED(clspPhaseEnqueueAdvance), phase, 2, &nothing);
+    const auto refusals = [&](const clspeckle::Phase &p, const A &base) {
+        return test::Refusals<A>("clspPhaseEnqueueAdvance", base, [&](A *a) { return call(p, a); });
     };
-    image_rules(&ClspPhaseAdvance::path, "path", CLSP_FORMAT_FLOAT32X2);
-    image_rules(&ClspPhaseAdvance::correlation, "correlation", CLSP_FORMAT_UINT8);
-    image_rules(&ClspPhaseAdvance::shift, "shift", CLSP_FORMAT_FLOAT32);
-    image_rules(&ClspPhaseAdvance::mask, "mask", CLSP_FORMAT_FLOAT32);
-    const auto refuses = [&](const clspeckle::Phase &p, const std::string &word,
-                             const std::function<void(ClspPhaseAdvance &)> &change) {
-        auto changed = clspeckle::make<ClspPhaseAdvance>();
-        change(changed);
-        test::poison_last_error("clspPhaseEnqueueAdvance");
-        fails(CLSP_ERROR_INVALID_ARGUMENT, word, call(p, &changed));
-    };
-    for (const double wrong : {-1.0, std::nan("")})
-        refuses(phase, "uniform_path", [&](ClspPhaseAdvance &a) { a.uniform_path = wrong; });
-    for (const double wrong : {-0.1, 1.1, std::nan(""), HUGE_VAL})
-        refuses(phase, "uniform_correlation", [&](ClspPhaseAdvance &a) { a.uniform_correlation = wrong; });
-    refuses(phase, "substep", [](ClspPhaseAdvance &a) { a.substep = 128; });
-    refuses(phase, "both path", [&](ClspPhaseAdvance &a) {
-        a.path = path.view;
-        a.uniform_path = 1.0;
-    });
-    refuses(phase, "both correlation", [&](ClspPhaseAdvance &a) {
-        a.correlation = correlation.view;
-        a.uniform_correlation = 0.5;
-    });
+    const auto of_all = refusals(phase, advance);
+    of_all.check_struct_size();
+    of_all.check_image(context, "path", &A::path, CLSP_FORMAT_FLOAT32X2);
+    of_all.check_image(context, "correlation", &A::correlation, CLSP_FORMAT_UINT8);
+    of_all.check_image(context, "shift", &A::shift, CLSP_FORMAT_FLOAT32);
+    of_all.check_image(context, "mask", &A::mask, CLSP_FORMAT_FLOAT32);
+    const auto refuses = refusals(phase, nothing);
+    refuses("uniform_path", &A::uniform_path, {-1.0, test::nan_value});
+    refuses("uniform_correlation", &A::uniform_correlation, test::bad({-0.1, 1.1}));
+    refuses("substep", &A::substep, {128});
+    refuses("both path", [&](A &a) { a.path = path.view, a.uniform_path = 1.0; });
+    refuses("both correlation", [&](A &a) { a.correlation = correlation.view, a.uniform_correlation = 0.5; });
     const clspeckle::Phase kept_or_replaced(context, valid());
     kept_or_replaced.enqueue_refresh(queue, 0);
-    refuses(kept_or_replaced, "continuous", [&](ClspPhaseAdvance &a) { a.path = path.view; });
-    refuses(kept_or_replaced, "continuous", [](ClspPhaseAdvance &a) { a.uniform_path = HUGE_VAL; });
-    refuses(kept_or_replaced, "translate", [&](ClspPhaseAdvance &a) { a.shift = shift.view; });
+    refusals(kept_or_replaced, nothing)("dynamics continuous", &A::path, {path.view});
+    refusals(kept_or_replaced, nothing)("dynamics continuous", &A::uniform_path, {test::infinity});
+    refusals(kept_or_replaced, nothing)("translate", &A::shift, {shift.view});
     desc = valid();
     desc.field = CLSP_FIELD_UNIT_PHASOR;
     const clspeckle::Phase phasors(context, desc);
     phasors.enqueue_refresh(queue, 0);
-    refuses(phasors, "unit phasor", [](ClspPhaseAdvance &a) { a.uniform_correlation = 0.5; });
-    refuses(phasors, "unit phasor", [&](ClspPhaseAdvance &a) { a.correlation = correlation.view; });
+    refusals(phasors, nothing)("unit phasor", &A::uniform_correlation, {0.5});
+    refusals(phasors, nothing)("unit phasor", &A::correlation, {correlation.view});
     queue.finish();
     EXPECT_CLSP_OK(clspPhaseCheck(phase, queue));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseCheck(nullptr, queue));
@@ -330,8 +289,7 @@ TEST_F(Phase, SavedStateComesBackBitForBit) {
     const std::uint64_t size = phase.state_size();
     ASSERT_GT(size, 0u);
     const clspeckle::Buffer state(context, size + 256);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh",
-                      clspPhaseEnqueueSave(phase, queue, state, 0, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh", enqueue(clspPhaseEnqueueSave, phase, state, 0));
     phase.enqueue_refresh(queue, 9);
     const auto before = field(phase, 0), before_second = field(phase, 1);
     phase.enqueue_save(queue, state, 256);
@@ -346,139 +304,67 @@ TEST_F(Phase, SavedStateComesBackBitForBit) {
 }
 
 TEST_F(Phase, CreateRefusesBadArguments) {
-    const ClspPhaseDesc desc = valid();
-    ClspPhase phase = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspPhaseCreate(nullptr, &desc, &phase));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspPhaseCreate(context, nullptr, &phase));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "phase", clspPhaseCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspPhaseDesc>("clspPhaseCreate", desc, [&](ClspPhaseDesc *d) {
-        ClspPhase made = nullptr;
-        const ClspStatus status = clspPhaseCreate(context, d, &made);
-        EXPECT_EQ(status == CLSP_SUCCESS, made != nullptr);
-        clspPhaseRelease(made);
-        return status;
-    });
-    const auto fails = [&](const char *word, const std::function<void(ClspPhaseDesc &)> &change) {
-        ClspPhaseDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, word, clspPhaseCreate(context, &changed, &phase));
-        EXPECT_EQ(nullptr, phase);
-    };
-    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspPhaseDesc &d) { d.width = side; });
-        fails("height", [&](ClspPhaseDesc &d) { d.height = side; });
-    }
-    ClspPhaseDesc large = desc;
-    large.width = large.height = 16384;
-    large.oversampling = 8;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "grid", clspPhaseCreate(context, &large, &phase));
-    fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 0; });
-    fails("oversampling", [](ClspPhaseDesc &d) { d.oversampling = 9; });
-    fails("guard", [](ClspPhaseDesc &d) { d.guard_px = 0xffffffffu; });
-    fails("field is 2, expected CLSP_FIELD_CIRCULAR_GAUSSIAN (0) or CLSP_FIELD_UNIT_PHASOR (1)",
-          [](ClspPhaseDesc &d) { d.field = 2; });
-    fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 0; });
-    fails("polarization_count", [](ClspPhaseDesc &d) { d.polarization_count = 3; });
-    fails("reserved", [](ClspPhaseDesc &d) { d.reserved = 1; });
-    fails("dynamics is 2, expected CLSP_DYNAMICS_REPLACE (0) or CLSP_DYNAMICS_CONTINUOUS (1)",
-          [](ClspPhaseDesc &d) { d.dynamics = 2; });
-    fails("translate", [](ClspPhaseDesc &d) { d.translate = 2; });
-    fails("circular Gaussian", [](ClspPhaseDesc &d) {
-        d.dynamics = CLSP_DYNAMICS_CONTINUOUS;
-        d.field = CLSP_FIELD_UNIT_PHASOR;
-    });
+    using D = ClspPhaseDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, test::bad_sides);
+    refuses("height", &D::height, test::bad_sides);
+    refuses(
+        "grid", [](D &d) { d.width = d.height = 16384, d.oversampling = 8; }, CLSP_ERROR_UNSUPPORTED);
+    refuses("oversampling", &D::oversampling, {0, 9});
+    refuses("guard", &D::guard_px, {0xffffffffu});
+    refuses("field is 2, expected CLSP_FIELD_CIRCULAR_GAUSSIAN (0) or CLSP_FIELD_UNIT_PHASOR (1)", &D::field, {2});
+    refuses("polarization_count", &D::polarization_count, {0, 3});
+    refuses("reserved", &D::reserved, {1});
+    refuses("dynamics is 2, expected CLSP_DYNAMICS_REPLACE (0) or CLSP_DYNAMICS_CONTINUOUS (1)", &D::dynamics, {2});
+    refuses("translate", &D::translate, {2});
+    refuses("circular Gaussian", [](D &d) { d.dynamics = CLSP_DYNAMICS_CONTINUOUS, d.field = CLSP_FIELD_UNIT_PHASOR; });
 }
 
 TEST_F(Phase, EnqueueRefusesBadArguments) {
     const clspeckle::Phase phase(context, valid());
-    auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
-    auto out = make_image(width, height, CLSP_FORMAT_FLOAT32X2);
-    const std::uint64_t size = phase.state_size();
-    const clspeckle::Buffer state(context, size);
+    const auto mask = upload(std::vector<std::uint8_t>(width * height, 1), width, height, CLSP_FORMAT_UINT8);
+    const auto out = make_image(width, height, CLSP_FORMAT_FLOAT32X2);
+    const clspeckle::Buffer state(context, phase.state_size());
     const test::Foreign foreign;
+    constexpr std::uint64_t late = std::uint64_t{1} << 48;
 
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh",
-                      clspPhaseEnqueueField(phase, queue, 0, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspPhaseEnqueueRefresh(nullptr, queue, 0, nullptr, 0, nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "refresh", enqueue(clspPhaseEnqueueField, phase, 0, &out.view));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", enqueue(clspPhaseEnqueueRefresh, nullptr, 0, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
-                      clspPhaseEnqueueRefresh(phase, queue, std::uint64_t{1} << 48, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(clspPhaseEnqueueRefresh(phase, queue, (std::uint64_t{1} << 48) - 1, nullptr, 0, nullptr, nullptr));
-    const auto refresh = [&](const ClspImage *image) {
-        return clspPhaseEnqueueRefresh(phase, queue, 0, image, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspPhaseEnqueueRefresh", context, mask.view, "mask", CLSP_FORMAT_UINT16, refresh, true);
-    test::check_image_size_must_match("clspPhaseEnqueueRefresh", context, mask.view, "mask", refresh);
-    test::check_enqueue_rules("clspPhaseEnqueueRefresh", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueRefresh(phase, q, 0, &mask.view, count, events, event);
-                              });
+                      enqueue(clspPhaseEnqueueRefresh, phase, late, nullptr));
+    EXPECT_CLSP_OK(enqueue(clspPhaseEnqueueRefresh, phase, late - 1, nullptr));
+    check_image(
+        "clspPhaseEnqueueRefresh", "mask", mask.view, CLSP_FORMAT_UINT16,
+        [&](const ClspImage *image) { return enqueue(clspPhaseEnqueueRefresh, phase, 0, image); }, true);
+    check_enqueue(CLSP_NAMED(clspPhaseEnqueueRefresh), phase, 0, &mask.view);
 
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspPhaseEnqueueField(nullptr, queue, 0, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "field",
-                      clspPhaseEnqueueField(phase, queue, 0, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "polarization",
-                      clspPhaseEnqueueField(phase, queue, 2, &out.view, 0, nullptr, nullptr));
-    const auto field_of = [&](const ClspImage *image) {
-        return clspPhaseEnqueueField(phase, queue, 0, image, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspPhaseEnqueueField", context, out.view, "field", CLSP_FORMAT_FLOAT32, field_of);
-    test::check_image_size_must_match("clspPhaseEnqueueField", context, out.view, "field", field_of);
-    test::check_enqueue_rules("clspPhaseEnqueueField", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueField(phase, q, 1, &out.view, count, events, event);
-                              });
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", enqueue(clspPhaseEnqueueField, nullptr, 0, &out.view));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "field", enqueue(clspPhaseEnqueueField, phase, 0, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "polarization", enqueue(clspPhaseEnqueueField, phase, 2, &out.view));
+    check_image("clspPhaseEnqueueField", "field", out.view, CLSP_FORMAT_FLOAT32,
+                [&](const ClspImage *image) { return enqueue(clspPhaseEnqueueField, phase, 0, image); });
+    check_enqueue(CLSP_NAMED(clspPhaseEnqueueField), phase, 1, &out.view);
 
     std::uint64_t ignored = 0;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseGetStateSize(nullptr, &ignored));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "size_bytes", clspPhaseGetStateSize(phase, nullptr));
 
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspPhaseEnqueueSave(nullptr, queue, state, 0, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem",
-                      clspPhaseEnqueueSave(phase, queue, nullptr, 0, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
-                      clspPhaseEnqueueSave(phase, queue, state, 4, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
-                      clspPhaseEnqueueSave(phase, queue, state, ~std::uint64_t{0} - 3, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "mem",
-                      clspPhaseEnqueueSave(phase, queue, foreign.buffer, 0, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspPhaseEnqueueSave", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueSave(phase, q, state, 0, count, events, event);
-                              });
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspPhaseEnqueueRestore(nullptr, queue, state, 0, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem",
-                      clspPhaseEnqueueRestore(phase, queue, nullptr, 0, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_BUFFER_TOO_SMALL, "mem",
-                      clspPhaseEnqueueRestore(phase, queue, state, 4, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_WRONG_CONTEXT, "mem",
-                      clspPhaseEnqueueRestore(phase, queue, foreign.buffer, 0, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspPhaseEnqueueRestore", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhaseEnqueueRestore(phase, q, state, 0, count, events, event);
-                              });
+    const auto of_state = [&](const char *name, auto function) {
+        const test::Failures fails(name);
+        fails(CLSP_ERROR_INVALID_HANDLE, "phase", enqueue(function, nullptr, state, 0));
+        fails(CLSP_ERROR_INVALID_ARGUMENT, "mem", enqueue(function, phase, nullptr, 0));
+        fails(CLSP_ERROR_BUFFER_TOO_SMALL, "mem", enqueue(function, phase, state, 4));
+        fails(CLSP_ERROR_BUFFER_TOO_SMALL, "mem", enqueue(function, phase, state, ~std::uint64_t{0} - 3));
+        fails(CLSP_ERROR_WRONG_CONTEXT, "mem", enqueue(function, phase, foreign.buffer, 0));
+        check_enqueue(name, function, phase, state, 0);
+    };
+    of_state(CLSP_NAMED(clspPhaseEnqueueSave));
+    of_state(CLSP_NAMED(clspPhaseEnqueueRestore));
 }
 
 TEST_F(Phase, RetainAndRelease) {
-    ClspPhase phase = nullptr;
-    const ClspPhaseDesc desc = valid();
-    ASSERT_CLSP_OK(clspPhaseCreate(context, &desc, &phase));
-    EXPECT_CLSP_OK(clspPhaseRetain(phase));
-    EXPECT_CLSP_OK(clspPhaseRelease(phase));
-    EXPECT_CLSP_OK(clspPhaseEnqueueRefresh(phase, queue, 0, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_OK(clspQueueFinish(queue));
-    EXPECT_CLSP_OK(clspPhaseRelease(phase));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase",
-                      clspPhaseEnqueueRefresh(phase, queue, 0, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRetain(phase));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRelease(phase));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", clspPhaseRetain(nullptr));
-    EXPECT_CLSP_OK(clspPhaseRelease(nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "phase", // a handle of another kind
-                      clspPhaseRetain(reinterpret_cast<ClspPhase>(context.get())));
+    check_references("clspPhaseEnqueueRefresh",
+                     [&](ClspPhase phase) { return enqueue(clspPhaseEnqueueRefresh, phase, 0, nullptr); });
 }
 
 } // namespace

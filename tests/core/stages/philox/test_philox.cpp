@@ -1,9 +1,7 @@
 // Philox4x32-10: known answers, the image mapping, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 namespace {
-
-using test::DeviceTest;
 
 using Block = std::array<std::uint32_t, 4>;
 
@@ -35,7 +33,7 @@ const KnownAnswer known_answers[] = {
      {0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}},
 };
 
-class Philox : public DeviceTest {
+class Philox : public test::EnqueueTest {
   protected:
     ClspPhiloxDesc bits() const {
         auto desc = clspeckle::make<ClspPhiloxDesc>();
@@ -49,8 +47,8 @@ TEST_F(Philox, KnownAnswers) {
         EXPECT_EQ(known.block, philox4x32_10(known.counter, known.key[0], known.key[1]));
         for (std::uint64_t local_size : {0, 1}) {
             const clspeckle::Buffer counters(context, queue, std::vector<Block>{known.counter});
-            ASSERT_CLSP_OK(clspPhiloxEnqueueBlocks(context, queue, counters, 0, known.key, 1, local_size, counters, 0,
-                                                   0, nullptr, nullptr));
+            ASSERT_CLSP_OK(
+                enqueue(clspPhiloxEnqueueBlocks, context, counters, 0, known.key, 1, local_size, counters, 0));
             EXPECT_EQ(known.block, counters.read<Block>(queue, 1)[0]);
         }
     }
@@ -65,8 +63,7 @@ TEST_F(Philox, SameIntegersForAnyWorkGroupSize) {
     const clspeckle::Buffer in(context, queue, counters);
     for (std::uint64_t local_size : {0, 1, 3, 16, 64, 256}) {
         const clspeckle::Buffer out(context, count * sizeof(Block) + 64);
-        ASSERT_CLSP_OK(
-            clspPhiloxEnqueueBlocks(context, queue, in, 0, key, count, local_size, out, 32, 0, nullptr, nullptr));
+        ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueBlocks, context, in, 0, key, count, local_size, out, 32));
         const auto blocks = out.read<Block>(queue, count, 32);
         for (std::size_t i = 0; i < count; ++i)
             ASSERT_EQ(philox4x32_10(counters[i], key[0], key[1]), blocks[i])
@@ -78,7 +75,7 @@ TEST_F(Philox, SameIntegersForAnyWorkGroupSize) {
     for (std::uint32_t local_size : {0u, 1u, 5u, 64u}) {
         desc.local_size = local_size;
         auto image = make_image(37, 23, CLSP_FORMAT_UINT32);
-        ASSERT_CLSP_OK(clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
+        ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueFill, context, &desc, &image.view));
         const auto words = download<std::uint32_t>(image);
         if (first.empty())
             first = words;
@@ -94,7 +91,7 @@ TEST_F(Philox, ImageMappingIsTheDocumentedOne) {
         desc.frame_index = 0x0000fedc12345678;
         desc.stream = 0x9abc;
         auto image = make_image(width, height, CLSP_FORMAT_UINT32, 64, 128);
-        ASSERT_CLSP_OK(clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
+        ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueFill, context, &desc, &image.view));
         const auto words = download<std::uint32_t>(image);
         EXPECT_TRUE(margins_untouched(image));
         const std::uint32_t quarter = (height + 3) / 4;
@@ -113,17 +110,17 @@ TEST_F(Philox, UniformsAndNormalsFollowTheBits) {
     auto desc = bits();
     auto words_image = make_image(width, height, CLSP_FORMAT_UINT32);
     auto floats_image = make_image(width, height, CLSP_FORMAT_FLOAT32);
-    ASSERT_CLSP_OK(clspPhiloxEnqueueFill(context, queue, &desc, &words_image.view, 0, nullptr, nullptr));
+    ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueFill, context, &desc, &words_image.view));
     const auto words = download<std::uint32_t>(words_image);
 
     desc.distribution = CLSP_DISTRIBUTION_UNIFORM;
-    ASSERT_CLSP_OK(clspPhiloxEnqueueFill(context, queue, &desc, &floats_image.view, 0, nullptr, nullptr));
+    ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueFill, context, &desc, &floats_image.view));
     const auto uniforms = download<float>(floats_image);
     for (std::size_t i = 0; i < words.size(); ++i)
         ASSERT_EQ(std::fma(static_cast<float>(words[i]), 0x1p-32f, 0x1p-33f), uniforms[i]) << i;
 
     desc.distribution = CLSP_DISTRIBUTION_NORMAL;
-    ASSERT_CLSP_OK(clspPhiloxEnqueueFill(context, queue, &desc, &floats_image.view, 0, nullptr, nullptr));
+    ASSERT_CLSP_OK(enqueue(clspPhiloxEnqueueFill, context, &desc, &floats_image.view));
     const auto normals = download<float>(floats_image);
     constexpr std::uint32_t quarter = height / 4;
     double mean = 0, square = 0;
@@ -146,8 +143,7 @@ TEST_F(Philox, UniformsAndNormalsFollowTheBits) {
 
 TEST_F(Philox, DescInit) {
     test::check_init<ClspPhiloxDesc>("clspPhiloxDescInit", clspPhiloxDescInit);
-    ClspPhiloxDesc desc;
-    ASSERT_CLSP_OK(clspPhiloxDescInit(&desc, sizeof(desc)));
+    const auto desc = clspeckle::make<ClspPhiloxDesc>();
     EXPECT_EQ(CLSP_DISTRIBUTION_UNIFORM, desc.distribution);
     EXPECT_EQ(0u, desc.seed);
     EXPECT_EQ(0u, desc.frame_index);
@@ -159,41 +155,26 @@ TEST_F(Philox, FillRefusesBadArguments) {
     auto image = make_image(8, 8, CLSP_FORMAT_UINT32);
     const auto valid = bits();
     const auto fill = [&](const ClspPhiloxDesc *desc, const ClspImage *view) {
-        return clspPhiloxEnqueueFill(context, queue, desc, view, 0, nullptr, nullptr);
+        return enqueue(clspPhiloxEnqueueFill, context, desc, view);
     };
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
-                      clspPhiloxEnqueueFill(nullptr, queue, &valid, &image.view, 0, nullptr, nullptr));
+                      enqueue(clspPhiloxEnqueueFill, nullptr, &valid, &image.view));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc",
-                      clspPhiloxEnqueueFill(context, queue, nullptr, &image.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image",
-                      clspPhiloxEnqueueFill(context, queue, &valid, nullptr, 0, nullptr, nullptr));
-    test::check_struct_size<ClspPhiloxDesc>("clspPhiloxEnqueueFill", valid,
-                                            [&](ClspPhiloxDesc *desc) { return fill(desc, &image.view); });
+                      enqueue(clspPhiloxEnqueueFill, context, nullptr, &image.view));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "image", enqueue(clspPhiloxEnqueueFill, context, &valid, nullptr));
+    const test::Refusals<ClspPhiloxDesc> refuses("clspPhiloxEnqueueFill", valid,
+                                                 [&](ClspPhiloxDesc *desc) { return fill(desc, &image.view); });
+    refuses.check_struct_size();
     test::check_image_rules("clspPhiloxEnqueueFill", context, image.view, "image", CLSP_FORMAT_FLOAT32,
                             [&](const ClspImage *view) { return fill(&valid, view); });
-    auto desc = valid;
-    desc.distribution = 3;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_DISTRIBUTION_UNIFORM (1) or CLSP_DISTRIBUTION_NORMAL (2)",
-                      clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
-    desc.distribution = CLSP_DISTRIBUTION_NORMAL; // floats do not go into UINT32
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_FORMAT, "image",
-                      clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
-    desc = valid;
-    desc.frame_index = std::uint64_t{1} << 48;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
-                      clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
-    desc = valid;
-    desc.stream = 0x10000;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "stream",
-                      clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
-    desc = valid;
-    desc.local_size = 0x40000000;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "local_size",
-                      clspPhiloxEnqueueFill(context, queue, &desc, &image.view, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspPhiloxEnqueueFill", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhiloxEnqueueFill(context, q, &valid, &image.view, count, events, event);
-                              });
+    using D = ClspPhiloxDesc;
+    refuses("CLSP_DISTRIBUTION_UNIFORM (1) or CLSP_DISTRIBUTION_NORMAL (2)", &D::distribution, {3});
+    // Floats do not go into UINT32.
+    refuses("image", &D::distribution, {CLSP_DISTRIBUTION_NORMAL}, CLSP_ERROR_INVALID_FORMAT);
+    refuses("frame_index", &D::frame_index, {std::uint64_t{1} << 48});
+    refuses("stream", &D::stream, {0x10000});
+    refuses("local_size", &D::local_size, {0x40000000});
+    check_enqueue(CLSP_NAMED(clspPhiloxEnqueueFill), context, &valid, &image.view);
 }
 
 TEST_F(Philox, BlocksRefuseBadArguments) {
@@ -202,18 +183,16 @@ TEST_F(Philox, BlocksRefuseBadArguments) {
     const test::Foreign foreign;
     const auto run = [&](cl_mem counters, std::uint64_t in_offset, std::uint64_t count, std::uint64_t local_size,
                          cl_mem blocks, std::uint64_t out_offset) {
-        return clspPhiloxEnqueueBlocks(context, queue, counters, in_offset, key, count, local_size, blocks, out_offset,
-                                       0, nullptr, nullptr);
+        return enqueue(clspPhiloxEnqueueBlocks, context, counters, in_offset, key, count, local_size, blocks,
+                       out_offset);
     };
-    const auto fails = [&](ClspStatus status, const char *word, ClspStatus got) {
-        EXPECT_TRUE(test::failed_as("clspPhiloxEnqueueBlocks", got, status, word));
-    };
+    const test::Failures fails("clspPhiloxEnqueueBlocks");
     EXPECT_CLSP_OK(run(in, 0, 4, 0, out, 0));
     EXPECT_CLSP_OK(run(in, 0, 4, 0, in, 0)) << "in place";
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context",
-                      clspPhiloxEnqueueBlocks(nullptr, queue, in, 0, key, 1, 0, out, 0, 0, nullptr, nullptr));
+                      enqueue(clspPhiloxEnqueueBlocks, nullptr, in, 0, key, 1, 0, out, 0));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "key",
-                      clspPhiloxEnqueueBlocks(context, queue, in, 0, nullptr, 1, 0, out, 0, 0, nullptr, nullptr));
+                      enqueue(clspPhiloxEnqueueBlocks, context, in, 0, nullptr, 1, 0, out, 0));
     fails(CLSP_ERROR_INVALID_ARGUMENT, "counters", run(nullptr, 0, 4, 0, out, 0));
     fails(CLSP_ERROR_INVALID_ARGUMENT, "blocks", run(in, 0, 4, 0, nullptr, 0));
     fails(CLSP_ERROR_INVALID_ARGUMENT, "count", run(in, 0, 0, 0, out, 0));
@@ -229,11 +208,7 @@ TEST_F(Philox, BlocksRefuseBadArguments) {
     fails(CLSP_ERROR_INVALID_ARGUMENT, "local_size", run(in, 0, 4, std::uint64_t{1} << 40, out, 0));
     fails(CLSP_ERROR_WRONG_CONTEXT, "counters", run(foreign.buffer, 0, 4, 0, out, 0));
     fails(CLSP_ERROR_WRONG_CONTEXT, "blocks", run(in, 0, 4, 0, foreign.buffer, 0));
-    test::check_enqueue_rules("clspPhiloxEnqueueBlocks", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspPhiloxEnqueueBlocks(context, q, in, 0, key, 4, 0, out, 0, count, events,
-                                                                 event);
-                              });
+    check_enqueue(CLSP_NAMED(clspPhiloxEnqueueBlocks), context, in, 0, key, 4, 0, out, 0);
 }
 
 } // namespace

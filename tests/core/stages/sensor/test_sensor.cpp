@@ -1,17 +1,15 @@
 // The sensor: the equation of sensor.h, its outputs, and what bad arguments get.
-#include "test_support.hpp"
+#include "stage_support.hpp"
 
 #include <set>
 
 namespace {
 
-using test::DeviceTest;
-
-class Sensor : public DeviceTest {
+class Sensor : public test::StageTest<ClspSensor> {
   protected:
     static constexpr std::uint32_t width = 32, height = 18;
 
-    static ClspSensorDesc valid() {
+    ClspSensorDesc valid() const override {
         auto desc = clspeckle::make<ClspSensorDesc>();
         desc.width = width;
         desc.height = height;
@@ -21,10 +19,9 @@ class Sensor : public DeviceTest {
     template <typename T>
     std::vector<T> expose(const clspeckle::Sensor &sensor, const std::vector<float> &intensity, std::uint32_t format,
                           std::uint64_t frame_index = 0) {
-        auto in = floats(intensity, width, height);
-        auto out = make_image(width, height, format);
-        sensor.enqueue_expose(queue, in.view, frame_index, out.view);
-        return download<T>(out);
+        const auto in = floats(intensity, width, height);
+        return written<T>(width, height, format,
+                          [&](const ClspImage &out) { sensor.enqueue_expose(queue, in.view, frame_index, out); });
     }
     static std::vector<float> ramp() {
         std::vector<float> image(width * height);
@@ -130,7 +127,8 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         intensity[1] = std::numeric_limits<float>::infinity();
         for (const auto &[name, change] : changes)
             for (const std::uint32_t format : {CLSP_FORMAT_UINT16, CLSP_FORMAT_FLOAT32, CLSP_FORMAT_UINT8}) {
-                const bool every_format = std::set<std::string>{"read noise", "few bits", "not quantized", "everything"}.count(name) > 0;
+                const bool every_format =
+                    std::set<std::string>{"read noise", "few bits", "not quantized", "everything"}.count(name) > 0;
                 if (format != CLSP_FORMAT_UINT16 && !every_format)
                     continue; // every variant of the other kernel takes long to compile
                 const auto frames = [&](const clspeckle::Context &context) {
@@ -356,7 +354,7 @@ TEST_F(Sensor, CrosstalkNeedsAnOutputOfItsOwn) {
     const clspeckle::Sensor sensor(context, desc);
     auto in = floats(ramp(), width, height);
     EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "crosstalk_fraction",
-                      clspSensorEnqueueExpose(sensor, queue, &in.view, 0, &in.view, 0, nullptr, nullptr));
+                      enqueue(clspSensorEnqueueExpose, sensor, &in.view, 0, &in.view));
     EXPECT_EQ(ramp(), download<float>(in)) << "a refused call wrote something";
     // A view with margins and pitch: neighbours are those of the image, not of the memory.
     auto wide = upload(ramp(), width, height, CLSP_FORMAT_FLOAT32, 200, 12);
@@ -423,35 +421,23 @@ TEST_F(Sensor, DemosaicGivesEachColourItsOwn) {
 
     auto packed = make_image(width, height, CLSP_FORMAT_FLOAT32X3);
     auto codes = make_image(width, height, CLSP_FORMAT_UINT16);
-    const auto as_raw = [&](const ClspImage *image) {
-        return clspSensorEnqueueDemosaic(sensor, queue, image, CLSP_BAYER_GRBG, &packed.view, 0, nullptr, nullptr);
+    const auto run = [&](ClspSensor s, const ClspImage *from, std::uint32_t bayer, const ClspImage *to) {
+        return enqueue(clspSensorEnqueueDemosaic, s, from, bayer, to);
     };
-    const auto as_rgb = [&](const ClspImage *image) {
-        return clspSensorEnqueueDemosaic(sensor, queue, &codes.view, CLSP_BAYER_GRBG, image, 0, nullptr, nullptr);
-    };
-    test::check_image_rules("clspSensorEnqueueDemosaic", context, codes.view, "raw", CLSP_FORMAT_UINT32, as_raw);
-    test::check_image_rules("clspSensorEnqueueDemosaic", context, packed.view, "rgb", CLSP_FORMAT_FLOAT32X4, as_rgb);
-    test::check_image_size_must_match("clspSensorEnqueueDemosaic", context, codes.view, "raw", as_raw);
-    test::check_image_size_must_match("clspSensorEnqueueDemosaic", context, packed.view, "rgb", as_rgb);
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "raw",
-                      clspSensorEnqueueDemosaic(sensor, queue, nullptr, 1, &packed.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "rgb",
-                      clspSensorEnqueueDemosaic(sensor, queue, &codes.view, 1, nullptr, 0, nullptr, nullptr));
+    check_image("clspSensorEnqueueDemosaic", "raw", codes.view, CLSP_FORMAT_UINT32,
+                [&](const ClspImage *image) { return run(sensor, image, CLSP_BAYER_GRBG, &packed.view); });
+    check_image("clspSensorEnqueueDemosaic", "rgb", packed.view, CLSP_FORMAT_FLOAT32X4,
+                [&](const ClspImage *image) { return run(sensor, &codes.view, CLSP_BAYER_GRBG, image); });
+    const test::Failures fails("clspSensorEnqueueDemosaic");
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "raw", run(sensor, nullptr, 1, &packed.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "rgb", run(sensor, &codes.view, 1, nullptr));
     ClspImage inside = packed.view;
     inside.format = CLSP_FORMAT_UINT16;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "rgb",
-                      clspSensorEnqueueDemosaic(sensor, queue, &inside, 1, &packed.view, 0, nullptr, nullptr));
+    fails(CLSP_ERROR_OVERLAP, "rgb", run(sensor, &inside, 1, &packed.view));
     for (std::uint32_t bad : {0u, 5u})
-        EXPECT_CLSP_FAILS(
-            CLSP_ERROR_INVALID_ARGUMENT, "bayer",
-            clspSensorEnqueueDemosaic(sensor, queue, &codes.view, bad, &packed.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "sensor",
-                      clspSensorEnqueueDemosaic(nullptr, queue, &codes.view, 1, &packed.view, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspSensorEnqueueDemosaic", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspSensorEnqueueDemosaic(sensor, q, &codes.view, CLSP_BAYER_RGGB,
-                                                                   &packed.view, count, events, event);
-                              });
+        fails(CLSP_ERROR_INVALID_ARGUMENT, "CLSP_BAYER_RGGB (1)", run(sensor, &codes.view, bad, &packed.view));
+    fails(CLSP_ERROR_INVALID_HANDLE, "sensor", run(nullptr, &codes.view, 1, &packed.view));
+    check_enqueue(CLSP_NAMED(clspSensorEnqueueDemosaic), sensor, &codes.view, CLSP_BAYER_RGGB, &packed.view);
 }
 
 TEST_F(Sensor, DarkFrameFromCaptures) {
@@ -600,108 +586,59 @@ TEST_F(Sensor, OffsetPitchAndInPlaceGiveTheSameBytes) {
 }
 
 TEST_F(Sensor, CreateRefusesBadArguments) {
-    const ClspSensorDesc desc = valid();
-    ClspSensor sensor = nullptr;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "context", clspSensorCreate(nullptr, &desc, &sensor));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "desc", clspSensorCreate(context, nullptr, &sensor));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "sensor", clspSensorCreate(context, &desc, nullptr));
-    test::check_struct_size<ClspSensorDesc>("clspSensorCreate", desc, [&](ClspSensorDesc *d) {
-        ClspSensor made = nullptr;
-        const ClspStatus status = clspSensorCreate(context, d, &made);
-        clspSensorRelease(made);
-        return status;
-    });
-    const auto fails = [&](const char *word, const std::function<void(ClspSensorDesc &)> &change,
-                           ClspStatus expected = CLSP_ERROR_INVALID_ARGUMENT) {
-        ClspSensorDesc changed = desc;
-        change(changed);
-        EXPECT_CLSP_FAILS(expected, word, clspSensorCreate(context, &changed, &sensor));
-        EXPECT_EQ(nullptr, sensor);
-    };
-    for (std::uint32_t side : {0u, 16385u, 0xffffffffu}) {
-        fails("width", [&](ClspSensorDesc &d) { d.width = side; });
-        fails("height", [&](ClspSensorDesc &d) { d.height = side; });
-    }
-    for (std::uint32_t bits : {0u, 7u, 17u, 0xffffffffu})
-        fails("bits", [&](ClspSensorDesc &d) { d.bits = bits; });
-    for (double bad : {-1.0, test::nan_value, test::infinity, -test::infinity}) {
-        fails("exposure_gain_dn", [&](ClspSensorDesc &d) { d.exposure_gain_dn = bad; });
-        fails("read_noise_dn", [&](ClspSensorDesc &d) { d.read_noise_dn = bad; });
-        fails("hot_pixel_mean_dn", [&](ClspSensorDesc &d) { d.hot_pixel_mean_dn = bad; });
-        fails("hot_pixel_fraction", [&](ClspSensorDesc &d) { d.hot_pixel_fraction = bad; });
-        fails("cold_pixel_fraction", [&](ClspSensorDesc &d) { d.cold_pixel_fraction = bad; });
-        fails("float_full_scale", [&](ClspSensorDesc &d) { d.float_full_scale = bad; });
-    }
-    fails("hot_pixel_fraction", [](ClspSensorDesc &d) { d.hot_pixel_fraction = 1.01; });
-    fails("cold_pixel_fraction", [](ClspSensorDesc &d) { d.cold_pixel_fraction = 1.01; });
-    fails("float_full_scale", [](ClspSensorDesc &d) { d.float_full_scale = 0; });
-    for (double bad : {0.0, -1.0, test::nan_value, -test::infinity})
-        fails("saturation_dn", [&](ClspSensorDesc &d) { d.saturation_dn = bad; });
-    for (double bad : {test::nan_value, test::infinity, -test::infinity})
-        fails("black_level_dn", [&](ClspSensorDesc &d) { d.black_level_dn = bad; });
-    fails("quantize", [](ClspSensorDesc &d) { d.quantize = 2; });
-    fails("reserved", [](ClspSensorDesc &d) { d.reserved = 1; });
+    using D = ClspSensorDesc;
+    const auto refuses = check_create(valid());
+    refuses("width", &D::width, test::bad_sides);
+    refuses("height", &D::height, test::bad_sides);
+    refuses("bits", &D::bits, {0u, 7u, 17u, 0xffffffffu});
+    refuses("exposure_gain_dn", &D::exposure_gain_dn, test::bad({-1.0}));
+    refuses("read_noise_dn", &D::read_noise_dn, test::bad({-1.0}));
+    refuses("hot_pixel_mean_dn", &D::hot_pixel_mean_dn, test::bad({-1.0}));
+    refuses("hot_pixel_fraction", &D::hot_pixel_fraction, test::bad({-1.0, 1.01}));
+    refuses("cold_pixel_fraction", &D::cold_pixel_fraction, test::bad({-1.0, 1.01}));
+    refuses("float_full_scale", &D::float_full_scale, test::bad({-1.0, 0.0}));
+    refuses("saturation_dn", &D::saturation_dn, {0.0, -1.0, test::nan_value, -test::infinity});
+    refuses("black_level_dn", &D::black_level_dn, test::bad());
+    refuses("quantize", &D::quantize, {2});
+    refuses("reserved", &D::reserved, {1});
     std::vector<float> dark(width * height, 0.0f);
-    fails("dark_frame_pitch_bytes",
-          [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = 4; });
-    fails("dark_frame_pitch_bytes",
-          [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(), d.dark_frame_pitch_bytes = width * 4 + 2; });
+    D desc = valid();
+    desc.dark_frame_dn = dark.data();
+    const auto refuses_dark = check_create(desc);
+    refuses_dark("dark_frame_pitch_bytes", &D::dark_frame_pitch_bytes, {4, width * 4 + 2});
     for (float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         dark[width + 2] = bad;
-        fails(
-            "dark_frame_dn", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark.data(); }, CLSP_ERROR_INVALID_DATA);
+        refuses_dark("dark_frame_dn", &D::dark_frame_dn, {dark.data()}, CLSP_ERROR_INVALID_DATA);
     }
 }
 
 TEST_F(Sensor, ExposeRefusesBadArguments) {
     const clspeckle::Sensor sensor(context, valid());
-    auto in = floats(ramp(), width, height);
-    auto out = make_image(width, height, CLSP_FORMAT_UINT16);
-    const auto as_input = [&](const ClspImage *image) {
-        return clspSensorEnqueueExpose(sensor, queue, image, 0, &out.view, 0, nullptr, nullptr);
+    const auto in = floats(ramp(), width, height);
+    const auto out = make_image(width, height, CLSP_FORMAT_UINT16);
+    const auto run = [&](ClspSensor s, const ClspImage *from, const ClspImage *to, std::uint64_t frame_index = 0) {
+        return enqueue(clspSensorEnqueueExpose, s, from, frame_index, to);
     };
-    const auto as_output = [&](const ClspImage *image) {
-        return clspSensorEnqueueExpose(sensor, queue, &in.view, 0, image, 0, nullptr, nullptr);
-    };
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "sensor",
-                      clspSensorEnqueueExpose(nullptr, queue, &in.view, 0, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "intensity",
-                      clspSensorEnqueueExpose(sensor, queue, nullptr, 0, &out.view, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "output",
-                      clspSensorEnqueueExpose(sensor, queue, &in.view, 0, nullptr, 0, nullptr, nullptr));
-    EXPECT_CLSP_FAILS(
-        CLSP_ERROR_INVALID_ARGUMENT, "frame_index",
-        clspSensorEnqueueExpose(sensor, queue, &in.view, std::uint64_t{1} << 48, &out.view, 0, nullptr, nullptr));
-    test::check_image_rules("clspSensorEnqueueExpose", context, in.view, "intensity", CLSP_FORMAT_UINT16, as_input);
-    test::check_image_rules("clspSensorEnqueueExpose", context, out.view, "output", CLSP_FORMAT_UINT32, as_output);
-    test::check_image_size_must_match("clspSensorEnqueueExpose", context, in.view, "intensity", as_input);
-    test::check_image_size_must_match("clspSensorEnqueueExpose", context, out.view, "output", as_output);
-    auto bytes = make_image(width, height, CLSP_FORMAT_UINT8); // ten bits do not fit
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_FORMAT, "output",
-                      clspSensorEnqueueExpose(sensor, queue, &in.view, 0, &bytes.view, 0, nullptr, nullptr));
+    const test::Failures fails("clspSensorEnqueueExpose");
+    fails(CLSP_ERROR_INVALID_HANDLE, "sensor", run(nullptr, &in.view, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "intensity", run(sensor, nullptr, &out.view));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "output", run(sensor, &in.view, nullptr));
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frame_index", run(sensor, &in.view, &out.view, std::uint64_t{1} << 48));
+    check_image("clspSensorEnqueueExpose", "intensity", in.view, CLSP_FORMAT_UINT16,
+                [&](const ClspImage *image) { return run(sensor, image, &out.view); });
+    check_image("clspSensorEnqueueExpose", "output", out.view, CLSP_FORMAT_UINT32,
+                [&](const ClspImage *image) { return run(sensor, &in.view, image); });
+    const auto bytes = make_image(width, height, CLSP_FORMAT_UINT8); // ten bits do not fit
+    fails(CLSP_ERROR_INVALID_FORMAT, "output", run(sensor, &in.view, &bytes.view));
     ClspImage inside = in.view;
     inside.format = CLSP_FORMAT_UINT16;
-    EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "output",
-                      clspSensorEnqueueExpose(sensor, queue, &in.view, 0, &inside, 0, nullptr, nullptr));
-    test::check_enqueue_rules("clspSensorEnqueueExpose", context,
-                              [&](cl_command_queue q, cl_uint count, const cl_event *events, cl_event *event) {
-                                  return clspSensorEnqueueExpose(sensor, q, &in.view, 0, &out.view, count, events,
-                                                                 event);
-                              });
+    fails(CLSP_ERROR_OVERLAP, "output", run(sensor, &in.view, &inside));
+    check_enqueue(CLSP_NAMED(clspSensorEnqueueExpose), sensor, &in.view, 0, &out.view);
 }
 
 TEST_F(Sensor, RetainAndRelease) {
-    ClspSensor sensor = nullptr;
-    const ClspSensorDesc desc = valid();
-    ASSERT_CLSP_OK(clspSensorCreate(context, &desc, &sensor));
-    EXPECT_CLSP_OK(clspSensorRetain(sensor));
-    EXPECT_CLSP_OK(clspSensorRelease(sensor));
-    EXPECT_CLSP_OK(clspSensorSetExposureGain(sensor, 1.0));
-    EXPECT_CLSP_OK(clspSensorRelease(sensor));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "sensor", clspSensorSetExposureGain(sensor, 1.0));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "sensor", clspSensorRetain(sensor));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "sensor", clspSensorRelease(sensor));
-    EXPECT_CLSP_OK(clspSensorRelease(nullptr));
+    check_references("clspSensorSetExposureGain",
+                     [](ClspSensor sensor) { return clspSensorSetExposureGain(sensor, 1.0); });
 }
 
 } // namespace
