@@ -236,7 +236,7 @@ void Aperture::check_phase(const Phase &phase, const Field *field) const {
 void Aperture::check_workspace() const {
     if (!memory_.field())
         throw Error(Status::kInvalidState,
-                    "the aperture was created with workspace_from_host = 1; call clspApertureSetWorkspace() first");
+                    "the aperture was created with workspace_from_host = 1; give it work memory first");
 }
 
 void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const ImageView &irradiance,
@@ -245,7 +245,7 @@ void Aperture::enqueue_intensity(CommandChain &chain, const Phase &phase, const 
     check_phase(phase, &field);
     if (!phase.refreshed())
         throw Error(Status::kInvalidState,
-                    "the phase holds no values yet; call clspPhaseEnqueueRefresh() or restore a state first");
+                    "the phase holds no values yet; refresh it or restore a state first");
     check_workspace();
     check_writable(intensity, "intensity");
     refuse_workspace(irradiance, "irradiance");
