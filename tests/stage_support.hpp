@@ -149,30 +149,30 @@ class EnqueueTest : public DeviceTest {
 // Tests of one kind of stage; valid() describes one.
 template <typename Handle> class StageTest : public EnqueueTest {
   protected:
-    using F = Functions<Handle>;
-    using Desc = typename F::Desc;
+    using Calls = Functions<Handle>;
+    using Desc = typename Calls::Desc;
 
     virtual Desc valid() const = 0;
 
     // Checks the Init function; gives the defaults.
     static Desc checked_defaults() {
-        check_init<Desc>(F::init_name, F::init);
+        check_init<Desc>(Calls::init_name, Calls::init);
         Desc desc;
-        EXPECT_CLSP_OK(F::init(&desc, sizeof(desc)));
+        EXPECT_CLSP_OK(Calls::init(&desc, sizeof(desc)));
         return desc;
     }
     // Checks what Create says to NULL and to structs of other sizes; gives what tries descriptions.
     Refusals<Desc> check_create(const Desc &desc) {
         Handle made = nullptr;
-        const Failures fails(F::create_name);
-        fails(CLSP_ERROR_INVALID_HANDLE, "context", F::create(nullptr, &desc, &made));
-        fails(CLSP_ERROR_INVALID_ARGUMENT, "desc", F::create(context, nullptr, &made));
-        fails(CLSP_ERROR_INVALID_ARGUMENT, F::word, F::create(context, &desc, nullptr));
-        const Refusals<Desc> refuses(F::create_name, desc, [this](Desc *d) {
+        const Failures fails(Calls::create_name);
+        fails(CLSP_ERROR_INVALID_HANDLE, "context", Calls::create(nullptr, &desc, &made));
+        fails(CLSP_ERROR_INVALID_ARGUMENT, "desc", Calls::create(context, nullptr, &made));
+        fails(CLSP_ERROR_INVALID_ARGUMENT, Calls::word, Calls::create(context, &desc, nullptr));
+        const Refusals<Desc> refuses(Calls::create_name, desc, [this](Desc *d) {
             Handle stage = nullptr;
-            const ClspStatus status = F::create(context, d, &stage);
+            const ClspStatus status = Calls::create(context, d, &stage);
             EXPECT_EQ(status == CLSP_SUCCESS, stage != nullptr);
-            F::release(stage);
+            Calls::release(stage);
             return status;
         });
         refuses.check_struct_size();
@@ -182,23 +182,23 @@ template <typename Handle> class StageTest : public EnqueueTest {
     void check_references(const char *name, const std::function<ClspStatus(Handle)> &use) {
         Handle stage = nullptr;
         const Desc desc = valid();
-        ASSERT_CLSP_OK(F::create(context, &desc, &stage));
-        EXPECT_CLSP_OK(F::retain(stage));
-        EXPECT_CLSP_OK(F::release(stage));
+        ASSERT_CLSP_OK(Calls::create(context, &desc, &stage));
+        EXPECT_CLSP_OK(Calls::retain(stage));
+        EXPECT_CLSP_OK(Calls::release(stage));
         EXPECT_CLSP_OK(use(stage));
         queue.finish();
-        EXPECT_CLSP_OK(F::release(stage));
+        EXPECT_CLSP_OK(Calls::release(stage));
         const auto fails = [](const char *function, const std::function<ClspStatus(Handle)> &call, Handle handle) {
             const Failures failures(function);
-            failures(CLSP_ERROR_INVALID_HANDLE, F::word, call(handle));
+            failures(CLSP_ERROR_INVALID_HANDLE, Calls::word, call(handle));
         };
         fails(name, use, stage);
         fails(name, use, nullptr);
-        fails(F::retain_name, F::retain, stage);
-        fails(F::release_name, F::release, stage);
-        fails(F::retain_name, F::retain, nullptr);
-        fails(F::retain_name, F::retain, reinterpret_cast<Handle>(context.get())); // a handle of another kind
-        EXPECT_CLSP_OK(F::release(nullptr));
+        fails(Calls::retain_name, Calls::retain, stage);
+        fails(Calls::release_name, Calls::release, stage);
+        fails(Calls::retain_name, Calls::retain, nullptr);
+        fails(Calls::retain_name, Calls::retain, reinterpret_cast<Handle>(context.get())); // a handle of another kind
+        EXPECT_CLSP_OK(Calls::release(nullptr));
     }
 };
 

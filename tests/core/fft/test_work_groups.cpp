@@ -45,7 +45,7 @@ using namespace clsp;
 
 std::vector<std::string> log_lines;
 
-class WorkGpu : public ::testing::Test {
+class WorkGroups : public ::testing::Test {
   protected:
     void SetUp() override {
         if (!context) {
@@ -117,7 +117,7 @@ class WorkGpu : public ::testing::Test {
 constexpr double kBound = 2e-6;
 constexpr EngineSpec kGpu{EngineKind::kGpu, {}, {}}, kClfft{EngineKind::kClfft, {}, {}};
 
-TEST_F(WorkGpu, EveryCandidateMakesTheFieldOfClfft) {
+TEST_F(WorkGroups, EveryCandidateMakesTheFieldOfClfft) {
     constexpr std::uint32_t width = 96, height = 60;
     const WorkGroupLimits limits{256, 49152};
     const std::vector<float> expected = picture(width, height, kClfft);
@@ -133,7 +133,7 @@ TEST_F(WorkGpu, EveryCandidateMakesTheFieldOfClfft) {
             << pick.lines << " x " << pick.items;
 }
 
-TEST_F(WorkGpu, LinesAloneGetTheirWorkItems) {
+TEST_F(WorkGroups, LinesAloneGetTheirWorkItems) {
     Aperture aperture(context, parameters(96, 60, {EngineKind::kGpu, WorkGroup{4, 0}, WorkGroup{2, 0}}));
     EXPECT_EQ(4u, aperture.engine().columns->lines);
     EXPECT_GT(aperture.engine().columns->items, 1u);
@@ -141,7 +141,7 @@ TEST_F(WorkGpu, LinesAloneGetTheirWorkItems) {
     EXPECT_LT(relative_error(picture(aperture), picture(96, 60, kClfft)), kBound);
 }
 
-TEST_F(WorkGpu, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
+TEST_F(WorkGroups, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
     // More work-items than there is work, more lines than a work-group holds.
     for (const WorkGroup pick : {WorkGroup{1, 4000}, WorkGroup{64, 60}}) {
         log_lines.clear();
@@ -157,7 +157,7 @@ TEST_F(WorkGpu, WhatDoesNotFitGoesToClfftWithALineThatSaysWhy) {
     }
 }
 
-TEST_F(WorkGpu, KernelsWithFewerWorkItemsThanTheirGroup) {
+TEST_F(WorkGroups, KernelsWithFewerWorkItemsThanTheirGroup) {
     const std::vector<float> expected = picture(96, 60, kClfft);
     for (const std::size_t most : {48, 7, 3, 1}) {
         most_work_items = most;
@@ -165,7 +165,7 @@ TEST_F(WorkGpu, KernelsWithFewerWorkItemsThanTheirGroup) {
     }
 }
 
-TEST_F(WorkGpu, KernelsWithLocalMemoryOfTheirOwn) {
+TEST_F(WorkGroups, KernelsWithLocalMemoryOfTheirOwn) {
     const std::vector<float> expected = picture(96, 60, kClfft);
     const cl_ulong local = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     // Room for a line or two.
@@ -173,7 +173,7 @@ TEST_F(WorkGpu, KernelsWithLocalMemoryOfTheirOwn) {
     EXPECT_LT(relative_error(picture(96, 60, kGpu), expected), kBound);
 }
 
-TEST_F(WorkGpu, NoRoomIsFoundWhenTheApertureIsMade) {
+TEST_F(WorkGroups, NoRoomIsFoundWhenTheApertureIsMade) {
     own_local_bytes = context->device().getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
     const Aperture aperture(context, parameters(96, 60, kGpu));
     EXPECT_EQ(EngineKind::kClfft, aperture.engine().kind);
@@ -183,7 +183,7 @@ TEST_F(WorkGpu, NoRoomIsFoundWhenTheApertureIsMade) {
     EXPECT_NE(std::string::npos, log_lines[0].find(aperture.clfft_reason())) << log_lines[0];
 }
 
-TEST_F(WorkGpu, OversampledPixelsStayInOneGroup) {
+TEST_F(WorkGroups, OversampledPixelsStayInOneGroup) {
     // rows_inverse sums a pixel's samples, which are in two rows: groups of one would not hold them.
     ApertureParameters p = parameters(48, 30, kGpu);
     p.oversampling = 2;
@@ -201,7 +201,7 @@ TuneParameters quick() {
     return p;
 }
 
-TEST_F(WorkGpu, TuningMeasuresEveryShapeOnce) {
+TEST_F(WorkGroups, TuningMeasuresEveryShapeOnce) {
     TuneParameters p = quick();
     p.work_group_shapes = true;
     const TunedSize size = tune(context, p).measured.sizes.at(0);
@@ -229,7 +229,7 @@ TEST_F(WorkGpu, TuningMeasuresEveryShapeOnce) {
     EXPECT_EQ(default_engine(context->device()), size.candidates[0].spec.kind); // the default is the first
 }
 
-TEST_F(WorkGpu, AnEngineWithAnotherPictureIsNotChosen) {
+TEST_F(WorkGroups, AnEngineWithAnotherPictureIsNotChosen) {
     // Lanes with a third of the light: fast, but wrong.
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / "clspeckle_test_group_shapes";
@@ -256,7 +256,7 @@ TEST_F(WorkGpu, AnEngineWithAnotherPictureIsNotChosen) {
     }
 }
 
-TEST(WorkGpuAlone, SmallerOnesGetSmaller) {
+TEST(WorkGroupsAlone, SmallerOnesGetSmaller) {
     for (const std::uint32_t length : {60u, 512u, 1080u, 8192u}) {
         const LinePlan plan = make_gpu_plan(length);
         for (const bool across : {false, true}) {
@@ -286,7 +286,7 @@ TEST(WorkGpuAlone, SmallerOnesGetSmaller) {
 }
 
 // A line's points all in one work-item would waste no slot, and no compiler would ever be done with them.
-TEST(WorkGpuAlone, NobodyHoldsMoreThanMustBe) {
+TEST(WorkGroupsAlone, NobodyHoldsMoreThanMustBe) {
     for (std::uint32_t length = 64; length <= 4096; ++length) {
         std::uint32_t left = length;
         for (const std::uint32_t prime : {2u, 3u, 5u, 7u})
