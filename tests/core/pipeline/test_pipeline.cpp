@@ -189,7 +189,7 @@ TEST_F(Pipeline, OfFramesThatAreRefusedNoneIsEnqueued) {
     fails(CLSP_ERROR_INVALID_STRUCT_SIZE, "frames[1].struct_size", frames);
     frames[1] = frame(9);
     frames[1].reserved = 1;
-    fails(CLSP_ERROR_INVALID_ARGUMENT, "(&frames[1])->reserved is 1", frames);
+    fails(CLSP_ERROR_INVALID_ARGUMENT, "frames[1].reserved is 1", frames);
     frames[1] = frame(9);
     frames[0].struct_size -= 1;
     fails(CLSP_ERROR_INVALID_STRUCT_SIZE, "it must be a multiple of 8", frames);
