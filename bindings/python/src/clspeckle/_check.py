@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import errors
+from . import _library, errors
 
 FLOAT32_EXACT_INTEGER = 2**24
 """Integers up to here are exact in single precision."""
@@ -222,6 +222,17 @@ def irradiance_plane(
     return image
 
 
+def number_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[Any]:
+    """An image of finite numbers: uint8 and uint16 as they are, others as float32."""
+    given = array(value, name)
+    if given.dtype in (np.uint8, np.uint16):
+        check_shape(given, name, shape)
+        return np.ascontiguousarray(given)
+    plane = float_plane(given, name, shape)
+    within(plane, name, -math.inf)
+    return plane
+
+
 def mask_plane(value: Any, name: str, shape: tuple[int | None, int | None]) -> npt.NDArray[np.uint8]:
     """A mask of bool or integers as uint8, 1 where it is not 0."""
     given = array(value, name)
@@ -280,25 +291,90 @@ def host_output(value: Any, name: str, shape: tuple[int, ...], dtypes: Iterable[
     return value
 
 
-def assign(desc: ctypes.Structure, given: Mapping[str, Any], integers: Mapping[str, int], reals: Iterable[str]) -> None:
-    """Writes the arguments that were given into a description; what is None keeps the C library's default.
+def pair(value: Any, name: str) -> tuple[float, float]:
+    """Two numbers (x, y)."""
+    try:
+        x, y = value
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be (x, y), two numbers, got {kind(value)}") from None
+    return real(x, f"{name}[0]"), real(y, f"{name}[1]")
 
-    `integers` maps names to bits.
+
+def pointer(values: npt.NDArray[Any]) -> Any:
+    """The C pointer to an array; keeps the array alive."""
+    return values.ctypes.data_as(ctypes.POINTER(np.ctypeslib.as_ctypes_type(values.dtype)))
+
+
+_BITS = {ctypes.c_uint32: 32, ctypes.c_uint64: 64}
+
+
+class Arguments:
+    """How keyword arguments become the members of a C struct that have their names, and back.
+
+    What a number must be follows from the member's C type. `words` are choices and `flags` bools. A pair NAME_px goes
+    to NAME_x_px and NAME_y_px. All other arguments are left to the caller.
     """
-    for name, bits in integers.items():
-        if given.get(name) is not None:
-            setattr(desc, name, integer(given[name], name, bits))
-    for name in reals:
-        if given.get(name) is not None:
-            setattr(desc, name, real(given[name], name))
+
+    def __init__(
+        self,
+        struct: type[ctypes.Structure],
+        words: Mapping[str, Mapping[str, int]] | None = None,
+        flags: Iterable[str] = (),
+    ) -> None:
+        self.struct = struct
+        self.words = words or {}
+        self.flags = frozenset(flags)
+        self.members = {field[0]: field[1] for field in struct._fields_}
+
+    def describe(self, given: Mapping[str, Any]) -> Any:
+        """A struct with the C library's defaults but for what is given."""
+        desc = _library.initialized(self.struct)
+        self.assign(desc, given)
+        return desc
+
+    def describe_image(self, shape: Any, given: Mapping[str, Any]) -> Any:
+        """The same of a struct with a width and a height."""
+        height, width = image_shape(shape)
+        desc = self.describe(given)
+        desc.height, desc.width = height, width
+        return desc
+
+    def assign(self, desc: ctypes.Structure, given: Mapping[str, Any]) -> None:
+        """Writes the arguments that were given; what is None keeps the C library's default."""
+        for name, value in given.items():
+            if value is None:
+                continue
+            member = self.members.get(name)
+            if name in self.words:
+                setattr(desc, name, choice(value, name, self.words[name]))
+            elif name in self.flags:
+                setattr(desc, name, flag(value, name))
+            elif member is ctypes.c_double:
+                setattr(desc, name, real(value, name))
+            elif member in _BITS:
+                setattr(desc, name, integer(value, name, _BITS[member]))
+            elif member is None and f"{name[:-3]}_x_px" in self.members:
+                x, y = pair(value, name)
+                setattr(desc, f"{name[:-3]}_x_px", x)
+                setattr(desc, f"{name[:-3]}_y_px", y)
+                if f"{name[:-3]}_given" in self.members:
+                    setattr(desc, f"{name[:-3]}_given", 1)
+
+    def values(self, desc: ctypes.Structure, names: Iterable[str]) -> dict[str, Any]:
+        """The members of a struct as arguments; names that it has no number for are left out."""
+        result: dict[str, Any] = {}
+        for name in names:
+            value = getattr(desc, name, None)
+            if name in self.words:
+                value = next(word for word, number in self.words[name].items() if number == value)
+            elif name in self.flags:
+                value = bool(value)
+            elif self.members.get(name) is not ctypes.c_double and self.members.get(name) not in _BITS:
+                continue
+            result[name] = value
+        return result
 
 
-def defaults(desc: ctypes.Structure, words: Mapping[str, Mapping[str, int]], names: Iterable[str]) -> dict[str, Any]:
-    """The values of a fresh description by name, choices as words."""
-    result: dict[str, Any] = {}
-    for name in names:
-        value = getattr(desc, name)
-        if name in words:
-            value = next(word for word, number in words[name].items() if number == value)
-        result[name] = value
-    return result
+def optional(function: Any) -> list[str]:
+    """The keyword arguments of a function that may be None, without its context."""
+    return [name for name, value in function.__kwdefaults__.items() if value is None and name != "context"]

@@ -24,8 +24,8 @@ class Handle:
     At the end of the process nothing is released: the driver does that, and a daemon thread may still be in a call.
     """
 
-    _release: ClassVar[str]
-    """Name of the C function that drops the reference."""
+    _c_name: ClassVar[str]
+    """What the names of its C functions begin with, such as "clspPhase" of clspPhaseRelease()."""
     _pickle_advice: ClassVar[str] = "make it in the process that uses it"
 
     _pointer: int | None = None
@@ -37,7 +37,7 @@ class Handle:
             raise errors.InternalError(f"the library returned no {type(self).__name__}")
         self._serial = next(_serial)
         self._lock = threading.RLock()
-        self._finalizer = weakref.finalize(self, _library.release, self._release, pointer)
+        self._finalizer = weakref.finalize(self, _library.release, f"{self._c_name}Release", pointer)
         self._finalizer.atexit = False
         self._pointer = pointer
 

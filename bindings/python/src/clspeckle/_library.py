@@ -7,13 +7,14 @@ The C headers themselves, name by name, are in ``_generated.py``. Calls release 
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import os
 import signal
 import sys
 import threading
 from ctypes import c_int32, c_uint32, c_uint64
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Callable, TypeVar, cast
 
 from . import errors
 from ._generated import *  # noqa: F403
@@ -202,6 +203,7 @@ def text(value: bytes | None) -> str:
 
 
 Struct = TypeVar("Struct", bound=ctypes.Structure)
+Record = TypeVar("Record")
 
 
 def initialized(struct: type[Struct]) -> Struct:
@@ -213,6 +215,26 @@ def initialized(struct: type[Struct]) -> Struct:
     else:
         value.struct_size = ctypes.sizeof(value)
     return value
+
+
+def fetched(struct: type[Struct], name: str, *arguments: Any) -> Struct:
+    """The struct that a function writes, which is its last argument."""
+    value = initialized(struct)
+    call(name, *arguments, ctypes.byref(value))
+    return value
+
+
+def record(kind: Callable[..., Record], struct: ctypes.Structure, **others: Any) -> Record:
+    """A dataclass from the struct's members of the same names; `others` are the fields that are not."""
+    names = [field.name for field in dataclasses.fields(cast(Any, kind)) if field.name not in others]
+    values = {name: getattr(struct, name) for name in names}
+    return kind(**{name: text(v) if isinstance(v, bytes) else v for name, v in values.items()}, **others)
+
+
+def words(prefix: str) -> dict[str, int]:
+    """The constants CLSP_<prefix>_... by the rest of their names: "unit_mean" for CLSP_NORMALIZATION_UNIT_MEAN."""
+    start = f"CLSP_{prefix}_"
+    return {name[len(start) :].lower(): number for name, number in globals().items() if name.startswith(start)}
 
 
 def text_of(name: str, *arguments: Any) -> str:

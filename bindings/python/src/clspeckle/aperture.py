@@ -20,48 +20,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike, SupportsIntPtr
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device, output, refuse_handle
+from ._staging import DeviceImageLike, ImageLike, Stage
 from .phase import Phase
-from .runtime import (
-    FLOAT32,
-    Buffer,
-    Context,
-    DeviceImage,
-    Event,
-    QueueLike,
-    memory_pointer,
-    queue_pointer,
-    resolve_context,
-)
+from .runtime import Buffer, Context, Event, QueueLike, memory_pointer
 
 __all__ = ["Aperture", "ApertureInfo"]
 
-_NORMALIZATION = {
-    "transmission": _library.CLSP_NORMALIZATION_TRANSMISSION,
-    "unit_mean": _library.CLSP_NORMALIZATION_UNIT_MEAN,
-}
-_PUPIL = {
-    "circle": _library.CLSP_PUPIL_CIRCLE,
-    "image": _library.CLSP_PUPIL_IMAGE,
-    "polygon": _library.CLSP_PUPIL_POLYGON,
-    "ring": _library.CLSP_PUPIL_RING,
-}
-_REALS = (
-    "relative_diameter",
-    "f_number",
-    "pixel_pitch_m",
-    "wavelength_m",
-    "soft_rim",
-    "degree_of_polarization",
-    "blade_rotation_rad",
-    "blade_curvature",
-    "obstruction_ratio",
-    "defocus_waves",
-    "fill_factor",
-)
-_INTEGERS = {"oversampling": 32, "guard_px": 32, "blade_count": 32}
+_PUPIL = _library.words("PUPIL")
 _FIRST_ZERNIKE, _ZERNIKE_COUNT = 4, 12
 
 
@@ -94,7 +61,7 @@ class ApertureInfo:
     """With "fused-groups": rows in a work-group, and work-items for each of them."""
 
 
-class Aperture(Handle):
+class Aperture(Stage):
     """A lens's aperture. Give `relative_diameter`, or `f_number`, `pixel_pitch_m` and `wavelength_m`.
 
     Args:
@@ -129,7 +96,11 @@ class Aperture(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspApertureRelease"
+    _c_name = "clspAperture"
+    _arguments = _check.Arguments(
+        _library.ClspApertureDesc,
+        words={"normalization": _library.words("NORMALIZATION"), "pupil": _PUPIL},
+    )
 
     def __init__(
         self,
@@ -156,72 +127,36 @@ class Aperture(Handle):
         workspace_from_host: bool = False,
         context: Context | None = None,
     ) -> None:
-        desc = _library.initialized(_library.ClspApertureDesc)
-        desc.height, desc.width = _check.image_shape(shape)
-        given: dict[str, Any] = {
-            "f_number": f_number,
-            "pixel_pitch_m": pixel_pitch_m,
-            "wavelength_m": wavelength_m,
-            "relative_diameter": relative_diameter,
-            "degree_of_polarization": degree_of_polarization,
-            "soft_rim": soft_rim,
-            "oversampling": oversampling,
-            "guard_px": guard_px,
-            "blade_count": blade_count,
-            "blade_rotation_rad": blade_rotation_rad,
-            "blade_curvature": blade_curvature,
-            "obstruction_ratio": obstruction_ratio,
-            "defocus_waves": defocus_waves,
-            "fill_factor": fill_factor,
-        }
-        _check.assign(desc, given, _INTEGERS, _REALS)
+        workspace_from_host = bool(_check.flag(workspace_from_host, "workspace_from_host"))  # None is no choice
+        desc = self._arguments.describe_image(shape, locals())
         if relative_diameter is not None and desc.relative_diameter == 0:
             # For C a 0 means "not given"; here None does.
             raise _check.range_error("relative_diameter", relative_diameter, "> 0 (None: from f_number)")
-        if normalization is not None:
-            desc.normalization = _check.choice(normalization, "normalization", _NORMALIZATION)
         desc.pupil = _shape_of_pupil(pupil, pupil_image, blade_count)
         if zernike_waves is not None:
             desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
             image = _check.float_plane(pupil_image, "pupil_image")
             _check.within(image, "pupil_image", 0.0, 1.0)
-            desc.pupil_image = image.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+            desc.pupil_image = _check.pointer(image)
             desc.pupil_height, desc.pupil_width = image.shape
-        desc.workspace_from_host = _check.flag(workspace_from_host, "workspace_from_host")
-        self.context = resolve_context(context)
-        self._adopt(create("clspApertureCreate", self.context._get(), ctypes.byref(desc)))
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
-        self._staging = Staging(self.context)
 
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspApertureDesc)
-        names = (*_REALS, "normalization", "pupil", *_INTEGERS)
-        result = _check.defaults(desc, {"normalization": _NORMALIZATION, "pupil": _PUPIL}, names)
-        result["zernike_waves"] = np.array(desc.zernike_waves)
+        result = super().defaults()
+        result["zernike_waves"] = np.array(_library.initialized(_library.ClspApertureDesc).zernike_waves)
         result["relative_diameter"] = result["relative_diameter"] or None
         return result
 
     def info(self) -> ApertureInfo:
         """Grid, diameter, transmission, work memory."""
-        info = _library.initialized(_library.ClspApertureInfo)
-        _library.call("clspApertureGetInfo", self._get(), ctypes.byref(info))
-        return ApertureInfo(
-            grid_width=info.grid_width,
-            grid_height=info.grid_height,
-            pupil_samples=info.pupil_samples,
-            relative_diameter=info.relative_diameter,
-            mean_transmission=info.mean_transmission,
-            workspace_bytes=info.workspace_bytes,
-            fft_backend=_library.text(info.fft_backend),
-            fft_reason=_library.text(info.fft_reason),
-            fft_engine=_library.text(info.fft_engine),
-            fft_source=_library.text(info.fft_source),
+        info = _library.fetched(_library.ClspApertureInfo, "clspApertureGetInfo", self._get())
+        return _library.record(
+            ApertureInfo,
+            info,
             column_group=(info.column_lines, info.column_work_items) if info.column_lines else None,
             row_group=(info.row_lines, info.row_work_items) if info.row_lines else None,
         )
@@ -280,16 +215,8 @@ class Aperture(Handle):
         aberrations of (grid_height, grid_width, 2), real and imaginary part."""
         info = self.info()
         with exclusive(self):
-            operands = Operands()
-            shape = (info.grid_height, info.grid_width)
-            struct = operands.add(device_image(pupil, "pupil", shape, FLOAT32, self.context))
-            return operands.enqueue(
-                "clspApertureEnqueuePupil",
-                self._get(),
-                queue_pointer(queue, self.context),
-                ctypes.byref(struct),
-                wait_for=wait_for,
-            )
+            command = self._asynchronous(queue, wait_for)
+            return self._enqueue(command, "Pupil", command.image(pupil, "pupil", (info.grid_height, info.grid_width)))
 
     def intensity(self, phase: Phase, irradiance: ImageLike, *, out: Any = None, queue: QueueLike | None = None) -> Any:
         """Speckles an image. Blocks.
@@ -305,11 +232,10 @@ class Aperture(Handle):
         """
         _require_phase(phase)
         with exclusive(self, phase):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self.shape, (np.float32,), None, self._staging, self.context)
-            operands = Operands()
-            source = irradiance_image(irradiance, "irradiance", self.shape, self._staging, queue, operands)
-            return target.finish(queue, self._enqueue(phase, source, target.image, operands, queue, None))
+            command = self._command(queue)
+            target = command.output(out, self.shape)
+            source = command.image(irradiance, "irradiance", self.shape)
+            return target.finish(self._enqueue(command, "Intensity", phase._get(), source, target.image))
 
     def enqueue_intensity(
         self,
@@ -323,28 +249,10 @@ class Aperture(Handle):
         """:meth:`intensity` from one float32 device image into another, asynchronously."""
         _require_phase(phase)
         with exclusive(self, phase):
-            source = device_image(irradiance, "irradiance", self.shape, FLOAT32, self.context)
-            target = device_image(intensity, "intensity", self.shape, FLOAT32, self.context)
-            return self._enqueue(phase, source, target, Operands(), queue, wait_for)
-
-    def _enqueue(
-        self,
-        phase: Phase,
-        irradiance: DeviceImage,
-        intensity: DeviceImage,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        return operands.enqueue(
-            "clspApertureEnqueueIntensity",
-            self._get(),
-            queue_pointer(queue, self.context),
-            phase._get(),
-            ctypes.byref(operands.add(irradiance)),
-            ctypes.byref(operands.add(intensity)),
-            wait_for=wait_for,
-        )
+            command = self._asynchronous(queue, wait_for)
+            source = command.image(irradiance, "irradiance", self.shape)
+            target = command.image(intensity, "intensity", self.shape)
+            return self._enqueue(command, "Intensity", phase._get(), source, target)
 
 
 def _shape_of_pupil(pupil: Any, pupil_image: Any, blade_count: Any) -> int:
@@ -388,18 +296,3 @@ def _zernike(value: Any) -> ctypes.Array[ctypes.c_double]:
 def _require_phase(value: Any) -> None:
     if not isinstance(value, Phase):
         raise TypeError(f"phase must be a clspeckle.Phase, got {_check.kind(value)}")
-
-
-def irradiance_image(
-    value: Any,
-    name: str,
-    shape: tuple[int, int],
-    staging: Staging,
-    queue: QueueLike | None,
-    operands: Operands,
-) -> DeviceImage:
-    """An image argument of real numbers >= 0 in device memory."""
-    if on_device(value):
-        return device_image(value, name, shape, FLOAT32, staging.context)
-    refuse_handle(value, name)
-    return staging.upload(name, _check.irradiance_plane(value, name, shape), queue, operands)

@@ -20,19 +20,20 @@ from ._handle import Handle, create, exclusive
 
 __all__ = ["Capture", "CaptureSequence"]
 
-_SCENES = {
-    "dark": _library.CLSP_SCENE_DARK,
-    "flat": _library.CLSP_SCENE_FLAT,
-    "board": _library.CLSP_SCENE_BOARD,
-    "dots": _library.CLSP_SCENE_DOTS,
-}
+_SCENES = _library.words("SCENE")
 _MOTIONS = {"static": 0, "moving": 1}
-_FIELDS = {
-    "circular_gaussian": _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
-    "unit_phasor": _library.CLSP_FIELD_UNIT_PHASOR,
-}
-_REALS = ("pixel_pitch_m", "f_number", "wavelength_m", "degree_of_polarization", "black_level_dn", "read_noise_dn")
-_CAMERA = ("bits", *_REALS, "field", "principal_point_px")
+_CAMERA = (
+    "bits",
+    "pixel_pitch_m",
+    "f_number",
+    "wavelength_m",
+    "degree_of_polarization",
+    "black_level_dn",
+    "read_noise_dn",
+    "field",
+    "principal_point_px",
+)
+_ARGUMENTS = _check.Arguments(_library.ClspCaptureDesc, words={"field": _library.words("FIELD")})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Capture(Handle):
     Threads: calls on one object from several threads run one after the other.
     """
 
-    _release = "clspCaptureRelease"
+    _c_name = "clspCapture"
     _pickle_advice = "write it to a folder and open that"
 
     def __init__(self) -> None:
@@ -150,22 +151,10 @@ class Capture(Handle):
         return made
 
     @staticmethod
-    def _desc(shape: tuple[int, ...], camera: dict[str, Any]) -> _library.ClspCaptureDesc:
+    def _desc(shape: tuple[int, ...], camera: dict[str, Any]) -> Any:
         _check.known_names(camera, _CAMERA, "camera")
-        desc = _library.initialized(_library.ClspCaptureDesc)
+        desc = _ARGUMENTS.describe(camera)
         desc.height, desc.width = shape
-        _check.assign(desc, camera, {"bits": 32}, _REALS)
-        if camera.get("field") is not None:
-            desc.field = _check.choice(camera["field"], "field", _FIELDS)
-        if camera.get("principal_point_px") is not None:
-            try:
-                x, y = camera["principal_point_px"]
-            except (TypeError, ValueError):
-                kind = _check.kind(camera["principal_point_px"])
-                raise TypeError(f"principal_point_px must be (x, y), got {kind}") from None
-            desc.principal_point_given = 1
-            desc.principal_point_x_px = _check.real(x, "principal_point_px[0]")
-            desc.principal_point_y_px = _check.real(y, "principal_point_px[1]")
         return desc
 
     def _set_dots(self, dots_px: npt.ArrayLike, sigma_px: float | None) -> None:
@@ -177,9 +166,8 @@ class Capture(Handle):
         if sigma_px is None:
             raise errors.InvalidArgumentError("dots_px needs dots_sigma_px, the width of the dots")
         doubles = np.ascontiguousarray(positions, dtype=np.float64)
-        pointer = doubles.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         sigma = _check.real(sigma_px, "dots_sigma_px")
-        _library.call("clspCaptureSetDots", self._get(), sigma, doubles.shape[0], pointer)
+        _library.call("clspCaptureSetDots", self._get(), sigma, doubles.shape[0], _check.pointer(doubles))
 
     def _add(self, name: str, sequence: CaptureSequence, codes: npt.NDArray[np.uint16], shape: tuple[int, ...]) -> None:
         if codes.shape[1:] != shape:
@@ -191,10 +179,10 @@ class Capture(Handle):
         struct.scene = _check.choice(sequence.scene, f"scene of {name!r}", _SCENES)
         struct.moving = _check.choice(sequence.motion, f"motion of {name!r}", _MOTIONS)
         struct.frame_count = codes.shape[0]
-        struct.codes = codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16))
+        struct.codes = _check.pointer(codes)
         if sequence.mask is not None:
             mask = _check.mask_plane(sequence.mask, f"mask of {name!r}", (shape[0], shape[1]))
-            struct.mask = mask.ctypes.data_as(ctypes.POINTER(ctypes.c_uint8))
+            struct.mask = _check.pointer(mask)
         for member in ("f_number", "exposure_ms"):
             value = getattr(sequence, member)
             if value is not None:
@@ -207,8 +195,7 @@ class Capture(Handle):
     @staticmethod
     def defaults() -> dict[str, Any]:
         """The C library's defaults of `camera`."""
-        desc = _library.initialized(_library.ClspCaptureDesc)
-        return _check.defaults(desc, {"field": _FIELDS}, ("bits", *_REALS, "field"))
+        return _ARGUMENTS.values(_ARGUMENTS.describe({}), _CAMERA)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Capture:
@@ -233,10 +220,7 @@ class Capture(Handle):
             _library.call("clspCaptureValidate", self._get())
 
     def _camera_desc(self) -> _library.ClspCaptureDesc:
-        desc = _library.ClspCaptureDesc()
-        desc.struct_size = ctypes.sizeof(desc)
-        _library.call("clspCaptureGetDesc", self._get(), ctypes.byref(desc))
-        return desc
+        return _library.fetched(_library.ClspCaptureDesc, "clspCaptureGetDesc", self._get())
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -250,9 +234,8 @@ class Capture(Handle):
         """What is known of the camera, as :meth:`from_arrays` takes it."""
         with exclusive(self):
             desc = self._camera_desc()
-            result = _check.defaults(desc, {"field": _FIELDS}, ("bits", *_REALS, "field"))
-            result["principal_point_px"] = (desc.principal_point_x_px, desc.principal_point_y_px)
-            return result
+            point = (desc.principal_point_x_px, desc.principal_point_y_px)
+            return {**_ARGUMENTS.values(desc, _CAMERA), "principal_point_px": point}
 
     @property
     def dots_px(self) -> npt.NDArray[np.float64]:
@@ -261,8 +244,7 @@ class Capture(Handle):
             count = ctypes.c_uint64()
             _library.call("clspCaptureGetDots", self._get(), None, 0, None, ctypes.byref(count))
             positions = np.empty((count.value, 2), np.float64)
-            pointer = positions.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-            _library.call("clspCaptureGetDots", self._get(), None, count.value, pointer, None)
+            _library.call("clspCaptureGetDots", self._get(), None, count.value, _check.pointer(positions), None)
             return positions
 
     @property
@@ -282,16 +264,13 @@ class Capture(Handle):
             _library.call("clspCaptureGetSequenceCount", self._get(), ctypes.byref(count))
             result = {}
             for index in range(count.value):
-                info = _library.initialized(_library.ClspCaptureSequenceInfo)
-                _library.call("clspCaptureGetSequence", self._get(), index, ctypes.byref(info))
+                info = _library.fetched(_library.ClspCaptureSequenceInfo, "clspCaptureGetSequence", self._get(), index)
                 codes = np.empty((info.frame_count, desc.height, desc.width), np.uint16)
-                pointer = codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16))
-                _library.call("clspCaptureGetCodes", self._get(), index, codes.size, pointer)
+                _library.call("clspCaptureGetCodes", self._get(), index, codes.size, _check.pointer(codes))
                 mask = None
                 if info.has_mask:
                     mask = np.empty((desc.height, desc.width), np.uint8)
-                    bytes_out = mask.ctypes.data_as(ctypes.POINTER(ctypes.c_uint8))
-                    _library.call("clspCaptureGetMask", self._get(), index, mask.size, bytes_out)
+                    _library.call("clspCaptureGetMask", self._get(), index, mask.size, _check.pointer(mask))
                 result[_library.text(info.name)] = CaptureSequence(
                     codes=codes,
                     scene=next(word for word, number in _SCENES.items() if number == info.scene),
@@ -305,9 +284,5 @@ class Capture(Handle):
     def summary(self) -> dict[str, Any]:
         """What is in the set and what it can and cannot tell apart, as `clspeckle capture check --json` writes it."""
         with exclusive(self):
-            length = ctypes.c_uint64()
-            _library.call("clspCaptureGetSummaryJson", self._get(), 0, None, ctypes.byref(length))
-            text = ctypes.create_string_buffer(max(1, length.value))
-            _library.call("clspCaptureGetSummaryJson", self._get(), len(text), text, None)
-            result: dict[str, Any] = json.loads(_library.text(text.value))
+            result: dict[str, Any] = json.loads(_library.text_of("clspCaptureGetSummaryJson", self._get()))
             return result

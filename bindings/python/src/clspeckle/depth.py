@@ -14,29 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
-from .dots import _doubles
-from .pattern import _PROJECTION
-from .runtime import FLOAT32, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
+from ._staging import DeviceImageLike, ImageLike, Stage
+from .dots import real_array
+from .pattern import PROJECTION
+from .runtime import FLOAT32, Context, Event, QueueLike, queue_pointer
 
 __all__ = ["Depth", "DepthResult", "DepthSummary"]
 
-_REALS = (
-    "near_m",
-    "far_m",
-    "dot_sigma_px",
-    "min_amplitude_dn",
-    "threshold_sigmas",
-    "min_correlation",
-    "read_noise_dn",
-    "dn_per_electron",
-    "black_level_dn",
-    "saturation_dn",
-    "epipolar_tolerance_px",
-    "min_confidence",
-)
 _WARNINGS = ("no_dots", "few_placed", "epipolar", "saturated", "merged")  # by bit
 
 DOT_DTYPE = np.dtype(_library.ClspDepthDot)
@@ -100,7 +86,7 @@ def warning_text(warning: int) -> str:
     return _library.text(_library.library().clspDepthWarningString(_check.integer(warning, "warning")))
 
 
-class Depth(Handle):
+class Depth(Stage):
     """Depth for frames of one size.
 
     Args:
@@ -129,7 +115,8 @@ class Depth(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspDepthRelease"
+    _c_name = "clspDepth"
+    _arguments = _check.Arguments(_library.ClspDepthDesc, words={"projection": PROJECTION})
 
     def __init__(
         self,
@@ -154,13 +141,12 @@ class Depth(Handle):
         max_dots: int | None = None,
         context: Context | None = None,
     ) -> None:
-        desc = _library.initialized(_library.ClspDepthDesc)
-        desc.height, desc.width = _check.image_shape(shape)
+        desc = self._arguments.describe_image(shape, locals())
         kept = None
         if directions is not None:
-            kept = _doubles(directions, "directions", (None, 2))
+            kept = real_array(directions, "directions", (None, 2))
             desc.direction_count = len(kept)
-            desc.directions = kept.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            desc.directions = _check.pointer(kept)
             if laser_from_camera is None or intrinsics is None:
                 raise errors.InvalidArgumentError("directions need laser_from_camera and intrinsics")
         if laser_from_camera is not None:
@@ -172,38 +158,9 @@ class Depth(Handle):
                 raise TypeError(f"intrinsics must be (fx, fy, cx, cy), got {_check.kind(intrinsics)}") from None
             for name, value in (("fx_px", fx), ("fy_px", fy), ("cx_px", cx), ("cy_px", cy)):
                 setattr(desc, name, _check.real(value, name))
-        if projection is not None:
-            desc.projection = _check.choice(projection, "projection", _PROJECTION)
-        given = {
-            "near_m": near_m,
-            "far_m": far_m,
-            "dot_sigma_px": dot_sigma_px,
-            "min_amplitude_dn": min_amplitude_dn,
-            "threshold_sigmas": threshold_sigmas,
-            "min_correlation": min_correlation,
-            "read_noise_dn": read_noise_dn,
-            "dn_per_electron": dn_per_electron,
-            "black_level_dn": black_level_dn,
-            "saturation_dn": saturation_dn,
-            "epipolar_tolerance_px": epipolar_tolerance_px,
-            "min_confidence": min_confidence,
-            "max_dots": max_dots,
-        }
-        _check.assign(desc, given, {"max_dots": 32}, _REALS)
-        self.context = resolve_context(context)
-        self._adopt(create("clspDepthCreate", self.context._get(), ctypes.byref(desc)))
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.direction_count: int = desc.direction_count
-        self._staging = Staging(self.context)
-
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
-        """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspDepthDesc)
-        return _check.defaults(desc, {"projection": _PROJECTION}, ("projection", *_REALS, "max_dots"))
 
     def measure(self, image: ImageLike, *, queue: QueueLike | None = None) -> DepthResult:
         """The dots of a frame, each with its depth or the reason why it has none. Blocks.
@@ -216,14 +173,10 @@ class Depth(Handle):
             UnsupportedError: more dots than max_dots.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            operands = Operands()
-            if on_device(image):
-                view = device_image(image, "image", self.shape, FLOAT32, self.context)
-            else:
-                view = self._staging.upload("image", _pixels(image, self.shape), queue, operands)
-            self._enqueue(view, queue, None, operands).wait()
-            return self._result(queue)
+            command = self._command(queue)
+            view = command.image(image, "image", self.shape, FLOAT32, _check.number_plane)
+            self._enqueue(command, "Detect", view).wait()
+            return self._result(command.queue)
 
     def enqueue_detect(
         self,
@@ -234,8 +187,8 @@ class Depth(Handle):
     ) -> Event:
         """Detects the dots of an image in device memory, asynchronously; :meth:`result` has the outcome."""
         with exclusive(self):
-            view = device_image(image, "image", self.shape, FLOAT32, self.context)
-            return self._enqueue(view, queue, wait_for, Operands())
+            command = self._asynchronous(queue, wait_for)
+            return self._enqueue(command, "Detect", command.image(image, "image", self.shape))
 
     def result(self, *, queue: QueueLike | None = None) -> DepthResult:
         """The outcome of the last frame. Blocks.
@@ -245,17 +198,6 @@ class Depth(Handle):
         """
         with exclusive(self):
             return self._result(queue)
-
-    def _enqueue(
-        self, view: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None, operands: Operands
-    ) -> Event:
-        return operands.enqueue(
-            "clspDepthEnqueueDetect",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(operands.add(view)),
-            wait_for=wait_for,
-        )
 
     def _result(self, queue: QueueLike | None) -> DepthResult:
         pointer = queue_pointer(queue, self.context)
@@ -280,18 +222,7 @@ class Depth(Handle):
             pattern.ctypes.data_as(ctypes.POINTER(_library.ClspDepthPatternDot)) if len(pattern) else None,
             ctypes.byref(count),
         )
-        names = [field.name for field in dataclasses.fields(DepthSummary) if field.name != "warnings"]
         warnings = {
             name: warning_text(1 << bit) for bit, name in enumerate(_WARNINGS) if int(raw.warnings) & (1 << bit)
         }
-        return DepthResult(dots, pattern, DepthSummary(**{n: getattr(raw, n) for n in names}, warnings=warnings))
-
-
-def _pixels(image: Any, shape: tuple[int, int]) -> npt.NDArray[Any]:
-    given = _check.array(image, "image")
-    if given.dtype in (np.uint8, np.uint16):
-        _check.check_shape(given, "image", shape)
-        return np.ascontiguousarray(given)
-    plane = _check.float_plane(given, "image", shape)
-    _check.within(plane, "image", -np.inf)
-    return plane
+        return DepthResult(dots, pattern, _library.record(DepthSummary, raw, warnings=warnings))

@@ -17,7 +17,7 @@ import re
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Callable, Union
+from typing import Any, Callable, TypeVar, Union, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -43,11 +43,8 @@ __all__ = [
     "diagnose",
 ]
 
-_POINTS = {
-    "irradiance": _library.CLSP_HYPOTHESIS_IRRADIANCE,
-    "intensity": _library.CLSP_HYPOTHESIS_INTENSITY,
-    "codes": _library.CLSP_HYPOTHESIS_CODES,
-}
+_POINTS = _library.words("HYPOTHESIS")
+_ARGUMENTS = _check.Arguments(_library.ClspDiagnoseDesc, flags=("evidence",))
 _STAGES = ("laser", "doe", "surface", "motion", "optics", "sensor")
 _KEYWORDS = ("sequence", "frame_index", "seed")
 _ID = re.compile(r"[A-Za-z0-9_.-]{1,31}")
@@ -55,6 +52,7 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 0.5
 _RANGES = {"null_replicates": (12, 100000), "max_effects": (1, 64), "threads": (1, 1024)}
 """Those of the C library (diagnosis.h), so that messages name the arguments of :func:`diagnose`."""
 
+Entry = TypeVar("Entry")
 CaptureLike = Union[Capture, str, "os.PathLike[str]", Mapping[str, Union[npt.ArrayLike, CaptureSequence]]]
 
 
@@ -252,49 +250,30 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def _place(entry: Mapping[str, Any]) -> GapPlace:
-    members: dict[str, Any] = {name: entry[name] for name in ("stage", "sequence", "statistic", "region", "unit")}
-    numbers = ("real", "sim", "z", "p_adjusted", "z_after", "distance_before", "distance_after", "fraction")
-    members.update({name: _number(entry[name]) for name in numbers})
-    low, high = entry["ci95"] or (None, None)
-    return GapPlace(**members, ci95=(_number(low), _number(high)))
+def _interval(limits: Sequence[Any] | None) -> tuple[float, float]:
+    low, high = limits or (None, None)
+    return _number(low), _number(high)
 
 
-def _measurement(entry: Mapping[str, Any]) -> Measurement:
-    numbers = ("real", "sim", "sim_deviation", "sim_with_effects", "sim_with_effects_deviation")
-    return Measurement(
-        entry["sequence"],
-        entry["quantity"],
-        entry["unit"],
-        **{name: _number(entry.get(name)) for name in numbers},
-    )
+def _entry(kind: Callable[..., Entry], entry: Mapping[str, Any], **others: Any) -> Entry:
+    """A dataclass from the report's members of the same names; `others` are the fields that are not."""
+    values = {}
+    for field in dataclasses.fields(cast(Any, kind)):
+        if field.name not in others and field.name in entry:
+            value = entry[field.name]
+            values[field.name] = _number(value) if field.type == "float" else value
+    return kind(**values, **others)
 
 
 def _ranked(entry: Mapping[str, Any]) -> RankedEffect:
-    return RankedEffect(
-        effect=entry["effect"],
-        parameters={name: _number(value) for name, value in entry["parameters"].items()},
-        intervals={name: (_number(low), _number(high)) for name, (low, high) in entry["intervals"].items()},
-        probability=_number(entry["probability"]),
-        distance_after=_number(entry["distance_after"]),
-    )
+    parameters = {name: _number(value) for name, value in entry["parameters"].items()}
+    intervals = {name: _interval(limits) for name, limits in entry["intervals"].items()}
+    return _entry(RankedEffect, entry, parameters=parameters, intervals=intervals)
 
 
 def _shrinkage(entry: Mapping[str, Any]) -> Shrinkage:
-    low, high = entry["ci95"]
-    return Shrinkage(
-        distance_before=_number(entry["distance_before"]),
-        distance_after=_number(entry["distance_after"]),
-        fraction=_number(entry["fraction"]),
-        ci95=(_number(low), _number(high)),
-        held_out=entry["held_out"],
-        residual_detected=entry["residual_detected"],
-        residual_p_value=_number(entry["residual_p_value"]),
-        steps=tuple(
-            ShrinkStep(step["effect"], _number(step["distance_after"]), _number(step["fraction"]))
-            for step in entry["steps"]
-        ),
-    )
+    steps = tuple(_entry(ShrinkStep, step) for step in entry["steps"])
+    return _entry(Shrinkage, entry, ci95=_interval(entry["ci95"]), steps=steps)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -396,7 +375,7 @@ class Diagnosis(Handle):
         seconds: that the diagnosis took.
     """
 
-    _release = "clspDiagnosisRelease"
+    _c_name = "clspDiagnosis"
     _pickle_advice = "its `report` is a plain dict"
 
     def __init__(self) -> None:
@@ -410,13 +389,8 @@ class Diagnosis(Handle):
         return made
 
     def _read(self) -> None:
-        length = ctypes.c_uint64()
-        _library.call("clspDiagnosisGetReportJson", self._get(), 0, None, ctypes.byref(length))
-        buffer = ctypes.create_string_buffer(max(1, length.value))
-        _library.call("clspDiagnosisGetReportJson", self._get(), len(buffer), buffer, None)
-        self._json = _library.text(buffer.value)
-        summary = _library.initialized(_library.ClspDiagnosisSummary)
-        _library.call("clspDiagnosisGetSummary", self._get(), ctypes.byref(summary))
+        self._json = _library.text_of("clspDiagnosisGetReportJson", self._get())
+        summary = _library.fetched(_library.ClspDiagnosisSummary, "clspDiagnosisGetSummary", self._get())
         report = self.report
         gap, cause = report["gap"], report["cause"]
         self.verdict: str = cause["verdict"]
@@ -428,32 +402,22 @@ class Diagnosis(Handle):
         self.probability = _number(cause["probability"])
         self.equivalents: tuple[str, ...] = tuple(cause["equivalent"])
         self.ranking = tuple(_ranked(entry) for entry in cause["ranking"])
-        self.first_look = tuple(
-            FirstLook(entry["effect"], _number(entry["share"]), entry["fitted"])
-            for entry in cause.get("first_look", ())
-        )
-        self.where = tuple(_place(entry) for entry in report["where"])
+        self.first_look = tuple(_entry(FirstLook, entry) for entry in cause.get("first_look", ()))
+        self.where = tuple(_entry(GapPlace, entry, ci95=_interval(entry["ci95"])) for entry in report["where"])
         self.shrink = _shrinkage(report["shrink"])
         self.advice: tuple[str, ...] = tuple(
             f"{entry['capture']} (separates {', '.join(entry['separates'])})" for entry in report["advice"]
         )
+        lists = ("sequences", "left_out", "effects_not_visible", "questions_open")
         coverage = report["coverage"]
-        self.coverage = Coverage(
-            statistics=int(coverage["statistics"]),
-            sequences=tuple(coverage["sequences"]),
-            left_out=tuple(coverage["left_out"]),
-            effects_not_visible=tuple(coverage["effects_not_visible"]),
-            questions_open=tuple(coverage["questions_open"]),
-            judged=coverage["judged"],
-        )
+        self.coverage = _entry(Coverage, coverage, **{name: tuple(coverage[name]) for name in lists})
         calibration = report.get("calibration")
-        self.calibration: Calibration | None = calibration and Calibration(
-            black_level_dn=_number(calibration["black_level_dn"]),
-            read_noise_dn=_number(calibration["read_noise_dn"]),
-            light_dn={entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]},
-        )
+        self.calibration: Calibration | None = None
+        if calibration is not None:
+            light = {entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]}
+            self.calibration = _entry(Calibration, calibration, light_dn=light)
         measured = report.get("measurements", {"quantities": ()})
-        self.measurements = tuple(_measurement(entry) for entry in measured["quantities"])
+        self.measurements = tuple(_entry(Measurement, entry) for entry in measured["quantities"])
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
 
@@ -721,22 +685,10 @@ def diagnose(
 
     What a hypothesis or the progress function raises ends the diagnosis and is raised here.
     """
+    given = {name: value for name, value in locals().items() if name in _OPTIONS}
     opened = _capture(capture, camera, dots_px, dots_sigma_px)
     try:
-        return _run(
-            "clspDiagnose",
-            [opened],
-            seed=seed,
-            without=without,
-            hypotheses=hypotheses,
-            level=level,
-            null_replicates=null_replicates,
-            max_effects=max_effects,
-            threads=threads,
-            evidence=evidence,
-            progress=progress,
-            context=context,
-        )
+        return _run("clspDiagnose", [opened], hypotheses=hypotheses, **given)
     finally:
         if opened is not capture:
             opened.close()
@@ -778,6 +730,7 @@ def compare(
         CancelledError: the progress function returned False.
         InvalidArgumentError: the captures have no pair of sequences, or frames of different size or bits.
     """
+    given = {name: value for name, value in locals().items() if name in _OPTIONS}
     if camera is not None and not (isinstance(real, Mapping) or isinstance(sim, Mapping)):
         raise TypeError("camera belongs to dicts of arrays; a Capture or a folder has its own")
     opened: list[Capture] = []
@@ -785,55 +738,36 @@ def compare(
         for capture in (real, sim):
             of_arrays = (camera, dots_px, dots_sigma_px) if isinstance(capture, Mapping) else (None, None, None)
             opened.append(_capture(capture, *of_arrays))
-        return _run(
-            "clspCompare",
-            opened,
-            seed=seed,
-            without=without,
-            hypotheses=(),
-            level=level,
-            null_replicates=null_replicates,
-            max_effects=max_effects,
-            threads=threads,
-            evidence=evidence,
-            progress=progress,
-            context=context,
-        )
+        return _run("clspCompare", opened, hypotheses=(), **given)
     finally:
-        for capture, given in zip(opened, (real, sim)):
-            if capture is not given:
+        for capture, argument in zip(opened, (real, sim)):
+            if capture is not argument:
                 capture.close()
+
+
+_OPTIONS = ("without", "progress", "context", "seed", "level", "null_replicates", "max_effects", "threads", "evidence")
 
 
 def _run(
     function: str,
     captures: list[Capture],
     *,
-    seed: int | None,
-    without: Iterable[str],
     hypotheses: Iterable[Hypothesis],
-    level: float | None,
-    null_replicates: int | None,
-    max_effects: int | None,
-    threads: int | None,
-    evidence: bool | None,
+    without: Iterable[str],
     progress: bool | Progress | None,
     context: Context | None,
+    **numbers: Any,
 ) -> Diagnosis:
     """clspDiagnose() or clspCompare()."""
     call = _DiagnosisCall()
-    desc = _library.initialized(_library.ClspDiagnoseDesc)
-    given = {"null_replicates": null_replicates, "max_effects": max_effects, "threads": threads, "seed": seed}
-    bits = {"null_replicates": 32, "max_effects": 32, "threads": 32, "seed": 64}
-    _check.assign(desc, {**given, "level": level}, bits, ("level",))
+    desc = _ARGUMENTS.describe(numbers)
+    level = numbers["level"]
     if level is not None and not _LEAST_LEVEL <= desc.level <= _MOST_LEVEL:
         raise _check.range_error("level", level, f"{_LEAST_LEVEL:g} to {_MOST_LEVEL:g}")
     for name, (least, most) in _RANGES.items():
-        number = given[name]
+        number = numbers[name]
         if number is not None and not least <= number <= most:
             raise _check.range_error(name, number, f"{least} to {most}")
-    if evidence is not None:
-        desc.evidence = _check.flag(evidence, "evidence")
     ids = _ids(without)
     desc.without = call.keep((ctypes.c_char_p * max(1, len(ids)))(*ids))
     desc.without_count = len(ids)

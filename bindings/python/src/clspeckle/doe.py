@@ -26,24 +26,14 @@ from .runtime import Context, resolve_context
 
 __all__ = ["Beam", "DoeDefects", "DoeElement", "DoePattern", "DoePatternInfo"]
 
-_BEAMS = {
-    "gaussian": _library.CLSP_BEAM_GAUSSIAN,
-    "flat_circle": _library.CLSP_BEAM_FLAT_CIRCLE,
-    "flat_square": _library.CLSP_BEAM_FLAT_SQUARE,
-    "super_gaussian": _library.CLSP_BEAM_SUPER_GAUSSIAN,
-    "skewed": _library.CLSP_BEAM_SKEWED,
-    "image": _library.CLSP_BEAM_IMAGE,
-}
-_EVALUATIONS = {
-    "auto": _library.CLSP_DOE_EVALUATION_AUTO,
-    "orders": _library.CLSP_DOE_EVALUATION_ORDERS,
-    "aperture": _library.CLSP_DOE_EVALUATION_APERTURE,
-}
-_SOURCES = {
-    _library.CLSP_DOE_SOURCE_COMPUTED: "computed",
-    _library.CLSP_DOE_SOURCE_MEMORY: "memory",
-    _library.CLSP_DOE_SOURCE_DISK: "disk",
-}
+_BEAM = _check.Arguments(_library.ClspBeamProfile)
+_DEFECTS = _check.Arguments(_library.ClspDoeDefects)
+_DOE = _check.Arguments(
+    _library.ClspDoePatternDesc, words={"evaluation": _library.words("DOE_EVALUATION")}, flags=("pixel_envelope",)
+)
+_SPOTS = _check.Arguments(_library.ClspSpotPatternDesc)
+_BEAMS = _library.words("BEAM")
+_SOURCES = {number: word for word, number in _library.words("DOE_SOURCE").items()}
 
 
 @dataclasses.dataclass(eq=False)
@@ -257,14 +247,14 @@ class DoePatternInfo:
 class _Kept(list[Any]):
     """Arrays and structs that a description points to."""
 
-    def pointer(self, value: Any, dtype: npt.DTypeLike, name: str, shape: tuple[int | None, ...], kind: Any) -> Any:
+    def pointer(self, value: Any, dtype: npt.DTypeLike, name: str, shape: tuple[int | None, ...]) -> Any:
         given = _check.array(value, name)
         if given.dtype.kind not in "fiu":
             raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected real numbers")
         _check.check_shape(given, name, shape)
         array = np.ascontiguousarray(given, dtype=dtype)
         self.append(array)
-        return array.ctypes.data_as(ctypes.POINTER(kind))
+        return _check.pointer(array)
 
     def struct(self, value: ctypes.Structure) -> Any:
         self.append(value)
@@ -274,7 +264,7 @@ class _Kept(list[Any]):
 def _plane(value: npt.ArrayLike, name: str, kept: _Kept) -> tuple[Any, int, int]:
     plane = _check.float_plane(value, name, (None, None))
     kept.append(plane)
-    return plane.ctypes.data_as(ctypes.POINTER(ctypes.c_float)), plane.shape[1], plane.shape[0]
+    return _check.pointer(plane), plane.shape[1], plane.shape[0]
 
 
 def _beam(beam: Beam, kept: _Kept) -> Any:
@@ -303,7 +293,7 @@ def _beam(beam: Beam, kept: _Kept) -> Any:
     reals = {"width_m": beam.width_m, "height_m": height, "order": beam.order, "m_squared": beam.m_squared}
     if beam.skew is not None:
         reals["skew_x"], reals["skew_y"] = _pair(beam.skew, "beam.skew", "(along x, along y)")
-    _check.assign(struct, reals, {}, reals)
+    _BEAM.assign(struct, reals)
     if beam.image is not None:
         struct.image, struct.image_width, struct.image_height = _plane(beam.image, "beam.image", kept)
     return kept.struct(struct)
@@ -312,11 +302,7 @@ def _beam(beam: Beam, kept: _Kept) -> Any:
 def _defects(defects: DoeDefects, kept: _Kept) -> Any:
     if not isinstance(defects, DoeDefects):
         raise TypeError(f"defects must be a clspeckle.DoeDefects, got {_check.kind(defects)}")
-    struct = _library.initialized(_library.ClspDoeDefects)
-    given = dataclasses.asdict(defects)
-    integers = {"levels": 32, "seed": 64, "feature_samples": 32}
-    _check.assign(struct, given, integers, set(given) - set(integers))
-    return kept.struct(struct)
+    return kept.struct(_DEFECTS.describe(vars(defects)))
 
 
 def _design(design: DoeElement, desc: _library.ClspDoePatternDesc, kept: _Kept) -> None:
@@ -342,11 +328,11 @@ def _design(design: DoeElement, desc: _library.ClspDoePatternDesc, kept: _Kept) 
     if design.periodic:
         if not np.array_equal(table[:, :2], np.rint(table[:, :2])) or np.abs(table[:, :2]).max() > 2**30:
             raise errors.InvalidDataError("design.orders must hold integers")
-        desc.dot_orders = kept.pointer(table[:, :2], np.int32, "design.orders", (None, 2), ctypes.c_int32)
+        desc.dot_orders = kept.pointer(table[:, :2], np.int32, "design.orders", (None, 2))
     else:
-        desc.dot_directions = kept.pointer(table[:, :2], np.float64, "design.directions", (None, 2), ctypes.c_double)
+        desc.dot_directions = kept.pointer(table[:, :2], np.float64, "design.directions", (None, 2))
     if table.shape[1] == 3:
-        desc.dot_weights = kept.pointer(table[:, 2], np.float64, f"design.{name}", (None,), ctypes.c_double)
+        desc.dot_weights = kept.pointer(table[:, 2], np.float64, f"design.{name}", (None,))
 
 
 def _image(desc: Any, image_shape: tuple[int, int] | None, half_extent: Any) -> None:
@@ -382,7 +368,7 @@ class DoePattern(Handle):
     What is None has the C library's default.
     """
 
-    _release = "clspDoePatternRelease"
+    _c_name = "clspDoePattern"
 
     def __init__(
         self,
@@ -403,8 +389,7 @@ class DoePattern(Handle):
         progress: Progress | None = None,
         context: Context | None = None,
     ) -> None:
-        kept = _Kept()
-        desc = _library.initialized(_library.ClspDoePatternDesc)
+        desc, kept = _DOE.describe(locals()), _Kept()
         _design(design, desc, kept)
         if beam is not None:
             desc.beam = _beam(beam, kept)
@@ -419,18 +404,12 @@ class DoePattern(Handle):
                 )
             desc.line_count = len(table)
             wavelengths = table if table.ndim == 1 else table[:, 0]
-            desc.line_wavelengths_m = kept.pointer(wavelengths, np.float64, "lines", (None,), ctypes.c_double)
+            desc.line_wavelengths_m = kept.pointer(wavelengths, np.float64, "lines", (None,))
             if table.ndim == 2:
-                desc.line_powers = kept.pointer(table[:, 1], np.float64, "lines", (None,), ctypes.c_double)
-        if evaluation is not None:
-            desc.evaluation = _check.choice(evaluation, "evaluation", _EVALUATIONS)
+                desc.line_powers = kept.pointer(table[:, 1], np.float64, "lines", (None,))
         if doe_size_m is not None:
             desc.doe_width_m, desc.doe_height_m = _pair(doe_size_m, "doe_size_m", "(width, height) in m")
         _image(desc, image_shape, half_extent)
-        given = {"oversampling": oversampling, "max_memory_bytes": max_memory_bytes, "power_w": power_w}
-        _check.assign(desc, given, {"oversampling": 32, "max_memory_bytes": 64}, ("power_w",))
-        if pixel_envelope is not None:
-            desc.pixel_envelope = _check.flag(pixel_envelope, "pixel_envelope")
         if cache_dir is not None:
             desc.cache_dir = _check.path(cache_dir, "cache_dir")
         self.context = resolve_context(context)
@@ -458,15 +437,13 @@ class DoePattern(Handle):
             powers: (n,) in any unit; None: all equal.
             power_w: of all dots together.
         """
-        kept = _Kept()
-        desc = _library.initialized(_library.ClspSpotPatternDesc)
-        desc.directions = kept.pointer(directions, np.float64, "directions", (None, 2), ctypes.c_double)
+        desc, kept = _SPOTS.describe(locals()), _Kept()
+        desc.directions = kept.pointer(directions, np.float64, "directions", (None, 2))
         desc.count = len(kept[-1])
         if powers is not None:
-            desc.powers = kept.pointer(powers, np.float64, "powers", (desc.count,), ctypes.c_double)
+            desc.powers = kept.pointer(powers, np.float64, "powers", (desc.count,))
         if beam is not None:
             desc.beam = _beam(beam, kept)
-        _check.assign(desc, {"wavelength_m": wavelength_m, "power_w": power_w}, {}, ("wavelength_m", "power_w"))
         _image(desc, image_shape, half_extent)
         pattern = cls.__new__(cls)
         pattern.context = resolve_context(context)
@@ -476,26 +453,22 @@ class DoePattern(Handle):
     @property
     def info(self) -> DoePatternInfo:
         """The power budget, the extent, the spots' size."""
-        struct = _library.initialized(_library.ClspDoePatternInfo)
-        _library.call("clspDoePatternGetInfo", self._get(), ctypes.byref(struct))
-        values = {field.name: getattr(struct, field.name) for field in dataclasses.fields(DoePatternInfo)}
-        return DoePatternInfo(**{**values, "source": _SOURCES[struct.source]})
+        struct = _library.fetched(_library.ClspDoePatternInfo, "clspDoePatternGetInfo", self._get())
+        return _library.record(DoePatternInfo, struct, source=_SOURCES[struct.source])
 
     @property
     def texels(self) -> npt.NDArray[np.float32]:
         """(height, width) radiant intensity in W/sr; a new array."""
         info = self.info
         texels = np.empty((info.image_height, info.image_width), np.float32)
-        pointer = texels.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
-        _library.call("clspDoePatternGetTexels", self._get(), texels.size, pointer)
+        _library.call("clspDoePatternGetTexels", self._get(), texels.size, _check.pointer(texels))
         return texels
 
     @property
     def dot_shares(self) -> npt.NDArray[np.float64]:
         """The share of the power in each wanted dot."""
         shares = np.empty(self.info.dot_count, np.float64)
-        pointer = shares.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        _library.call("clspDoePatternGetDotShares", self._get(), shares.size, pointer)
+        _library.call("clspDoePatternGetDotShares", self._get(), shares.size, _check.pointer(shares))
         return shares
 
     def pattern(self, **options: Any) -> Pattern:

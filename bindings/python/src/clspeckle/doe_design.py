@@ -9,7 +9,6 @@ The method: ``docs/doe-design.md``; the C interface with every definition: ``doe
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import dataclasses
 from collections.abc import Mapping
@@ -25,38 +24,21 @@ from .runtime import Context, resolve_context
 
 __all__ = ["DoeDesign", "SnappedOrders", "design_doe", "evaluate_doe", "snap_directions"]
 
-_RULES: Mapping[str, int] = {
-    "gs": _library.CLSP_DOE_RULE_GS,
-    "gsw": _library.CLSP_DOE_RULE_GSW,
-    "nogrette": _library.CLSP_DOE_RULE_NOGRETTE,
-    "kim": _library.CLSP_DOE_RULE_KIM,
-}
-_INTEGERS = {
-    "levels": 32,
-    "seed": 64,
-    "iterations": 32,
-    "quantization_iterations": 32,
-    "fix_phase_iteration": 32,
-    "search_sweeps": 32,
-}
-_REALS = ("pixel_pitch_m", "wavelength_m", "beam_diameter_m", "feedback")
-_FLAGS = ("compensate_envelope", "mirror_orders")
-_NUMBERS = (
-    "efficiency",
-    "grid_efficiency",
-    "uniformity_rms",
-    "uniformity_peak_to_peak",
-    "weakest",
-    "strongest",
-    "zero_order",
-    "zero_order_relative",
-    "largest_ghost",
-    "largest_ghost_relative",
-    "other_orders",
-    "beyond",
-    "search_changes",
+_RULES = _library.words("DOE_RULE")
+_ARGUMENTS = _check.Arguments(_library.ClspDoeDesignDesc, flags=("compensate_envelope", "mirror_orders"))
+_PARAMETERS = (
+    "levels",
+    "seed",
+    "iterations",
+    "quantization_iterations",
+    "fix_phase_iteration",
     "search_sweeps",
-    "seconds",
+    "pixel_pitch_m",
+    "wavelength_m",
+    "beam_diameter_m",
+    "feedback",
+    "compensate_envelope",
+    "mirror_orders",
 )
 
 
@@ -87,7 +69,7 @@ class DoeDesign(Handle):
         seconds: that it took.
     """
 
-    _release = "clspDoeDesignRelease"
+    _c_name = "clspDoeDesign"
     _pickle_advice = "its arrays are NumPy's"
 
     efficiency: float
@@ -117,21 +99,20 @@ class DoeDesign(Handle):
         return made
 
     def _read(self, shape: tuple[int, int]) -> None:
-        report = _library.initialized(_library.ClspDoeDesignReport)
-        _library.call("clspDoeDesignGetReport", self._get(), ctypes.byref(report))
-        for name in _NUMBERS:
+        report = _library.fetched(_library.ClspDoeDesignReport, "clspDoeDesignGetReport", self._get())
+        for name in DoeDesign.__annotations__:
             setattr(self, name, getattr(report, name))
         self.zero_order_wanted = bool(report.zero_order_wanted)
         self.ghost_order: tuple[int, int] = (report.ghost_m, report.ghost_n)
         self.phase = np.empty(shape, np.float32)
-        _library.call("clspDoeDesignGetPhase", self._get(), self.phase.size, _pointer(self.phase, ctypes.c_float))
+        _library.call("clspDoeDesignGetPhase", self._get(), self.phase.size, _check.pointer(self.phase))
         count, steps = report.order_count, report.step_count
         orders = (_library.ClspDoeDesignOrder * count)()
         self.powers = np.empty(count)
-        _library.call("clspDoeDesignGetOrders", self._get(), count, orders, _pointer(self.powers, ctypes.c_double))
+        _library.call("clspDoeDesignGetOrders", self._get(), count, orders, _check.pointer(self.powers))
         self.orders, self.weights = _split(orders)
         columns = np.empty((2, steps))
-        pointers = [_pointer(column, ctypes.c_double) for column in columns]
+        pointers = [_check.pointer(column) for column in columns]
         _library.call("clspDoeDesignGetHistory", self._get(), steps, *pointers)
         self.history = np.ascontiguousarray(columns.T)
 
@@ -144,10 +125,6 @@ class SnappedOrders:
     """(n, 2), m to the right and n down."""
     errors: npt.NDArray[np.float64]
     """(n,): how far off each is, in direction cosines."""
-
-
-def _pointer(array: npt.NDArray[Any], kind: Any) -> Any:
-    return array.ctypes.data_as(ctypes.POINTER(kind))
 
 
 def _split(orders: Any) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
@@ -173,16 +150,10 @@ def _order_table(orders: npt.ArrayLike, weights: npt.ArrayLike | None) -> Any:
     return (_library.ClspDoeDesignOrder * len(table)).from_buffer_copy(table.tobytes())
 
 
-def _desc(table: Any, shape: tuple[int, int], rule: str, given: Mapping[str, Any]) -> _library.ClspDoeDesignDesc:
-    known = (*_INTEGERS, *_REALS, *_FLAGS)
-    _check.known_names(given, known, "design_doe")
-    desc = _library.initialized(_library.ClspDoeDesignDesc)
-    desc.height, desc.width = _check.image_shape(shape)
+def _desc(table: Any, shape: tuple[int, int], rule: str, given: Mapping[str, Any]) -> Any:
+    _check.known_names(given, _PARAMETERS, "design_doe")
+    desc = _ARGUMENTS.describe_image(shape, given)
     desc.rule = _check.choice(rule, "rule", _RULES)
-    _check.assign(desc, given, _INTEGERS, _REALS)
-    for name in _FLAGS:
-        if given.get(name) is not None:
-            setattr(desc, name, _check.flag(given[name], name))
     desc.orders, desc.order_count = table, len(table)
     return desc
 
@@ -242,9 +213,8 @@ def evaluate_doe(
     table = _order_table(orders, weights)
     desc = _desc(table, (plane.shape[0], plane.shape[1]), "gsw", {"levels": 0, **parameters})
     device = resolve_context(context)
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(device._lock)
-        pointer = create("clspDoeDesignEvaluate", device._get(), ctypes.byref(desc), _pointer(plane, ctypes.c_float), 0)
+    with device._lock:
+        pointer = create("clspDoeDesignEvaluate", device._get(), ctypes.byref(desc), _check.pointer(plane), 0)
     return DoeDesign._of(pointer, (plane.shape[0], plane.shape[1]))
 
 
@@ -272,8 +242,8 @@ def snap_directions(
         _check.real(pixel_pitch_m, "pixel_pitch_m"),
         _check.real(wavelength_m, "wavelength_m"),
         len(pairs),
-        _pointer(pairs, ctypes.c_double),
+        _check.pointer(pairs),
         orders,
-        _pointer(distances, ctypes.c_double),
+        _check.pointer(distances),
     )
     return SnappedOrders(_split(orders)[0], distances)

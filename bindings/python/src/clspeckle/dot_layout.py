@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,18 +16,8 @@ from ._progress import Call, Progress
 
 __all__ = ["DotLayout", "dot_layout"]
 
-_REALS = (
-    "pixel_pitch_m",
-    "wavelength_m",
-    "half_angle_x_rad",
-    "half_angle_y_rad",
-    "min_distance",
-    "beam_diameter_m",
-    "row_half_height",
-    "neighborhood_radius",
-    "tolerance",
-    "min_difference",
-)
+_ARGUMENTS = _check.Arguments(_library.ClspDotLayoutDesc)
+_REALS = [name for name, kind in _ARGUMENTS.members.items() if kind is ctypes.c_double]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,10 +78,8 @@ def dot_layout(
             ClspDotLayoutDesc.
     """
     _check.known_names(parameters, _REALS, "dot_layout")
-    desc = _library.initialized(_library.ClspDotLayoutDesc)
-    desc.height, desc.width = _check.image_shape(shape)
-    given: dict[str, Any] = {"count": count, "seed": seed, "repair_rounds": repair_rounds, **parameters}
-    _check.assign(desc, given, {"count": 64, "seed": 64, "repair_rounds": 32}, _REALS)
+    given = {"count": count, "seed": seed, "repair_rounds": repair_rounds, **parameters}
+    desc = _ARGUMENTS.describe_image(shape, given)
     desc.lattice = _check.flag(lattice, "lattice")
     desc.point_symmetric = _check.flag(point_symmetric, "point_symmetric")
     if not 1 <= desc.count <= _library.CLSP_MAX_LAYOUT_DOTS:
@@ -106,13 +93,9 @@ def dot_layout(
         _library.call(
             "clspDotLayoutCreate",
             ctypes.byref(desc),
-            directions.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
-            None if orders is None else orders.ctypes.data_as(ctypes.POINTER(ctypes.c_int32)),
+            _check.pointer(directions),
+            None if orders is None else _check.pointer(orders),
             ctypes.byref(info),
         )
-    numbers = {
-        field.name: getattr(info, field.name)
-        for field in dataclasses.fields(DotLayout)
-        if field.name not in ("directions", "orders", "worst_pair")
-    }
-    return DotLayout(directions=directions, orders=orders, worst_pair=(info.worst_first, info.worst_second), **numbers)
+    worst = (info.worst_first, info.worst_second)
+    return _library.record(DotLayout, info, directions=directions, orders=orders, worst_pair=worst)

@@ -15,27 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, Operands, Staging, device_image, output
-from .runtime import FLOAT32, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
+from ._staging import DeviceImageLike, Stage
+from .runtime import Context, Event, QueueLike
 
 __all__ = ["Dots"]
 
-_REALS = (
-    "scale",
-    "relative_wavelength_shift",
-    "beam_skew",
-    "beam_skew_angle_rad",
-    "beam_flatness",
-    "zero_order_relative_intensity",
-    "ghost_relative_intensity",
-    "scatter_fraction",
-)
-_OPTIONS = ("sigma_px", "peaks", "principal_point_px", "ghost_offset_px", *_REALS)
+
+_ARGUMENTS = _check.Arguments(_library.ClspDotsDesc)
 
 
-def _doubles(value: Any, name: str, shape: tuple[int | None, ...]) -> npt.NDArray[np.float64]:
+def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> npt.NDArray[np.float64]:
+    """An array of real numbers; None stands for any length of at least 1."""
     given = _check.array(value, name)
     if given.dtype.kind not in "fiu":
         raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected real numbers")
@@ -46,55 +38,35 @@ def _doubles(value: Any, name: str, shape: tuple[int | None, ...]) -> npt.NDArra
     return np.ascontiguousarray(given, dtype=np.float64)
 
 
-def _point(value: Any, name: str) -> tuple[float, float]:
-    if isinstance(value, (str, bytes)):
-        raise TypeError(f"{name} must be (x, y), got {_check.kind(value)}")
-    try:
-        x, y = value
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be (x, y), got {_check.kind(value)}") from None
-    return _check.real(x, f"{name}[0]"), _check.real(y, f"{name}[1]")
-
-
 def _describe(
     shape: tuple[int, int], positions_px: npt.ArrayLike | None, options: dict[str, Any]
 ) -> tuple[_library.ClspDotsDesc, list[npt.NDArray[np.float64]]]:
     """The description, and the arrays that it points to. No positions: those of before."""
-    desc = _library.initialized(_library.ClspDotsDesc)
-    desc.height, desc.width = _check.image_shape(shape)
+    desc = _ARGUMENTS.describe_image(shape, {name: value for name, value in options.items() if name != "sigma_px"})
     kept: list[npt.NDArray[np.float64]] = []
 
     def pointer(array: npt.NDArray[np.float64]) -> Any:
         kept.append(array)
-        return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        return _check.pointer(array)
 
     sigma, peaks = options.get("sigma_px"), options.get("peaks")
     if positions_px is not None:
-        positions = _doubles(positions_px, "positions_px", (None, 2))
+        positions = real_array(positions_px, "positions_px", (None, 2))
         desc.count = positions.shape[0]
         desc.positions_px = pointer(positions)
         if peaks is not None:
-            desc.peaks = pointer(_doubles(peaks, "peaks", (positions.shape[0],)))
+            desc.peaks = pointer(real_array(peaks, "peaks", (positions.shape[0],)))
     elif peaks is not None or (sigma is not None and np.ndim(sigma) > 0):
         raise errors.InvalidArgumentError("peaks, or a sigma_px for each dot, need positions_px")
     if sigma is not None:
         if np.ndim(sigma) == 0:
             desc.sigma_px = _check.real(sigma, "sigma_px")
         else:
-            desc.sigmas_px = pointer(_doubles(sigma, "sigma_px", (desc.count,)))
-    if options.get("principal_point_px") is not None:
-        point = _point(options["principal_point_px"], "principal_point_px")
-        desc.principal_point_given = 1
-        desc.principal_point_x_px, desc.principal_point_y_px = point
-    if options.get("ghost_offset_px") is not None:
-        point = _point(options["ghost_offset_px"], "ghost_offset_px")
-        desc.ghost_offset_given = 1
-        desc.ghost_offset_x_px, desc.ghost_offset_y_px = point
-    _check.assign(desc, options, {}, _REALS)
+            desc.sigmas_px = pointer(real_array(sigma, "sigma_px", (desc.count,)))
     return desc, kept
 
 
-class Dots(Handle):
+class Dots(Stage):
     """A dot pattern in the image plane.
 
     Args:
@@ -119,7 +91,8 @@ class Dots(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspDotsRelease"
+    _c_name = "clspDots"
+    _arguments = _ARGUMENTS
 
     def __init__(
         self,
@@ -140,36 +113,12 @@ class Dots(Handle):
         scatter_fraction: float | None = None,
         context: Context | None = None,
     ) -> None:
-        options = {
-            "sigma_px": sigma_px,
-            "peaks": peaks,
-            "scale": scale,
-            "principal_point_px": principal_point_px,
-            "relative_wavelength_shift": relative_wavelength_shift,
-            "beam_skew": beam_skew,
-            "beam_skew_angle_rad": beam_skew_angle_rad,
-            "beam_flatness": beam_flatness,
-            "zero_order_relative_intensity": zero_order_relative_intensity,
-            "ghost_relative_intensity": ghost_relative_intensity,
-            "ghost_offset_px": ghost_offset_px,
-            "scatter_fraction": scatter_fraction,
-        }
+        options = {name: value for name, value in locals().items() if name in _OPTIONS}
         if positions_px is None:
             raise TypeError("positions_px must be an array of shape (n, 2), got None")
         desc, _kept = _describe(shape, positions_px, options)
-        self.context = resolve_context(context)
-        self._adopt(create("clspDotsCreate", self.context._get(), ctypes.byref(desc)))
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
-        self._staging = Staging(self.context)
-
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
-        """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspDotsDesc)
-        return _check.defaults(desc, {}, ("sigma_px", *_REALS))
 
     def configure(self, positions_px: npt.ArrayLike | None = None, **options: Any) -> None:
         """Changes the pattern; later calls use it. If it fails everything stays as it was.
@@ -194,9 +143,9 @@ class Dots(Handle):
             `out`, or a new (height, width) float32 array.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self.shape, (np.float32,), None, self._staging, self.context)
-            return target.finish(queue, self._enqueue(target.image, queue, None))
+            command = self._command(queue)
+            target = command.output(out, self.shape)
+            return target.finish(self._enqueue(command, "Render", target.image))
 
     def enqueue_render(
         self,
@@ -207,15 +156,8 @@ class Dots(Handle):
     ) -> Event:
         """:meth:`render` into a float32 device image, asynchronously."""
         with exclusive(self):
-            image = device_image(irradiance, "irradiance", self.shape, FLOAT32, self.context)
-            return self._enqueue(image, queue, wait_for)
+            command = self._asynchronous(queue, wait_for)
+            return self._enqueue(command, "Render", command.image(irradiance, "irradiance", self.shape))
 
-    def _enqueue(self, irradiance: DeviceImage, queue: QueueLike | None, wait_for: Sequence[EventLike] | None) -> Event:
-        operands = Operands()
-        return operands.enqueue(
-            "clspDotsEnqueueRender",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(operands.add(irradiance)),
-            wait_for=wait_for,
-        )
+
+_OPTIONS = _check.optional(Dots.__init__)

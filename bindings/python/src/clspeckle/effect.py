@@ -62,18 +62,9 @@ def effects() -> list[Effect]:
         info = _library.ClspEffectInfo()
         _library.call("clspEffectGetInfo", index, ctypes.byref(info))
         parameters = tuple(
-            EffectParameter(
-                name=_library.text(parameter.name),
-                unit=_library.text(parameter.unit),
-                minimum=parameter.minimum,
-                maximum=parameter.maximum,
-                weak=parameter.weak,
-                strong=parameter.strong,
-            )
-            for parameter in info.parameters[: info.parameter_count]
+            _library.record(EffectParameter, parameter) for parameter in info.parameters[: info.parameter_count]
         )
-        texts = {name: _library.text(getattr(info, name)) for name in ("id", "stage", "summary", "kernel")}
-        result.append(Effect(**texts, parameters=parameters))
+        result.append(_library.record(Effect, info, parameters=parameters))
     return result
 
 

@@ -182,26 +182,7 @@ class LibraryLoadError(ClspeckleError, ImportError):
 
 
 BY_STATUS: dict[int, type[ClspeckleError]] = {
-    kind.status: kind
-    for kind in (
-        InvalidArgumentError,
-        InvalidStructSizeError,
-        InvalidHandleError,
-        BufferTooSmallError,
-        WrongContextError,
-        InvalidFormatError,
-        OverlapError,
-        InvalidDataError,
-        NoDeviceError,
-        OpenCLError,
-        BuildError,
-        OutOfMemoryError,
-        UnsupportedError,
-        InputOutputError,
-        InvalidStateError,
-        InternalError,
-        CancelledError,
-    )
+    kind.status: kind for kind in ClspeckleError.__subclasses__() if kind is not LibraryLoadError
 }
 """The exception class of each status of the C interface."""
 

@@ -22,47 +22,17 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import (
-    DeviceImageLike,
-    ImageLike,
-    Operands,
-    Output,
-    Staging,
-    device_image,
-    on_device,
-    output,
-    refuse_handle,
-)
-from .aperture import irradiance_image
-from .runtime import FLOAT32, Context, DeviceImage, Event, QueueLike, find_format, queue_pointer, resolve_context
+from ._staging import Command, DeviceImageLike, ImageLike, Stage
+from .runtime import FLOAT32, Context, DeviceImage, Event, Format, QueueLike, find_format
 
 __all__ = ["Lens"]
 
-_RADIUS_UNIT = {
-    "corner": _library.CLSP_LENS_RADIUS_CORNER,
-    "focal_length": _library.CLSP_LENS_RADIUS_FOCAL_LENGTH,
-}
-_INTERPOLATION = {
-    "nearest": _library.CLSP_INTERPOLATION_NEAREST,
-    "linear": _library.CLSP_INTERPOLATION_LINEAR,
-    "cubic": _library.CLSP_INTERPOLATION_CUBIC,
-}
-_REALS = (
-    "k1",
-    "k2",
-    "k3",
-    "p1",
-    "p2",
-    "vignetting_corner_loss",
-    "glare_fraction",
-    "glare_scale_px",
-    "ambient",
-)
+_INTERPOLATION = _library.words("INTERPOLATION")
 
 
-class Lens(Handle):
+class Lens(Stage):
     """A lens, but for its aperture. What is not given changes nothing.
 
     Args:
@@ -85,7 +55,10 @@ class Lens(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspLensRelease"
+    _c_name = "clspLens"
+    _arguments = _check.Arguments(
+        _library.ClspLensDesc, words={"radius_unit": _library.words("LENS_RADIUS")}, flags=("cos4_falloff",)
+    )
 
     def __init__(
         self,
@@ -106,29 +79,20 @@ class Lens(Handle):
         ambient: float | None = None,
         context: Context | None = None,
     ) -> None:
-        given = {name: value for name, value in locals().items() if name not in ("self", "shape", "context")}
-        desc = _description(shape, given)
-        self.context = resolve_context(context)
-        self._adopt(create("clspLensCreate", self.context._get(), ctypes.byref(desc)))
+        desc = self._arguments.describe_image(shape, locals())
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
-        self._staging = Staging(self.context)
 
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspLensDesc)
-        result = _check.defaults(desc, {"radius_unit": _RADIUS_UNIT}, (*_REALS, "radius_unit", "cos4_falloff"))
-        result["cos4_falloff"] = bool(result["cos4_falloff"])
-        return {**result, "principal_point_px": None, "focal_length_px": None}
+        return {**super().defaults(), "principal_point_px": None, "focal_length_px": None}
 
     def configure(self, shape: tuple[int, int] | None = None, **arguments: Any) -> None:
         """Changes the lens into one made with these arguments (those of the constructor but the context); later calls
         use the new one. After an error it is what it was."""
         _check.known_names(arguments, self.defaults(), "configure()")
-        desc = _description(self.shape if shape is None else shape, arguments)
+        desc = self._arguments.describe_image(self.shape if shape is None else shape, arguments)
         with exclusive(self):
             _library.call("clspLensConfigure", self._get(), ctypes.byref(desc))
             self.shape = (desc.height, desc.width)
@@ -150,19 +114,10 @@ class Lens(Handle):
             `out`, or a new array. Where the lens sees no ideal pixel it is 0, with 3 or 4 floats a pixel NaN.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            operands = Operands()
-            source = self._ideal(ideal, queue, operands)
-            if out is not None and on_device(out):
-                target = Output(device_image(out, "out", source.shape, _format(source), self.context), None, out)
-            else:
-                if out is None:
-                    out = np.empty(source.shape, source.dtype)
-                else:
-                    _check.host_output(out, "out", source.shape, (source.dtype,))
-                target = Output(self._staging.image("out", source.shape, source.dtype), out, out)
-            event = self._enqueue_distort(source, target.image, interpolation, operands, queue, None)
-            return target.finish(queue, event)
+            command = self._command(queue)
+            source = command.image(ideal, "ideal", self.shape, FLOAT32, _ideal)
+            target = command.output(out, source.shape, (source.dtype,))
+            return target.finish(self._distort(command, source, target.image, interpolation))
 
     def enqueue_distort(
         self,
@@ -175,9 +130,16 @@ class Lens(Handle):
     ) -> Event:
         """:meth:`distort` from one device image into another, asynchronously."""
         with exclusive(self):
-            source = device_image(ideal, "ideal", self.shape, FLOAT32, self.context)
-            target = device_image(distorted, "distorted", self.shape, _format(source), self.context)
-            return self._enqueue_distort(source, target, interpolation, Operands(), queue, wait_for)
+            command = self._asynchronous(queue, wait_for)
+            source = command.image(ideal, "ideal", self.shape)
+            target = command.image(distorted, "distorted", self.shape, _format(source))
+            return self._distort(command, source, target, interpolation)
+
+    def _distort(self, command: Command, ideal: DeviceImage, target: DeviceImage, interpolation: str | None) -> Event:
+        if interpolation is None:
+            interpolation = "cubic" if _format(ideal) is FLOAT32 else "nearest"
+        number = _check.choice(interpolation, "interpolation", _INTERPOLATION)
+        return self._enqueue(command, "Distort", number, ideal, target)
 
     def finish(self, light: ImageLike, *, dark: bool = False, out: Any = None, queue: QueueLike | None = None) -> Any:
         """Glare, ambient light and vignetting. Blocks.
@@ -192,11 +154,10 @@ class Lens(Handle):
             `out`, or a new (height, width) float32 array.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self.shape, (np.float32,), None, self._staging, self.context)
-            operands = Operands()
-            source = irradiance_image(light, "light", self.shape, self._staging, queue, operands)
-            return target.finish(queue, self._enqueue_finish(source, target.image, dark, operands, queue, None))
+            command = self._command(queue)
+            target = command.output(out, self.shape)
+            source = command.image(light, "light", self.shape)
+            return target.finish(self._enqueue(command, "Finish", source, _check.flag(dark, "dark"), target.image))
 
     def enqueue_finish(
         self,
@@ -209,9 +170,10 @@ class Lens(Handle):
     ) -> Event:
         """:meth:`finish` from one float32 device image into another, or in place, asynchronously."""
         with exclusive(self):
-            source = device_image(light, "light", self.shape, FLOAT32, self.context)
-            target = device_image(output, "output", self.shape, FLOAT32, self.context)
-            return self._enqueue_finish(source, target, dark, Operands(), queue, wait_for)
+            command = self._asynchronous(queue, wait_for)
+            source = command.image(light, "light", self.shape)
+            target = command.image(output, "output", self.shape)
+            return self._enqueue(command, "Finish", source, _check.flag(dark, "dark"), target)
 
     def distort_points(self, ideal_px: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Where ideal points are imaged.
@@ -237,95 +199,24 @@ class Lens(Handle):
         if given.ndim == 0 or given.shape[-1] != 2:
             raise _check.range_error(f"the shape of {name}", given.shape, "(..., 2)")
         points = np.array(given, dtype=np.float64, order="C")
-        pointer = points.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        pointer = _check.pointer(points)
         with exclusive(self):
             _library.call(function, self._get(), pointer, points.size // 2, pointer)
         return points
 
-    def _ideal(self, value: Any, queue: QueueLike | None, operands: Operands) -> DeviceImage:
-        if on_device(value):
-            return device_image(value, "ideal", self.shape, FLOAT32, self.context)
-        refuse_handle(value, "ideal")
-        given = _check.array(value, "ideal")
-        if given.dtype == np.bool_:
-            given = np.ascontiguousarray(given).view(np.uint8)
-        if given.dtype.kind == "f":
-            channels = given.shape[2:] if given.ndim == 3 and given.shape[2] in (2, 3, 4) else ()
-            image = _check.float_plane(given, "ideal", (*self.shape, *channels))
-        else:
-            if given.dtype not in (np.uint8, np.uint16, np.uint32):
-                raise _check.format_error("ideal", given.dtype, (np.float32, np.uint8, np.uint16, np.uint32))
-            _check.check_shape(given, "ideal", self.shape)
-            image = np.ascontiguousarray(given)
-        return self._staging.upload("ideal", image, queue, operands)
 
-    def _enqueue_distort(
-        self,
-        ideal: DeviceImage,
-        distorted: DeviceImage,
-        interpolation: str | None,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        if interpolation is None:
-            interpolation = "cubic" if _format(ideal) is FLOAT32 else "nearest"
-        number = _check.choice(interpolation, "interpolation", _INTERPOLATION)
-        return operands.enqueue(
-            "clspLensEnqueueDistort",
-            self._get(),
-            queue_pointer(queue, self.context),
-            number,
-            ctypes.byref(operands.add(ideal)),
-            ctypes.byref(operands.add(distorted)),
-            wait_for=wait_for,
-        )
-
-    def _enqueue_finish(
-        self,
-        light: DeviceImage,
-        image: DeviceImage,
-        dark: bool,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        is_dark = _check.flag(dark, "dark")
-        return operands.enqueue(
-            "clspLensEnqueueFinish",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(operands.add(light)),
-            is_dark,
-            ctypes.byref(operands.add(image)),
-            wait_for=wait_for,
-        )
+def _ideal(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
+    given = _check.array(value, name)
+    if given.dtype == np.bool_:
+        given = np.ascontiguousarray(given).view(np.uint8)
+    if given.dtype.kind == "f":
+        channels = given.shape[2:] if given.ndim == 3 and given.shape[2] in (2, 3, 4) else ()
+        return _check.float_plane(given, name, (*shape, *channels))
+    if given.dtype not in (np.uint8, np.uint16, np.uint32):
+        raise _check.format_error(name, given.dtype, (np.float32, np.uint8, np.uint16, np.uint32))
+    _check.check_shape(given, name, shape)
+    return np.ascontiguousarray(given)
 
 
-def _format(image: DeviceImage) -> Any:
+def _format(image: DeviceImage) -> Format:
     return find_format(image.shape, image.dtype, "ideal")
-
-
-def _pair(value: Any, name: str) -> tuple[float, float]:
-    try:
-        first, second = value
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be two numbers (x, y), got {_check.kind(value)}") from None
-    return _check.real(first, f"{name}[0]"), _check.real(second, f"{name}[1]")
-
-
-def _description(shape: tuple[int, int], given: dict[str, Any]) -> _library.ClspLensDesc:
-    desc = _library.initialized(_library.ClspLensDesc)
-    desc.height, desc.width = _check.image_shape(shape)
-    _check.assign(desc, given, {}, _REALS)
-    if given.get("radius_unit") is not None:
-        desc.radius_unit = _check.choice(given["radius_unit"], "radius_unit", _RADIUS_UNIT)
-    if given.get("principal_point_px") is not None:
-        desc.principal_point_given = 1
-        point = _pair(given["principal_point_px"], "principal_point_px")
-        desc.principal_point_x_px, desc.principal_point_y_px = point
-    if given.get("focal_length_px") is not None:
-        desc.focal_length_x_px, desc.focal_length_y_px = _pair(given["focal_length_px"], "focal_length_px")
-    if given.get("cos4_falloff") is not None:
-        desc.cos4_falloff = _check.flag(given["cos4_falloff"], "cos4_falloff")
-    return desc

@@ -38,10 +38,10 @@ class Material:
     @staticmethod
     def defaults() -> dict[str, Any]:
         """The C library's defaults."""
-        return _check.defaults(_library.initialized(_library.ClspMaterial), {}, _NAMES)
+        return _ARGUMENTS.values(_ARGUMENTS.describe({}), Material.__annotations__)
 
 
-_NAMES = tuple(field.name for field in dataclasses.fields(Material))
+_ARGUMENTS = _check.Arguments(_library.ClspMaterial)
 
 
 class MaterialTable(Handle):
@@ -52,7 +52,7 @@ class MaterialTable(Handle):
         context: None for :func:`default_context`.
     """
 
-    _release = "clspMaterialTableRelease"
+    _c_name = "clspMaterialTable"
 
     def __init__(self, materials: Iterable[Material], *, context: Context | None = None) -> None:
         entries = tuple(materials)
@@ -65,8 +65,7 @@ class MaterialTable(Handle):
             )
         structs = (_library.ClspMaterial * len(entries))()
         for i, entry in enumerate(entries):
-            structs[i] = _library.initialized(_library.ClspMaterial)
-            _check.assign(structs[i], dataclasses.asdict(entry), {}, _NAMES)
+            structs[i] = _ARGUMENTS.describe(vars(entry))
         self.context = resolve_context(context)
         self._adopt(create("clspMaterialTableCreate", self.context._get(), structs, len(entries)))
         self.materials: tuple[Material, ...] = entries

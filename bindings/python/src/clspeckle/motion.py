@@ -13,7 +13,6 @@ which is what :meth:`Phase.advance <clspeckle.Phase.advance>` takes. Equations a
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,30 +21,14 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
+from ._staging import Command, DeviceImageLike, HostCheck, ImageLike, Stage
 from .material import MaterialTable
-from .pattern import _DEPTH_KIND, _depths, _intrinsics, _positions
-from .runtime import (
-    FLOAT32,
-    FLOAT32X2,
-    FLOAT32X3,
-    UINT8,
-    Context,
-    Event,
-    Format,
-    QueueLike,
-    queue_pointer,
-    resolve_context,
-)
+from .pattern import DEPTH_KIND, intrinsics_numbers, vectors_plane
+from .runtime import FLOAT32, FLOAT32X2, FLOAT32X3, UINT8, Context, Event, Format, QueueLike
 
 __all__ = ["Motion", "MotionInput"]
-
-_RULE = {
-    "correlate": _library.CLSP_MOTION_CORRELATE,
-    "replace": _library.CLSP_MOTION_REPLACE,
-}
 
 
 @dataclasses.dataclass(eq=False)
@@ -85,7 +68,8 @@ class MotionInput:
     """True: rotation about the direction of view from the curl of `motion`."""
 
 
-def _materials(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+def material_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """An image of material ids."""
     given = _check.array(value, name)
     if given.dtype.kind not in "iu":
         raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected integers (uint8)")
@@ -95,25 +79,19 @@ def _materials(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.
     return np.ascontiguousarray(given, dtype=np.uint8)
 
 
-_IMAGES: tuple[tuple[str, Any, Format], ...] = (
-    ("position", _positions, FLOAT32X3),
-    ("depth", _depths, FLOAT32),
-    ("normal", _positions, FLOAT32X3),
-    ("material", _materials, UINT8),
-    ("motion", _check.vector2_plane, FLOAT32X2),
-    ("previous_position", _positions, FLOAT32X3),
-    ("previous_depth", _depths, FLOAT32),
-    ("previous_normal", _positions, FLOAT32X3),
-    ("previous_material", _materials, UINT8),
-)
-
-_OUTPUTS: dict[str, tuple[type, Format]] = {
-    "path": (np.float32, FLOAT32),
-    "correlation": (np.float32, FLOAT32),
-    "shift": (np.float32, FLOAT32X2),
-    "displacement": (np.float32, FLOAT32X3),
-    "mask": (np.uint8, UINT8),
+_IMAGES: dict[str, tuple[HostCheck, Format]] = {
+    "position": (vectors_plane, FLOAT32X3),
+    "depth": (_check.float_plane, FLOAT32),
+    "normal": (vectors_plane, FLOAT32X3),
+    "material": (material_plane, UINT8),
+    "motion": (_check.vector2_plane, FLOAT32X2),
+    "previous_position": (vectors_plane, FLOAT32X3),
+    "previous_depth": (_check.float_plane, FLOAT32),
+    "previous_normal": (vectors_plane, FLOAT32X3),
+    "previous_material": (material_plane, UINT8),
 }
+
+_OUTPUTS = {"path": FLOAT32, "correlation": FLOAT32, "shift": FLOAT32X2, "displacement": FLOAT32X3, "mask": UINT8}
 
 
 def _transforms(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -126,14 +104,7 @@ def _transforms(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return np.array([list(_check.pose(matrix, "previous_from_current")) for matrix in matrices])
 
 
-def motion_struct(
-    given: MotionInput,
-    shape: tuple[int, int],
-    staging: Staging,
-    queue: QueueLike | None,
-    operands: Operands,
-    device_only: bool = False,
-) -> tuple[_library.ClspMotionInput, Any]:
+def motion_struct(given: MotionInput, shape: tuple[int, int], command: Command) -> tuple[_library.ClspMotionInput, Any]:
     """The C struct of an input, and what must be kept until the call is made; host images are uploaded."""
     if not isinstance(given, MotionInput):
         raise TypeError(f"motion must be a clspeckle.MotionInput, got {_check.kind(given)}")
@@ -143,26 +114,13 @@ def motion_struct(
     kept = None
     if given.previous_from_current is not None:
         kept = _transforms(given.previous_from_current)
-        struct.previous_from_current = kept.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        struct.previous_from_current = _check.pointer(kept)
         struct.transform_count = len(kept)
-    # All host images are checked before the first one is uploaded.
-    host = {
-        name: check(value, name, shape)
-        for name, check, _ in _IMAGES
-        for value in (getattr(given, name),)
-        if value is not None and not device_only and not on_device(value)
-    }
-    for name, _, default in _IMAGES:
-        value = getattr(given, name)
-        if name in host:
-            setattr(struct, name, operands.add(staging.upload(f"motion.{name}", host[name], queue, operands)))
-        elif value is not None:
-            image = device_image(value, name, (*shape, default.channels), default, staging.context)
-            setattr(struct, name, operands.add(image))
+    command.fill(struct, vars(given), _IMAGES, shape, "motion.")
     return struct, kept
 
 
-class Motion(Handle):
+class Motion(Stage):
     """Motion of surfaces between two frames.
 
     Args:
@@ -182,7 +140,12 @@ class Motion(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspMotionRelease"
+    _c_name = "clspMotion"
+    _arguments = _check.Arguments(
+        _library.ClspMotionDesc,
+        words={"rule": _library.words("MOTION"), "depth_kind": DEPTH_KIND},
+        flags=("translate",),
+    )
 
     def __init__(
         self,
@@ -197,39 +160,16 @@ class Motion(Handle):
         occlusion_tolerance: float | None = None,
         context: Context | None = None,
     ) -> None:
-        desc = _library.initialized(_library.ClspMotionDesc)
-        desc.height, desc.width = _check.image_shape(shape)
-        if rule is not None:
-            desc.rule = _check.choice(rule, "rule", _RULE)
-        if translate is not None:
-            desc.translate = _check.flag(translate, "translate")
-        if depth_kind is not None:
-            desc.depth_kind = _check.choice(depth_kind, "depth_kind", _DEPTH_KIND)
+        desc = self._arguments.describe_image(shape, locals())
         if intrinsics is not None:
-            desc.fx_px, desc.fy_px, desc.cx_px, desc.cy_px = _intrinsics(intrinsics)
-        given = {"replace_threshold": replace_threshold, "occlusion_tolerance": occlusion_tolerance}
-        _check.assign(desc, given, {}, given)
+            desc.fx_px, desc.fy_px, desc.cx_px, desc.cy_px = intrinsics_numbers(intrinsics)
         if materials is not None:
             if not isinstance(materials, MaterialTable):
                 raise TypeError(f"materials must be a clspeckle.MaterialTable, got {_check.kind(materials)}")
             desc.materials = materials._get()
             context = materials.context if context is None else context
-        self.context = resolve_context(context)
-        self._adopt(create("clspMotionCreate", self.context._get(), ctypes.byref(desc)))
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
-        self._staging = Staging(self.context)
-
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
-        """The C library's defaults of the keyword arguments that have one."""
-        desc = _library.initialized(_library.ClspMotionDesc)
-        names = ("rule", "translate", "depth_kind", "replace_threshold", "occlusion_tolerance")
-        result = _check.defaults(desc, {"rule": _RULE, "depth_kind": _DEPTH_KIND}, names)
-        result["translate"] = bool(result["translate"])
-        return result
 
     def compute(
         self, given: MotionInput, outputs: Sequence[str] = ("path",), *, queue: QueueLike | None = None
@@ -249,14 +189,13 @@ class Motion(Handle):
                     f"outputs has {name!r}, expected {_check.one_of(_OUTPUTS)}{_check.nearest(str(name), _OUTPUTS)}"
                 )
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            targets = {}
+            command, targets = self._command(queue), {}
             for name in outputs:
-                dtype, default = _OUTPUTS[name]
-                shape = self.shape if default.channels == 1 else (*self.shape, default.channels)
-                targets[name] = self._staging.image(f"output.{name}", shape, dtype)
-            event = self._enqueue(given, targets, queue, None, False)
-            return {name: image.read(queue=queue, wait_for=[event]) for name, image in targets.items()}
+                pixel = _OUTPUTS[name]
+                shape = self.shape if pixel.channels == 1 else (*self.shape, pixel.channels)
+                targets[name] = self._staging.image(f"output.{name}", shape, pixel.dtype)
+            event = self._compute(command, given, targets)
+            return {name: image.read(queue=command.queue, wait_for=[event]) for name, image in targets.items()}
 
     def enqueue_compute(
         self,
@@ -273,34 +212,15 @@ class Motion(Handle):
         """:meth:`compute`, asynchronously; all images must be in device memory, and at least one output be given."""
         outputs = {"path": path, "correlation": correlation, "shift": shift, "displacement": displacement, "mask": mask}
         with exclusive(self):
-            return self._enqueue(given, outputs, queue, wait_for, True)
+            return self._compute(self._asynchronous(queue, wait_for), given, outputs)
 
-    def _enqueue(
-        self,
-        given: MotionInput,
-        outputs: Mapping[str, DeviceImageLike | None],
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-        device_only: bool,
-    ) -> Event:
-        operands = Operands()
-        struct, kept = motion_struct(given, self.shape, self._staging, queue, operands, device_only)
+    def _compute(self, command: Command, given: MotionInput, outputs: Mapping[str, DeviceImageLike | None]) -> Event:
+        struct, _transforms = motion_struct(given, self.shape, command)
         result = _library.initialized(_library.ClspMotionOutput)
         for name, value in outputs.items():
             if value is not None:
-                default = _OUTPUTS[name][1]
-                image = device_image(value, name, (*self.shape, default.channels), default, self.context)
-                setattr(result, name, operands.add(image))
-        event = operands.enqueue(
-            "clspMotionEnqueueCompute",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(struct),
-            ctypes.byref(result),
-            wait_for=wait_for,
-        )
-        del kept  # the library has copied the transforms
-        return event
+                setattr(result, name, command.add(command.image(value, name, self.shape, _OUTPUTS[name])))
+        return self._enqueue(command, "Compute", struct, result)
 
     def check(self, *, queue: QueueLike | None = None) -> None:
         """Waits, and reports bad pixels of all calls since the last check.
@@ -308,5 +228,4 @@ class Motion(Handle):
         Raises:
             InvalidDataError: there were some; the message says how many, and where the first one is.
         """
-        with exclusive(self):
-            _library.call("clspMotionCheck", self._get(), queue_pointer(queue, self.context))
+        self._wait_and_check(queue)

@@ -12,7 +12,6 @@ Equations and conventions: ``pattern.h``; thesis section 3.3, Lambert's law.
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -22,26 +21,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device, output, refuse_handle
-from .runtime import FLOAT32, FLOAT32X3, Context, DeviceImage, Event, Format, QueueLike, queue_pointer, resolve_context
+from ._staging import Command, DeviceImageLike, HostCheck, ImageLike, Stage, on_device, refuse_handle
+from .runtime import FLOAT32, FLOAT32X3, Context, Event, Format, QueueLike
 
 __all__ = ["Geometry", "Pattern"]
 
-_PROJECTION = {
-    "tangent_plane": _library.CLSP_PROJECTION_TANGENT_PLANE,
-    "direction_cosines": _library.CLSP_PROJECTION_DIRECTION_COSINES,
-}
-_QUANTITY = {
-    "radiant_intensity": _library.CLSP_QUANTITY_RADIANT_INTENSITY,
-    "plane_irradiance": _library.CLSP_QUANTITY_PLANE_IRRADIANCE,
-}
-_FILTER = {
-    "bilinear": _library.CLSP_FILTER_BILINEAR,
-    "area": _library.CLSP_FILTER_AREA,
-}
-_DEPTH_KIND = {
+PROJECTION = _library.words("PROJECTION")
+DEPTH_KIND = {
     "along_axis": _library.CLSP_DEPTH_ALONG_AXIS,
     "along_ray": _library.CLSP_DEPTH_ALONG_RAY,
 }
@@ -74,7 +62,8 @@ class Geometry:
     default."""
 
 
-def _intrinsics(value: Any) -> tuple[float, float, float, float]:
+def intrinsics_numbers(value: Any) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy of the four, or of a camera matrix."""
     given = _check.array(value, "intrinsics")
     if given.dtype.kind not in "fiu":
         raise errors.InvalidFormatError(f"intrinsics has dtype {given.dtype}, expected real numbers")
@@ -92,7 +81,8 @@ def _intrinsics(value: Any) -> tuple[float, float, float, float]:
     return float(given[0, 0]), float(given[1, 1]), float(given[0, 2]), float(given[1, 2])
 
 
-def _vectors(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+def vectors_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """An image of vectors with three components, or four."""
     given = _check.array(value, name)
     if given.ndim != 3 or given.shape[2] not in (3, 4):
         raise errors.InvalidArgumentError(
@@ -102,7 +92,7 @@ def _vectors(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.fl
 
 
 def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    vectors = _vectors(value, name, shape)
+    vectors = vectors_plane(value, name, shape)
     xyz = vectors[..., :3]
     with np.errstate(invalid="ignore", over="ignore"):
         # Averaged over a pixel's samples a normal gets shorter, never longer; where there is no surface it may be NaN.
@@ -110,14 +100,6 @@ def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.fl
     if bad.any():
         raise errors.InvalidDataError(f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1")
     return vectors
-
-
-def _positions(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    return _vectors(value, name, shape)
-
-
-def _depths(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    return _check.float_plane(value, name, shape)
 
 
 def _albedos(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
@@ -137,18 +119,18 @@ def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
     return _albedos(given, name, shape)
 
 
-_IMAGES: tuple[tuple[str, Any, Format], ...] = (
-    ("position", _positions, FLOAT32X3),
-    ("depth", _depths, FLOAT32),
-    ("normal", _normals, FLOAT32X3),
-    ("albedo", _albedos, FLOAT32),
-    ("visibility", _visibilities, FLOAT32),
-)
+_IMAGES: dict[str, tuple[HostCheck, Format]] = {
+    "position": (vectors_plane, FLOAT32X3),
+    "depth": (_check.float_plane, FLOAT32),
+    "normal": (_normals, FLOAT32X3),
+    "albedo": (_albedos, FLOAT32),
+    "visibility": (_visibilities, FLOAT32),
+}
 
 
 def geometry_shape(geometry: Geometry) -> tuple[int, int]:
     """The (height, width) of a geometry, from the first of its images that has one."""
-    for name, _, _ in _IMAGES:
+    for name in _IMAGES:
         value = getattr(geometry, name)
         shape: tuple[int, ...] = () if value is None else getattr(value, "shape", ())
         if value is not None and not on_device(value):
@@ -163,14 +145,7 @@ def geometry_shape(geometry: Geometry) -> tuple[int, int]:
     )
 
 
-def geometry_struct(
-    geometry: Geometry,
-    shape: tuple[int, int],
-    staging: Staging,
-    queue: QueueLike | None,
-    operands: Operands,
-    device_only: bool = False,
-) -> _library.ClspGeometry:
+def geometry_struct(geometry: Geometry, shape: tuple[int, int], command: Command) -> _library.ClspGeometry:
     """The C struct of a geometry; host images are uploaded."""
     if (geometry.position is None) == (geometry.depth is None):
         which = "neither" if geometry.position is None else "both"
@@ -179,29 +154,17 @@ def geometry_struct(
         raise errors.InvalidArgumentError("depth needs intrinsics: (fx, fy, cx, cy) in pixels")
     struct = _library.initialized(_library.ClspGeometry)
     if geometry.depth_kind is not None:
-        struct.depth_kind = _check.choice(geometry.depth_kind, "depth_kind", _DEPTH_KIND)
+        struct.depth_kind = _check.choice(geometry.depth_kind, "depth_kind", DEPTH_KIND)
     if geometry.intrinsics is not None:
-        numbers = _intrinsics(geometry.intrinsics)
+        numbers = intrinsics_numbers(geometry.intrinsics)
         if not all(math.isfinite(number) for number in numbers) or numbers[0] == 0 or numbers[1] == 0:
             raise errors.InvalidArgumentError(f"intrinsics is {numbers}, expected finite numbers, fx and fy not 0")
         struct.fx_px, struct.fy_px, struct.cx_px, struct.cy_px = numbers
-    # All host images are checked before the first one is uploaded.
-    host = {
-        name: check(value, name, shape)
-        for name, check, _ in _IMAGES
-        for value in (getattr(geometry, name),)
-        if value is not None and not device_only and not on_device(value)
-    }
-    for name, _, default in _IMAGES:
-        value = getattr(geometry, name)
-        if name in host:
-            setattr(struct, name, operands.add(staging.upload(name, host[name], queue, operands)))
-        elif value is not None:
-            setattr(struct, name, operands.add(device_image(value, name, shape, default, staging.context)))
+    command.fill(struct, vars(geometry), _IMAGES, shape)
     return struct
 
 
-class Pattern(Handle):
+class Pattern(Stage):
     """A projected pattern.
 
     Args:
@@ -222,7 +185,11 @@ class Pattern(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspPatternRelease"
+    _c_name = "clspPattern"
+    _arguments = _check.Arguments(
+        _library.ClspPatternDesc,
+        words={"projection": PROJECTION, "quantity": _library.words("QUANTITY"), "filter": _library.words("FILTER")},
+    )
 
     def __init__(
         self,
@@ -239,37 +206,18 @@ class Pattern(Handle):
         context: Context | None = None,
     ) -> None:
         plane = _check.irradiance_plane(texels, "texels")
-        desc = _library.initialized(_library.ClspPatternDesc)
+        desc = self._arguments.describe(locals())
         desc.height, desc.width = plane.shape
-        desc.texels = plane.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
-        if projection is not None:
-            desc.projection = _check.choice(projection, "projection", _PROJECTION)
-        if quantity is not None:
-            desc.quantity = _check.choice(quantity, "quantity", _QUANTITY)
-        if filter is not None:
-            desc.filter = _check.choice(filter, "filter", _FILTER)
-        if filter_taps is not None:
-            desc.filter_taps = _check.integer(filter_taps, "filter_taps")
-        given = {"half_extent_x": half_extent_x, "half_extent_y": half_extent_y, "power_scale": power_scale}
-        _check.assign(desc, given, {}, given)
+        desc.texels = _check.pointer(plane)
         if laser_from_geometry is not None:
             desc.laser_from_geometry = _check.pose(laser_from_geometry, "laser_from_geometry")
-        self.context = resolve_context(context)
-        self._adopt(create("clspPatternCreate", self.context._get(), ctypes.byref(desc)))
-        self._staging = Staging(self.context)
+        self._create(desc, context)
 
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspPatternDesc)
-        names = ("projection", "quantity", "half_extent_x", "half_extent_y", "power_scale", "laser_from_geometry")
-        words = {"projection": _PROJECTION, "quantity": _QUANTITY, "filter": _FILTER}
-        result = _check.defaults(desc, words, (*names, "filter", "filter_taps"))
-        result["laser_from_geometry"] = np.array(list(desc.laser_from_geometry)).reshape(3, 4)
-        return result
+        pose = _library.initialized(_library.ClspPatternDesc).laser_from_geometry
+        return {**super().defaults(), "laser_from_geometry": np.array(pose).reshape(3, 4)}
 
     def set_pose(self, laser_from_geometry: npt.ArrayLike) -> None:
         """Moves the laser: [R|t], (3, 4) or (4, 4), R a rotation, t in metres. Later calls use the new pose."""
@@ -290,11 +238,10 @@ class Pattern(Handle):
         _require_geometry(geometry)
         shape = geometry_shape(geometry)
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", shape, (np.float32,), None, self._staging, self.context)
-            operands = Operands()
-            struct = geometry_struct(geometry, shape, self._staging, queue, operands)
-            return target.finish(queue, self._enqueue(struct, target.image, operands, queue, None))
+            command = self._command(queue)
+            target = command.output(out, shape)
+            struct = geometry_struct(geometry, shape, command)
+            return target.finish(self._enqueue(command, "Lookup", struct, target.image))
 
     def enqueue_lookup(
         self,
@@ -312,27 +259,9 @@ class Pattern(Handle):
         _require_geometry(geometry)
         shape = geometry_shape(geometry)
         with exclusive(self):
-            operands = Operands()
-            struct = geometry_struct(geometry, shape, self._staging, queue, operands, device_only=True)
-            image = device_image(irradiance, "irradiance", shape, FLOAT32, self.context)
-            return self._enqueue(struct, image, operands, queue, wait_for)
-
-    def _enqueue(
-        self,
-        struct: _library.ClspGeometry,
-        irradiance: DeviceImage,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        return operands.enqueue(
-            "clspPatternEnqueueLookup",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(struct),
-            ctypes.byref(operands.add(irradiance)),
-            wait_for=wait_for,
-        )
+            command = self._asynchronous(queue, wait_for)
+            struct = geometry_struct(geometry, shape, command)
+            return self._enqueue(command, "Lookup", struct, command.image(irradiance, "irradiance", shape))
 
 
 def _require_geometry(value: Any) -> None:

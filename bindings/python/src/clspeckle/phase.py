@@ -16,36 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _interop, _library, errors
-from ._handle import Handle, create, exclusive
-from ._interop import EventLike, SupportsIntPtr, enqueue
-from ._staging import DeviceImageLike, ImageLike, Operands, Staging, device_image, on_device
-from .runtime import (
-    FLOAT32,
-    FLOAT32X2,
-    UINT8,
-    Buffer,
-    Context,
-    DeviceImage,
-    Event,
-    QueueLike,
-    memory_pointer,
-    queue_pointer,
-    resolve_context,
-)
+from . import _check, _library, errors
+from ._handle import exclusive
+from ._interop import EventLike, SupportsIntPtr
+from ._staging import Command, DeviceImageLike, HostCheck, ImageLike, Stage
+from .runtime import FLOAT32, FLOAT32X2, UINT8, Buffer, Context, Event, Format, QueueLike, memory_pointer
 
 __all__ = ["FieldGrid", "Phase", "field_grid"]
-
-_FIELD = {
-    "circular_gaussian": _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
-    "unit_phasor": _library.CLSP_FIELD_UNIT_PHASOR,
-}
-
-
-_DYNAMICS = {
-    "replace": _library.CLSP_DYNAMICS_REPLACE,
-    "continuous": _library.CLSP_DYNAMICS_CONTINUOUS,
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,7 +61,15 @@ def field_grid(shape: tuple[int, int], *, oversampling: int = 1, guard_px: int =
     return FieldGrid(width, height, grid.oversampling, grid.guard_px, grid.grid_width, grid.grid_height)
 
 
-class Phase(Handle):
+_ADVANCE_IMAGES: dict[str, tuple[HostCheck, Format]] = {
+    "path": (_check.float_plane, FLOAT32),
+    "correlation": (_check.float_plane, FLOAT32),
+    "shift": (_check.vector2_plane, FLOAT32X2),
+    "mask": (_check.mask_plane, UINT8),
+}
+
+
+class Phase(Stage):
     """A phase state.
 
     Args:
@@ -104,7 +89,12 @@ class Phase(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspPhaseRelease"
+    _c_name = "clspPhase"
+    _arguments = _check.Arguments(
+        _library.ClspPhaseDesc,
+        words={"field": _library.words("FIELD"), "dynamics": _library.words("DYNAMICS")},
+        flags=("translate",),
+    )
     _pickle_advice = "save() gives its state as an array, restore() takes it in the process that uses it"
 
     def __init__(
@@ -120,39 +110,11 @@ class Phase(Handle):
         translate: bool | None = None,
         context: Context | None = None,
     ) -> None:
-        desc = _library.initialized(_library.ClspPhaseDesc)
-        desc.height, desc.width = _check.image_shape(shape)
-        if field is not None:
-            desc.field = _check.choice(field, "field", _FIELD)
-        if dynamics is not None:
-            desc.dynamics = _check.choice(dynamics, "dynamics", _DYNAMICS)
-        if translate is not None:
-            desc.translate = _check.flag(translate, "translate")
-        given = {
-            "oversampling": oversampling,
-            "guard_px": guard_px,
-            "polarization_count": polarization_count,
-            "seed": seed,
-        }
-        _check.assign(desc, given, {"oversampling": 32, "guard_px": 32, "polarization_count": 32, "seed": 64}, ())
-        self.context = resolve_context(context)
-        self._adopt(create("clspPhaseCreate", self.context._get(), ctypes.byref(desc)))
+        desc = self._arguments.describe_image(shape, locals())
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.polarization_count: int = desc.polarization_count
         self.grid = field_grid(self.shape, oversampling=desc.oversampling, guard_px=desc.guard_px)
-        self._staging = Staging(self.context)
-
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
-        """The C library's defaults of the keyword arguments."""
-        desc = _library.initialized(_library.ClspPhaseDesc)
-        names = ("oversampling", "guard_px", "field", "polarization_count", "seed", "dynamics", "translate")
-        result = _check.defaults(desc, {"field": _FIELD, "dynamics": _DYNAMICS}, names)
-        result["translate"] = bool(result["translate"])
-        return result
 
     @property
     def grid_shape(self) -> tuple[int, int]:
@@ -168,8 +130,7 @@ class Phase(Handle):
                 None: all of them. The first refresh always draws everything.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            self._enqueue_refresh(frame_index, mask, queue, None).wait()
+            self._refresh(self._command(queue), frame_index, mask).wait()
 
     def enqueue_refresh(
         self,
@@ -181,30 +142,12 @@ class Phase(Handle):
     ) -> Event:
         """:meth:`refresh`, asynchronously; the mask must be in device memory."""
         with exclusive(self):
-            if mask is not None and not on_device(mask):
-                device_image(mask, "mask", self.shape, UINT8, self.context)  # says what is wrong
-            return self._enqueue_refresh(frame_index, mask, queue, wait_for)
+            return self._refresh(self._asynchronous(queue, wait_for), frame_index, mask)
 
-    def _enqueue_refresh(
-        self,
-        frame_index: int,
-        mask: ImageLike | None,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
+    def _refresh(self, command: Command, frame_index: int, mask: Any) -> Event:
         frame_index = _check.integer(frame_index, "frame_index", 64)
-        operands = Operands()
-        struct = None
-        if mask is not None:
-            struct = ctypes.byref(operands.add(mask_image(mask, "mask", self.shape, self._staging, queue, operands)))
-        return operands.enqueue(
-            "clspPhaseEnqueueRefresh",
-            self._get(),
-            queue_pointer(queue, self.context),
-            frame_index,
-            struct,
-            wait_for=wait_for,
-        )
+        image = None if mask is None else command.mask(mask, "mask", self.shape)
+        return self._enqueue(command, "Refresh", frame_index, image)
 
     def advance(
         self,
@@ -230,9 +173,8 @@ class Phase(Handle):
         A pixel with a path, correlation or shift that is NaN or out of range is replaced, and :meth:`check` reports it.
         """
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
             images = {"path": path, "correlation": correlation, "shift": shift, "mask": mask}
-            self._enqueue_advance(frame_index, images, substep, queue, None, False).wait()
+            self._advance(self._command(queue), frame_index, images, substep).wait()
 
     def enqueue_advance(
         self,
@@ -249,53 +191,17 @@ class Phase(Handle):
         """:meth:`advance`, asynchronously; all images must be in device memory."""
         with exclusive(self):
             images = {"path": path, "correlation": correlation, "shift": shift, "mask": mask}
-            return self._enqueue_advance(frame_index, images, substep, queue, wait_for, True)
+            return self._advance(self._asynchronous(queue, wait_for), frame_index, images, substep)
 
-    def _enqueue_advance(
-        self,
-        frame_index: int,
-        given: dict[str, Any],
-        substep: int,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-        device_only: bool,
-    ) -> Event:
+    def _advance(self, command: Command, frame_index: int, images: dict[str, Any], substep: int) -> Event:
         frame_index = _check.integer(frame_index, "frame_index", 64)
         struct = _library.initialized(_library.ClspPhaseAdvance)
         struct.substep = _check.integer(substep, "substep")
-        images = {name: value for name, value in given.items() if value is not None}
         for name in ("path", "correlation"):
-            if isinstance(images.get(name), (int, float, np.integer, np.floating)):
+            if isinstance(images[name], (int, float, np.integer, np.floating)):
                 setattr(struct, "uniform_" + name, _check.real(images.pop(name), name))
-        checks: dict[str, Any] = {
-            "path": _check.float_plane,
-            "correlation": _check.float_plane,
-            "shift": _check.vector2_plane,
-            "mask": _check.mask_plane,
-        }
-        # All host images are checked before the first one is uploaded.
-        host = {
-            name: checks[name](value, name, self.shape)
-            for name, value in images.items()
-            if not device_only and not on_device(value)
-        }
-        operands = Operands()
-        for name, value in images.items():
-            if name in host:
-                image = self._staging.upload(name, host[name], queue, operands)
-            else:
-                shape = (*self.shape, 2) if name == "shift" else self.shape
-                default = {"shift": FLOAT32X2, "mask": UINT8}.get(name, FLOAT32)
-                image = device_image(value, name, shape, default, self.context)
-            setattr(struct, name, operands.add(image))
-        return operands.enqueue(
-            "clspPhaseEnqueueAdvance",
-            self._get(),
-            queue_pointer(queue, self.context),
-            frame_index,
-            ctypes.byref(struct),
-            wait_for=wait_for,
-        )
+        command.fill(struct, images, _ADVANCE_IMAGES, self.shape)
+        return self._enqueue(command, "Advance", frame_index, struct)
 
     def check(self, *, queue: QueueLike | None = None) -> None:
         """Waits, and reports bad pixels of all advances since the last check.
@@ -303,8 +209,7 @@ class Phase(Handle):
         Raises:
             InvalidDataError: there were some; the message says how many, and where the first one is.
         """
-        with exclusive(self):
-            _library.call("clspPhaseCheck", self._get(), queue_pointer(queue, self.context))
+        self._wait_and_check(queue)
 
     def field(self, polarization: int = 0, *, queue: QueueLike | None = None) -> npt.NDArray[np.complex64]:
         """z of one polarization as complex64 of :attr:`grid_shape`. Blocks.
@@ -327,16 +232,9 @@ class Phase(Handle):
     ) -> Event:
         """Writes z of one polarization to a complex64 (or float32 x 2) device image of :attr:`grid_shape`."""
         with exclusive(self):
-            operands = Operands()
-            struct = operands.add(device_image(field, "field", (*self.grid_shape, 2), FLOAT32X2, self.context))
-            return operands.enqueue(
-                "clspPhaseEnqueueField",
-                self._get(),
-                queue_pointer(queue, self.context),
-                _check.integer(polarization, "polarization"),
-                ctypes.byref(struct),
-                wait_for=wait_for,
-            )
+            command = self._asynchronous(queue, wait_for)
+            number = _check.integer(polarization, "polarization")
+            return self._enqueue(command, "Field", number, command.image(field, "field", self.grid_shape, FLOAT32X2))
 
     @property
     def state_size(self) -> int:
@@ -390,7 +288,7 @@ class Phase(Handle):
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
         """Copies the state to a buffer of at least :attr:`state_size` bytes from the offset on."""
-        return self._enqueue_copy("clspPhaseEnqueueSave", memory, offset_bytes, queue, wait_for)
+        return self._copy("Save", memory, offset_bytes, self._asynchronous(queue, wait_for))
 
     def enqueue_restore(
         self,
@@ -401,36 +299,9 @@ class Phase(Handle):
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
         """Copies a state back from a buffer."""
-        return self._enqueue_copy("clspPhaseEnqueueRestore", memory, offset_bytes, queue, wait_for)
+        return self._copy("Restore", memory, offset_bytes, self._asynchronous(queue, wait_for))
 
-    def _enqueue_copy(
-        self,
-        name: str,
-        memory: Buffer | SupportsIntPtr | int,
-        offset_bytes: int,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
+    def _copy(self, what: str, memory: Buffer | SupportsIntPtr | int, offset_bytes: int, command: Command) -> Event:
         with exclusive(self):
-            return enqueue(
-                name,
-                self._get(),
-                queue_pointer(queue, self.context),
-                memory_pointer(memory, "memory"),
-                _check.integer(offset_bytes, "offset_bytes", 64),
-                waiting=_interop.wait_list(wait_for),
-            )
-
-
-def mask_image(
-    mask: Any,
-    name: str,
-    shape: tuple[int, int],
-    staging: Staging,
-    queue: QueueLike | None,
-    operands: Operands,
-) -> DeviceImage:
-    """A mask argument in device memory."""
-    if on_device(mask):
-        return device_image(mask, name, shape, UINT8, staging.context)
-    return staging.upload(name, _check.mask_plane(mask, name, shape), queue, operands)
+            offset = _check.integer(offset_bytes, "offset_bytes", 64)
+            return self._enqueue(command, what, memory_pointer(memory, "memory"), offset)

@@ -19,17 +19,14 @@ import numpy.typing as npt
 
 from . import _check, _interop, _library
 from ._interop import EventLike, SupportsIntPtr, enqueue
-from ._staging import DeviceImageLike, Operands, Staging, device_image, output
+from ._staging import Command, DeviceImageLike, Staging, device_image
 from .runtime import FLOAT32, UINT32, Buffer, Context, Event, QueueLike, memory_pointer, queue_pointer
 from .runtime import resolve_context as _resolve
 
 __all__ = ["bits", "blocks", "enqueue_blocks", "enqueue_fill", "normal", "uniform"]
 
-_DISTRIBUTION = {
-    "bits": _library.CLSP_DISTRIBUTION_BITS,
-    "uniform": _library.CLSP_DISTRIBUTION_UNIFORM,
-    "normal": _library.CLSP_DISTRIBUTION_NORMAL,
-}
+_DISTRIBUTION = _library.words("DISTRIBUTION")
+_ARGUMENTS = _check.Arguments(_library.ClspPhiloxDesc, words={"distribution": _DISTRIBUTION})
 
 
 def _key(key: Any) -> ctypes.Array[ctypes.c_uint32]:
@@ -123,54 +120,33 @@ def enqueue_fill(
 
     What is None has the C library's default.
     """
-    desc = _library.initialized(_library.ClspPhiloxDesc)
-    desc.distribution = _check.choice(distribution, "distribution", _DISTRIBUTION)
-    given = {"seed": seed, "frame_index": frame_index, "stream": stream, "local_size": local_size}
-    _check.assign(desc, given, {"seed": 64, "frame_index": 64, "stream": 32, "local_size": 32}, ())
+    desc = _ARGUMENTS.describe(locals())
+    desc.distribution = _check.choice(distribution, "distribution", _DISTRIBUTION)  # None is no choice
     context = _resolve(context, image)
     if _interop.is_pyopencl(image, "MemoryObjectHolder") or isinstance(image, Buffer):
         raise TypeError("image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)")
-    operands = Operands()
-    struct = operands.add(device_image(image, "image", (0, 0), FLOAT32, context))
-    return operands.enqueue(
-        "clspPhiloxEnqueueFill",
-        context._get(),
-        queue_pointer(queue, context),
-        ctypes.byref(desc),
-        ctypes.byref(struct),
-        wait_for=wait_for,
-    )
+    command = Command(Staging(context), queue, wait_for)
+    view = device_image(image, "image", (0, 0), FLOAT32, context)
+    return command.enqueue("clspPhiloxEnqueueFill", context._get(), desc, view)
 
 
 def _fill(
     distribution: str,
     shape: tuple[int, int],
-    seed: int | None,
-    frame_index: int | None,
-    stream: int | None,
-    local_size: int | None,
     out: Any,
     context: Context | None,
     queue: QueueLike | None,
+    **numbers: Any,
 ) -> Any:
     """:func:`enqueue_fill` for the blocking functions below."""
     context = _resolve(context, out)
-    queue = context.queue if queue is None else queue
-    dtype = UINT32.dtype if distribution == "bits" else FLOAT32.dtype
     staging = Staging(context)
+    command = Command(staging, queue)
     try:
-        target = output(out, "out", _check.image_shape(shape), (dtype,), None, staging, context)
-        event = enqueue_fill(
-            target.image,
-            distribution,
-            seed=seed,
-            frame_index=frame_index,
-            stream=stream,
-            local_size=local_size,
-            context=context,
-            queue=queue,
+        target = command.output(
+            out, _check.image_shape(shape), (UINT32.dtype if distribution == "bits" else np.float32,)
         )
-        return target.finish(queue, event)
+        return target.finish(enqueue_fill(target.image, distribution, context=context, queue=command.queue, **numbers))
     finally:
         staging.clear()
 
@@ -190,7 +166,7 @@ def bits(
 
     Arguments as for :func:`enqueue_fill`.
     """
-    return _fill("bits", shape, seed, frame_index, stream, local_size, out, context, queue)
+    return _fill("bits", **locals())
 
 
 def uniform(
@@ -208,7 +184,7 @@ def uniform(
 
     Arguments as for :func:`bits`.
     """
-    return _fill("uniform", shape, seed, frame_index, stream, local_size, out, context, queue)
+    return _fill("uniform", **locals())
 
 
 def normal(
@@ -226,4 +202,4 @@ def normal(
 
     Arguments as for :func:`bits`.
     """
-    return _fill("normal", shape, seed, frame_index, stream, local_size, out, context, queue)
+    return _fill("normal", **locals())

@@ -25,28 +25,18 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import Handle, exclusive
 from ._interop import EventLike
-from ._staging import DeviceImageLike, ImageLike, Operands, Output, Staging, device_image, on_device, output
-from .aperture import Aperture, irradiance_image
+from ._staging import Command, DeviceImageLike, ImageLike, Output, Stage, Staging, device_image, on_device
+from .aperture import Aperture
 from .dots import Dots
 from .effect import Effect, effect_values, find_effect
 from .lens import Lens
 from .material import Material, MaterialTable
-from .motion import Motion, MotionInput, _materials, motion_struct
+from .motion import Motion, MotionInput, material_plane, motion_struct
 from .pattern import Geometry, Pattern, Scene, geometry_struct
-from .phase import Phase, mask_image
-from .runtime import (
-    FLOAT32,
-    UINT8,
-    UINT16,
-    Context,
-    DeviceImage,
-    Event,
-    QueueLike,
-    queue_pointer,
-    resolve_context,
-)
+from .phase import Phase
+from .runtime import FLOAT32, UINT8, UINT16, Context, Event, QueueLike, queue_pointer, resolve_context
 from .sensor import OUTPUT_DTYPES, Sensor
 
 if TYPE_CHECKING:
@@ -175,110 +165,11 @@ class PipelineParameters(TypedDict, total=False):
     effects: Mapping[str, Mapping[str, float] | None] | None
 
 
-_GRID = ("oversampling", "guard_px")
-_PHASE = ("seed", "field", "polarization_count", "dynamics", "translate", *_GRID)
-_APERTURE = (
-    "f_number",
-    "pixel_pitch_m",
-    "wavelength_m",
-    "relative_diameter",
-    "degree_of_polarization",
-    "normalization",
-    "soft_rim",
-    "pupil",
-    "pupil_image",
-    "blade_count",
-    "blade_rotation_rad",
-    "blade_curvature",
-    "obstruction_ratio",
-    "defocus_waves",
-    "zernike_waves",
-    "fill_factor",
-    *_GRID,
-)
-_LENS = (
-    "k1",
-    "k2",
-    "k3",
-    "p1",
-    "p2",
-    "radius_unit",
-    "principal_point_px",
-    "focal_length_px",
-    "vignetting_corner_loss",
-    "cos4_falloff",
-    "glare_fraction",
-    "glare_scale_px",
-    "ambient",
-)
-_SENSOR = (
-    "seed",
-    "bits",
-    "exposure_gain_dn",
-    "saturation_dn",
-    "black_level_dn",
-    "read_noise_dn",
-    "hot_pixel_fraction",
-    "hot_pixel_mean_dn",
-    "cold_pixel_fraction",
-    "dark_frame_dn",
-    "float_full_scale",
-    "quantize",
-    "conversion_gain_dn_per_e",
-    "photons_per_unit",
-    "quantum_efficiency",
-    "full_well_e",
-    "crosstalk_fraction",
-    "prnu",
-    "column_prnu",
-    "row_prnu",
-    "mosaic_gain",
-    "dark_current_e_per_s",
-    "dark_current_reference_temperature_c",
-    "dark_current_doubling_k",
-    "temperature_c",
-    "exposure_time_s",
-    "lag_fraction",
-    "gamma",
-    "dsnu_dn",
-    "column_offset_dn",
-    "row_noise_dn",
-    "column_noise_dn",
-    "read_noise_spread",
-    "shot_noise",
-    "effective_bits",
-)
-_PIPELINE_INTEGERS = {"seed": 64, "line_count": 32, "sub_exposures": 32}
-_PIPELINE_REALS = (
-    "dephasing_rad",
-    "power_flicker",
-    "coherent_fraction",
-    "subsurface_length_px",
-    "subsurface_fraction",
-    "exposure_path",
-    "boiling_correlation_frames",
-    "airflow_rms_rad",
-    "airflow_scale_px",
-    "airflow_correlation_frames",
-    "airflow_wind_px",
-    "vibration_rms_px",
-    "shutter_fraction",
-)
-_PIPELINE = (*_PIPELINE_INTEGERS, *_PIPELINE_REALS, "exposure_correlation")
-
-_EXPOSURE_CORRELATION = {
-    "field": _library.CLSP_EXPOSURE_CORRELATION_FIELD,
-    "gaussian": _library.CLSP_EXPOSURE_CORRELATION_GAUSSIAN,
-}
-
-_ILLUMINATION = {
-    "laser": _library.CLSP_ILLUMINATION_LASER,
-    "incoherent": _library.CLSP_ILLUMINATION_INCOHERENT,
-    "dark": _library.CLSP_ILLUMINATION_DARK,
-}
+_PHASE, _APERTURE, _LENS, _SENSOR = (_check.optional(stage.__init__) for stage in (Phase, Aperture, Lens, Sensor))
+_ILLUMINATION = _library.words("ILLUMINATION")
 
 
-class Pipeline(Handle):
+class Pipeline(Stage):
     """A camera: its stages, run as one command per frame.
 
     Args:
@@ -321,7 +212,10 @@ class Pipeline(Handle):
         pipelines with stages of their own run at the same time.
     """
 
-    _release = "clspPipelineRelease"
+    _c_name = "clspPipeline"
+    _arguments = _check.Arguments(
+        _library.ClspPipelineDesc, words={"exposure_correlation": _library.words("EXPOSURE_CORRELATION")}
+    )
     _pickle_advice = "make it in the process that uses it; phase.save() gives the state of the speckle"
 
     def __init__(
@@ -354,7 +248,7 @@ class Pipeline(Handle):
         exposure_correlation: str | None = None,
         context: Context | None = None,
     ) -> None:
-        given = {name: value for name, value in locals().items() if name in _PIPELINE}
+        desc = self._arguments.describe(locals())
         parts: dict[str, tuple[Any, type[Handle]]] = {
             "phase": (phase, Phase),
             "aperture": (aperture, Aperture),
@@ -369,17 +263,10 @@ class Pipeline(Handle):
             if not isinstance(stage, kind) and not (stage is None and name not in ("phase", "aperture")):
                 raise TypeError(f"{name} must be a clspeckle.{kind.__name__}, got {_check.kind(stage)}")
         stages: list[Handle] = [stage for stage, _ in parts.values() if stage is not None]
-        desc = _library.initialized(_library.ClspPipelineDesc)
-        _check.assign(desc, given, _PIPELINE_INTEGERS, _PIPELINE_REALS)
-        if exposure_correlation is not None:
-            desc.exposure_correlation = _check.choice(
-                exposure_correlation, "exposure_correlation", _EXPOSURE_CORRELATION
-            )
         with exclusive(*stages):
             for name, (stage, _) in parts.items():
                 setattr(desc, name, None if stage is None else stage._get())
-            self.context = phase.context if context is None else resolve_context(context)
-            self._adopt(create("clspPipelineCreate", self.context._get(), ctypes.byref(desc)))
+            self._create(desc, phase.context if context is None else context)
         self.phase = phase
         self.aperture = aperture
         self.sensor = sensor
@@ -390,18 +277,11 @@ class Pipeline(Handle):
         self.lens = lens
         self.shape: tuple[int, int] = phase.shape
         self._stages: tuple[Handle, ...] = tuple(stages)
-        self._staging = Staging(self.context)
         self._spare: list[Staging] = []
         self._last: Event | None = None
         self._next_frame_index = 0
         self._effects: dict[str, dict[str, float]] = {}
         self._polarization_count = phase.polarization_count
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
-        """The C library's defaults of the keyword arguments that are no stages."""
-        words = {"exposure_correlation": _EXPOSURE_CORRELATION}
-        return _check.defaults(_library.initialized(_library.ClspPipelineDesc), words, _PIPELINE)
 
     @classmethod
     def from_parameters(
@@ -462,15 +342,15 @@ class Pipeline(Handle):
                 if motion.get("translate"):
                     given.setdefault("translate", True)
                 motion = own(Motion(shape, **{"materials": table, "context": context, **motion}))
+
+            def of(names: Iterable[str]) -> dict[str, Any]:
+                return {name: given[name] for name in names if name in given}
+
             if of_lens:
                 lens = own(Lens(shape, context=context, **of_lens))
-            phase = own(Phase(shape, context=context, **{name: given[name] for name in _PHASE if name in given}))
-            aperture = own(
-                Aperture(shape, context=context, **{name: given[name] for name in _APERTURE if name in given})
-            )
-            sensor = None
-            if with_sensor:
-                sensor = own(Sensor(shape, context=context, **{name: given[name] for name in _SENSOR if name in given}))
+            phase = own(Phase(shape, context=context, **of(_PHASE)))
+            aperture = own(Aperture(shape, context=context, **of(_APERTURE)))
+            sensor = own(Sensor(shape, context=context, **of(_SENSOR))) if with_sensor else None
             made = own(
                 cls(
                     phase=phase,
@@ -482,7 +362,7 @@ class Pipeline(Handle):
                     motion=motion,
                     lens=lens,
                     context=context,
-                    **{name: given[name] for name in _PIPELINE if name in given},
+                    **of(_PIPELINE),
                 )
             )
             for effect, values in wanted:
@@ -491,7 +371,8 @@ class Pipeline(Handle):
             return made
 
     def _forget(self) -> None:
-        for staging in (self._staging, *self._spare):
+        super()._forget()
+        for staging in self._spare:
             staging.clear()
 
     @property
@@ -578,12 +459,12 @@ class Pipeline(Handle):
             InvalidArgumentError, InvalidFormatError: another shape or dtype.
         """
         with exclusive(self, also=self._stages):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self.shape, self.output_dtypes, dtype, self._staging, self.context)
+            command = self._command(queue)
+            target = command.output(out, self.shape, self.output_dtypes, dtype)
             given = Frame(scene, refresh, frame_index, motion, material, illumination)
-            event = self._enqueue(given, target.image, self._staging, queue, None)
+            event = self._enqueue_frame(command, given, target.image)
             try:
-                return target.finish(queue, event)
+                return target.finish(event)
             finally:
                 if self._last is event:
                     self._last = None
@@ -606,8 +487,8 @@ class Pipeline(Handle):
         A frame waits for the one before it by itself, on any queue. The output must not overlap an input.
         """
         with exclusive(self, also=self._stages):
-            given, image = self._on_device(Frame(scene, refresh, frame_index, motion, material, illumination), output)
-            return self._enqueue(given, image, self._staging, queue, wait_for, device_only=True)
+            given = Frame(scene, refresh, frame_index, motion, material, illumination)
+            return self._enqueue_frame(self._asynchronous(queue, wait_for), given, output)
 
     def enqueue_frames(
         self,
@@ -640,15 +521,14 @@ class Pipeline(Handle):
             before = self._next_frame_index
             if first_frame_index is not None:
                 self._next_frame_index = _check.integer(first_frame_index, "first_frame_index", 48)
-            operands, structs = Operands(), []
+            command, structs = self._asynchronous(queue, wait_for), []
             try:
                 for index, (scene, output) in enumerate(zip(scenes, outputs, strict=True)):
                     frame = scene if isinstance(scene, Frame) else Frame(scene)
                     if frame.refresh is None:
                         frame = dataclasses.replace(frame, refresh=refresh)
                     try:
-                        given, image = self._on_device(frame, output)
-                        structs.append(self._frame(given, image, self._staging, queue, operands, device_only=True))
+                        structs.append(self._frame(command, frame, output))
                     except errors.ClspeckleError as error:
                         error.message = f"frames[{index}]: {error.message}"
                         raise
@@ -656,43 +536,14 @@ class Pipeline(Handle):
                         raise TypeError(f"frames[{index}]: {error}") from None
                     self._next_frame_index = min(structs[-1].frame_index + 1, 2**48 - 1)
                 array = (_library.ClspFrame * len(structs))(*structs)
-                event = operands.enqueue(
-                    "clspPipelineEnqueueFrames",
-                    self._get(),
-                    queue_pointer(queue, self.context),
-                    len(structs),
-                    array,
-                    wait_for=wait_for,
-                    after=self._last,
-                )
+                event = command.enqueue("clspPipelineEnqueueFrames", self._get(), len(structs), array, after=self._last)
             except BaseException:
                 self._next_frame_index = before
                 raise
             self._last = event
             return event
 
-    def _on_device(self, frame: Frame, output: DeviceImageLike) -> tuple[Frame, DeviceImage]:
-        """The frame with its images as device images, and where it goes."""
-        scene, refresh, material = frame.scene, frame.refresh, frame.material
-        if scene is not None and not isinstance(scene, Geometry):
-            scene = device_image(scene, "scene", self.shape, FLOAT32, self.context)
-        if refresh is not None and not isinstance(refresh, str):
-            refresh = device_image(refresh, "refresh", self.shape, UINT8, self.context)
-        if material is not None:
-            material = device_image(material, "material", self.shape, UINT8, self.context)
-        default = UINT16 if self.sensor is not None else FLOAT32
-        image = device_image(output, "output", self.shape, default, self.context)
-        return dataclasses.replace(frame, scene=scene, refresh=refresh, material=material), image
-
-    def _frame(
-        self,
-        given: Frame,
-        image: DeviceImage,
-        staging: Staging,
-        queue: QueueLike | None,
-        operands: Operands,
-        device_only: bool = False,
-    ) -> _library.ClspFrame:
+    def _frame(self, command: Command, given: Frame, output: DeviceImageLike) -> _library.ClspFrame:
         frame = _library.initialized(_library.ClspFrame)
         scene, refresh = given.scene, given.refresh
         index = given.frame_index
@@ -704,17 +555,18 @@ class Pipeline(Handle):
             frame.refresh = _check.choice(refresh, "refresh", {"all": _library.CLSP_REFRESH_ALL})
         elif refresh is not None:
             frame.refresh = _library.CLSP_REFRESH_MASK
-            frame.refresh_mask = operands.add(mask_image(refresh, "refresh", self.shape, staging, queue, operands))
+            frame.refresh_mask = command.add(command.mask(refresh, "refresh", self.shape))
         if laser and given.motion is not None:
             if self.motion is None:
                 raise TypeError("this pipeline has no motion stage; make it with one, or leave motion out")
-            motion, transforms = motion_struct(given.motion, self.shape, staging, queue, operands, device_only)
+            motion, transforms = motion_struct(given.motion, self.shape, command)
             frame.motion = ctypes.pointer(motion)
             frame._transforms = transforms  # the C struct points into it
         if laser and self.materials is not None:
             if given.material is None:
                 raise TypeError("this pipeline has a material table; its frames need each pixel's material id")
-            frame.material = operands.add(_material_image(given.material, self.shape, staging, queue, operands))
+            material = command.image(given.material, "material", self.shape, UINT8, material_plane)
+            frame.material = command.add(material)
         elif laser and given.material is not None:
             raise TypeError("this pipeline has no material table; make it with materials, or leave material out")
         if frame.illumination == _library.CLSP_ILLUMINATION_DARK:
@@ -722,41 +574,26 @@ class Pipeline(Handle):
         elif not laser:
             if scene is None or isinstance(scene, Geometry):
                 raise TypeError(f'frames with illumination "incoherent" need an ideal image, got {_check.kind(scene)}')
-            frame.irradiance = operands.add(irradiance_image(scene, "scene", self.shape, staging, queue, operands))
+            frame.irradiance = command.add(command.image(scene, "scene", self.shape))
         elif self.dots is not None:
             if scene is not None:
                 raise TypeError(f"this pipeline has dots; its frames take no scene (None), got {_check.kind(scene)}")
         elif isinstance(scene, Geometry):
             if self.pattern is None:
                 raise TypeError("this pipeline has no pattern; its frames need an ideal image, not a Geometry")
-            geometry = geometry_struct(scene, self.shape, staging, queue, operands, device_only)
+            geometry = geometry_struct(scene, self.shape, command)
             frame.geometry = ctypes.pointer(geometry)
         elif self.pattern is not None:
             raise TypeError(f"this pipeline has a pattern; its frames need a Geometry, got {_check.kind(scene)}")
         else:
-            frame.irradiance = operands.add(irradiance_image(scene, "scene", self.shape, staging, queue, operands))
-        frame.output = operands.add(image)
+            frame.irradiance = command.add(command.image(scene, "scene", self.shape))
+        default = FLOAT32 if self.sensor is None else UINT16
+        frame.output = command.add(device_image(output, "output", self.shape, default, self.context))
         return frame
 
-    def _enqueue(
-        self,
-        given: Frame,
-        image: DeviceImage,
-        staging: Staging,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-        device_only: bool = False,
-    ) -> Event:
-        operands = Operands()
-        frame = self._frame(given, image, staging, queue, operands, device_only)
-        event = operands.enqueue(
-            "clspPipelineEnqueueFrame",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(frame),
-            wait_for=wait_for,
-            after=self._last,
-        )
+    def _enqueue_frame(self, command: Command, given: Frame, output: DeviceImageLike) -> Event:
+        frame = self._frame(command, given, output)
+        event = command.enqueue("clspPipelineEnqueueFrame", self._get(), frame, after=self._last)
         self._last = event
         self._next_frame_index = min(frame.frame_index + 1, 2**48 - 1)
         return event
@@ -907,14 +744,14 @@ class Pipeline(Handle):
                     yield finish()
                 frame = item if isinstance(item, Frame) else Frame(item)
                 with exclusive(self, also=self._stages):
-                    used = self.context.queue if queue is None else queue
-                    given, staging = target_of(index), slots[index % depth]
-                    target = output(given, "out", self.shape, (given.dtype,), None, staging, self.context)
+                    given, command = target_of(index), Command(slots[index % depth], queue)
+                    target = command.output(given, self.shape, (given.dtype,))
                     target.host = given if given.flags.c_contiguous else np.empty(given.shape, given.dtype)
                     if frame.refresh is None:
                         frame = dataclasses.replace(frame, refresh=refresh)
-                    event = self._enqueue(frame, target.image, staging, used, None)
-                    pending.append((target, target.image.enqueue_read(target.host, queue=used, wait_for=[event])))
+                    event = self._enqueue_frame(command, frame, target.image)
+                    read = target.image.enqueue_read(target.host, queue=command.queue, wait_for=[event])
+                    pending.append((target, read))
             while pending:
                 yield finish()
         finally:
@@ -959,14 +796,13 @@ class Pipeline(Handle):
         if material is None and self.materials is not None:
             material = np.zeros(self.shape, np.uint8)
         with exclusive(self, also=self._stages):
-            queue = self.context.queue if queue is None else queue
             self._settle()
-            operands = Operands()
+            command = self._command(queue)
             image = self._staging.image("out", self.shape, wanted)
-            given = Frame(scene, refresh, 0, motion, material, illumination)
-            frame = self._frame(given, image, self._staging, queue, operands)
-            operands.wait()  # the call takes no wait list
-            _library.call("clspPipelineWarmUp", self._get(), queue_pointer(queue, self.context), ctypes.byref(frame))
+            frame = self._frame(command, Frame(scene, refresh, 0, motion, material, illumination), image)
+            command.wait()  # the call takes no wait list
+            pointer = queue_pointer(command.queue, self.context)
+            _library.call("clspPipelineWarmUp", self._get(), pointer, ctypes.byref(frame))
 
     def check(self, *, queue: QueueLike | None = None) -> None:
         """Waits for the queue and reports bad pixels (NaN, infinite or negative) of all frames since the last check.
@@ -978,7 +814,7 @@ class Pipeline(Handle):
         """
         with exclusive(self, also=self._stages):
             self._settle()
-            _library.call("clspPipelineCheck", self._get(), queue_pointer(queue, self.context))
+            self._wait_and_check(queue)
 
     def timings(self) -> dict[str, float]:
         """Device time of each stage of the last frame in milliseconds, in order. Waits for it.
@@ -1002,12 +838,7 @@ class Pipeline(Handle):
         return result
 
 
-def _material_image(
-    value: Any, shape: tuple[int, int], staging: Staging, queue: QueueLike | None, operands: Operands
-) -> DeviceImage:
-    if on_device(value):
-        return device_image(value, "material", shape, UINT8, staging.context)
-    return staging.upload("material", _materials(value, "material", shape), queue, operands)
+_PIPELINE = [name for name in _check.optional(Pipeline.__init__) if name in PipelineParameters.__annotations__]
 
 
 def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:

@@ -33,13 +33,6 @@ __all__ = [
     "wait",
 ]
 
-_DISK_CACHE = {
-    "auto": _library.CLSP_DISK_CACHE_AUTO,
-    "off": _library.CLSP_DISK_CACHE_OFF,
-    "on": _library.CLSP_DISK_CACHE_ON,
-}
-
-
 _LOG_LEVELS = {_library.CLSP_LOG_WARNING: logging.WARNING, _library.CLSP_LOG_INFO: logging.INFO}
 
 
@@ -124,22 +117,11 @@ def devices() -> list[Device]:
         info.struct_size = ctypes.sizeof(info)
     _library.call("clspDeviceList", capacity, infos, ctypes.byref(count))
     return [
-        Device(
+        _library.record(
+            Device,
+            info,
             usable=bool(info.usable),
-            reason=_library.text(info.reason),
-            rank=info.rank,
-            selector=_library.text(info.selector),
-            name=_library.text(info.name),
-            vendor=_library.text(info.vendor),
-            version=_library.text(info.version),
-            driver_version=_library.text(info.driver_version),
-            platform_name=_library.text(info.platform_name),
             type=tuple(word for bit, word in _DEVICE_TYPES if info.type & bit),
-            compute_units=info.compute_units,
-            global_memory_bytes=info.global_memory_bytes,
-            max_allocation_bytes=info.max_allocation_bytes,
-            local_memory_bytes=info.local_memory_bytes,
-            max_work_group_size=info.max_work_group_size,
             platform_id=info.platform_id or 0,
             device_id=info.device_id or 0,
         )
@@ -221,7 +203,7 @@ class Context(Handle):
         NoDeviceError: no OpenCL device, or none that fits; the message lists what was seen and how to install one.
     """
 
-    _release = "clspContextRelease"
+    _c_name = "clspContext"
 
     def __init__(
         self,
@@ -300,18 +282,9 @@ class Context(Handle):
 
     def info(self) -> ContextInfo:
         """Names, counts of programs and of device memory."""
-        info = _library.initialized(_library.ClspContextInfo)
-        _library.call("clspContextGetInfo", self._get(), ctypes.byref(info))
-        return ContextInfo(
-            device_name=_library.text(info.device_name),
-            platform_name=_library.text(info.platform_name),
-            programs_built=info.programs_built,
-            programs_from_cache=info.programs_from_cache,
-            allocation_count=info.allocation_count,
-            allocated_bytes=info.allocated_bytes,
-            opencl_context=info.cl_context_handle or 0,
-            opencl_device=info.cl_device or 0,
-        )
+        info = _library.fetched(_library.ClspContextInfo, "clspContextGetInfo", self._get())
+        opencl = {"opencl_context": info.cl_context_handle or 0, "opencl_device": info.cl_device or 0}
+        return _library.record(ContextInfo, info, **opencl)
 
     def __repr__(self) -> str:
         return super().__repr__() if self.closed else f"<clspeckle.Context on {self.info().device_name}>"
@@ -340,7 +313,7 @@ def _context_desc(
     if cache_dir is not None:
         desc.cache_dir = _check.path(cache_dir, "cache_dir")
     if disk_cache is not None:
-        desc.disk_cache = _check.choice(disk_cache, "disk_cache", _DISK_CACHE)
+        desc.disk_cache = _check.choice(disk_cache, "disk_cache", _library.words("DISK_CACHE"))
     return desc
 
 
@@ -405,11 +378,10 @@ class Queue(Handle):
     Threads: OpenCL queues may be used from any number of threads at once.
     """
 
-    _release = "clspQueueRelease"
+    _c_name = "clspQueue"
 
     def __init__(self, context: Context | None = None, *, profiling: bool = False, out_of_order: bool = False) -> None:
-        owner = resolve_context(context)
-        self._create(owner._get(), profiling, out_of_order)
+        self._create(resolve_context(context)._get(), profiling, out_of_order)
 
     def _create(self, context: int, profiling: bool, out_of_order: bool) -> None:
         flags = _library.CLSP_QUEUE_PROFILING * _check.flag(profiling, "profiling")
@@ -485,7 +457,7 @@ class Buffer(Handle):
     Threads: one thread at a time writes; the object itself may be shared.
     """
 
-    _release = "clspBufferRelease"
+    _c_name = "clspBuffer"
     _pickle_advice = "read() gives its content"
 
     def __init__(self, size_bytes: int, *, context: Context | None = None) -> None:

@@ -19,55 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _library, errors
-from ._handle import Handle, create, exclusive
+from ._handle import exclusive
 from ._interop import EventLike
-from ._staging import (
-    DeviceImageLike,
-    ImageLike,
-    Operands,
-    Staging,
-    device_image,
-    on_device,
-    output,
-    refuse_handle,
-)
-from .aperture import irradiance_image
-from .runtime import FLOAT32, FLOAT32X3, UINT16, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
+from ._staging import DeviceImageLike, ImageLike, Stage
+from .runtime import FLOAT32X3, UINT16, Context, Event, QueueLike
 
 __all__ = ["Sensor", "dark_frame_from_captures", "mosaic_gain_from_bayer"]
-
-_REALS = (
-    "exposure_gain_dn",
-    "saturation_dn",
-    "black_level_dn",
-    "read_noise_dn",
-    "hot_pixel_fraction",
-    "hot_pixel_mean_dn",
-    "cold_pixel_fraction",
-    "float_full_scale",
-    "conversion_gain_dn_per_e",
-    "photons_per_unit",
-    "quantum_efficiency",
-    "full_well_e",
-    "crosstalk_fraction",
-    "prnu",
-    "column_prnu",
-    "row_prnu",
-    "dark_current_e_per_s",
-    "dark_current_reference_temperature_c",
-    "dark_current_doubling_k",
-    "temperature_c",
-    "exposure_time_s",
-    "lag_fraction",
-    "gamma",
-    "dsnu_dn",
-    "column_offset_dn",
-    "row_noise_dn",
-    "column_noise_dn",
-    "read_noise_spread",
-)
-_INTEGERS = {"bits": 32, "seed": 64, "effective_bits": 32}
-_FLAGS = ("quantize", "shot_noise")
 
 BAYER = {"RGGB": 1, "BGGR": 2, "GRBG": 3, "GBRG": 4}
 """Colour filters, by the colours of the sites (0, 0) (1, 0) and (0, 1) (1, 1)."""
@@ -119,14 +76,14 @@ def dark_frame_from_captures(
     noise = ctypes.c_double()
     _library.call(
         "clspSensorDarkFrameFromCaptures",
-        codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16)),
+        _check.pointer(codes),
         _check.integer(count, "frame count"),
         _check.integer(width, "width"),
         _check.integer(height, "height"),
         0,
         0,
         _check.real(black_level_dn, "black_level_dn"),
-        dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
+        _check.pointer(dark),
         ctypes.byref(noise) if count > 1 else None,
     )
     return dark, noise.value if count > 1 else None
@@ -142,7 +99,7 @@ def _mosaic(value: Any) -> ctypes.Array[ctypes.c_double]:
     return (ctypes.c_double * 4)(*np.asarray(given, dtype=np.float64).reshape(-1).tolist())
 
 
-class Sensor(Handle):
+class Sensor(Stage):
     """An image sensor. `_dn` is digital numbers (codes).
 
     Args:
@@ -190,7 +147,8 @@ class Sensor(Handle):
     Threads: calls on one object from several threads run one after the other; different objects run at the same time.
     """
 
-    _release = "clspSensorRelease"
+    _c_name = "clspSensor"
+    _arguments = _check.Arguments(_library.ClspSensorDesc, flags=("quantize", "shot_noise"))
 
     def __init__(
         self,
@@ -233,56 +191,15 @@ class Sensor(Handle):
         effective_bits: int | None = None,
         context: Context | None = None,
     ) -> None:
-        given: dict[str, Any] = {
-            "bits": bits,
-            "seed": seed,
-            "exposure_gain_dn": exposure_gain_dn,
-            "saturation_dn": saturation_dn,
-            "black_level_dn": black_level_dn,
-            "read_noise_dn": read_noise_dn,
-            "hot_pixel_fraction": hot_pixel_fraction,
-            "hot_pixel_mean_dn": hot_pixel_mean_dn,
-            "cold_pixel_fraction": cold_pixel_fraction,
-            "float_full_scale": float_full_scale,
-            "conversion_gain_dn_per_e": conversion_gain_dn_per_e,
-            "photons_per_unit": photons_per_unit,
-            "quantum_efficiency": quantum_efficiency,
-            "full_well_e": full_well_e,
-            "crosstalk_fraction": crosstalk_fraction,
-            "prnu": prnu,
-            "column_prnu": column_prnu,
-            "row_prnu": row_prnu,
-            "dark_current_e_per_s": dark_current_e_per_s,
-            "dark_current_reference_temperature_c": dark_current_reference_temperature_c,
-            "dark_current_doubling_k": dark_current_doubling_k,
-            "temperature_c": temperature_c,
-            "exposure_time_s": exposure_time_s,
-            "lag_fraction": lag_fraction,
-            "gamma": gamma,
-            "dsnu_dn": dsnu_dn,
-            "column_offset_dn": column_offset_dn,
-            "row_noise_dn": row_noise_dn,
-            "column_noise_dn": column_noise_dn,
-            "read_noise_spread": read_noise_spread,
-            "effective_bits": effective_bits,
-            "dark_frame_dn": dark_frame_dn,
-            "mosaic_gain": mosaic_gain,
-            "quantize": quantize,
-            "shot_noise": shot_noise,
-        }
-        desc, self._options = _description(_check.image_shape(shape), given)
-        self.context = resolve_context(context)
-        self._adopt(create("clspSensorCreate", self.context._get(), ctypes.byref(desc)))
+        given = {name: value for name, value in locals().items() if name in _OPTIONS}
+        desc, self._options = _description(shape, given)
+        self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.bits: int = desc.bits
         self._exposure_gain_dn: float = _exposure_gain(desc)
-        self._staging = Staging(self.context)
 
-    def _forget(self) -> None:
-        self._staging.clear()
-
-    @staticmethod
-    def defaults() -> dict[str, Any]:
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
         """The C library's defaults of the keyword arguments."""
         return _values(_library.initialized(_library.ClspSensorDesc))
 
@@ -357,11 +274,10 @@ class Sensor(Handle):
         """
         frame_index = _check.integer(frame_index, "frame_index", 64)
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            target = output(out, "out", self.shape, OUTPUT_DTYPES, dtype, self._staging, self.context)
-            operands = Operands()
-            source = irradiance_image(intensity, "intensity", self.shape, self._staging, queue, operands)
-            return target.finish(queue, self._enqueue(source, frame_index, target.image, operands, queue, None))
+            command = self._command(queue)
+            target = command.output(out, self.shape, OUTPUT_DTYPES, dtype)
+            source = command.image(intensity, "intensity", self.shape)
+            return target.finish(self._enqueue(command, "Expose", source, frame_index, target.image))
 
     def enqueue_expose(
         self,
@@ -378,28 +294,10 @@ class Sensor(Handle):
         """
         frame_index = _check.integer(frame_index, "frame_index", 64)
         with exclusive(self):
-            source = device_image(intensity, "intensity", self.shape, FLOAT32, self.context)
-            target = device_image(output, "output", self.shape, UINT16, self.context)
-            return self._enqueue(source, frame_index, target, Operands(), queue, wait_for)
-
-    def _enqueue(
-        self,
-        intensity: DeviceImage,
-        frame_index: int,
-        image: DeviceImage,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        return operands.enqueue(
-            "clspSensorEnqueueExpose",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(operands.add(intensity)),
-            frame_index,
-            ctypes.byref(operands.add(image)),
-            wait_for=wait_for,
-        )
+            command = self._asynchronous(queue, wait_for)
+            source = command.image(intensity, "intensity", self.shape)
+            target = command.image(output, "output", self.shape, UINT16)
+            return self._enqueue(command, "Expose", source, frame_index, target)
 
     def demosaic(self, raw: ImageLike, bayer: str, *, out: Any = None, queue: QueueLike | None = None) -> Any:
         """Three colours for each pixel of a frame, by bilinear interpolation. Blocks.
@@ -416,21 +314,10 @@ class Sensor(Handle):
         """
         pattern = _check.choice(bayer, "bayer", BAYER)
         with exclusive(self):
-            queue = self.context.queue if queue is None else queue
-            operands = Operands()
-            if on_device(raw):
-                source = device_image(raw, "raw", self.shape, UINT16, self.context)
-            else:
-                refuse_handle(raw, "raw")
-                given = _check.array(raw, "raw")
-                if given.dtype not in [np.dtype(dtype) for dtype in OUTPUT_DTYPES]:
-                    raise _check.format_error("raw", given.dtype, OUTPUT_DTYPES)
-                _check.check_shape(given, "raw", self.shape)
-                source = self._staging.upload("raw", np.ascontiguousarray(given), queue, operands)
-            shape: Any = (*self.shape, 3)
-            target = output(out, "out", shape, (np.float32,), None, self._staging, self.context)
-            event = self._enqueue_demosaic(source, pattern, target.image, operands, queue, None)
-            return target.finish(queue, event)
+            command = self._command(queue)
+            source = command.image(raw, "raw", self.shape, UINT16, _raw)
+            target = command.output(out, (*self.shape, 3))
+            return target.finish(self._enqueue(command, "Demosaic", source, pattern, target.image))
 
     def enqueue_demosaic(
         self,
@@ -444,46 +331,34 @@ class Sensor(Handle):
         """:meth:`demosaic` from a uint16, uint8 or float32 device image into a float32 x 3 one, asynchronously."""
         pattern = _check.choice(bayer, "bayer", BAYER)
         with exclusive(self):
-            source = device_image(raw, "raw", self.shape, UINT16, self.context)
-            target = device_image(rgb, "rgb", (*self.shape, 3), FLOAT32X3, self.context)
-            return self._enqueue_demosaic(source, pattern, target, Operands(), queue, wait_for)
+            command = self._asynchronous(queue, wait_for)
+            source = command.image(raw, "raw", self.shape, UINT16)
+            target = command.image(rgb, "rgb", self.shape, FLOAT32X3)
+            return self._enqueue(command, "Demosaic", source, pattern, target)
 
-    def _enqueue_demosaic(
-        self,
-        raw: DeviceImage,
-        bayer: int,
-        rgb: DeviceImage,
-        operands: Operands,
-        queue: QueueLike | None,
-        wait_for: Sequence[EventLike] | None,
-    ) -> Event:
-        return operands.enqueue(
-            "clspSensorEnqueueDemosaic",
-            self._get(),
-            queue_pointer(queue, self.context),
-            ctypes.byref(operands.add(raw)),
-            bayer,
-            ctypes.byref(operands.add(rgb)),
-            wait_for=wait_for,
-        )
+
+_OPTIONS = _check.optional(Sensor.__init__)
+
+
+def _raw(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
+    given = _check.array(value, name)
+    if given.dtype not in [np.dtype(dtype) for dtype in OUTPUT_DTYPES]:
+        raise _check.format_error(name, given.dtype, OUTPUT_DTYPES)
+    _check.check_shape(given, name, shape)
+    return np.ascontiguousarray(given)
 
 
 def _description(shape: tuple[int, int], given: dict[str, Any]) -> tuple[_library.ClspSensorDesc, dict[str, Any]]:
     """A description, and the options that it was made of with a dark frame of our own."""
     options = dict(given)
-    desc = _library.initialized(_library.ClspSensorDesc)
-    desc.height, desc.width = shape
-    _check.assign(desc, options, _INTEGERS, _REALS)
+    desc = Sensor._arguments.describe_image(shape, options)
     if options["mosaic_gain"] is not None:
         desc.mosaic_gain = _mosaic(options["mosaic_gain"])
     if options["dark_frame_dn"] is not None:
-        dark = np.array(_check.float_plane(options["dark_frame_dn"], "dark_frame_dn", shape))
+        dark = np.array(_check.float_plane(options["dark_frame_dn"], "dark_frame_dn", (desc.height, desc.width)))
         _check.within(dark, "dark_frame_dn", -np.inf)
-        desc.dark_frame_dn = dark.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+        desc.dark_frame_dn = _check.pointer(dark)
         options["dark_frame_dn"] = dark
-    for name in _FLAGS:
-        if options[name] is not None:
-            setattr(desc, name, _check.flag(options[name], name))
     return desc, options
 
 
@@ -496,7 +371,4 @@ def _exposure_gain(desc: _library.ClspSensorDesc) -> float:
 
 def _values(desc: _library.ClspSensorDesc) -> dict[str, Any]:
     """A description as keyword arguments."""
-    result = _check.defaults(desc, {}, (*_INTEGERS, *_REALS, *_FLAGS))
-    result.update({name: bool(result[name]) for name in _FLAGS})
-    result["mosaic_gain"] = list(desc.mosaic_gain)
-    return result
+    return {**Sensor._arguments.values(desc, _OPTIONS), "mosaic_gain": list(desc.mosaic_gain)}

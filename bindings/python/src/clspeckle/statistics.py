@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from . import _check, _library, errors
 from ._interop import is_pyopencl
-from ._staging import ImageLike, Operands, Staging, device_image, on_device
-from .phase import mask_image
+from ._staging import Command, ImageLike, Staging, device_image, on_device
 from .runtime import FLOAT32, Buffer, Context, QueueLike, queue_pointer, resolve_context
 
 __all__ = ["Histogram", "Moments", "autocovariance", "histogram", "moments"]
@@ -58,46 +57,28 @@ class Histogram:
     """Pixels at or above high."""
 
 
-@dataclasses.dataclass
-class _Call:
-    context: Context
-    queue: int
-    image: _library.ClspImage
-    mask: Any
-    shape: tuple[int, int]
-
-
 @contextlib.contextmanager
-def _prepared(image: Any, mask: Any, context: Context | None, queue: QueueLike | None) -> Iterator[_Call]:
+def _prepared(
+    image: Any, mask: Any, context: Context | None, queue: QueueLike | None
+) -> Iterator[tuple[tuple[int, int], list[Any]]]:
+    """The size of the image, and what the arguments of the calls begin with; the mask is the last of them."""
     context = resolve_context(context, image, mask)
-    queue = context.queue if queue is None else queue
-    staging, operands = Staging(context), Operands()
+    staging = Staging(context)
+    command = Command(staging, queue)
     try:
+        if isinstance(image, Buffer) or is_pyopencl(image, "MemoryObjectHolder"):
+            raise TypeError("image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)")
         if on_device(image):
-            if isinstance(image, Buffer) or is_pyopencl(image, "MemoryObjectHolder"):
-                raise TypeError("image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)")
             view = device_image(image, "image", (0, 0), FLOAT32, context)
         else:
-            view = staging.upload("image", _pixels(image), queue, operands)
+            view = command.upload("image", _check.number_plane(image, "image"))
         size = (view.height, view.width)
-        struct = operands.add(view)
-        mask_struct = None
-        if mask is not None:
-            mask_struct = ctypes.byref(operands.add(mask_image(mask, "mask", size, staging, queue, operands)))
-        operands.wait()  # these calls take no wait list
-        yield _Call(context, queue_pointer(queue, context), struct, mask_struct, size)
+        masked = None if mask is None else command.mask(mask, "mask", size)
+        structs = [None if each is None else ctypes.byref(command.add(each)) for each in (view, masked)]
+        command.wait()  # these calls take no wait list
+        yield size, [context._get(), queue_pointer(command.queue, context), *structs]
     finally:
         staging.clear()
-
-
-def _pixels(image: Any) -> npt.NDArray[Any]:
-    given = _check.array(image, "image")
-    if given.dtype in (np.uint8, np.uint16):
-        _check.check_shape(given, "image", (None, None))
-        return given
-    plane = _check.float_plane(given, "image")
-    _check.within(plane, "image", -np.inf)
-    return plane
 
 
 def moments(
@@ -119,26 +100,9 @@ def moments(
         InvalidDataError: NaN or infinite pixels.
         InvalidArgumentError: no pixel counts.
     """
-    result = _library.initialized(_library.ClspMoments)
-    with _prepared(image, mask, context, queue) as call:
-        _library.call(
-            "clspStatisticsMoments",
-            call.context._get(),
-            call.queue,
-            ctypes.byref(call.image),
-            call.mask,
-            ctypes.byref(result),
-        )
-    return Moments(
-        count=result.count,
-        mean=result.mean,
-        standard_deviation=result.standard_deviation,
-        contrast=result.contrast,
-        skewness=result.skewness,
-        excess_kurtosis=result.excess_kurtosis,
-        minimum=result.minimum,
-        maximum=result.maximum,
-    )
+    with _prepared(image, mask, context, queue) as (_, arguments):
+        found = _library.fetched(_library.ClspMoments, "clspStatisticsMoments", *arguments)
+    return _library.record(Moments, found)
 
 
 def histogram(
@@ -164,19 +128,9 @@ def histogram(
     bins = _check.integer(bins, "bins", 31)
     if bins == 0:
         raise errors.InvalidArgumentError("bins is 0, expected at least 1")
-    with _prepared(image, mask, context, queue) as call:
+    with _prepared(image, mask, context, queue) as (_, arguments):
         counts = np.zeros(bins + 2, np.uint64)
-        _library.call(
-            "clspStatisticsHistogram",
-            call.context._get(),
-            call.queue,
-            ctypes.byref(call.image),
-            call.mask,
-            low,
-            high,
-            bins,
-            counts.ctypes.data_as(ctypes.POINTER(ctypes.c_uint64)),
-        )
+        _library.call("clspStatisticsHistogram", *arguments, low, high, bins, _check.pointer(counts))
     return Histogram(counts[1:-1], np.linspace(low, high, bins + 1), int(counts[0]), int(counts[-1]))
 
 
@@ -193,18 +147,11 @@ def autocovariance(
         (2 max_lag + 1, 2 max_lag + 1) float32, lag (0, 0) in the centre.
     """
     lag = _check.integer(max_lag, "max_lag")
-    with _prepared(image, None, context, queue) as call:
-        if lag >= min(call.shape):
+    with _prepared(image, None, context, queue) as (shape, arguments):
+        if lag >= min(shape):
             raise errors.InvalidArgumentError(
-                f"max_lag is {lag}, expected less than the smaller side of the image, {min(call.shape)}"
+                f"max_lag is {lag}, expected less than the smaller side of the image, {min(shape)}"
             )
         result = np.empty((2 * lag + 1, 2 * lag + 1), np.float32)
-        _library.call(
-            "clspStatisticsAutocovariance",
-            call.context._get(),
-            call.queue,
-            ctypes.byref(call.image),
-            lag,
-            result.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
-        )
+        _library.call("clspStatisticsAutocovariance", *arguments[:-1], lag, _check.pointer(result))
     return result

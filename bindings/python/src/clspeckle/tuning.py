@@ -34,7 +34,7 @@ class Tuning:
 
 
 class _Run(Handle):
-    _release = "clspTuningRelease"
+    _c_name = "clspTuning"
 
     def __init__(self, pointer: int | None) -> None:
         self._adopt(pointer)
@@ -65,17 +65,15 @@ def tune(
             written then.
         context: whose device is measured; the default one without.
     """
-    desc = _library.initialized(_library.ClspTuningDesc)
+    given = {"frames": frames, "relative_diameter": relative_diameter}
+    desc = _check.Arguments(_library.ClspTuningDesc).describe(given)
+    desc.keep = _check.flag(keep, "keep")
     if shapes is not None:
         pairs = [_check.image_shape(shape) for shape in shapes]
         if not pairs:
             raise errors.InvalidArgumentError("shapes is empty; give at least one (height, width), or None")
         sizes = (_library.ClspTuningSize * len(pairs))(*(_library.ClspTuningSize(w, h) for h, w in pairs))
         desc.sizes, desc.size_count = sizes, len(pairs)
-    _check.assign(
-        desc, {"frames": frames, "relative_diameter": relative_diameter}, {"frames": 32}, ("relative_diameter",)
-    )
-    desc.keep = _check.flag(keep, "keep")
     if path is not None:
         desc.path = _check.path(path, "path")
     device = resolve_context(context)
