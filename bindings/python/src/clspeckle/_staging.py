@@ -224,16 +224,15 @@ class Command:
 
     def enqueue(self, name: str, handle: int, *arguments: Any, after: Event | None = None) -> Event:
         """Makes the call, where images and structs go by pointer, and tells PyOpenCL's arrays of it."""
-        passed = [self._passed(argument) for argument in arguments]
+        passed = []
+        for argument in arguments:
+            if isinstance(argument, DeviceImage):
+                argument = self.add(argument)
+            passed.append(ctypes.byref(argument) if isinstance(argument, ctypes.Structure) else argument)
         event = enqueue(name, handle, queue_pointer(self.queue, self.context), *passed, waiting=self._waiting(after))
         for image in self._images:
             image._notify(event)
         return event
-
-    def _passed(self, argument: Any) -> Any:
-        if isinstance(argument, DeviceImage):
-            argument = self.add(argument)
-        return ctypes.byref(argument) if isinstance(argument, ctypes.Structure) else argument
 
 
 class Stage(Handle):
