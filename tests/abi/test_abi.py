@@ -46,10 +46,13 @@ def test_exports_are_what_the_headers_declare() -> None:
 
 
 def test_every_function_is_called_by_a_test() -> None:
-    sources = [path for path in (ROOT / "tests").rglob("test_*.cpp")]
-    text = "".join(path.read_text() for path in sources)
-    text = re.sub(r"//[^\n]*", "", text)
-    called = set(re.findall(r"\b(clsp[A-Z]\w*)\s*\(", text))
+    """As the linker sees it, whatever macro or template the call is written in."""
+    programs = [path for path in (LIBRARY.parents[1] / "bin").glob("test_*") if os.access(path, os.X_OK)]
+    assert programs, "no test program is built"
+    called: set[str] = set()
+    for program in programs:
+        symbols = run("nm", "-D", "--undefined-only", program)
+        called |= set(re.findall(r"\bclsp[A-Z]\w*", symbols))
     missing = exported(LIBRARY) - called
     assert not missing, f"no GoogleTest calls {sorted(missing)}"
     unknown = called - exported(LIBRARY)
