@@ -1,4 +1,4 @@
-// Whole frames: aperture and sensor over an ideal image, by size, aperture and polarisation.
+// Whole frames: aperture and sensor over an ideal image, by size, aperture and polarization.
 #include "bench.hpp"
 
 #include <cmath>

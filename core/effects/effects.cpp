@@ -220,7 +220,7 @@ std::vector<Effect> make_catalogue() {
      "the grain has another size than the f-number says", kField, {1}}
         .told_from("pixel_integration", "board_moving at two f-numbers: the pixel's area stays, the grain changes")
         .told_from("pupil_obstruction", "board_moving at two f-numbers, and the spectrum near the cut-off")
-        .told_from("crosstalk", "board_moving at two f-numbers: cross-talk does not change with the aperture"),
+        .told_from("crosstalk", "board_moving at two f-numbers: crosstalk does not change with the aperture"),
     Effect{"pupil_obstruction", "optics", "the centre of the pupil is blocked",
      "fft/clfft/pupil.cl: apply_pupil", kSetsAperture,
      {{"radius_ratio", "1", 0.0, 0.99, 0.3, 0.6}},
@@ -274,7 +274,7 @@ std::vector<Effect> make_catalogue() {
      {kInSpeckle}, {kInSpeckle},
      "less contrast, and neighbouring pixels alike", "", {1}}
         .told_from("crosstalk",
-                   "flat with shot noise at a high level: cross-talk correlates neither noise before nor after it as a pixel's area does"),
+                   "flat with shot noise at a high level: crosstalk correlates neither noise before nor after it as a pixel's area does"),
     Effect{"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
      "stages/sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},

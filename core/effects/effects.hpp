@@ -60,7 +60,7 @@ struct EffectCost {
 struct EffectForms {
     const char *parameter;
     std::vector<double> values;
-    bool told_by_fit; // first looks do not tell the forms apart
+    bool told_by_fit; // screening does not tell the forms apart
 };
 
 // What an effect's definition leaves open, so that captures by another simulator may have it otherwise. A fit tolerates the

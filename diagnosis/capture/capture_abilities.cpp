@@ -165,7 +165,7 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
             ? fmt::format("dots lie at radii that span a factor of {:.0f}: r against r^3", c.dot_radius_ratio)
             : "all dots lie at nearly the same radius: r and r^3 cannot be told apart",
         "a dots sequence with dots from the centre to the corners");
-    add("aperture, pixel integration or cross-talk", c.f_numbers,
+    add("aperture, pixel integration or crosstalk", c.f_numbers,
         c.f_numbers ? "the grain follows the f-number, the pixel does not"
                     : "all three change the grain and the contrast; at one f-number only the shape of the spectrum "
                       "tells them apart",

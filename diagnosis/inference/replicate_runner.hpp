@@ -2,7 +2,7 @@
 #pragma once
 
 #include "inference/memo.hpp"
-#include "inference/workers.hpp"
+#include "statistics/workers.hpp"
 #include "simulator/simulator.hpp"
 #include "statistics/device_sums.hpp"
 #include "statistics/sequence_level.hpp"

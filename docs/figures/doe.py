@@ -73,7 +73,7 @@ def show(axes: plt.Axes, made: clspeckle.DoePattern, title: str) -> None:
     axes.set_xlabel("u")
 
 
-def books(made: clspeckle.DoePattern, name: str) -> None:
+def power_budget(made: clspeckle.DoePattern, name: str) -> None:
     info = made.info
     print(
         f"{name:34} dots {info.dots:.4f}  zero order {info.zero_order:.5f}  ghosts {info.ghosts:.4f}  scatter {info.scatter:.4f}  "
@@ -95,7 +95,7 @@ def main() -> None:
 
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.2), layout="constrained")
     made = clspeckle.DoePattern(design, beam=BEAM, image_shape=(2048, 2048))
-    books(made, "multi-level, no defect")
+    power_budget(made, "multi-level, no defect")
     # The brightest texel of each 4 x 4, or no dot would be seen.
     info, texels = made.info, made.texels
     coarse = texels.reshape(512, 4, 512, 4).max(axis=(1, 3))
@@ -103,7 +103,7 @@ def main() -> None:
     panels[0].imshow((coarse / np.quantile(coarse, 0.999)).clip(0, 1) ** 0.5, cmap="gray", extent=extent)
     panels[0].set_title(f"{info.dot_count} dots, phase of any depth", fontsize=9)
     binary = clspeckle.DoePattern(design, beam=BEAM, defects=DEFECTS, image_shape=(2048, 2048))
-    books(binary, "binary, with defects")
+    power_budget(binary, "binary, with defects")
     coarse = binary.texels.reshape(512, 4, 512, 4).max(axis=(1, 3))
     panels[1].imshow((coarse / np.quantile(coarse, 0.999)).clip(0, 1) ** 0.5, cmap="gray", extent=extent)
     panels[1].set_title("the same with two levels only, and the defects of the zoom: twins", fontsize=9)
@@ -128,7 +128,7 @@ def main() -> None:
     quarter = {"half_extent": (0.5, 0.4), "image_shape": (800, 1000)}
     layers = [clspeckle.DoePattern(design, lines=[line], **quarter) for line in (940e-9, 910e-9)]
     for made, name in zip(layers, ("at 940 nm", "at 910 nm")):
-        books(made, name)
+        power_budget(made, name)
     # What is dim in one colour is white in it: red dots are dark in green and blue.
     red, blue = ((t / np.quantile(t, 0.999)).clip(0, 1) ** 0.4 for t in (made.texels for made in layers))
     picture = np.stack([1 - blue, 1 - np.maximum(red, blue), 1 - red], axis=-1)

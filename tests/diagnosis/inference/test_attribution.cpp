@@ -464,7 +464,7 @@ TEST(Diagnosis, NamesOtherFormsOfAnEffect) {
     EXPECT_EQ(mosaic.parameters[1].value, 1.0);
 }
 
-// A pixel that is sensitive in half of its area (0.71 x 0.71), which cross-talk imitates.
+// A pixel that is sensitive in half of its area (0.71 x 0.71), which crosstalk imitates.
 TEST(Diagnosis, ThePixelsAreaIsFittedFromTheFirstScreeningOn) {
     CaptureLayout layout = small_layout();
     layout.f_number = 5.6;

@@ -39,7 +39,7 @@ def test_what_bends_is_screened_along_lines(tmp_path: Path) -> None:
 
 
 def test_a_confusable_effect_is_swapped(tmp_path: Path) -> None:
-    """Cross-talk was taken for the blur by whole pixels while a bent response was missing, and left no residual."""
+    """Crosstalk was taken for the blur by whole pixels while a bent response was missing, and left no residual."""
     effects = {"pixel_integration": {"fill_factor": 1.0}, "gamma": {"gamma": 0.8766893614208805}}
     write_capture(tmp_path, draw_camera(2096578692), effects, 40, 1302249998)
     cause = diagnose(tmp_path)

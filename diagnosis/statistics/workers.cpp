@@ -1,4 +1,4 @@
-#include "inference/workers.hpp"
+#include "statistics/workers.hpp"
 
 #include <algorithm>
 #include <atomic>

@@ -1,5 +1,5 @@
 // Workers side by side: all are run, the caller's checkpoints are the caller's, and what a worker throws arrives.
-#include "inference/workers.hpp"
+#include "statistics/workers.hpp"
 
 #include <gtest/gtest.h>
 
