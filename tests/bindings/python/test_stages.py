@@ -478,8 +478,8 @@ def test_timings(ideal: Image) -> None:
             camera.timings()
         camera.render(ideal)
         timings = camera.timings()
-        # The device's own engine makes the field in its forward transform, and the intensity in the inverse one; in lanes the
-        # codes, too.
+        # The device's own engine makes the field in its forward transform, and the intensity in the inverse one; in
+        # lanes the codes, too.
         lanes = ["phase", "fft", "pupil", "inverse_fft"]
         assert list(timings) in (
             lanes,
