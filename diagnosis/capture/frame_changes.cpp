@@ -24,6 +24,7 @@ constexpr double kLeastGap = 8.0;    // in scatters, however many frames there a
 constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
+constexpr double kLeastShare = 0.5; // of the light of the brightest frame, where contrasts are compared
 constexpr double kLevelScatterDn = 0.01, kEnergyScatter = 0.01, kRatioScatter = 1e-4; // no scatter is believed to be smaller
 
 // One number for each frame. energies: mean squared difference to the frame before, at the same level, from frame 1 on.
@@ -274,17 +275,26 @@ std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t se
                             list_of(breaks)));
     }
     if (lit && independent) {
-        if (const auto change = find_change(seen.contrasts, kRatioScatter);
-            change && std::abs(change->after - change->before) > kLeastContrast * std::abs(change->before))
-            say(fmt::format("the contrast {} from {:.3f} to {:.3f}{}: the scene, the light or the focus changed",
-                            change->drifts ? "drifts" : "steps", change->before, change->after,
-                            change->drifts ? "" : fmt::format(" at frame {}", change->frame)));
-        else if (const auto grain = find_change(seen.correlations, kRatioScatter);
-                 grain && std::abs(grain->after - grain->before) > kLeastCorrelation)
-            say(fmt::format("the correlation of neighbouring pixels {} from {:.3f} to {:.3f}{}: focus, aperture or "
-                            "scene changed",
-                            grain->drifts ? "drifts" : "steps", grain->before, grain->after,
-                            grain->drifts ? "" : fmt::format(" at frame {}", grain->frame)));
+        // A first frame has none before it, of which a sensor's lag would leave something: it is not compared.
+        Series contrasts(seen.contrasts.begin() + 1, seen.contrasts.end());
+        const Series correlations(seen.correlations.begin() + 1, seen.correlations.end());
+        for (double &contrast : contrasts)
+            contrast = std::log(std::max(contrast, kRatioScatter));
+        const double dimmest = *std::min_element(seen.levels.begin(), seen.levels.end()) - dark_level_dn;
+        if (dimmest < kLeastShare * light)
+            return result; // few speckles: contrasts have no law that Student's would be near
+        const auto tell = [&](const Change &change, const char *what, double before, double after, const char *cause) {
+            say(fmt::format("{} {} from {:.3f} to {:.3f}{}: {}", what, change.drifts ? "drifts" : "steps", before, after,
+                            change.drifts ? "" : fmt::format(" at frame {}", change.frame + 1), cause));
+        };
+        if (const auto change = find_change(contrasts, kRatioScatter);
+            change && std::abs(change->after - change->before) > kLeastContrast)
+            tell(*change, "the contrast", std::exp(change->before), std::exp(change->after),
+                 "the scene, the light or the focus changed");
+        else if (const auto speckle = find_change(correlations, kRatioScatter);
+                 speckle && std::abs(speckle->after - speckle->before) > kLeastCorrelation)
+            tell(*speckle, "the correlation of neighbouring pixels", speckle->before, speckle->after,
+                 "focus, aperture or scene changed");
     }
     return result;
 }

@@ -195,6 +195,22 @@ TEST(FrameChanges, AnotherSceneIsTold) {
                 {"the contrast steps", "at frame 9"});
 }
 
+// A sensor with lag keeps something of the frame before, which a first frame has not.
+TEST(FrameChanges, AFirstFrameWithoutOneBeforeItIsNoOther) {
+    std::mt19937_64 random(44);
+    for (int i = 0; i < 60; ++i) {
+        Image last;
+        EXPECT_EQ("", said(capture_of(CaptureScene::kBoard, true, 8 + 8 * (i % 5), random, [&](auto) {
+                      const Image now = speckle(random);
+                      Image seen = now;
+                      for (std::size_t k = 0; k < last.size(); ++k)
+                          seen[k] = 0.85 * now[k] + 0.15 * last[k];
+                      last = now;
+                      return seen;
+                  })));
+    }
+}
+
 TEST(FrameChanges, MasksAndShortSequencesAreKept) {
     std::mt19937_64 random(43);
     const auto stepping = [&](std::uint32_t t) { return even(t < 2 ? 1.0 : 0.5); };

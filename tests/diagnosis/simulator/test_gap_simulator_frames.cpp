@@ -3,6 +3,7 @@
 #include "diagnosis/simulator/gap_simulator_support.hpp"
 
 #include "capture/applicability.hpp"
+#include "capture/frame_changes.hpp"
 #include "effects/effects.hpp"
 #include "pipeline/pipeline.hpp"
 #include "simulator/optics.hpp"
@@ -92,6 +93,25 @@ TEST_P(FramesOfEffect, AreThoseOfAPipeline) {
         changed = std::max(changed, differing_per_thousand(simulated, without));
     }
     EXPECT_GT(changed, 5.0);
+}
+
+// What frame_changes() looks for is nothing that an effect does: a diagnosis would call all its captures unknown.
+TEST_P(FramesOfEffect, AreOfOneScene) {
+    const Effect &effect = effect_catalogue()[GetParam()];
+    EffectSetting setting{effect.id, {}};
+    for (const EffectParameter &parameter : effect.parameters)
+        setting.values.push_back(parameter.strong);
+    CaptureLayout layout = small_layout();
+    for (SequenceLayout &sequence : layout.sequences)
+        sequence.frame_count = 24;
+    Simulator simulator(context, layout);
+    for (const std::uint64_t seed : {7u, 8u, 9u}) {
+        const std::vector<SimulationLevels> levels(kSequenceCount, kLevels);
+        const Capture capture = simulate_capture(simulator, {setting}, levels, seed);
+        for (std::size_t s = 0; s < kSequenceCount; ++s)
+            for (const CaptureWarning &change : frame_changes(capture, s, kLevels.black_level_dn))
+                ADD_FAILURE() << kNames[s] << ", seed " << seed << ": " << change.text;
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, FramesOfEffect, ::testing::Range(std::size_t{0}, effect_catalogue().size()),

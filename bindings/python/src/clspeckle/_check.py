@@ -38,6 +38,8 @@ def real(value: Any, name: str) -> float:
         return float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a number, got {kind(value)}") from None
+    except OverflowError:
+        raise errors.InvalidArgumentError(f"{name} is an integer that no float holds, it must be finite") from None
 
 
 def range_error(name: str, value: Any, expected: str) -> errors.InvalidArgumentError:
