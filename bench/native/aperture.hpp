@@ -1,5 +1,5 @@
 // What both orders of the passes share: which lengths there are, the aperture, and the pass in the middle, which takes
-// one group of lines through transform, aperture and inverse transform.
+// one column block of lines through transform, aperture and inverse transform.
 #pragma once
 
 #include "native/line_plan.hpp"
@@ -112,7 +112,7 @@ template <class P> FilterTables filter_tables() {
     return tables;
 }
 
-// One group of lines, in place: lane l passes where the frequency's square is at most limits[l].
+// One column block of lines, in place: lane l passes where the frequency's square is at most limits[l].
 template <class P>
 void filter_lines(const FilterTables &tables, const std::uint8_t *ends, Integers limits, float scale, Lanes *line) {
     constexpr unsigned R = P::kFirst, M = P::kBlock;
@@ -163,8 +163,8 @@ void filter_lines(const FilterTables &tables, const std::uint8_t *ends, Integers
     }
 }
 
-// A group's limits, and what follows from them for the transform's last stage.
-struct Group {
+// A column block's limits, and what follows from them for the transform's last stage.
+struct ColumnBlock {
     Integers square_limits = Integers{} - 1;
     std::vector<std::uint8_t> ends;
 };

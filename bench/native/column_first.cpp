@@ -17,9 +17,11 @@ constexpr unsigned kPrefetch = 8;
 // The kept lines lie in blocks of lanes: point x of block g is a pair of vectors (re, im) at 2 (g width + x), lane l
 // the l-th line of the block.
 struct Lines {
-    std::uint32_t width = 0, groups = 0;
+    std::uint32_t width = 0, column_blocks = 0;
     Pages memory;
-    Lanes *group(std::uint32_t g) const { return reinterpret_cast<Lanes *>(memory.get()) + 2 * std::size_t{g} * width; }
+    Lanes *column_block(std::uint32_t g) const {
+        return reinterpret_cast<Lanes *>(memory.get()) + 2 * std::size_t{g} * width;
+    }
 };
 
 // What a column's transform does, by its length.
@@ -31,7 +33,8 @@ struct ColumnTables {
     std::vector<std::uint32_t> kept;
     // Positions that the inverse reads although no line stands there.
     std::vector<std::uint32_t> empty;
-    // For each block of the first stage: groups that are complete behind it, groups that reach into it or lie before
+    // For each block of the first stage: column blocks that are complete behind it, and those that reach into it or lie
+    // before
     // it, and empty positions up to its end.
     struct Block {
         std::uint32_t complete, begun, empty;
@@ -90,15 +93,15 @@ void columns_forward(const ColumnTables &tables, const float *phase, const float
     }
     for (unsigned strip = 0; strip < STRIPS; ++strip) {
         Lanes *const tile = tiles + strip * kTileLanes<P>;
-        std::uint32_t group = 0;
+        std::uint32_t column_block = 0;
         for (unsigned b = 0; b < R; ++b) {
             Lanes *const block = tile + 2 * b * M;
             forward_middle<P>(block, tables.twiddles.data());
             forward_last<P>(block, tables.ends.data() + b * M / P::kLast);
-            for (; group < tables.blocks[b].complete; ++group) {
-                const std::uint32_t *const positions = tables.kept.data() + std::size_t{group} * kLanes;
+            for (; column_block < tables.blocks[b].complete; ++column_block) {
+                const std::uint32_t *const positions = tables.kept.data() + std::size_t{column_block} * kLanes;
                 Lanes re[kLanes], im[kLanes];
-                Lanes *const out = lines.group(group) + 2 * (std::size_t{x} + strip * kLanes);
+                Lanes *const out = lines.column_block(column_block) + 2 * (std::size_t{x} + strip * kLanes);
 #pragma GCC unroll 16
                 for (unsigned l = 0; l < kLanes; ++l)
                     re[l] = tile[2 * positions[l]];
@@ -125,13 +128,13 @@ void columns_inverse(const ColumnTables &tables, const Lines &lines, std::uint32
     const std::size_t width = lines.width;
     for (unsigned strip = 0; strip < STRIPS; ++strip) {
         Lanes *const tile = tiles + strip * kTileLanes<P>;
-        std::uint32_t group = 0, empty = 0;
+        std::uint32_t column_block = 0, empty = 0;
         for (unsigned b = 0; b < R; ++b) {
             for (; empty < tables.blocks[b].empty; ++empty)
                 tile[2 * tables.empty[empty]] = tile[2 * tables.empty[empty] + 1] = Lanes{};
-            for (; group < tables.blocks[b].begun; ++group) {
-                const std::uint32_t *const positions = tables.kept.data() + std::size_t{group} * kLanes;
-                const Lanes *const in = lines.group(group) + 2 * (std::size_t{x} + strip * kLanes);
+            for (; column_block < tables.blocks[b].begun; ++column_block) {
+                const std::uint32_t *const positions = tables.kept.data() + std::size_t{column_block} * kLanes;
+                const Lanes *const in = lines.column_block(column_block) + 2 * (std::size_t{x} + strip * kLanes);
                 Lanes re[kLanes], im[kLanes];
 #pragma GCC unroll 16
                 for (unsigned l = 0; l < kLanes; ++l)
@@ -205,7 +208,7 @@ class ColumnFirst final : public Passes {
     float scale_;
     Lines lines_;
     std::size_t bytes_;
-    std::vector<Group> groups_;
+    std::vector<ColumnBlock> column_blocks_;
     ThreadPool pool_;
     std::vector<Pages> tiles_; // of each thread
 };
@@ -219,22 +222,22 @@ ColumnFirst::ColumnFirst(std::uint32_t width, std::uint32_t height, double relat
     const Aperture aperture(width, height, relative_diameter);
     column_tables_ = columns_.tables(root_below(aperture.ky_square_limit(0)));
     lines_.width = width;
-    lines_.groups = column_tables_.blocks.back().begun;
-    bytes_ = std::size_t{lines_.groups} * width * 2 * sizeof(Lanes);
+    lines_.column_blocks = column_tables_.blocks.back().begun;
+    bytes_ = std::size_t{lines_.column_blocks} * width * 2 * sizeof(Lanes);
     lines_.memory = allocate_pages(bytes_ / sizeof(float));
     std::memset(lines_.memory.get(), 0, bytes_);
-    for (std::uint32_t g = 0; g < lines_.groups; ++g) {
-        Group group;
+    for (std::uint32_t g = 0; g < lines_.column_blocks; ++g) {
+        ColumnBlock column_block;
         int kx_limit = -1;
         for (unsigned l = 0; l < kLanes; ++l) {
             const std::uint32_t p = column_tables_.kept[std::size_t{g} * kLanes + l];
             if (p == height)
                 continue;
-            group.square_limits[l] = aperture.kx_square_limit(distance(column_tables_.frequencies[p], height));
-            kx_limit = std::max(kx_limit, root_below(group.square_limits[l]));
+            column_block.square_limits[l] = aperture.kx_square_limit(distance(column_tables_.frequencies[p], height));
+            kx_limit = std::max(kx_limit, root_below(column_block.square_limits[l]));
         }
-        group.ends = rows_.ends(row_tables_.frequencies, kx_limit);
-        groups_.push_back(std::move(group));
+        column_block.ends = rows_.ends(row_tables_.frequencies, kx_limit);
+        column_blocks_.push_back(std::move(column_block));
     }
     for (unsigned thread = 0; thread < pool_.threads(); ++thread) {
         const std::size_t lanes_of_tiles = strips_ * columns_.tile_lanes;
@@ -252,8 +255,9 @@ void ColumnFirst::intensity(const float *phase, const float *ideal, float *inten
         Lanes *const tiles = reinterpret_cast<Lanes *>(tiles_[thread].get());
         share(next[0], items, [&](std::uint32_t i) { forward(column_tables_, phase, ideal, lines_, i * step, tiles); });
         pool_.barrier();
-        share(next[1], lines_.groups, [&](std::uint32_t g) {
-            rows_.run(row_tables_, groups_[g].ends.data(), groups_[g].square_limits, scale_, lines_.group(g));
+        share(next[1], lines_.column_blocks, [&](std::uint32_t g) {
+            rows_.run(row_tables_, column_blocks_[g].ends.data(), column_blocks_[g].square_limits, scale_,
+                      lines_.column_block(g));
         });
         pool_.barrier();
         share(next[2], items, [&](std::uint32_t i) { inverse(column_tables_, lines_, i * step, intensity, tiles); });

@@ -13,7 +13,7 @@
 namespace native {
 namespace {
 
-// Rows that a thread takes side by side, so that what it writes to each group of kept columns lies together.
+// Rows that a thread takes side by side, so that what it writes to each column block of kept columns lies together.
 constexpr std::size_t kRows = 16;
 
 struct RowFirstTables {
@@ -34,17 +34,17 @@ template <class P> RowFirstTables row_first_tables() {
     return tables;
 }
 
-// Kept columns lie as points y of groups of lanes. Groups are one point further apart than they are long, or the
+// Kept columns lie as points y of column blocks of lanes. Blocks are one point further apart than they are long, or the
 // vectors of a row would all lie in the same few sets of the caches.
 struct KeptColumns {
-    std::size_t pitch = 0; // of groups, in vectors
+    std::size_t pitch = 0; // of column blocks, in vectors
     Pages memory;
-    Lanes *at(std::size_t group, std::size_t y) const {
-        return reinterpret_cast<Lanes *>(memory.get()) + group * pitch + 2 * y;
+    Lanes *at(std::size_t column_block, std::size_t y) const {
+        return reinterpret_cast<Lanes *>(memory.get()) + column_block * pitch + 2 * y;
     }
 };
 
-// Vectors of a row, filled up to whole groups.
+// Vectors of a row, filled up to whole column blocks.
 template <class P> constexpr unsigned kRowGroups = (P::kLength + kLanes - 1) / kLanes;
 template <class P> constexpr std::size_t kRowLanes = std::size_t{2} * kRowGroups<P> *kLanes;
 
@@ -93,7 +93,7 @@ void rows_forward(const RowFirstTables &tables, const float *phase, const float 
     for (unsigned g = 0; g < kRowGroups<P>; ++g)
         for (std::size_t i = 0; i < count; ++i) {
             const Lanes *const row = tile + i * kRowLanes<P>;
-            std::size_t group = g * (E == kAll ? kLanes : 2 * E);
+            std::size_t column_block = g * (E == kAll ? kLanes : 2 * E);
             Lanes re[kLanes], im[kLanes];
 #pragma GCC unroll 16
             for (unsigned l = 0; l < kLanes; ++l) {
@@ -110,7 +110,7 @@ void rows_forward(const RowFirstTables &tables, const float *phase, const float 
 #pragma GCC unroll 16
             for (unsigned d = 0; d < kLanes; ++d)
                 if (at_ends<kLanes>(d, E)) {
-                    Lanes *const out = columns.at(group++, y + i);
+                    Lanes *const out = columns.at(column_block++, y + i);
                     out[0] = x[d].re;
                     out[1] = x[d].im;
                 }
@@ -153,12 +153,12 @@ void rows_inverse(const RowFirstTables &tables, const KeptColumns &columns, std:
     for (unsigned g = 0; g < kRowGroups<P>; ++g)
         for (std::size_t i = 0; i < count; ++i) {
             Lanes *const row = tile + i * kRowLanes<P>;
-            std::size_t group = g * (E == kAll ? kLanes : 2 * E);
+            std::size_t column_block = g * (E == kAll ? kLanes : 2 * E);
             Complex x[kLanes] = {};
 #pragma GCC unroll 16
             for (unsigned d = 0; d < kLanes; ++d)
                 if (at_ends<kLanes>(d, E)) {
-                    const Lanes *const in = columns.at(group++, y + i);
+                    const Lanes *const in = columns.at(column_block++, y + i);
                     x[d] = {in[0], in[1]};
                 }
             inverse_butterfly(x);
@@ -220,7 +220,7 @@ class RowFirst final : public Passes {
     float scale_;
     KeptColumns kept_;
     std::size_t bytes_ = 0;
-    std::vector<Group> groups_;
+    std::vector<ColumnBlock> column_blocks_;
     ThreadPool pool_;
     std::vector<Pages> tiles_; // of each thread
 };
@@ -241,21 +241,21 @@ RowFirst::RowFirst(std::uint32_t width, std::uint32_t height, double relative_di
         for (unsigned d = 0; d < kLanes; ++d) {
             if (!at_ends<kLanes>(d, kEnds[kind_]))
                 continue;
-            Group group;
+            ColumnBlock column_block;
             int ky_limit = -1;
             for (unsigned l = 0; l < kLanes; ++l) {
                 const std::size_t p = g * kLanes + l;
                 if (p >= vectors)
-                    continue; // the last group need not be full
+                    continue; // the last column block need not be full
                 const std::int64_t kx = row_tables_.frequencies[p] + std::int64_t{d} * vectors;
-                group.square_limits[l] = aperture.ky_square_limit(distance(kx, width));
-                ky_limit = std::max(ky_limit, root_below(group.square_limits[l]));
+                column_block.square_limits[l] = aperture.ky_square_limit(distance(kx, width));
+                ky_limit = std::max(ky_limit, root_below(column_block.square_limits[l]));
             }
-            group.ends = columns_.ends(column_tables_.frequencies, ky_limit);
-            groups_.push_back(std::move(group));
+            column_block.ends = columns_.ends(column_tables_.frequencies, ky_limit);
+            column_blocks_.push_back(std::move(column_block));
         }
     kept_.pitch = 2 * (std::size_t{height} + 1);
-    bytes_ = groups_.size() * kept_.pitch * sizeof(Lanes);
+    bytes_ = column_blocks_.size() * kept_.pitch * sizeof(Lanes);
     kept_.memory = allocate_pages(bytes_ / sizeof(float));
     std::memset(kept_.memory.get(), 0, bytes_);
     for (unsigned thread = 0; thread < pool_.threads(); ++thread) {
@@ -274,8 +274,9 @@ void RowFirst::intensity(const float *phase, const float *ideal, float *intensit
             rows_.forward[kind_](row_tables_, phase + y * width_, ideal + y * width_, kept_, y, count, tile);
         });
         pool_.barrier();
-        share(next[1], std::uint32_t(groups_.size()), [&](std::uint32_t g) {
-            columns_.run(column_tables_, groups_[g].ends.data(), groups_[g].square_limits, scale_, kept_.at(g, 0));
+        share(next[1], std::uint32_t(column_blocks_.size()), [&](std::uint32_t g) {
+            columns_.run(column_tables_, column_blocks_[g].ends.data(), column_blocks_[g].square_limits, scale_,
+                         kept_.at(g, 0));
         });
         pool_.barrier();
         share(next[2], items, [&](std::uint32_t i) {
