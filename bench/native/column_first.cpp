@@ -34,8 +34,7 @@ struct ColumnTables {
     // Positions that the inverse reads although no line stands there.
     std::vector<std::uint32_t> empty;
     // For each block of the first stage: column blocks that are complete behind it, and those that reach into it or lie
-    // before
-    // it, and empty positions up to its end.
+    // before it, and empty positions up to its end.
     struct Block {
         std::uint32_t complete, begun, empty;
     };
