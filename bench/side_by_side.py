@@ -267,7 +267,7 @@ def main() -> None:
     print("\n".join(diameters_table(fastest, sizes, bandwidth)))
     floor = f"{FRAME_BYTES[0]:g} + {FRAME_BYTES[1]:g} D bytes per pixel"
     print(f"\nCopies at {1e-9 * bandwidth:.1f} GB/s (read and written); the floor moves {floor}.")
-    print(f"Cost of the own engine: {law[0]:.2f} + {law[1]:.2f} D ns per pixel, to {100 * law[2]:.0f} %.")
+    print(f"Cost of our engine: {law[0]:.2f} + {law[1]:.2f} D ns per pixel, to {100 * law[2]:.0f} %.")
     spread = jitter(arguments.jitter) if arguments.jitter else None
     if spread:
         print(

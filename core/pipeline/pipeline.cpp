@@ -157,7 +157,7 @@ void Pipeline::apply_stages(const PipelineModel &model, unsigned sets, unsigned 
         if (stages_.lens)
             stages_.lens->configure(model.lens);
         else
-            stages_.lens = std::make_shared<Lens>(context_, model.lens);
+            stages_.lens = std::make_shared<Lens>(context_, model.lens, options_.keeps_filters);
     });
     apply(kSetsDots, [&] { stages_.dots->configure(*model.dots); });
     apply(kSetsSensor, [&] { stages_.sensor->configure(*model.sensor); });
@@ -248,13 +248,14 @@ void Pipeline::allocate() {
     image(distorted_motion_mask_, distorts && stages_.motion, 1);
     image(subsurface_weight_, material_subsurface, sizeof(float));
     subsurface_on_ = subsurface;
-    // The filter stays when it is switched off.
+    if (!subsurface && !options_.keeps_filters) {
+        subsurface_.reset();
+        subsurface_length_px_ = 0.0;
+    }
     if (subsurface && subsurface_length_px_ != p.subsurface_length_px) {
-        if (!filter_workspace_)
-            filter_workspace_ = std::make_shared<FilterWorkspace>(context_);
         subsurface_ = std::make_unique<FftFilter>(context_, grid.width, grid.height,
                                                   exponential_guard_px(p.subsurface_length_px, grid.width, grid.height),
-                                                  exponential_spread(p.subsurface_length_px), filter_workspace_);
+                                                  exponential_spread(p.subsurface_length_px));
         subsurface_length_px_ = p.subsurface_length_px;
     }
     if (material_subsurface) {

@@ -55,6 +55,7 @@ struct Frame {
 struct PipelineOptions {
     bool keeps_irradiance = false;      // frames may have the light of the frame before
     bool independent_exposures = false; // exposures of frames drawn anew are made of independent_exposures()
+    bool keeps_filters = false;         // filters and maps that are switched off stay: they come on again soon
 };
 
 struct StageTiming {
@@ -145,7 +146,6 @@ class Pipeline {
     // distortion; subsurface fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,
         distorted_shift_, distorted_mask_, distorted_motion_mask_, subsurface_weight_, subsurface_table_;
-    std::shared_ptr<FilterWorkspace> filter_workspace_;
     std::unique_ptr<FftFilter> subsurface_;
     double subsurface_length_px_ = 0.0; // that it was made for
     bool subsurface_on_ = false;

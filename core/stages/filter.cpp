@@ -29,13 +29,6 @@ std::uint32_t guard_of(double reach, std::uint32_t width, std::uint32_t height) 
 
 } // namespace
 
-void FilterWorkspace::reserve(std::size_t field_bytes, std::size_t scratch_bytes) {
-    if (!field_ || field_.bytes() < field_bytes)
-        field_ = DeviceBuffer(context_, field_bytes);
-    if (scratch_bytes > 0 && (!scratch_ || scratch_.bytes() < scratch_bytes))
-        scratch_ = DeviceBuffer(context_, scratch_bytes);
-}
-
 PointSpread exponential_spread(double scale_px) {
     check_positive(scale_px, "the scale of an exponential point spread");
     return [=](double dx, double dy) { return std::exp(-std::hypot(dx, dy) / scale_px); };
@@ -57,18 +50,18 @@ std::uint32_t gaussian_guard_px(double sigma_px, std::uint32_t width, std::uint3
 }
 
 FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height,
-                     std::uint32_t guard_px, const PointSpread &point_spread,
-                     std::shared_ptr<FilterWorkspace> workspace)
+                     std::uint32_t guard_px, const PointSpread &point_spread)
     : context_(std::move(context)), grid_(filter_grid(width, height, guard_px)),
       fft_(fft_of(*context_, columns(), grid_.grid_height)),
-      workspace_(workspace ? std::move(workspace) : std::make_shared<FilterWorkspace>(context_)),
+      field_(context_, grid_.samples() * sizeof(cl_float)),
       transfer_(context_, grid_.samples() * sizeof(cl_float)),
       load_(context_->kernel("stages/filter.cl", "filter_load", "-DHAS_WEIGHT=0")),
       load_weighted_(context_->kernel("stages/filter.cl", "filter_load", "-DHAS_WEIGHT=1")),
       multiply_(context_->kernel("stages/filter.cl", "filter_multiply", "-DHAS_WEIGHT=0")),
       store_(context_->kernel("stages/filter.cl", "filter_store", "-DHAS_WEIGHT=0")),
       store_weighted_(context_->kernel("stages/filter.cl", "filter_store", "-DHAS_WEIGHT=1")) {
-    workspace_->reserve(grid_.samples() * sizeof(cl_float), fft_->scratch_bytes());
+    if (fft_->scratch_bytes() > 0)
+        scratch_ = DeviceBuffer(context_, fft_->scratch_bytes());
     make_transfer(point_spread);
 }
 
@@ -88,13 +81,10 @@ void FftFilter::make_transfer(const PointSpread &point_spread) {
     for (std::size_t i = 0; i < values.size(); ++i)
         samples[i] = static_cast<cl_float>(values[i] / sum);
     roots_ = half_roots(context_, grid_.grid_width);
-    // In memory of its own: the shared one may be in use by a frame that is still under way.
     const DeviceBuffer spectrum(context_, samples.size() * sizeof(cl_float), samples.data());
-    const DeviceBuffer scratch =
-        fft_->scratch_bytes() > 0 ? DeviceBuffer(context_, fft_->scratch_bytes()) : DeviceBuffer();
     cl::CommandQueue queue(context_->cl_context(), context_->device());
     CommandChain chain(queue(), 0, nullptr);
-    fft_->enqueue(chain, FftDirection::kForward, "filter", spectrum.get(), scratch.get());
+    fft_->enqueue(chain, FftDirection::kForward, "filter", spectrum.get(), scratch_.get());
     cl::Kernel transfer = context_->kernel("stages/filter.cl", "filter_transfer", "-DHAS_WEIGHT=0");
     KernelArguments(transfer)
         .add(spectrum.get())
@@ -112,17 +102,17 @@ void FftFilter::enqueue_convolve(CommandChain &chain, const char *stage, const I
     arguments.add(in).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});
     if (weight)
         arguments.add(weight);
-    arguments.add(workspace_->field()).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
+    arguments.add(field_.get()).add(cl_uint{grid_.grid_width}).add(cl_uint{grid_.grid_height});
     chain.run(stage, load, grid_.grid_width, grid_.grid_height);
-    fft_->enqueue(chain, FftDirection::kForward, stage, workspace_->field(), workspace_->scratch());
+    fft_->enqueue(chain, FftDirection::kForward, stage, field_.get(), scratch_.get());
     KernelArguments(multiply_)
-        .add(workspace_->field())
+        .add(field_.get())
         .add(roots_.get())
         .add(transfer_.get())
         .add(cl_uint{columns()})
         .add(cl_uint{grid_.grid_height});
     chain.run(stage, multiply_, columns(), grid_.grid_height / 2 + 1);
-    fft_->enqueue(chain, FftDirection::kInverse, stage, workspace_->field(), workspace_->scratch());
+    fft_->enqueue(chain, FftDirection::kInverse, stage, field_.get(), scratch_.get());
 }
 
 void FftFilter::enqueue(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &out,
@@ -131,7 +121,7 @@ void FftFilter::enqueue(CommandChain &chain, const char *stage, const ImageView 
     enqueue_convolve(chain, stage, in, weight);
     cl::Kernel &store = weight ? store_weighted_ : store_;
     KernelArguments arguments(store);
-    arguments.add(workspace_->field()).add(cl_uint{grid_.grid_width}).add(static_cast<cl_float>(fraction)).add(in);
+    arguments.add(field_.get()).add(cl_uint{grid_.grid_width}).add(static_cast<cl_float>(fraction)).add(in);
     if (weight)
         arguments.add(weight);
     arguments.add(out).add(cl_uint{grid_.width}).add(cl_uint{grid_.height});

@@ -22,20 +22,6 @@
 
 namespace clsp {
 
-// Work memory that filters may share if they never run at the same time (one pipeline's, one after the other).
-class FilterWorkspace {
-  public:
-    explicit FilterWorkspace(std::shared_ptr<Context> context) : context_(std::move(context)) {}
-    // Grows to at least these sizes; memory that enqueued commands still use lives on until they are done.
-    void reserve(std::size_t field_bytes, std::size_t scratch_bytes);
-    const cl::Buffer &field() const { return field_.get(); }
-    const cl::Buffer &scratch() const { return scratch_.get(); }
-
-  private:
-    std::shared_ptr<Context> context_;
-    DeviceBuffer field_, scratch_;
-};
-
 // A point spread: its value at (dx, dy) pixels from the point. Central symmetry is required, h(-dx, -dy) = h(dx, dy);
 // the filter scales it to sum 1.
 using PointSpread = std::function<double(double dx, double dy)>;
@@ -49,9 +35,9 @@ std::uint32_t gaussian_guard_px(double sigma_px, std::uint32_t width, std::uint3
 class FftFilter {
   public:
     // Samples the point spread on the grid's pixels (offsets up to half the grid) and transforms it; waits for the
-    // device. workspace: memory to share, or nullptr for its own.
+    // device.
     FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height, std::uint32_t guard_px,
-              const PointSpread &point_spread, std::shared_ptr<FilterWorkspace> workspace = nullptr);
+              const PointSpread &point_spread);
 
     const FieldGrid &grid() const { return grid_; } // of even width
 
@@ -59,10 +45,10 @@ class FftFilter {
     // weight: FLOAT32, f(x) in 0 to 1 (clamped; NaN is 0); without one, f is `fraction`. All images are width x height.
     void enqueue(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &out, double fraction,
                  const ImageView &weight = {});
-    // Only h * in, or h * (f in): the result is in field(), rows of grid().grid_width floats, until the workspace is
-    // used again.
+    // Only h * in, or h * (f in): the result is in field(), rows of grid().grid_width floats, until the filter is used
+    // again.
     void enqueue_convolve(CommandChain &chain, const char *stage, const ImageView &in, const ImageView &weight = {});
-    const cl::Buffer &field() const { return workspace_->field(); }
+    const cl::Buffer &field() const { return field_.get(); }
 
   private:
     void make_transfer(const PointSpread &point_spread);
@@ -71,7 +57,7 @@ class FftFilter {
     std::shared_ptr<Context> context_;
     FieldGrid grid_;
     std::shared_ptr<Fft> fft_;
-    std::shared_ptr<FilterWorkspace> workspace_;
+    DeviceBuffer field_, scratch_; // work memory
     DeviceBuffer transfer_, roots_; // kernels/stages/filter.cl has them
     cl::Kernel load_, load_weighted_, multiply_, store_, store_weighted_;
 };

@@ -238,7 +238,8 @@ cl_float4 Vignetting::kernel_argument() const {
              static_cast<cl_float>(per_corner2_), static_cast<cl_float>(corner_loss_)}};
 }
 
-Lens::Lens(std::shared_ptr<Context> context, const LensParameters &parameters) : context_(std::move(context)) {
+Lens::Lens(std::shared_ptr<Context> context, const LensParameters &parameters, bool keeps_filters)
+    : context_(std::move(context)), keeps_filters_(keeps_filters) {
     configure(parameters);
 }
 
@@ -246,8 +247,10 @@ void Lens::configure(const LensParameters &p) {
     check(p);
     const Distortion distortion(p);
     DeviceBuffer displacement;
-    const LensParameters displacement_of = distortion.identity() ? displacement_of_ : distorting_part(p);
-    if (displacement_of != displacement_of_) {
+    const LensParameters off, displacement_of = !distortion.identity() ? distorting_part(p)
+                                                : keeps_filters_       ? displacement_of_
+                                                                       : off;
+    if (!distortion.identity() && displacement_of != displacement_of_) {
         std::vector<float> map;
         map.reserve(std::size_t{p.width} * p.height * 2);
         for (std::uint32_t y = 0; y < p.height; ++y)
@@ -267,14 +270,15 @@ void Lens::configure(const LensParameters &p) {
         displacement = DeviceBuffer(context_, map.size() * sizeof(float), map.data());
     }
     std::unique_ptr<FftFilter> glare;
-    const LensParameters glare_of = p.glare_fraction > 0.0 ? glaring_part(p) : glare_of_;
-    if (glare_of != glare_of_)
+    const bool glares = p.glare_fraction > 0.0;
+    const LensParameters glare_of = glares ? glaring_part(p) : keeps_filters_ ? glare_of_ : off;
+    if (glares && glare_of != glare_of_)
         glare = std::make_unique<FftFilter>(context_, p.width, p.height,
                                             exponential_guard_px(p.glare_scale_px, p.width, p.height),
                                             exponential_spread(p.glare_scale_px));
     const std::string options =
         fmt::format("-DDISTORT_SHIFT=0 -DDISTORT=0 -DGLARE={} -DVIGNETTING={} -DCOS4={}",
-                    p.glare_fraction > 0.0 ? 1 : 0, p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
+                    glares ? 1 : 0, p.vignetting_corner_loss > 0.0 ? 1 : 0, p.cos4_falloff ? 1 : 0);
     cl::Kernel finish = context_->kernel("stages/lens.cl", "lens_finish", options);
     // From here on nothing fails.
     if (!distortion_ || distortion_->identity() != distortion.identity())
@@ -282,10 +286,10 @@ void Lens::configure(const LensParameters &p) {
     parameters_ = p;
     distortion_ = distortion;
     vignetting_ = Vignetting(p).kernel_argument();
-    if (displacement)
+    if (displacement_of != displacement_of_)
         displacement_ = std::move(displacement);
     displacement_of_ = displacement_of;
-    if (glare)
+    if (glare_of != glare_of_)
         glare_ = std::move(glare);
     glare_of_ = glare_of;
     finish_ = std::move(finish);

@@ -88,7 +88,8 @@ class Vignetting {
 
 class Lens {
   public:
-    Lens(std::shared_ptr<Context> context, const LensParameters &parameters);
+    // keeps_filters: maps and filters that are switched off stay for the next time.
+    Lens(std::shared_ptr<Context> context, const LensParameters &parameters, bool keeps_filters = false);
 
     const std::shared_ptr<Context> &context() const { return context_; }
     const LensParameters &parameters() const { return parameters_; }
@@ -126,9 +127,10 @@ class Lens {
     cl::Kernel &distort_kernel(Format format, Interpolation interpolation);
 
     std::shared_ptr<Context> context_;
+    bool keeps_filters_;
     LensParameters parameters_;
     std::optional<Distortion> distortion_;
-    // Map (float2 a pixel) and filter, and the parameters that they were made of. They stay when they are switched off.
+    // Map (float2 a pixel) and filter, and the parameters that they were made of.
     DeviceBuffer displacement_;
     LensParameters displacement_of_, glare_of_;
     std::map<Variant, cl::Kernel> distort_kernels_;

@@ -1,5 +1,7 @@
 #include "capture/capture_check.hpp"
 
+#include "capture/frame_changes.hpp"
+
 #include "capture/capture_validation.hpp"
 
 #include <algorithm>
@@ -109,7 +111,10 @@ CaptureSummary summarize_capture(const Capture &capture) {
         summary.sequences.push_back(summarize_sequence(capture, i, summary.dark));
     summary.abilities = capture_abilities(capture.layout, summary.sequences);
     summary.effects = effect_visibilities(capture.layout);
-    summary.warnings = capture_warnings(capture, summary.dark, summary.sequences);
+    for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i)
+        for (CaptureWarning &change : frame_changes(capture, i, summary.dark.level_dn))
+            summary.frame_changes.push_back(std::move(change));
+    summary.warnings = capture_warnings(capture, summary.dark, summary.sequences, summary.frame_changes);
     return summary;
 }
 

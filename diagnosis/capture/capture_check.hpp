@@ -64,6 +64,7 @@ struct CaptureSummary {
     DarkLevel dark;
     std::vector<CaptureAbility> abilities;
     std::vector<EffectVisibility> effects; // in the catalogue's order
+    std::vector<CaptureWarning> frame_changes; // frame_changes.hpp; among the warnings, too
     std::vector<CaptureWarning> warnings;
 };
 CaptureSummary summarize_capture(const Capture &capture);
@@ -72,7 +73,8 @@ CaptureSummary summarize_capture(const Capture &capture);
 // there, dots outside the image, a pupil that the pixels cannot sample, and what contradicts its description (metadata_warnings.hpp). The
 // reader's own warnings come first. summaries: by sequence.
 std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
-                                             const std::vector<SequenceSummary> &summaries);
+                                             const std::vector<SequenceSummary> &summaries,
+                                             const std::vector<CaptureWarning> &frame_changes);
 
 // Of the layout alone.
 std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,

@@ -1,6 +1,5 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
-#include "capture/frame_changes.hpp"
 #include "capture/metadata_warnings.hpp"
 #include "runtime/hash.hpp"
 
@@ -125,7 +124,8 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
 } // namespace
 
 std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
-                                             const std::vector<SequenceSummary> &summaries) {
+                                             const std::vector<SequenceSummary> &summaries,
+                                             const std::vector<CaptureWarning> &frame_changes) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
     // A data sheet may say 0, or the noise of another gain.
@@ -133,9 +133,8 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkL
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
         warn_of_codes(capture, i, summaries[i], dark, noise, warnings);
-        for (CaptureWarning &change : frame_changes(capture, i, dark.level_dn))
-            warnings.push_back(std::move(change));
     }
+    warnings.insert(warnings.end(), frame_changes.begin(), frame_changes.end());
     for (CaptureWarning &warning : metadata_warnings(capture, summaries, dark))
         warnings.push_back(std::move(warning));
     return warnings;

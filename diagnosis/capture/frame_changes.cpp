@@ -19,13 +19,14 @@ using Series = std::vector<double>;
 
 constexpr std::size_t kLeastFrames = 4;
 constexpr double kChance = kChanceOfFrameChange; // of a step or drift, in a sequence where nothing changes
-constexpr double kAlike = 1e-3;      // neighbours that are more alike wander
+constexpr double kAlike = 1e-3;                  // neighbours that are more alike wander
 constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
 constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
 constexpr double kLeastShare = 0.5; // of the light of the brightest frame, where contrasts are compared
-constexpr double kLevelScatterDn = 0.01, kEnergyScatter = 0.01, kRatioScatter = 1e-4; // no scatter is believed to be smaller
+// No scatter is believed to be smaller.
+constexpr double kLevelScatterDn = 0.01, kEnergyScatter = 0.01, kRatioScatter = 1e-4;
 
 // One number for each frame. energies: mean squared difference to the frame before, at the same level, from frame 1 on.
 struct FrameSeries {
@@ -202,7 +203,10 @@ std::string list_of(const std::vector<std::size_t> &frames) {
 std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
     Series logs;
     for (const double energy : energies)
-        logs.push_back(std::log(std::max(energy, 1e-12)));
+        if (energy > 0.0) // a frame that comes twice is told elsewhere
+            logs.push_back(std::log(energy));
+    if (logs.size() < kLeastFrames - 1)
+        return {};
     const auto median = [](Series values) {
         std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
         return values[values.size() / 2];
@@ -214,8 +218,8 @@ std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
     constexpr double kNormalMad = 1.4826; // a normal law's deviation in median absolute deviations
     const double limit = gap_limit(logs.size()) * std::max(kNormalMad * median(away), scatter);
     std::vector<std::size_t> breaks;
-    for (std::size_t t = 0; t < logs.size(); ++t)
-        if (logs[t] - usual > std::max(limit, std::log(kLeastEnergy)))
+    for (std::size_t t = 0; t < energies.size(); ++t)
+        if (energies[t] > 0.0 && std::log(energies[t]) - usual > std::max(limit, std::log(kLeastEnergy)))
             breaks.push_back(t + 1);
     return breaks;
 }

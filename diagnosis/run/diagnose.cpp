@@ -212,9 +212,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;
     // Halves of a sequence that changes half way are alike; its frames are not.
-    for (std::size_t s = 0; s < capture.codes.size(); ++s)
-        for (CaptureWarning &change : frame_changes(capture, s, summary.dark.level_dn))
-            result.frame_changes.push_back(std::move(change));
+    for (const CaptureWarning &change : summary.frame_changes)
+        if (std::count(result.judged.begin(), result.judged.end(), change.sequence))
+            result.frame_changes.push_back(change);
     const bool steady = result.frame_changes.empty();
     const auto with_changes = [&](double p) { return steady ? p : std::min(p, kChanceOfFrameChange); };
     result.detected = test.detected || !steady;

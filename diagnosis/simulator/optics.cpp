@@ -44,7 +44,7 @@ Pipeline &Optics::camera_for(const PipelineModel &model) {
         stages.phase = std::make_shared<Phase>(context_, model.phase);
         stages.aperture = std::make_shared<Aperture>(context_, model.aperture);
         PipelineOptions options;
-        options.keeps_irradiance = options.independent_exposures = true;
+        options.keeps_irradiance = options.independent_exposures = options.keeps_filters = true;
         auto pipeline = std::make_unique<Pipeline>(context_, std::move(stages), model.pipeline, options);
         if (cameras_.size() == kMostCameras)
             cameras_.pop_back();

@@ -211,6 +211,18 @@ TEST(FrameChanges, AFirstFrameWithoutOneBeforeItIsNoOther) {
     }
 }
 
+// A grabber that hands out frames twice makes no other scene, however many it repeats.
+TEST(FrameChanges, RepeatedFramesAreNoOtherScene) {
+    std::mt19937_64 random(45);
+    const Image still = speckle(random);
+    Capture capture = capture_of(CaptureScene::kBoard, false, 20, random, [&](auto) { return still; });
+    const std::size_t pixels = still.size();
+    for (const std::uint32_t t : {1, 3, 4, 6, 7, 9, 10, 12, 13, 15, 16, 18, 19}) // of 20; most of the differences are 0
+        std::copy_n(capture.codes[0].begin() + std::ptrdiff_t((t - 1) * pixels), pixels,
+                    capture.codes[0].begin() + std::ptrdiff_t(t * pixels));
+    EXPECT_EQ("", said(capture));
+}
+
 TEST(FrameChanges, MasksAndShortSequencesAreKept) {
     std::mt19937_64 random(43);
     const auto stepping = [&](std::uint32_t t) { return even(t < 2 ? 1.0 : 0.5); };

@@ -198,25 +198,6 @@ TEST_F(Filter, InPlaceOffsetAndPitch) {
     EXPECT_EQ(memory.size() - image.size(), outside) << "written beside the image";
 }
 
-TEST_F(Filter, SharesItsWorkMemory) {
-    const std::vector<float> image = random(5);
-    FftFilter alone(context(), width, height, 8, exponential_spread(scale));
-    const auto expected = run(alone, image, 0.5);
-    const auto workspace = std::make_shared<FilterWorkspace>(context());
-    FftFilter first(context(), width, height, 8, exponential_spread(scale), workspace);
-    const std::uint64_t before = context()->memory_use().allocated_bytes;
-    FftFilter second(context(), width, height, 8, gaussian_spread(scale), workspace);
-    // A transfer function and the roots of one row, and no other memory.
-    EXPECT_EQ(before + (second.grid().samples() + second.grid().grid_width) * sizeof(float),
-              context()->memory_use().allocated_bytes);
-    run(second, image, 1.0);
-    EXPECT_EQ(expected, run(first, image, 0.5));
-    // A larger filter makes the shared memory grow; the others go on with it.
-    FftFilter larger(context(), width, height, 60, gaussian_spread(scale), workspace);
-    run(larger, image, 1.0);
-    EXPECT_EQ(expected, run(first, image, 0.5));
-}
-
 TEST_F(Filter, RefusesBadParameters) {
     const auto fails = [&](auto make, const char *words) {
         try {
