@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .conditions import EVEN, Conditions
 from .readings import AS_CATALOGUED, Readings
 
 F_NUMBERS = (5.6, 6.3, 8.0)  # D = pitch / (wavelength f/#) = 0.55, 0.49, 0.39 cycles per pixel
@@ -17,6 +18,8 @@ MARGIN_PX = 10.0
 JITTER_PX = 2.0
 DOT_SIGMA_PX = 2.2
 BITS = 10
+EXPOSURE_MS = 10.0
+LONG_EXPOSURE_MS = 40.0
 # What other cameras have.
 OTHER_BITS = (8, 10, 12)
 OTHER_PITCHES_UM = (1.4, 2.2, 2.9, 3.45, 5.0)
@@ -39,6 +42,7 @@ class Sequence:
     name: str
     scene: str  # dark, flat, board, dots
     moving: bool
+    exposure_ms: float = EXPOSURE_MS
 
 
 SEQUENCES = (
@@ -49,6 +53,8 @@ SEQUENCES = (
     Sequence("dots_static", "dots", False),
     Sequence("dots_moving", "dots", True),
 )
+# What tells a dark signal that grows with the exposure from a black level.
+LONG_DARK = Sequence("dark_long", "dark", False, LONG_EXPOSURE_MS)
 LASER_SEQUENCES = tuple(s.name for s in SEQUENCES if s.scene in ("board", "dots"))
 DOT_SEQUENCES = tuple(s.name for s in SEQUENCES if s.scene == "dots")
 STATIC_LASER_SEQUENCES = tuple(s.name for s in SEQUENCES if s.scene in ("board", "dots") and not s.moving)
@@ -84,6 +90,7 @@ class Camera:
     sheet_black_dn: float = 64.0
     sheet_read_noise_dn: float = 4.0
     readings: Readings = AS_CATALOGUED
+    conditions: Conditions = EVEN
     border_px: int = 0
 
     @property
@@ -120,9 +127,10 @@ class Camera:
         """From the axis to the centre of the image's corner pixel."""
         return float(np.hypot(*(a - self.border_px for a in self.axis_px)))
 
-    def gain_dn(self, scene: str) -> float:
+    def gain_dn(self, sequence: Sequence) -> float:
         """g: DN per unit of intensity."""
-        return self.level_dn * {"dark": 0.0, "flat": self.flat_gain, "board": 1.0, "dots": self.dot_gain}[scene]
+        of_scene = {"dark": 0.0, "flat": self.flat_gain, "board": 1.0, "dots": self.dot_gain}[sequence.scene]
+        return self.level_dn * of_scene * sequence.exposure_ms / EXPOSURE_MS
 
     def nuisance(self) -> dict[str, float]:
         return {

@@ -17,6 +17,7 @@ from .camera import (
     MOVING_LASER_SEQUENCES,
     STATIC_LASER_SEQUENCES,
     Camera,
+    stream,
 )
 
 Setting = dict[str, float]
@@ -41,13 +42,17 @@ class EffectInfo:
     also: tuple[str, ...] = ()
     in_catalogue: bool = True
     integers: tuple[str, ...] = field(default=())
+    # Parameters that no strength moves: between which values, of either sign, they lie.
+    drawn: dict[str, tuple[float, float]] = field(default_factory=dict)
 
-    def at(self, strength: float) -> Setting:
-        """The parameters at a strength."""
+    def at(self, strength: float, seed: int = 0) -> Setting:
+        """The parameters at a strength, those beside it as a seed draws them."""
+        rng = stream(seed, self.id, "drawn")
+        beside = {name: float(rng.choice((-1, 1)) * rng.uniform(*bounds)) for name, bounds in self.drawn.items()}
         if strength < 0:
-            return {name: self._below_weak(name, 1 + strength) for name in self.ranges}
+            return {name: self._below_weak(name, 1 + strength) for name in self.ranges} | beside
         values = {name: weak + (strong - weak) * strength for name, (weak, strong) in self.ranges.items()}
-        return {n: float(round(v)) if n in self.integers else float(v) for n, v in values.items()}
+        return {n: float(round(v)) if n in self.integers else float(v) for n, v in values.items()} | beside
 
     def _below_weak(self, name: str, part: float) -> float:
         """A parameter that is `part` of the way from nothing to weak."""
@@ -101,9 +106,23 @@ _CATALOGUE = (
     EffectInfo("row_gain", "sensor", {"sigma": (0.002, 0.01)}, LIT_SEQUENCES),
     EffectInfo("dsnu", "sensor", {"sigma_dn": (1.0, 5.0)}, ALL_SEQUENCES),
     EffectInfo("column_fpn", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
+    EffectInfo("row_fpn", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
+    EffectInfo(
+        "periodic_offset",
+        "sensor",
+        {"amplitude_dn": (1.0, 5.0)},
+        ALL_SEQUENCES,
+        # Neither shading nor a pattern of whole rows or columns.
+        drawn={"frequency_x": (0.03, 0.5), "frequency_y": (0.03, 0.5)},
+    ),
     EffectInfo("hot_pixels", "sensor", {"fraction": (0.001, 0.01), "mean_dn": (150.0, 150.0)}, ALL_SEQUENCES),
+    EffectInfo("pixel_dull", "sensor", {"fraction": (0.0002, 0.002)}, LIT_SEQUENCES),
+    EffectInfo("telegraph_noise", "sensor", {"fraction": (0.01, 0.04), "step_dn": (30.0, 60.0)}, ALL_SEQUENCES),
+    EffectInfo("dark_current", "sensor", {"rate_dn_per_ms": (0.1, 1.0)}, ALL_SEQUENCES),
     EffectInfo("row_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
+    EffectInfo("column_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
     EffectInfo("gamma", "sensor", {"gamma": (0.93, 0.75)}, LIT_SEQUENCES),
+    EffectInfo("nonlinearity", "sensor", {"cubic": (0.01, 0.05)}, LIT_SEQUENCES),
     EffectInfo("full_well", "sensor", {"level_dn": (650.0, 380.0)}, LIT_SEQUENCES),
     EffectInfo("adc_bits", "sensor", {"bits": (8.0, 6.0)}, ALL_SEQUENCES, integers=("bits",)),
     EffectInfo("bayer_mismatch", "sensor", {"delta": (0.015, 0.06)}, LIT_SEQUENCES),
@@ -142,7 +161,6 @@ _OUTSIDE = (
     _outside("frame_repeats", "sensor", {"fraction": (0.1, 0.4)}, ALL_SEQUENCES, ("motion",)),
     _outside("charge_transfer_smear", "sensor", {"fraction": (0.06, 0.25)}, LASER_SEQUENCES, ("optics",)),
     _outside("column_smear", "sensor", {"fraction": (0.03, 0.15)}, LASER_SEQUENCES, ("optics",)),
-    _outside("telegraph_noise", "sensor", {"fraction": (0.01, 0.06), "step_dn": (20.0, 40.0)}, ALL_SEQUENCES),
     _outside("median_denoising", "sensor", {"weight": (0.35, 1.0)}, ALL_SEQUENCES),
     _outside("second_wavelength", "laser", {"fraction": (0.15, 0.4)}, DOT_SEQUENCES, ("doe", "optics")),
     _outside("uneven_illumination", "laser", {"slope": (0.08, 0.35)}, LASER_SEQUENCES, ("optics", "surface")),
@@ -158,7 +176,6 @@ _OUTSIDE = (
     _outside("dark_shading", "sensor", {"corner_dn": (4.0, 20.0)}, ALL_SEQUENCES),
     _outside("converter_ripple", "sensor", {"amplitude_dn": (2.0, 6.0)}, ALL_SEQUENCES),
     _outside("interference", "sensor", {"amplitude_dn": (1.5, 6.0)}, ALL_SEQUENCES),
-    _outside("column_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
     _outside("dead_pixels", "sensor", {"fraction": (0.002, 0.02)}, LIT_SEQUENCES),
     _outside("black_level_drift", "sensor", {"total_dn": (2.0, 10.0)}, ALL_SEQUENCES),
 )
@@ -168,7 +185,7 @@ def on_camera(effects: Effects, camera: Camera) -> Effects:
     """The same effects by the camera's data sheet: DN of its converter, polarization beside that of its laser."""
 
     def value(name: str, parameter: str, of_ten_bits: float) -> float:
-        if parameter.endswith("_dn") or parameter == "dn_per_electron":
+        if parameter.endswith("_dn") or parameter in ("dn_per_electron", "rate_dn_per_ms"):
             return of_ten_bits * camera.dn_scale
         if (name, parameter) == ("adc_bits", "bits"):
             return of_ten_bits + camera.bits - BITS
@@ -189,7 +206,7 @@ def validate(effects: Effects) -> None:
     for name, setting in effects.items():
         if name not in EFFECTS:
             raise ValueError(f"no effect is called {name!r}; there are: {', '.join(EFFECTS)}")
-        known = EFFECTS[name].ranges
+        known = EFFECTS[name].ranges | EFFECTS[name].drawn
         wrong = set(setting) ^ set(known)
         if wrong:
             raise ValueError(f"effect {name!r} takes the parameters {', '.join(known)}, not {', '.join(setting)}")

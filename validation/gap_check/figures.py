@@ -57,7 +57,15 @@ def proportion(
     return Figure(id, text, on, value, count, successes, low if count else None, high if count else None, unit, target)
 
 
-def quantity(id: str, text: str, on: str, values: list[float], median: bool = False, unit: str = "sets") -> Figure:
+def quantity(
+    id: str,
+    text: str,
+    on: str,
+    values: list[float],
+    median: bool = False,
+    unit: str = "sets",
+    target: tuple[float, float] | None = None,
+) -> Figure:
     """The mean, or the median, of values."""
     value = float(np.median(values) if median else np.mean(values)) if values else None
-    return Figure(id, text, on, value, len(values), unit=unit)
+    return Figure(id, text, on, value, len(values), unit=unit, target=target)

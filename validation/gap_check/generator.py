@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .camera import SEQUENCES, Camera, Sequence
+from .camera import EXPOSURE_MS, SEQUENCES, Camera, Sequence
 from .effects import Effects, validate
 from .light import intensity
 from .scene import ideal_image
@@ -42,6 +42,7 @@ def write_capture(
     folder.mkdir(parents=True, exist_ok=True)
     metadata: dict[str, Any] = camera.metadata()
     metadata["sequences"] = []
+    exposed = any(sequence.exposure_ms != EXPOSURE_MS for sequence in sequences)
     for sequence, codes in generate_set(camera, effects, frames, seed, sequences):
         np.save(folder / f"{sequence.name}.npy", codes)
         metadata["sequences"].append(
@@ -50,6 +51,7 @@ def write_capture(
                 "file": f"{sequence.name}.npy",
                 "scene": sequence.scene,
                 "motion": "moving" if sequence.moving else "static",
+                **({"exposure_ms": sequence.exposure_ms} if exposed else {}),
             }
         )
     (folder / "capture.json").write_text(json.dumps(metadata, indent=1) + "\n")

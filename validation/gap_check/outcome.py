@@ -114,6 +114,21 @@ class Outcome:
                     return float((self.key["effects"][name][parameter] - weak) / (strong - weak))
         return None
 
+    @property
+    def hidden(self) -> str:
+        """What a whole camera has beside the usual effects; empty if nothing."""
+        return str(self.key.get("hidden", ""))
+
+    @property
+    def rungs(self) -> list[dict[str, Any]]:
+        """The verdicts of dark, flat, board and dots, if the report has them."""
+        return list(self.report["cause"].get("rungs", [])) if self.report else []
+
+    def fraction(self) -> float | None:
+        """The part of the gap that is gone."""
+        value = self.report.get("shrink", {}).get("fraction")
+        return None if value is None else float(value)
+
     def ranked(self, effect: str) -> dict[str, Any] | None:
         """The ranking's first entry of an effect."""
         ranking = self.report["cause"].get("ranking", []) if self.report else []

@@ -9,14 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from .camera import Camera, draw_camera, stream
+from .camera import LONG_DARK, SEQUENCES, Camera, Sequence, draw_camera, stream
+from .conditions import EVEN, draw_conditions
 from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects, on_camera
 from .generator import write_capture
 from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
 
 # The kinds of sets: (a) null, (b) single, replica (single, the same set drawn again), level (single, at given
-# strengths), (c) pair and many, (d) outside, (e) without.
-KINDS = ("null", "single", "replica", "level", "pair", "many", "outside", "without")
+# strengths), (c) pair and many, (d) outside, (e) without; whole: a whole camera.
+KINDS = ("null", "single", "replica", "level", "pair", "many", "outside", "without", "whole")
+
+# What every sensor and lens has, one of each line: ten effects of a whole camera.
+USUAL = (
+    ("shot_noise",),
+    ("prnu",),
+    ("dsnu",),
+    ("row_noise",),
+    ("column_fpn", "row_fpn"),
+    ("column_gain", "row_gain"),
+    ("hot_pixels", "pixel_dull"),
+    ("vignetting", "ambient_light"),
+    ("crosstalk", "pixel_integration"),
+    ("defocus", "aperture_mismatch"),
+)
 
 
 @dataclass(frozen=True)
@@ -37,6 +52,8 @@ class Plan:
     many: int = 0  # sets with three to six effects
     outside_each: int = 0
     outside_effects: tuple[str, ...] = ()
+    whole: int = 0  # cameras with ten usual effects and uneven light, every second one with a hidden effect more
+    flat_exposures_ms: tuple[float, ...] = ()  # of further flats, beside the one of 10 ms
     without_each: int = 0
     without_effects: tuple[str, ...] = ()
     levels: dict[str, tuple[float, ...]] = field(default_factory=dict)  # effect: strengths
@@ -94,6 +111,8 @@ PLANS = {
     "cut": Plan("cut", nulls=60, singles_each=2, pairs=10, many=10, outside_each=1, border_px=24),
     # Cameras of other data sheets.
     "cameras": Plan("cameras", nulls=60, singles_each=2, pairs=10, many=10, outside_each=1, other_cameras=True),
+    # Ten usual effects at once, in a lab whose lamp and beam are not even.
+    "whole": Plan("whole", frames=24, whole=60),
     "full": Plan(
         "full",
         nulls=100,
@@ -121,7 +140,7 @@ def load_plan(name: str) -> Plan:
     if unknown:
         raise ValueError(f"plan {name!r}: unknown members {', '.join(sorted(unknown))}")
     merged = {**base, **members}
-    for member in ("single_effects", "outside_effects", "without_effects"):
+    for member in ("single_effects", "outside_effects", "without_effects", "flat_exposures_ms"):
         merged[member] = tuple(merged.get(member, ()))
     merged["levels"] = {name: tuple(strengths) for name, strengths in merged.get("levels", {}).items()}
     return Plan(**merged)
@@ -137,10 +156,11 @@ class SetPlan:
     seed: int
     without: tuple[str, ...] = ()
     group: str = ""  # sets of one group have the same truth
+    hidden: str = ""  # what a whole camera has beside the usual effects
 
     @property
     def effects(self) -> Effects:
-        return {name: EFFECTS[name].at(strength) for name, strength in self.strengths.items()}
+        return {name: EFFECTS[name].at(strength, self.camera_seed) for name, strength in self.strengths.items()}
 
 
 def _stratified(count: int, low: float, rng: np.random.Generator) -> list[float]:
@@ -185,6 +205,17 @@ def draw_sets(plan: Plan) -> list[SetPlan]:
     for name in plan.without_effects or CATALOGUE:
         for strength in _stratified(plan.without_each, low, rng):
             add("without", {name: strength}, without=(name,))
+    waiting: list[str] = []  # each effect is hidden once before one is hidden again
+    for number in range(plan.whole):
+        chosen = {str(rng.choice(choices)): float(rng.uniform(0, 0.5)) for choices in USUAL}
+        hidden = ""
+        if number % 2:
+            if all(name in chosen for name in waiting):
+                waiting += [str(name) for name in rng.permutation(names)]
+            hidden = next(name for name in waiting if name not in chosen)
+            waiting.remove(hidden)
+            chosen[hidden] = float(rng.uniform(low, 1))
+        sets.append(SetPlan("whole", chosen, seed(), seed(), hidden=hidden))
     return [sets[i] for i in rng.permutation(len(sets))]
 
 
@@ -208,7 +239,14 @@ def camera_of(plan: Plan, entry: SetPlan) -> Camera:
         plan.border_px,
         other=plan.other_cameras,
         readings=readings_of(plan, entry),
+        conditions=draw_conditions(stream(entry.camera_seed, "conditions")) if entry.kind == "whole" else EVEN,
     )
+
+
+def sequences_of(plan: Plan, entry: SetPlan) -> tuple[Sequence, ...]:
+    """What is recorded: six sequences, further flats, and a second dark where the dark signal grows."""
+    flats = (Sequence(f"flat_{i}", "flat", False, ms) for i, ms in enumerate(plan.flat_exposures_ms, 2))
+    return (*SEQUENCES, *flats, *([LONG_DARK] if "dark_current" in entry.strengths else []))
 
 
 def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
@@ -219,6 +257,8 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
         "kind": entry.kind,
         "effects": on_camera(entry.effects, camera),
         "strength": entry.strengths,
+        "hidden": entry.hidden,
+        "conditions": {} if camera.conditions == EVEN else asdict(camera.conditions),
         "nuisance": camera.nuisance(),
         "in_catalogue": all(info.in_catalogue for info in infos),
         "without": list(entry.without),
@@ -236,7 +276,8 @@ def key(plan: Plan, entry: SetPlan) -> dict[str, Any]:
 def write_drawn(folder: Path, plan: Plan, entry: SetPlan) -> None:
     """The capture set alone."""
     camera = camera_of(plan, entry)
-    write_capture(folder, camera, on_camera(entry.effects, camera), plan.frames, entry.seed)
+    sequences = sequences_of(plan, entry)
+    write_capture(folder, camera, on_camera(entry.effects, camera), plan.frames, entry.seed, sequences)
 
 
 def write_plan(out: Path, plan: Plan) -> list[SetPlan]:

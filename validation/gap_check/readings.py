@@ -62,6 +62,10 @@ class Readings:
     surface_boiling: Literal["autoregression", "phases"] = "autoregression"
     # All light has photon noise, or all but the ambient light.
     ambient_light: Literal["with_photons", "smooth"] = "with_photons"
+    # The pixel gains the step in each second frame at random; half of it is lost and won; it stays for some frames.
+    telegraph_noise: Literal["raised", "centered", "slow"] = "raised"
+    # Photons come before or after the curve.
+    nonlinearity: Literal["after_photons", "before_photons"] = "after_photons"
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,13 @@ def pixel_grid(camera: Camera) -> tuple[Image, Image]:
     """x and y of the pixel centres."""
     y, x = np.mgrid[0 : camera.height, 0 : camera.width].astype(np.float64)
     return x, y
+
+
+def illumination(camera: Camera, light: Callable[[Image, Image], Image]) -> Image:
+    """A lamp's or a beam's light on what is recorded, mean 1."""
+    x, y = pixel_grid(camera)
+    lit = light((x - camera.axis_px[0]) / camera.corner_px, (y - camera.axis_px[1]) / camera.corner_px)
+    return np.asarray(lit / lit[camera.recorded].mean())
 
 
 def periodic_radius(shape: tuple[int, int]) -> Image:
@@ -155,7 +163,7 @@ def ideal_image(camera: Camera, sequence: Sequence, effects: Effects, seed: int)
     if sequence.scene == "dark":
         return np.zeros(camera.shape)
     if sequence.scene == "flat":
-        return np.ones(camera.shape)
+        return illumination(camera, camera.conditions.lamp)
     if sequence.scene == "board":
         image = np.ones(camera.shape)
     else:
@@ -172,6 +180,7 @@ def ideal_image(camera: Camera, sequence: Sequence, effects: Effects, seed: int)
             path = effects["shutter_blur"]["path_px"]
             smear = np.sinc(path * np.fft.rfftfreq(camera.width))
             image = scipy.fft.irfft(scipy.fft.rfft(image, axis=-1) * smear, n=camera.width, axis=-1)
+    image = image * illumination(camera, camera.conditions.beam)
     if "uneven_illumination" in effects:  # the beam's centre is off the axis
         x, _ = pixel_grid(camera)
         image = image * (

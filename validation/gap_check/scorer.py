@@ -82,24 +82,19 @@ def replica_coverage(outcomes: list[Outcome]) -> list[bool]:
     """
     groups: dict[str, list[Outcome]] = defaultdict(list)
     for outcome in outcomes:
-        if outcome.kind == "replica" and outcome.exact and _fraction(outcome) is not None:
+        if outcome.kind == "replica" and outcome.exact and outcome.fraction() is not None:
             groups[str(outcome.key.get("group"))].append(outcome)
     held = []
     for members in groups.values():
         if len(members) < 3:
             continue
-        fractions = np.array([_fraction(member) for member in members], float)
+        fractions = np.array([member.fraction() for member in members], float)
         for index, member in enumerate(members):
             interval = member.report["shrink"].get("ci95")
             if interval and None not in interval:
                 others = float(np.delete(fractions, index).mean())
                 held.append(bool(interval[0] <= others <= interval[1]))
     return held
-
-
-def _fraction(outcome: Outcome) -> float | None:
-    value = outcome.report.get("shrink", {}).get("fraction")
-    return None if value is None else float(value)
 
 
 def _label(outcome: Outcome) -> str:
@@ -144,6 +139,86 @@ def binned(
             share = sum(hits) / len(hits) if hits else None
             row[name] = {"share": share, "wilson95": list(wilson(sum(hits), len(hits)))}
         rows.append(row)
+    return rows
+
+
+@dataclass(frozen=True)
+class Gain:
+    """DN per electron, as the report has it, beside what is true."""
+
+    truth: float
+    estimate: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def close(self) -> bool:
+        return self.estimate is not None and abs(self.estimate / self.truth - 1) <= 0.03
+
+    @property
+    def held(self) -> bool | None:
+        return None if self.low is None or self.high is None else self.low <= self.truth <= self.high
+
+
+def gain(outcome: Outcome) -> Gain:
+    """The fitted gain of a camera with photon noise."""
+    truth = float(outcome.key["effects"]["shot_noise"]["dn_per_electron"])
+    entry = outcome.ranked("shot_noise") or {}
+    estimate = entry.get("parameters", {}).get("dn_per_electron")
+    low, high = entry.get("intervals", {}).get("dn_per_electron") or (None, None)
+    return Gain(truth, estimate, low, high)
+
+
+def _whole(outcomes: list[Outcome]) -> list[Figure]:
+    hidden, usual = [o for o in outcomes if o.hidden], [o for o in outcomes if not o.hidden]
+    gains = [gain(o) for o in outcomes]
+    times = [o.wall_s for o in outcomes if o.wall_s is not None]
+    return [
+        proportion("whole_hidden", "the hidden effect named", "whole", [o.hidden in o.effects for o in hidden],
+                   (0.90, 1.0)),
+        proportion("whole_recall", "recall: true effects that are named", "whole",
+                   [name in o.effects for o in outcomes for name in o.truth], (0.85, 1.0), "effects"),
+        proportion("whole_precision", "precision: named effects that are true", "whole",
+                   [name in o.truth for o in outcomes for name in o.effects], (0.90, 1.0), "effects"),
+        proportion("whole_no_false", "no false name, without a hidden effect", "whole",
+                   [not o.failed and o.effects <= o.truth for o in usual], (0.90, 1.0)),
+        proportion("whole_gain", "gain within 3 %", "whole", [g.close for g in gains], (0.95, 1.0)),
+        proportion("whole_gain_interval", "95 % intervals of the gain that hold the truth", "whole",
+                   [g.held for g in gains if g.held is not None], (0.90, 0.99)),
+        quantity("whole_gap", "median part of the gap that is gone", "whole",
+                 [o.fraction() or 0.0 for o in outcomes], median=True, target=(0.95, 1.0)),
+        proportion("whole_time", "diagnosed within 90 s", "whole", [t <= 90 for t in times], (1.0, 1.0)),
+    ]  # fmt: skip
+
+
+SCENES = ("dark", "flat", "board", "dots")
+
+
+def rung_of(effect: str) -> str:
+    """The first scene, from the dark on, in which an effect shows."""
+    seen = {name.split("_")[0] for name in EFFECTS[effect].sequences}
+    return next(scene for scene in SCENES if scene in seen)
+
+
+def rungs(outcomes: list[Outcome]) -> list[dict[str, Any]]:
+    """Verdicts and names of each rung, of reports that have them."""
+    rows = []
+    for scene in SCENES:
+        told = [(o, rung) for o in outcomes for rung in o.rungs if rung.get("rung") == scene]
+        if not told:
+            continue
+        named = [(o, str(name)) for o, rung in told for name in rung.get("effects", [])]
+        true = [(o, name) for o, _ in told for name in o.truth if rung_of(name) == scene]
+        rows.append(
+            {
+                "rung": scene,
+                "verdicts": dict(Counter(str(rung.get("verdict")) for _, rung in told)),
+                "true": len(true),
+                "recalled": sum(name in o.effects for o, name in true),
+                "named": len(named),
+                "named_true": sum(name in o.truth for o, name in named),
+            }
+        )
     return rows
 
 
@@ -216,6 +291,7 @@ def figures(outcomes: list[Outcome]) -> list[Figure]:
                    [name in hit for hit, _, listed in named for name in listed], (0.80, 1.0), "effects"),
         *_abstention(by_kind["outside"], "d", (0.90, 1.0)),
         *_abstention(by_kind["without"], "e", None),
+        *_whole(by_kind["whole"]),
         proportion("failed", "diagnoses that wrote no report", "all", [o.failed for o in outcomes], (0.0, 0.0)),
         quantity("wall_s", "median time of a set, s", "all",
                  [o.wall_s for o in outcomes if o.wall_s is not None], median=True),
@@ -253,6 +329,25 @@ def per_effect(outcomes: list[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
+def names_of_whole(outcomes: list[Outcome]) -> list[dict[str, Any]]:
+    """Each effect in whole cameras: how often it was there, was named, and was named where it was not there."""
+    mine = [o for o in outcomes if o.kind == "whole"]
+    rows = []
+    for name in sorted({name for o in mine for name in o.truth | o.effects}):
+        there = [o for o in mine if name in o.truth]
+        rows.append(
+            {
+                "effect": name,
+                "sets": len(there),
+                "named": sum(name in o.effects for o in there),
+                "hidden": sum(o.hidden == name for o in there),
+                "hidden_named": sum(o.hidden == name and name in o.effects for o in there),
+                "false": sum(name in o.effects for o in mine) - sum(name in o.effects for o in there),
+            }
+        )
+    return rows
+
+
 def wrong_sets(outcomes: list[Outcome]) -> list[dict[str, Any]]:
     """Every set that did not come out as it should, for looking at."""
     rows = []
@@ -261,6 +356,7 @@ def wrong_sets(outcomes: list[Outcome]) -> list[dict[str, Any]]:
             "null": o.verdict == "none",
             "outside": o.verdict == "unknown",
             "without": o.verdict == "unknown",
+            "whole": o.effects == o.truth,
         }.get(o.kind, o.included)
         if not right:
             rows.append(
@@ -295,6 +391,8 @@ def score(outcomes: list[Outcome], missing: list[str]) -> dict[str, Any]:
         "strength": binned(singles, [o.strength for o in singles], STRENGTH_EDGES),
         "detectability": binned(singles, [o.detectability for o in singles], DETECTABILITY_EDGES),
         "effects": per_effect(outcomes),
+        "rungs": rungs(outcomes),
+        "names": names_of_whole(outcomes),
         "parameters": [{**asdict(e), "held": e.held} for e in estimates(singles)],
         "time_s": {"median": float(np.median(times)), "max": max(times)} if times else None,
         "peak_memory_mib": max(memory) if memory else None,

@@ -63,6 +63,10 @@ def pixel_gain(camera: Camera, effects: Effects, seed: int) -> Image | None:
     if "odd_even_row_gain" in effects:  # two read-out chains, one for the even, one for the odd rows
         gain[0::2] *= 1 - effects["odd_even_row_gain"]["delta"]
         gain[1::2] *= 1 + effects["odd_even_row_gain"]["delta"]
+    if "pixel_dull" in effects:  # at least one of them
+        rng = stream(seed, "pixel_dull")
+        count = max(1, round(effects["pixel_dull"]["fraction"] * gain.size))
+        gain.flat[rng.choice(gain.size, count, replace=False)] *= rng.uniform(0.7, 1.0, count)
     if "dead_pixels" in effects:  # they see nothing
         gain[stream(seed, "dead_pixels").random(camera.shape) < effects["dead_pixels"]["fraction"]] = 0.0
     return None if np.all(gain == 1) else gain
@@ -75,6 +79,14 @@ def fixed_offsets(camera: Camera, effects: Effects, seed: int) -> Image:
         offsets += effects["dsnu"]["sigma_dn"] * stream(seed, "dsnu").standard_normal(camera.shape)
     if "column_fpn" in effects:
         offsets += effects["column_fpn"]["sigma_dn"] * stream(seed, "column_fpn").standard_normal(camera.width)
+    if "row_fpn" in effects:
+        offsets += effects["row_fpn"]["sigma_dn"] * stream(seed, "row_fpn").standard_normal((camera.height, 1))
+    if "periodic_offset" in effects:
+        wave = effects["periodic_offset"]
+        y, x = np.mgrid[0 : camera.height, 0 : camera.width]
+        turns = wave["frequency_x"] * x + wave["frequency_y"] * y
+        phase = stream(seed, "periodic_offset").uniform(0, 2 * np.pi)
+        offsets += wave["amplitude_dn"] * np.sin(2 * np.pi * turns + phase)
     if "hot_pixels" in effects:
         rng = stream(seed, "hot_pixels")
         hot = rng.random(camera.shape) < effects["hot_pixels"]["fraction"]
@@ -109,14 +121,15 @@ def temporal_offsets(camera: Camera, name: str, effects: Effects, frames: int, s
     if "black_level_drift" in effects:  # the sensor warms up
         t = np.arange(frames)[:, None, None] / max(frames - 1, 1) - 0.5
         offsets = offsets + effects["black_level_drift"]["total_dn"] * t
-    if "telegraph_noise" in effects:  # one trap: the pixel's offset jumps between two values, staying for some frames
+    if "telegraph_noise" in effects:  # one trap: the pixel's offset jumps between two values
         setting = effects["telegraph_noise"]
         where = np.flatnonzero(stream(seed, "telegraph_noise").random(camera.shape) < setting["fraction"])
         rng = stream(seed, name, "telegraph_noise")
-        jumps = rng.random((frames, where.size)) < 0.3
+        reading = camera.readings.telegraph_noise
+        jumps = rng.random((frames, where.size)) < (0.3 if reading == "slow" else 0.5)
         state = (np.cumsum(jumps, axis=0) + rng.integers(0, 2, where.size)) % 2
         telegraph = np.zeros((frames, camera.height * camera.width))
-        telegraph[:, where] = setting["step_dn"] * (state - 0.5)
+        telegraph[:, where] = setting["step_dn"] * (state - (0.5 if reading == "centered" else 0.0))
         offsets = offsets + telegraph.reshape(frames, *camera.shape)
     return offsets
 
@@ -142,9 +155,15 @@ def compress_blocks(codes: Stack, step_dn: float) -> Stack:
 
 
 def respond(camera: Camera, signal: Stack, effects: Effects, when: Literal["before_photons", "after_photons"]) -> Stack:
-    """The well, min(signal, level), and the curve, full (signal / full)^gamma, where their readings have them."""
+    """The well, min(signal, level), and the curves, full (signal / full)^gamma and signal (1 - c (signal / full)^3).
+
+    They stand where their readings have them. What the converter clips bends no further.
+    """
     if "full_well" in effects and camera.readings.full_well == when:
         signal = np.minimum(signal, effects["full_well"]["level_dn"])
+    if "nonlinearity" in effects and camera.readings.nonlinearity == when:
+        bend = np.clip(signal / camera.full_dn, 0, 1) ** 3
+        signal = signal * (1 - effects["nonlinearity"]["cubic"] * bend)
     if "gamma" in effects and camera.readings.gamma == when:
         signal = camera.full_dn * (np.maximum(signal, 0) / camera.full_dn) ** effects["gamma"]["gamma"]
     return signal
@@ -181,7 +200,7 @@ def lagged(camera: Camera, signal: Stack, fraction: float) -> Stack:
 def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, frames: int, seed: int) -> Codes:
     """Codes (frames, height, width) of the light, which is (1 or frames or, with lag, frames + 1, height, width)."""
     name = sequence.name
-    signal = camera.gain_dn(sequence.scene) * light
+    signal = camera.gain_dn(sequence) * light
     ambient = effects["ambient_light"]["level_dn"] if "ambient_light" in effects and sequence.scene != "dark" else 0.0
     if ambient:
         signal = signal + ambient
@@ -205,10 +224,18 @@ def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, f
         signal = transfer_smear(signal, effects["charge_transfer_smear"]["fraction"])
     if "column_smear" in effects:  # a frame-transfer sensor sees the scene while it shifts its columns
         signal = signal + effects["column_smear"]["fraction"] * signal.mean(axis=-2, keepdims=True)
+    if "dark_current" in effects:  # electrons that no light made; what one of them is in DN, photon noise says
+        charge = effects["dark_current"]["rate_dn_per_ms"] * sequence.exposure_ms
+        if "shot_noise" in effects:
+            mean = np.full((frames, *camera.shape), charge)
+            k = effects["shot_noise"]["dn_per_electron"]
+            signal = signal + photon_noise(camera, mean, k, stream(seed, name, "dark_current"))
+        else:
+            signal = signal + charge
     signal = respond(camera, signal, effects, "after_photons")
     noise = camera.read_noise_dn * stream(seed, name, "read_noise").standard_normal((frames, *camera.shape))
     analog = signal + camera.black_dn + noise
-    if effects.keys() & {"dsnu", "column_fpn", "hot_pixels", "dark_shading"}:
+    if effects.keys() & {"dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels", "dark_shading"}:
         analog += fixed_offsets(camera, effects, seed)
     if effects.keys() & {"row_noise", "telegraph_noise", "column_noise", "interference", "black_level_drift"}:
         analog += temporal_offsets(camera, name, effects, frames, seed)

@@ -76,6 +76,23 @@ def bin_table(rows: list[dict[str, Any]], what: str) -> list[str]:
     return _table([what, "sets", "noticed", "exactly named", "or among the equivalents"], lines)
 
 
+def name_table(rows: list[dict[str, Any]]) -> list[str]:
+    lines = [
+        [f"`{r['effect']}`", _share(r["named"], r["sets"]), _share(r["hidden_named"], r["hidden"]), str(r["false"])]
+        for r in rows
+    ]
+    return _table(["effect", "named", "named where it was hidden", "false names"], lines)
+
+
+def rung_table(rows: list[dict[str, Any]]) -> list[str]:
+    lines = []
+    for row in rows:
+        verdicts = ", ".join(f"{name} {count}" for name, count in sorted(row["verdicts"].items(), key=lambda i: -i[1]))
+        counts = [_share(row["recalled"], row["true"]), _share(row["named_true"], row["named"])]
+        lines.append([row["rung"], verdicts, *counts])
+    return _table(["rung", "verdicts", "true effects that are named", "named effects that are true"], lines)
+
+
 def markdown(score: dict[str, Any], title: str = "The withheld-effect check") -> str:
     """The whole score; its figures lie beside it."""
     kinds = ", ".join(f"{count} {kind}" for kind, count in score["sets"].items())
@@ -93,7 +110,12 @@ def markdown(score: dict[str, Any], title: str = "The withheld-effect check") ->
         lines += [*bin_table(score["strength"], "strength"), ""]
         lines += ["## Accuracy against detectability", ""]
         lines += [*bin_table(score["detectability"], "largest z"), ""]
-    lines += ["## Effect by effect", "", *effect_table(score["effects"]), ""]
+    if score["effects"]:
+        lines += ["## Effect by effect", "", *effect_table(score["effects"]), ""]
+    if score["names"]:
+        lines += ["## Names in whole cameras", "", *name_table(score["names"]), ""]
+    if score["rungs"]:
+        lines += ["## Rung by rung", "", *rung_table(score["rungs"]), ""]
     if score["wrong"]:
         rows = []
         for w in score["wrong"]:

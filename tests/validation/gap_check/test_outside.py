@@ -276,17 +276,6 @@ def test_interference_is_a_wave_of_a_new_phase_in_each_frame(camera: Camera) -> 
     assert abs((phases["dark"] / phases["flat"]).mean()) < 0.55
 
 
-def test_column_noise_is_new_each_frame(camera: Camera) -> None:
-    sigma = 3.0
-    noise = residue(camera, "dark", column_noise={"sigma_dn": sigma})
-    columns = noise.mean(axis=1)
-    # 3072 draws: 1.3 %. The rest along a column is the rounding's 0.41 DN.
-    assert columns.std() == pytest.approx(sigma, rel=0.06)
-    assert (noise - columns[:, None, :]).std() < 0.45
-    assert abs(np.corrcoef(columns[0], columns[1])[0, 1]) < 0.4
-    assert columns.mean(axis=0).std() < 0.35 * sigma  # sigma / sqrt(24) = 0.2 sigma: the mean keeps no pattern
-
-
 def test_dead_pixels_see_nothing(camera: Camera) -> None:
     effects: dict[str, Any] = {"dead_pixels": {"fraction": 0.02}}
     dead = stream(5, "dead_pixels").random(camera.shape) < 0.02

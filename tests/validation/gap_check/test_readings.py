@@ -129,7 +129,7 @@ row_band_flicker 7b82f159, missing_dots ab4d829c, unequal_dots 06868a2c, pattern
 uncorrelated_speckle e8ac373a, albedo_texture a3172f3d, image_drift 47c1a0a9, stick_slip 2d4c12de,
 mirror_ghost 449d2943, etalon_fringes ba3d63a7, tilt_blur e19de642, elliptical_pupil a1c45033,
 window_double_image 9f3a4219, block_compression d60d1141, odd_even_row_gain b33f1c72, frame_repeats 9a11e259,
-charge_transfer_smear 4318667e, column_smear ab7aaf03, telegraph_noise ae5e4c19, median_denoising e3b3ff18,
+charge_transfer_smear 4318667e, column_smear ab7aaf03, median_denoising e3b3ff18,
 nothing:unit_phasor 6a1aa279, motion_decorrelation:unit_phasor f7fefaa4, surface_boiling:unit_phasor 74765f93
 """
 
@@ -166,7 +166,7 @@ def test_every_reading_shows_where_its_effect_does(name: str, choice: str, field
     usual = draw_camera(3, 60, 50, field)
     other = with_readings(usual, **{name: choice})
     effects: dict[str, Any] = {name: EFFECTS[name].at(1.0)}
-    if name in ("gamma", "full_well", "ambient_light"):  # they differ in photons alone
+    if name in ("gamma", "full_well", "nonlinearity", "ambient_light"):  # they differ in photons alone
         effects["shot_noise"] = EFFECTS["shot_noise"].at(1.0)
     shows = [
         s for s in ALL_SEQUENCES if not np.array_equal(codes(usual, s, 4, **effects), codes(other, s, 4, **effects))

@@ -115,8 +115,9 @@ def test_a_perfect_diagnosis() -> None:
     zeros = ("false_alarms", "wrong_name", "parameter_error", "outside_named", "outside_missed", "failed")
     assert {name: got[name] for name in zeros} == dict.fromkeys(zeros, 0.0)
     drawn = [o.truth for o in outcomes(ALL_KINDS, perfect) if o.kind in ("single", "replica")]
-    # Every effect has one parameter that is drawn, but for pixel_integration, whose fill factor is 1.
-    parameters = sum(truth != {"pixel_integration"} for truth in drawn)
+    # Every effect has one parameter that is drawn, but for pixel_integration, whose fill factor is 1, and telegraph
+    # pixels, which have two.
+    parameters = sum({"pixel_integration": 0, "telegraph_noise": 2}.get(next(iter(truth)), 1) for truth in drawn)
     assert counts(result)["interval_coverage"] == (parameters, parameters)
     assert counts(result)["false_alarms"] == (0, 4)
     assert counts(result)["pairs_both"] == (5, 5)
@@ -311,7 +312,7 @@ def test_plan_files(tmp_path: Path) -> None:
     path.write_text(json.dumps({"single_effects": ["blur"]}))
     with pytest.raises(ValueError, match="no effect is called 'blur'"):
         load_plan(str(path))
-    with pytest.raises(ValueError, match="neither one of small, medium, nulls, cut, cameras, full nor a file"):
+    with pytest.raises(ValueError, match="neither one of small, medium, nulls, cut, cameras, whole, full nor a file"):
         load_plan("big")
 
 
