@@ -75,13 +75,8 @@ double uniform(std::mt19937_64 &random) {
     return static_cast<double>(random() >> 11) * 0x1p-53;
 }
 
-struct Pattern {
-    double sigma_px = 0.0;
-    std::vector<double> positions_px; // x, y, x, y ...
-};
-
 /** A lattice whose dots are moved a little, so that it has no period: what projectors of structured light draw. */
-Pattern jittered_lattice(const CaptureMakeArguments &a) {
+DotPattern jittered_lattice(const CaptureMakeArguments &a) {
     double pitch = a.dots_pitch_px;
     if (a.dots_count > 0)
         pitch = std::sqrt(static_cast<double>(a.width) * a.height / a.dots_count);
@@ -91,7 +86,7 @@ Pattern jittered_lattice(const CaptureMakeArguments &a) {
     const auto columns = static_cast<std::uint32_t>(std::max(1.0, std::floor(a.width / pitch)));
     const auto rows = static_cast<std::uint32_t>(std::max(1.0, std::floor(a.height / pitch)));
     std::mt19937_64 random(a.seed ^ 0x646f7473u);
-    Pattern pattern{a.dots_sigma_px, {}};
+    DotPattern pattern{a.dots_sigma_px, {}};
     for (std::uint32_t row = 0; row < rows; ++row)
         for (std::uint32_t column = 0; column < columns; ++column)
             for (const auto &[index, count, size] :
@@ -100,30 +95,6 @@ Pattern jittered_lattice(const CaptureMakeArguments &a) {
                 const double place = (index + 0.5) * size / count - 0.5 + jitter;
                 pattern.positions_px.push_back(std::round(place * 1000.0) / 1000.0);
             }
-    return pattern;
-}
-
-/** From a capture.json, or {"sigma_px": S, "positions_px": [[x, y], ...]}. */
-Pattern read_dots(const CaptureMakeArguments &a) {
-    Json root = read_json(a.dots_file);
-    if (root.is_object() && root.contains("dots"))
-        root = Json(root["dots"]);
-    const auto refuse = [&](const std::string &what) {
-        throw InputError(
-            fmt::format("{}: {}; expected {{\"sigma_px\": 2.2, \"positions_px\": [[x, y], ...]}} or a capture.json",
-                        a.dots_file, what));
-    };
-    if (!root.is_object() || !root.contains("positions_px") || !root["positions_px"].is_array())
-        refuse("has no list positions_px");
-    Pattern pattern{a.dots_sigma_px, {}};
-    if (root.contains("sigma_px") && root["sigma_px"].is_number())
-        pattern.sigma_px = root["sigma_px"].get<double>();
-    for (const Json &point : root["positions_px"]) {
-        if (!point.is_array() || point.size() != 2 || !point[0].is_number() || !point[1].is_number())
-            refuse(fmt::format("the position {} is no [x, y]", point.dump()));
-        pattern.positions_px.push_back(point[0].get<double>());
-        pattern.positions_px.push_back(point[1].get<double>());
-    }
     return pattern;
 }
 
@@ -200,7 +171,7 @@ constexpr double kFolds =
 
 /** Draws all frames of one sequence. A fresh pipeline for each: nothing of one sequence remains in the next. */
 std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan, std::size_t number,
-                                const Pattern &dots, const std::vector<EffectSetting> &effects,
+                                const DotPattern &dots, const std::vector<EffectSetting> &effects,
                                 const clspeckle::Context &context, const clspeckle::Queue &queue,
                                 const std::function<void()> &frame_done) {
     const bool with_dots = plan.scene == CLSP_SCENE_DOTS;
@@ -307,7 +278,7 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     return codes;
 }
 
-clspeckle::Capture empty_capture(const CaptureMakeArguments &a, const Pattern &dots, bool with_dots) {
+clspeckle::Capture empty_capture(const CaptureMakeArguments &a, const DotPattern &dots, bool with_dots) {
     auto desc = clspeckle::make<ClspCaptureDesc>();
     desc.width = a.width;
     desc.height = a.height;
@@ -326,6 +297,29 @@ clspeckle::Capture empty_capture(const CaptureMakeArguments &a, const Pattern &d
 }
 
 } // namespace
+
+DotPattern read_dots(const std::string &file, double sigma_px) {
+    Json root = read_json(file);
+    if (root.is_object() && root.contains("dots"))
+        root = Json(root["dots"]);
+    const auto refuse = [&](const std::string &what) {
+        throw InputError(
+            fmt::format("{}: {}; expected {{\"sigma_px\": 2.2, \"positions_px\": [[x, y], ...]}} or a capture.json",
+                        file, what));
+    };
+    if (!root.is_object() || !root.contains("positions_px") || !root["positions_px"].is_array())
+        refuse("has no list positions_px");
+    DotPattern pattern{sigma_px, {}};
+    if (root.contains("sigma_px") && root["sigma_px"].is_number())
+        pattern.sigma_px = root["sigma_px"].get<double>();
+    for (const Json &point : root["positions_px"]) {
+        if (!point.is_array() || point.size() != 2 || !point[0].is_number() || !point[1].is_number())
+            refuse(fmt::format("the position {} is no [x, y]", point.dump()));
+        pattern.positions_px.push_back(point[0].get<double>());
+        pattern.positions_px.push_back(point[1].get<double>());
+    }
+    return pattern;
+}
 
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console) {
     const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder);
@@ -366,7 +360,7 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
                 fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
                             "or dots_moving",
                             effect.id));
-    const Pattern dots = !with_dots ? Pattern{} : a.dots_file.empty() ? jittered_lattice(a) : read_dots(a);
+    const DotPattern dots = !with_dots ? DotPattern{} : a.dots_file.empty() ? jittered_lattice(a) : read_dots(a.dots_file, a.dots_sigma_px);
     // Refuses a camera that cannot be before anything is drawn.
     const clspeckle::Capture capture = empty_capture(a, dots, with_dots);
 

@@ -8,6 +8,7 @@
 #include "console.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,8 +48,26 @@ struct CaptureMakeArguments {
     bool overwrite = false;
 };
 
+struct CaptureInitArguments {
+    std::string folder;
+    std::optional<double> pixel_pitch_um, f_number, wavelength_nm;
+    std::uint32_t bits = 0; ///< 0: as the codes say.
+    std::string dots_file;  ///< Empty: dots are looked for in the frames.
+    bool force = false;
+};
+
+struct DotPattern {
+    double sigma_px = 0.0;
+    std::vector<double> positions_px; ///< x, y, x, y ...
+};
+
+/** From a capture.json, or {"sigma_px": S, "positions_px": [[x, y], ...]}. @param sigma_px where the file has none. */
+DotPattern read_dots(const std::string &file, double sigma_px);
+
 /** Says what is in a capture set and what it can tell apart. */
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console);
+/** Writes a first capture.json from the frames in a folder. */
+void run_capture_init(const CaptureInitArguments &arguments, Console &console);
 /** Writes a capture set from the simulator. */
 void run_capture_make(const CaptureMakeArguments &arguments, Console &console);
 

@@ -122,6 +122,7 @@ Examples:
 
 constexpr const char *capture_examples =
     R"(Examples:
+  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 --wavelength-nm 940
   clspeckle capture make demo --effect defocus:waves=0.8 --seed 7
   clspeckle capture check demo
 
@@ -135,6 +136,17 @@ catalogue can show in it. Wrong sets are refused: the message names file, frame 
 Examples:
   clspeckle capture check my-camera
   clspeckle capture check my-camera --json summary.json
+)";
+
+constexpr const char *capture_init_examples =
+    R"(Writes a first capture.json from the frames in a folder, to be edited: sequences by the names of files and folders, bits
+by the largest code, black level and read noise by dark frames, dots by where their light is. What frames do not tell
+gets a usual value and is listed. Names begin with dark, flat, board or dots; those of board and dots say static (or
+rest) or moving. A time in a name ("flat_5ms") is the exposure, NAME_mask.png the mask of sequence NAME.
+
+Examples:
+  clspeckle capture init my-camera
+  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 --wavelength-nm 940 --force
 )";
 
 constexpr const char *capture_make_examples =
@@ -435,6 +447,7 @@ struct Arguments {
     tools::DepthArguments depth;
     // capture
     tools::CaptureCheckArguments capture_check;
+    tools::CaptureInitArguments capture_init;
     tools::CaptureMakeArguments capture_make;
     // diagnose, gap compare
     tools::DiagnoseArguments diagnose;
@@ -485,6 +498,28 @@ void add_capture_check(CLI::App &app, tools::CaptureCheckArguments &a, bool &qui
     app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")
         ->type_name("FILE")
         ->check(named());
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_capture_init(CLI::App &app, tools::CaptureInitArguments &a, bool &quiet) {
+    app.footer(std::string(capture_init_examples) + "\n" + exit_codes);
+    app.add_option("FOLDER", a.folder, "Folder of the frames")->required()->type_name("");
+    const auto number = [&](const char *name, std::optional<double> &value, const char *what, double low, double high) {
+        app.add_option(name, value, fmt::format("{}, {:g} to {:g}", what, low, high))
+            ->type_name("NUMBER")
+            ->take_last()
+            ->check(within(low, high));
+    };
+    number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um", 0.01, 1000.0);
+    number("--f-number", a.f_number, "f-number of the lens", 0.1, 1000.0);
+    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm", 100.0, 20000.0);
+    app.add_option("--bits", a.bits, "Bits of a code, 8 to 16 (default: as the codes say)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within(8u, 16u));
+    app.add_option("--dots", a.dots_file, "JSON with sigma_px and positions_px, or a capture.json: the dots are not looked for")
+        ->type_name("FILE");
+    app.add_flag("--force", a.force, "Replace a capture.json");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
@@ -780,7 +815,7 @@ int run(int argc, char **argv) {
     depth.add_flag("--quiet", arguments.quiet, "Print warnings, errors and results only");
     add_json(depth, "Print JSON");
 
-    CLI::App &capture = *app.add_subcommand("capture", "Check and make capture sets");
+    CLI::App &capture = *app.add_subcommand("capture", "Describe, check and make capture sets");
     const std::string frames =
         image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
     capture.footer(
@@ -791,6 +826,8 @@ int run(int argc, char **argv) {
     capture.require_subcommand(1);
     CLI::App &capture_check = *capture.add_subcommand("check", "Tell what is in a capture set");
     add_capture_check(capture_check, arguments.capture_check, arguments.quiet);
+    CLI::App &capture_init = *capture.add_subcommand("init", "Write a first capture.json from frames");
+    add_capture_init(capture_init, arguments.capture_init, arguments.quiet);
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
@@ -843,6 +880,8 @@ int run(int argc, char **argv) {
         tools::run_depth(arguments.depth, console);
     else if (capture_check.parsed())
         tools::run_capture_check(arguments.capture_check, console);
+    else if (capture_init.parsed())
+        tools::run_capture_init(arguments.capture_init, console);
     else if (capture_make.parsed())
         tools::run_capture_make(arguments.capture_make, console);
     else if (diagnose.parsed() || gap_compare.parsed())

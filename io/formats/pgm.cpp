@@ -97,6 +97,7 @@ Format pgm() {
     format.place = 6;
     format.extensions = {".pgm"};
     format.magic = {"P2", "P5"};
+    format.codes = Codes::frames;
     format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
         return std::make_unique<PgmReader>(path);
     };

@@ -89,7 +89,7 @@ TEST_F(Formats, TheRecipeAddsAFormat) {
     const Format &toy = image_io::format_named("TOY");
     EXPECT_EQ(image_io::format_of_extension("image.Toy"), &toy);
     EXPECT_EQ(image_io::listed("or", [](const Format &f) { return f.codes == image_io::Codes::frames; }),
-              "PNG, TIFF or TOY");
+              "PNG, TIFF, PGM or TOY");
     const std::vector<std::uint8_t> codes = {0, 1, 2, 253, 254, 255};
     const std::string path = (folder_ / "named_wrongly.png").string();
     image_io::write(path, toy, 3, 2, codes.data());

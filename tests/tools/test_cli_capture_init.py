@@ -1,0 +1,230 @@
+"""clspeckle capture init: a first capture.json from frames. Sets of `capture make` and of NumPy tell what is true."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import png
+import pytest
+import tifffile
+from cli_images import pgm
+from cli_support import ROOT
+
+LENS = ("--pixel-pitch-um", 2.9, "--f-number", 5.6, "--wavelength-nm", 940)
+EMVA_CCD = ROOT.parent / "shared" / "data" / "emva_ccd"
+
+
+def described(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "capture.json").read_text())
+
+
+def distances(a: list[list[float]], b: list[list[float]]) -> np.ndarray:
+    """From each place of a to the nearest one of b."""
+    return np.linalg.norm(np.array(a)[:, None] - np.array(b)[None], axis=-1).min(axis=1)
+
+
+def dark(seed: int, bits: int = 10, frames: int = 4, shape: tuple[int, int] = (40, 48)) -> np.ndarray:
+    """Level 64 and noise 4 of ten bits, of which a converter of so many bits has."""
+    scale = 2.0 ** (bits - 10)
+    return np.rint(np.random.default_rng(seed).normal(64 * scale, 4 * scale, (frames, *shape))).astype(np.uint16)
+
+
+def test_a_set_comes_back(ok, tmp_path: Path) -> None:
+    """128 frames in motion of dots with some seven grains each: places scatter by 0.035 px along each axis; 0.2 are six of that."""
+    ok("capture", "make", "set", "--frames", 128, "--seed", 5, "--flat-level", "200,400")
+    truth = described(tmp_path / "set")
+    (tmp_path / "set" / "capture.json").unlink()
+    said = ok("capture", "init", "set", *LENS).out
+    made = described(tmp_path / "set")
+    assert made["camera"]["bits"] == truth["camera"]["bits"]
+    assert (made["camera"]["width"], made["camera"]["height"]) == (192, 160)
+    assert made["camera"]["black_level_dn"] == pytest.approx(64, abs=0.5)
+    assert made["camera"]["read_noise_dn"] == pytest.approx(4, rel=0.02)
+    by_name = [{s["name"]: (s["scene"], s["motion"], s["file"]) for s in d["sequences"]} for d in (made, truth)]
+    assert by_name[0] == by_name[1]
+    assert made["laser"] == truth["laser"]
+    places = made["dots"]["positions_px"], truth["dots"]["positions_px"]
+    assert len(places[0]) == len(places[1]) == 120
+    assert distances(*places).max() < 0.2
+    assert made["dots"]["sigma_px"] == pytest.approx(2.2, rel=0.05), "what the lens adds to it is taken off"
+    assert "/dots: 120 dots" in said and "--f-number" not in said
+    summary = json.loads(ok("capture", "check", "set", "--json", "-").out)
+    assert not [w for w in summary["warnings"] if "dots" in w["text"] or "bits" in w["text"]]
+
+
+def test_the_diagnosis_runs_on_it(ok, tmp_path: Path) -> None:
+    ok("capture", "make", "set", "--width", 96, "--height", 80, "--frames", 16, "--seed", 3)
+    truth = (tmp_path / "set" / "capture.json").read_text()
+    (tmp_path / "dots.json").write_text(truth)
+    ok("capture", "init", "set", *LENS, "--force", "--dots", "dots.json", "--quiet")
+    assert described(tmp_path / "set")["dots"] == json.loads(truth)["dots"]
+    report = json.loads(ok("diagnose", "set", "--json", "-", "--replicates", 12, "--max-effects", 1).out)
+    assert report["cause"]["verdict"] == "none"
+
+
+def test_what_frames_do_not_tell_is_listed(ok, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1))
+    rng = np.random.default_rng(2)
+    np.save(folder / "Board.npy", np.rint(64 + rng.exponential(90, (4, 40, 48))).astype(np.uint16))
+    np.save(folder / "board_rest.npy", np.rint(64 + rng.exponential(90, (1, 40, 48)).repeat(4, 0)).astype(np.uint16))
+    np.save(folder / "led.npy", dark(3))
+    (folder / "notes.txt").write_text("f/5.6")
+    done = ok("capture", "init", "set")
+    for field in ("/camera/bits: 10", "/camera/pixel_pitch_um", "--f-number", "--wavelength-nm", "/laser/degree_of_polarization",
+                  "/sequences/1/motion: moving"):  # fmt: skip
+        assert field in done.out, field
+    assert "led.npy: is left out" in done.err and "notes.txt" not in done.err
+    assert [(s["name"], s["motion"]) for s in described(folder)["sequences"]] == [
+        ("dark", "static"), ("Board", "moving"), ("board_rest", "static")]  # fmt: skip
+    assert "dots" not in described(folder)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+def test_bits_of_codes_in_16_bit_words(ok, tmp_path: Path, bits: int) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    codes = dark(1, bits)
+    np.save(folder / "dark.npy", codes)
+    bright = codes + (2**bits - 1 - codes.max())
+    np.save(folder / "flat.npy", bright.astype(np.uint16))
+    said = ok("capture", "init", "set").out
+    assert described(folder)["camera"]["bits"] == bits
+    assert "/camera/bits" not in said, "a code at the top leaves no doubt"
+    assert described(folder)["camera"]["black_level_dn"] == pytest.approx(64 * 2.0 ** (bits - 10), abs=0.5 * 2.0 ** (bits - 10))
+    ok("capture", "check", "set")
+
+
+def test_codes_in_the_upper_bits(ok, tmp_path: Path) -> None:
+    """12 bits in the upper ones of 16: they are codes of 16 bits, and who reads it is told."""
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1, 12) << 4)
+    np.save(folder / "flat.npy", np.full((2, 40, 48), 4095 << 4, np.uint16))
+    said = ok("capture", "init", "set").out
+    assert described(folder)["camera"]["bits"] == 16
+    assert "multiples of 16" in said and "12 bits in the upper bits" in said
+    ok("capture", "check", "set")
+
+
+def test_frames_in_files_of_their_own(ok, tmp_path: Path) -> None:
+    """Folders, numbered files and stacks; times and masks by their names; a format's own bits."""
+    folder = tmp_path / "set"
+    (folder / "flat_5ms").mkdir(parents=True)
+    for i, frame in enumerate(dark(1, 12)):
+        pgm(folder / f"dark_{i:03}.pgm", frame, 4095)
+        pgm(folder / "flat_5ms" / f"{i}.pgm", frame + 1000, 4095)
+        tifffile.imwrite(folder / f"flat_long{i + 8}.tif", frame + 2000)
+    tifffile.imwrite(folder / "flat_long_0.5ms_7.tif", dark(2, 12) + 500, photometric="minisblack")
+    with (folder / "flat_5ms_mask.png").open("wb") as stream:
+        png.Writer(48, 40, greyscale=True, bitdepth=8).write(stream, np.full((40, 48), 255, np.uint8))
+    ok("capture", "init", "set")
+    entries = {s["name"]: s for s in described(folder)["sequences"]}
+    assert {name: s["file"] for name, s in entries.items()} == {
+        "dark": "dark_[0-9][0-9][0-9].pgm", "flat_5ms": "flat_5ms", "flat_long": "flat_long[0-9]*.tif",
+        "flat_long_0.5ms_7": "flat_long_0.5ms_7.tif"}  # fmt: skip
+    assert {name: s.get("exposure_ms") for name, s in entries.items()} == {
+        "dark": None, "flat_5ms": 5, "flat_long": None, "flat_long_0.5ms_7": 0.5}  # fmt: skip
+    assert entries["flat_5ms"]["mask"] == "flat_5ms_mask.png"
+    summary = json.loads(ok("capture", "check", "set", "--json", "-").out)
+    assert [s["frames"] for s in summary["sequences"]] == [4, 4, 4, 4]
+
+
+def test_a_format_says_its_bits(ok, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    for i, frame in enumerate(dark(1)):
+        pgm(folder / f"dark{i}.pgm", frame, 4095)
+    assert "/camera/bits" not in ok("capture", "init", "set").out
+    assert described(folder)["camera"]["bits"] == 12
+    for i, frame in enumerate(dark(1)):
+        pgm(folder / f"dark{i}.pgm", frame.astype(np.uint8), 255)
+    ok("capture", "init", "set", "--force")
+    assert described(folder)["camera"]["bits"] == 8
+
+
+def test_without_dark_frames(ok, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "flat.npy", dark(1) + 400)
+    said = ok("capture", "init", "set").out
+    assert "/camera/black_level_dn: 0" in said and "/camera/read_noise_dn" in said and "flat" in said
+    assert described(folder)["camera"]["read_noise_dn"] == pytest.approx(4, rel=0.05)
+    np.save(folder / "dark.npy", np.maximum(dark(1).astype(int) - 64, 0).astype(np.uint16))
+    assert "% of dark are clipped at 0" in ok("capture", "init", "set", "--force").out
+
+
+def test_a_real_camera(ok, tmp_path: Path) -> None:
+    if not EMVA_CCD.is_dir():
+        pytest.skip(f"{EMVA_CCD} is not there")
+    folder = tmp_path / "ccd"
+    folder.mkdir()
+    for path in EMVA_CCD.glob("*.npy"):
+        (folder / path.name).symlink_to(path)
+    ok("capture", "init", "ccd")
+    made, truth = described(folder), described(EMVA_CCD)
+    assert made["camera"]["bits"] == truth["camera"]["bits"] == 12
+    assert made["camera"]["black_level_dn"] == pytest.approx(15.0, abs=0.5)
+    assert made["camera"]["read_noise_dn"] == pytest.approx(3.07, rel=0.01)  # by the package emva1288
+    assert {s["name"] for s in made["sequences"]} == {s["name"] for s in truth["sequences"]}
+
+
+def test_bad_input(refused, ok, tmp_path: Path) -> None:
+    assert "does not exist; name the folder that holds the frames" in refused("capture", "init", "nowhere")
+    folder = tmp_path / "set"
+    folder.mkdir()
+    shown = refused("capture", "init", "set")
+    assert "holds no frames whose scene is named" in shown and "begin with dark, flat, board or dots" in shown
+    np.save(folder / "led.npy", dark(1))
+    assert "There are: led.npy" in refused("capture", "init", "set")
+    assert "is no folder" in refused("capture", "init", "set/led.npy")
+    np.save(folder / "dark.npy", dark(1))
+    np.save(folder / "flat.npy", dark(1, shape=(48, 40)))
+    shown = refused("capture", "init", "set")
+    assert "flat.npy: has 40 x 48 pixels, but set/dark.npy has 48 x 40" in shown and "cut the frames alike" in shown
+    np.save(folder / "flat.npy", dark(1).astype(np.float32))
+    assert "flat.npy: has 1 channel of float32; expected raw codes" in refused("capture", "init", "set")
+    np.save(folder / "flat.npy", dark(1).astype(np.uint8))
+    np.save(folder / "dark.npy", dark(1) + 300)
+    assert "flat.npy: has 8-bit samples, but codes reach" in refused("capture", "init", "set")
+    (folder / "flat.npy").write_bytes((folder / "flat.npy").read_bytes()[:500])
+    assert "flat.npy: " in refused("capture", "init", "set")
+    (folder / "flat.npy").unlink()
+    assert "--bits 8: codes reach" in refused("capture", "init", "set", "--bits", 8)
+    (folder / "dark").mkdir()
+    assert "dark: holds no PNG, TIFF or PGM frames" in refused("capture", "init", "set")
+    shutil.copy(folder / "dark.npy", folder / "dark" / "x.npy")
+    assert "would both be the sequence \"dark\"; rename or move one" in refused("capture", "init", "set")
+    pgm(folder / "dark" / "1.pgm", dark(1)[0], 1023)
+    assert "files of several kinds (.npy, .pgm)" in refused("capture", "init", "set")
+    shutil.rmtree(folder / "dark")
+    np.save(folder / "dots.npy", dark(1) + 300)
+    shown = refused("capture", "init", "set")
+    assert "dots: no dots stand out of the noise of 4 frames" in shown and "--dots" in shown
+    (folder / "dots.npy").unlink()
+    for option, value, expected in (("--f-number", 0, "0.1 to 1000"), ("--bits", 17, "8 to 16"), ("--wavelength-nm", "red", "100 to 20000")):
+        assert expected in refused("capture", "init", "set", option, value)
+    ok("capture", "init", "set")
+    before = (folder / "capture.json").read_bytes()
+    assert "exists, and may have been edited; replace it with --force" in refused("capture", "init", "set")
+    assert (folder / "capture.json").read_bytes() == before
+    ok("capture", "init", "set", "--force", "--f-number", 8)
+    assert described(folder)["camera"]["f_number"] == 8
+
+
+def test_a_folder_that_cannot_be_written(refused, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    (folder / "capture.json").mkdir(parents=True)
+    np.save(folder / "dark.npy", dark(1))
+    assert "capture.json: is a folder; name a file" in refused("capture", "init", "set", "--force", code=3)
+    (folder / "capture.json").rmdir()
+    if os.geteuid() == 0:
+        return  # who may write everywhere
+    folder.chmod(0o500)
+    assert "cannot be written" in refused("capture", "init", "set", code=3)
