@@ -42,6 +42,14 @@ double without_skewness(double z, double skewness) {
     return std::copysign((std::sqrt(1.0 + 4.0 * part * (size + part)) - 1.0) / (2.0 * part), z);
 }
 
+double fisher_upper(double x, double numerator_freedom, double denominator_freedom) {
+    if (!(x > 0.0))
+        return 1.0;
+    const double value = Eigen::numext::betainc(0.5 * denominator_freedom, 0.5 * numerator_freedom,
+                                                denominator_freedom / (denominator_freedom + numerator_freedom * x));
+    return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0;
+}
+
 double gamma_upper(double x, double mean, double variance) {
     if (!(x > 0.0))
         return 1.0;

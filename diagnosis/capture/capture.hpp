@@ -24,6 +24,32 @@ struct CaptureDots {
     std::vector<std::array<double, 2>> positions_px; // x, y
 };
 
+// Light over the field where it is not even: 1 + the sum of c x^i y^j with 1 <= i + j <= degree, ordered by i + j, then
+// by j. x, y: pixels from the origin over the unit.
+struct SmoothLight {
+    std::array<double, 2> origin_px{};
+    double unit_px = 1.0;
+    std::vector<double> coefficients; // empty: even light
+
+    double at(double x_px, double y_px) const {
+        const double x = (x_px - origin_px[0]) / unit_px, y = (y_px - origin_px[1]) / unit_px;
+        double sum = 1.0;
+        std::size_t k = 0;
+        for (std::size_t degree = 1; k < coefficients.size(); ++degree)
+            for (std::size_t j = 0; j <= degree; ++j)
+                sum += coefficients[k++] * power(x, degree - j) * power(y, j);
+        return sum > 0.0 ? sum : 0.0;
+    }
+
+  private:
+    static double power(double value, std::size_t exponent) {
+        double result = 1.0;
+        for (; exponent > 0; --exponent)
+            result *= value;
+        return result;
+    }
+};
+
 // One sequence without its codes: what a simulated sequence has in common with the real one.
 struct SequenceLayout {
     std::string name;
@@ -33,6 +59,7 @@ struct SequenceLayout {
     double f_number = 0.0;             // its own, or the camera's
     std::optional<double> exposure_ms;
     std::vector<std::uint8_t> mask;    // empty, or height * width; 0: ignored
+    SmoothLight illumination;          // of lamp or laser, as the frames were found to have it
 };
 
 struct CaptureLayout {

@@ -48,7 +48,7 @@ struct ClosingResult {
 
 struct ClosingOptions {
     std::uint64_t seed = 0;
-    std::uint32_t max_effects = 6;
+    std::uint32_t max_effects = 16;
     std::uint32_t model_replicates = 24; // differences
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     double residual_level = 0.005;

@@ -46,7 +46,7 @@ Covariance::Covariance(const Eigen::MatrixXd &replicates, const std::vector<std:
         const Eigen::LLT<Eigen::MatrixXd> cholesky(shrunk);
         factors_.push_back(cholesky.matrixL().solve(Eigen::MatrixXd::Identity(size, size)));
         const Eigen::VectorXd error = tolerance.cwiseQuotient(deviation_).segment(begin, size);
-        tolerance_square_ += (factors_.back() * error.asDiagonal()).squaredNorm();
+        tolerance_square_.push_back((factors_.back() * error.asDiagonal()).squaredNorm());
     }
 }
 

@@ -23,15 +23,15 @@ class Covariance {
     const Eigen::VectorXd &deviation() const { return deviation_; }
     // C^(-1/2) v, such that |whiten(v)|^2 = v' C^-1 v.
     Eigen::VectorXd whiten(const Eigen::VectorXd &vector) const;
-    // Mean of |whiten(e)|^2 over errors e of the model.
-    double tolerance_square() const { return tolerance_square_; }
+    // Mean of |whiten(e)|^2 over errors e of the model, the part of a block.
+    double tolerance_square(std::size_t block) const { return tolerance_square_[block]; }
     const Eigen::VectorXd &tolerance() const { return tolerance_; }
 
   private:
     Eigen::VectorXd mean_, deviation_, tolerance_;
     std::vector<std::size_t> blocks_;
     std::vector<Eigen::MatrixXd> factors_; // inverse Cholesky factors of the correlation
-    double tolerance_square_ = 0.0;
+    std::vector<double> tolerance_square_;
 };
 
 // Of each statistic over the replicates, less its own sampling error (James and Stein's estimate): 0 for most Gaussian

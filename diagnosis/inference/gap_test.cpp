@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace clsp {
 namespace {
@@ -50,7 +49,7 @@ GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double 
     const auto &draws = replicates_.draws;
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(runner.count());
     const Eigen::VectorXd least = least_deviations(runner.list(), draws);
-    const std::vector<std::size_t> blocks = blocks_of(runner);
+    const std::vector<std::size_t> &blocks = blocks_ = blocks_of(runner);
     Eigen::MatrixXd full(n, count), folds(2 * n, count);
     for (Eigen::Index r = 0; r < n; ++r) {
         full.row(r) = draws[r].mean();
@@ -72,12 +71,14 @@ GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double 
     const Eigen::VectorXd least_of_part = this->least_of_part(least);
     part_[0] = Covariance(full.topRows(half), blocks, least_of_part, tolerance);
     part_[1] = Covariance(full.bottomRows(n - half), blocks, least_of_part, tolerance);
-    reference_.resize(n);
+    reference_.resize(n, static_cast<Eigen::Index>(blocks.size() - 1));
     for (Eigen::Index r = 0; r < n; ++r) {
         const Covariance &other = part_[r < half ? 1 : 0];
         const Eigen::VectorXd difference = projected(full.row(r).transpose() - other.mean());
         // Replicates have none of the model's error, a capture may have all of it.
-        reference_[r] = (other.whiten(difference).squaredNorm() + other.tolerance_square()) / static_cast<double>(count);
+        reference_.row(r) = block_squares(other.whiten(difference));
+        for (Eigen::Index b = 0; b < reference_.cols(); ++b)
+            reference_(r, b) += other.tolerance_square(static_cast<std::size_t>(b));
     }
 }
 
@@ -115,35 +116,52 @@ Eigen::VectorXd GapModel::projected(const Eigen::VectorXd &difference) const {
     return difference - directions_ * coefficients(full_, difference);
 }
 
-GapTest GapModel::test(const FoldStatistics &statistics) const {
+Eigen::RowVectorXd GapModel::block_squares(const Eigen::VectorXd &whitened) const {
+    Eigen::RowVectorXd result(static_cast<Eigen::Index>(blocks_.size() - 1));
+    for (std::size_t b = 0; b + 1 < blocks_.size(); ++b)
+        result[static_cast<Eigen::Index>(b)] =
+            whitened.segment(static_cast<Eigen::Index>(blocks_[b]), static_cast<Eigen::Index>(blocks_[b + 1] - blocks_[b]))
+                .squaredNorm();
+    return result;
+}
+
+GapTest GapModel::test(const FoldStatistics &statistics, const std::vector<bool> &sequences) const {
     GapTest result;
     const Eigen::VectorXd values = statistics.mean();
     const double n = static_cast<double>(replicates_.draws.size());
-    const Eigen::Index count = values.size();
+    Eigen::VectorXd tested(reference_.cols()); // 1 where a sequence is
+    std::vector<Eigen::Index> order;
+    for (Eigen::Index b = 0; b < tested.size(); ++b) {
+        const auto block = static_cast<std::size_t>(b);
+        tested[b] = sequences.empty() || sequences[block] ? 1.0 : 0.0;
+        for (std::size_t k = blocks_[block]; tested[b] > 0.0 && k < blocks_[block + 1]; ++k)
+            order.push_back(static_cast<Eigen::Index>(k));
+    }
+    const auto count = static_cast<Eigen::Index>(order.size());
     result.z = projected(values - full_.mean()).cwiseQuotient(full_.deviation()) / std::sqrt(1.0 + 1.0 / n);
-    Eigen::VectorXd p(count);
-    for (Eigen::Index k = 0; k < count; ++k)
+    Eigen::VectorXd p(values.size());
+    for (const Eigen::Index k : order)
         p[k] = student_two_sided(without_skewness(result.z[k], skewness_[k]), n - 1.0);
-    std::vector<Eigen::Index> order(static_cast<std::size_t>(count));
-    std::iota(order.begin(), order.end(), Eigen::Index{0});
     std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return p[a] < p[b]; });
-    result.p_adjusted.resize(count);
+    result.p_adjusted.setOnes(values.size());
     double adjusted = 0.0;
     for (Eigen::Index i = 0; i < count; ++i) {
-        adjusted = std::max(adjusted, std::min(1.0, p[order[i]] * static_cast<double>(count - i)));
-        result.p_adjusted[order[i]] = adjusted;
+        const Eigen::Index k = order[static_cast<std::size_t>(i)];
+        adjusted = std::max(adjusted, std::min(1.0, p[k] * static_cast<double>(count - i)));
+        result.p_adjusted[k] = adjusted;
     }
     double square = 0.0;
     for (const Covariance &part : part_)
-        square += 0.5 * part.whiten(projected(values - part.mean())).squaredNorm() / static_cast<double>(count);
-    const double mean = reference_.mean();
-    const double variance = (reference_.array() - mean).square().sum() / (n - 1.0);
+        square += 0.5 * block_squares(part.whiten(projected(values - part.mean()))).dot(tested) / static_cast<double>(count);
+    const Eigen::VectorXd reference = reference_ * tested / static_cast<double>(count);
+    const double mean = reference.mean();
+    const double variance = (reference.array() - mean).square().sum() / (n - 1.0);
     const double p_distance = gamma_upper(square, mean, variance);
     // Bonferroni over the two ways of looking: one large deviation, or many small ones.
     result.p_value = std::min(1.0, 2.0 * std::min(result.p_adjusted.minCoeff(), p_distance));
     result.detected = result.p_value <= level_;
     result.distance = excess_distance(square, mean);
-    std::vector<double> sorted(reference_.data(), reference_.data() + reference_.size());
+    std::vector<double> sorted(reference.data(), reference.data() + reference.size());
     std::sort(sorted.begin(), sorted.end());
     result.null_95 = excess_distance(sorted[static_cast<std::size_t>(0.95 * (n - 1.0) + 0.5)], mean);
     return result;

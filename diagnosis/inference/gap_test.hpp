@@ -41,8 +41,9 @@ class GapModel {
     const Covariance &fold() const { return fold_; } // of one half
     const Eigen::VectorXd &first_mean() const { return first_mean_; } // of the first halves
     const Eigen::VectorXd &second_mean() const { return second_mean_; }
-    // The test of the statistics of a whole capture.
-    GapTest test(const FoldStatistics &statistics) const;
+    // The test of the statistics of a whole capture, or of some of its sequences alone (by sequence; empty: of all).
+    // z is of all statistics, p_adjusted 1 of those that are not tested.
+    GapTest test(const FoldStatistics &statistics, const std::vector<bool> &sequences = {}) const;
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 
@@ -56,6 +57,8 @@ class GapModel {
     Eigen::VectorXd least_of_part(const Eigen::VectorXd &least) const;
     // Without what lies along the directions.
     Eigen::VectorXd projected(const Eigen::VectorXd &difference) const;
+    // Squared norm of each sequence's part.
+    Eigen::RowVectorXd block_squares(const Eigen::VectorXd &whitened) const;
 
     Replicates replicates_;
     double level_ = 0.0;
@@ -63,7 +66,8 @@ class GapModel {
     Covariance full_, fold_;
     Covariance part_[2];        // of either half of the replicates, which the other half is measured by
     Eigen::VectorXd skewness_;  // of the statistics of few frames, 0 of all others
-    Eigen::VectorXd reference_; // squared distances of replicates that their covariance has not seen
+    std::vector<std::size_t> blocks_; // begins of the sequences' statistics, and their count
+    Eigen::MatrixXd reference_; // squared distances of replicates that their covariance has not seen, by sequence
     Eigen::VectorXd first_mean_, second_mean_;
 };
 

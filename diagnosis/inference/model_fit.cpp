@@ -181,6 +181,10 @@ FittedModel ModelFit::fit_baseline(double to) {
     baseline.residual = baseline.model.test(runner_.real());
     baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = baseline.model;
+    if (unexplained_.size()) {
+        border_error_ = (border_error_.cwiseAbs2() + unexplained_.cwiseAbs2()).cwiseSqrt();
+        baseline_ = GapModel(runner_, baseline.model.replicates(), options_.level, baseline.jacobian, border_error_);
+    }
     if (baseline.residual.detected)
         baseline_pool_ = simulate_pool(runner_, {}, options_.seed, options_.pool_seeds, &levels);
     baseline_work_ = runner_.work();

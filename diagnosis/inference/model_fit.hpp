@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace clsp {
@@ -32,11 +33,12 @@ struct SearchOptions {
     std::uint32_t pool_seeds = 2;        // common random numbers
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     std::uint32_t finalists = 3;
-    std::uint32_t max_effects = 6;
+    std::uint32_t max_effects = 16;
     double most_work =
         900.0;           // beside the baseline's, what is asked for before the last step begins (ReplicateRunner::work)
     double level = 0.02; // of a false alarm
     double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
+    bool whole = true; // the models of all steps and the intervals of the parameters are wanted, too
 };
 
 // The baseline with effects, simulated at its fitted parameters and tested.
@@ -76,8 +78,10 @@ struct FitOptions {
 
 class ModelFit {
   public:
-    ModelFit(ReplicateRunner &runner, const SearchOptions &options, const Progress &progress)
-        : runner_(runner), options_(options), progress_(progress) {}
+    // unexplained: by statistic, what is known to be no model's to explain, a standard deviation; empty: nothing.
+    ModelFit(ReplicateRunner &runner, const SearchOptions &options, const Progress &progress,
+             Eigen::VectorXd unexplained = {})
+        : runner_(runner), options_(options), progress_(progress), unexplained_(std::move(unexplained)) {}
 
     ReplicateRunner &runner() const { return runner_; }
     const SearchOptions &options() const { return options_; }
@@ -160,8 +164,8 @@ class ModelFit {
     double strongest_ = kStrongest;
     Eigen::VectorXd border_error(const Replicates &replicates, double from, double to) const;
 
-    GapModel baseline_;
-    Eigen::VectorXd border_error_; // of every model, a standard deviation
+    GapModel baseline_; // from which fits go: with the errors of every model
+    Eigen::VectorXd unexplained_, border_error_; // of every model, standard deviations
     Pool baseline_pool_;
     double baseline_work_ = 0.0;
     bool ended_early_ = false;

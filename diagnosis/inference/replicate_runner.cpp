@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cmath>
 #include <fmt/core.h>
+#include <mutex>
 #include <numeric>
 #include <string_view>
 
@@ -42,6 +43,8 @@ CaptureLayout with_border(CaptureLayout layout) {
                 along += kBorderPx;
     // Means go by what is kept.
     for (SequenceLayout &sequence : layout.sequences) {
+        for (double &along : sequence.illumination.origin_px)
+            along += kBorderPx;
         std::vector<std::uint8_t> mask(layout.pixel_count(), 0);
         for (std::uint32_t y = 0; y < height; ++y)
             for (std::uint32_t x = 0; x < width; ++x)
@@ -121,10 +124,33 @@ ReplicateRunner::ReplicateRunner(std::shared_ptr<Context> context, const Capture
         }
     shared_->real_calibration =
         measured_calibration(shared_->real_levels, frame_counts, std::vector<bool>(sequences, true));
+    shared_->real_calibration.dark_frame = mean_dark_frame([&](std::size_t s) { return real.codes[s].data(); });
     shared_->real.first.resize(count());
     shared_->real.second.resize(count());
     for (std::size_t s = 0; s < sequences; ++s)
         measure(s, real.codes[s].data(), shared_->real_calibration, shared_->real);
+}
+
+std::shared_ptr<const std::vector<float>>
+ReplicateRunner::mean_dark_frame(const std::function<const std::uint16_t *(std::size_t)> &codes_of) const {
+    const std::size_t pixels = shared_->layout.pixel_count();
+    std::vector<double> sum(pixels);
+    double frames = 0.0;
+    for (std::size_t s = 0; s < shared_->layout.sequences.size(); ++s) {
+        const std::uint16_t *codes =
+            shared_->layout.sequences[s].scene == CaptureScene::kDark ? codes_of(s) : nullptr;
+        if (!codes)
+            continue;
+        for (std::uint32_t t = 0; t < half_count(s); ++t, ++frames)
+            for (std::size_t i = 0; i < pixels; ++i)
+                sum[i] += codes[t * pixels + i];
+    }
+    if (frames == 0.0)
+        return nullptr;
+    auto result = std::make_shared<std::vector<float>>(pixels);
+    for (std::size_t i = 0; i < pixels; ++i)
+        (*result)[i] = static_cast<float>(sum[i] / frames);
+    return result;
 }
 
 std::uint32_t ReplicateRunner::half_count(std::size_t sequence) const {
@@ -251,6 +277,10 @@ MemoKey ReplicateRunner::key_of(const Simulator &simulator, const EffectSettings
     key.add(levels.black_level_dn + levels.black_level_error_dn).add(levels.read_noise_dn * levels.read_noise_ratio);
     if (shared_->layout.sequences[sequence].scene != CaptureScene::kDark)
         key.add(levels.signal_share[sequence]);
+    for (std::size_t s = 0; s < shared_->layout.sequences.size(); ++s) // flats are measured beside dark frames
+        if (shared_->layout.sequences[sequence].scene == CaptureScene::kFlat &&
+            shared_->layout.sequences[s].scene == CaptureScene::kDark)
+            key.add(simulator.concerning(effects, s));
     return key;
 }
 
@@ -324,6 +354,19 @@ void ReplicateRunner::simulate(const Simulators &simulators, const EffectSetting
                     return measured(s, folds, codes_of(s), calibrations[i], worker);
                 }));
     });
+    // Made for the first flat that asks for it.
+    std::vector<std::once_flag> dark_frame_made(seeds.size());
+    const auto add_dark_frame = [&](std::size_t i, std::size_t s, const Worker &worker) {
+        if (shared_->layout.sequences[s].scene != CaptureScene::kFlat)
+            return;
+        std::call_once(dark_frame_made[i], [&] {
+            std::vector<SpareBuffers<std::uint16_t>::Buffer> codes(sequences);
+            calibrations[i].dark_frame = mean_dark_frame([&](std::size_t d) {
+                codes[d] = frames(worker.simulator, effects, levels_of(i), d, seeds[i], half_count(d));
+                return codes[d].data();
+            });
+        });
+    };
     tasks.clear();
     for (std::size_t i = 0; i < seeds.size(); ++i)
         for (const std::size_t s : shared_->by_work)
@@ -332,6 +375,7 @@ void ReplicateRunner::simulate(const Simulators &simulators, const EffectSetting
     run_tasks(simulators, tasks, before_each, [&](const Task &task, const Worker &worker) {
         const std::size_t i = task.seed_index, s = task.sequence;
         take(i, s, shared_->memo.value(statistics_key(i, s), [&] {
+            add_dark_frame(i, s, worker);
             const auto codes = frames(worker.simulator, effects, levels_of(i), s, task.seed, frame_counts[s]);
             return measured(s, folds, codes.data(), calibrations[i], worker);
         }));
@@ -457,7 +501,9 @@ Calibration ReplicateRunner::calibration_of(const Codes &codes) const {
         if (present[s] && shared_->layout.sequences[s].scene == CaptureScene::kDark)
             levels[s] = sequence_level(shared_->layout, s, codes[s].data(), frame_counts[s]);
     }
-    return measured_calibration(levels, frame_counts, present);
+    Calibration result = measured_calibration(levels, frame_counts, present);
+    result.dark_frame = mean_dark_frame([&](std::size_t s) { return present[s] ? codes[s].data() : nullptr; });
+    return result;
 }
 
 std::vector<double> ReplicateRunner::measured(const SequenceStatistics &statistics, std::size_t sequence, Folds folds,

@@ -181,6 +181,10 @@ class ReplicateRunner {
     std::size_t own_worker(std::size_t otherwise) const;
     // That worker's; of a worker's runner its own.
     Simulator &simulator_of(std::size_t sequence, std::uint64_t seed) const;
+    // Mean image of the dark frames, of half of each sequence, which both halves of others are measured with. codes_of:
+    // the frames of a dark sequence. Null without one.
+    std::shared_ptr<const std::vector<float>>
+    mean_dark_frame(const std::function<const std::uint16_t *(std::size_t sequence)> &codes_of) const;
     void sort_by_work();
     // What some of a sequence's frames take to simulate and measure.
     std::uint64_t work_of(const EffectSettings &effects, std::size_t sequence, std::uint32_t frame_count) const;

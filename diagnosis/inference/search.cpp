@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -123,8 +124,8 @@ void include_other_forms(SearchState &state) {
 
 class Search {
   public:
-    Search(ModelFit &fits, const std::vector<Candidate> &candidates)
-        : fits_(fits), runner_(fits.runner()), candidates_(candidates) {}
+    Search(ModelFit &fits, const std::vector<const Candidate *> &candidates, const SearchStart &start)
+        : fits_(fits), runner_(fits.runner()), candidates_(candidates), start_(start) {}
 
     SearchResult run();
 
@@ -136,6 +137,7 @@ class Search {
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
     // The gain by a straight line from one strength to another, held out, where that is more than at one strength.
     void screen_along_lines(std::vector<Refined> &refined, const SearchState &state, const FittedModel &fitted);
+    void tell_unexplained(FittedModel &fitted) const;
     void remember_screening(const std::vector<Refined> &refined); // the first one
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
@@ -148,16 +150,18 @@ class Search {
     // Adds effects until nothing is left or nothing helps; or until one of them goes far: false, and it may go on.
     enum class Until { kFar, kDone };
     bool grow_all(SearchState &state, const FittedModel &baseline, Until until);
-    SearchState empty_state(double from, double to) const; // of the progress
+    // With the effects that the search begins with. from, to: of the progress.
+    SearchState first_state(double from, double to);
     // Swaps effects, adds others, takes out what is needless.
     void finish(SearchState &state, const FittedModel &baseline);
     // An effect is far beyond its range.
-    static bool goes_far(const SearchState &state);
+    bool goes_far(const SearchState &state) const;
     // A strength stands at the end of the common range, its last step leads out of it, and the wide search found it
     // there.
     static bool leads_out(const SearchState &common, const SearchState &wide);
-    static bool begins_elsewhere(const SearchState &a, const SearchState &b) {
-        return a.steps.empty() || b.steps.empty() || a.steps.front().added != b.steps.front().added;
+    bool begins_elsewhere(const SearchState &a, const SearchState &b) const {
+        const std::size_t first = start_.steps.size();
+        return a.steps.size() <= first || b.steps.size() <= first || a.steps[first].added != b.steps[first].added;
     }
     bool is_explained(SearchState &state) {
         if (state.models.empty())
@@ -166,20 +170,22 @@ class Search {
         return !state.models.back().residual.detected;
     }
 
-    // Little of the baseline's excess is left, but what is left is seldom by chance.
+    // Little of the excess that the search began with is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
-        return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * baseline_excess_;
+        return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * begin_excess_;
     }
 
     ModelFit &fits_;
-    // The baseline's excess is so large that effects bend on their way to it.
-    bool is_large() const { return baseline_excess_ > kLarge * static_cast<double>(runner_.count()); }
+    // The excess is so large that effects bend on their way to it.
+    bool is_large() const { return begin_excess_ > kLarge * static_cast<double>(runner_.count()); }
 
-    double baseline_excess_ = 0.0;
+    double begin_excess_ = 0.0;
     bool patient_ = false; // first effects are screened along lines in any case, and more of them get a fit
     std::vector<ScreenedEffect> screened_;
     ReplicateRunner &runner_;
-    const std::vector<Candidate> &candidates_;
+    const std::vector<const Candidate *> &candidates_;
+    const SearchStart &start_;
+    std::optional<SearchState> begin_; // the start, fitted
 };
 
 std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitted, bool fresh) {
@@ -194,9 +200,10 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
         return promise.gain;
     };
     std::vector<Refined> result;
-    for (const Candidate &candidate : candidates_) {
+    for (const Candidate *const one : candidates_) {
+        const Candidate &candidate = *one;
         Refined refined;
-        refined.candidate = &candidate;
+        refined.candidate = one;
         refined.concerned = fits_.concerned(candidate.id);
         if (model.has(candidate) ||
             std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
@@ -262,7 +269,7 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
     const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
     const auto best = std::max_element(result.begin(), result.end(), promised);
     const bool poor = best != result.end() && best->gain < kPoorScreening * target.squaredNorm();
-    if ((poor || (patient_ && model.effects.empty())) &&
+    if ((poor || (patient_ && model.effects.size() == start_.model.effects.size())) &&
         fits_.excess_square(fitted) > kLarge * static_cast<double>(runner_.count()))
         screen_along_lines(result, state, fitted);
     sort_by_gain(result);
@@ -452,7 +459,7 @@ std::size_t Search::best_of(std::vector<FittedModel> &fits, double margin, doubl
 
 bool Search::grow(SearchState &state, const FittedModel &current, double from, double share) {
     const double excess = fits_.excess_square(current);
-    const bool little = excess <= kLittleLeft * baseline_excess_, stale = !state.screened.empty();
+    const bool little = excess <= kLittleLeft * begin_excess_, stale = !state.screened.empty();
     std::vector<Refined> refined = screen(state, current, false);
     const bool borne_out = refine_all(refined, state, current, from + 0.2 * share);
     remember_screening(refined);
@@ -529,9 +536,10 @@ bool is_far(const EffectModel &model, const Strength &s) {
     return p.weak != p.strong && s.strength > kCommon;
 }
 
-bool Search::goes_far(const SearchState &state) {
-    return std::any_of(state.model.strengths.begin(), state.model.strengths.end(),
-                       [&](const Strength &s) { return is_far(state.model, s); });
+bool Search::goes_far(const SearchState &state) const {
+    return std::any_of(state.model.strengths.begin(), state.model.strengths.end(), [&](const Strength &s) {
+        return !start_.model.has(*state.model.effects[s.effect].candidate) && is_far(state.model, s);
+    });
 }
 
 bool Search::leads_out(const SearchState &common, const SearchState &wide) {
@@ -563,10 +571,27 @@ bool Search::grow_all(SearchState &state, const FittedModel &baseline, Until unt
     return true;
 }
 
-SearchState Search::empty_state(double from, double to) const {
-    SearchState state;
+SearchState Search::first_state(double from, double to) {
+    if (!begin_) {
+        begin_.emplace();
+        begin_->pool = fits_.baseline_pool();
+        FittedModel fitted;
+        FitOptions options;
+        options.replicates = fits_.few_replicates();
+        options.from = options.to = from;
+        EffectModel model = start_.model;
+        Pool pool;
+        if (!model.effects.empty() && possible([&] { fitted = fits_.fit(model, pool, options); })) {
+            begin_->steps = start_.steps;
+            begin_->steps.back().residual = fitted.residual;
+            begin_->models.resize(begin_->steps.size());
+            begin_->models.back() = std::move(fitted);
+            begin_->model = std::move(model);
+            begin_->pool = std::move(pool);
+        }
+    }
+    SearchState state = *begin_;
     state.strongest = fits_.strongest();
-    state.pool = fits_.baseline_pool();
     state.progress = from;
     state.progress_end = to;
     return state;
@@ -610,7 +635,7 @@ SearchState Search::explain(const FittedModel &baseline) {
     bool held_back = false;
     const auto common_explains = [&](const SearchState &wide) {
         fits_.set_strongest(kCommon);
-        common = empty_state(kSecond, kEnd);
+        common = first_state(kSecond, kEnd);
         grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
         fits_.set_strongest(kStrongest);
@@ -618,7 +643,7 @@ SearchState Search::explain(const FittedModel &baseline) {
         held_back = explained && leads_out(common, wide);
         return explained && !held_back;
     };
-    SearchState state = empty_state(kBegin, kSecond);
+    SearchState state = first_state(kBegin, kSecond);
     const bool grown = grow_all(state, baseline, Until::kFar), far = goes_far(state);
     if (far && fits_.may_go_on() && common_explains(state))
         return common;
@@ -635,17 +660,34 @@ SearchState Search::explain(const FittedModel &baseline) {
     return common_is_better && !is_explained(state) ? common : state;
 }
 
+// What no model was to explain is left all the same.
+void Search::tell_unexplained(FittedModel &fitted) const {
+    for (Eigen::Index k = 0; k < start_.unexplained.size(); ++k) {
+        if (start_.unexplained[k] == 0.0)
+            continue;
+        const double deviation = fitted.model.full().deviation()[k];
+        const double own = std::sqrt(std::max(1e-300, deviation * deviation - std::pow(start_.unexplained[k], 2)));
+        GapTest &residual = fitted.residual;
+        residual.z[k] *= deviation / own;
+        residual.p_adjusted[k] = std::min(residual.p_adjusted[k], start_.p_unexplained[k]);
+        residual.p_value = std::min(residual.p_value, start_.p_unexplained[k]);
+        residual.detected = true;
+    }
+}
+
 SearchResult Search::run() {
     SearchResult result;
     result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
-    baseline_excess_ = fits_.excess_square(baseline);
     if (baseline.residual.detected) {
+        const SearchState begin = first_state(kBegin, kSecond);
+        begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline : begin.models.back());
         SearchState state = explain(baseline);
         if (is_large() && fits_.may_go_on() && !is_explained(state)) {
             patient_ = true;
-            SearchState first = empty_state(kSecond, kEnd);
-            if (grow(first, baseline, kSecond, kEnd - kSecond) && begins_elsewhere(first, state)) {
+            SearchState first = first_state(kSecond, kEnd);
+            const FittedModel current = first.models.empty() ? baseline : first.models.back();
+            if (grow(first, current, kSecond, kEnd - kSecond) && begins_elsewhere(first, state)) {
                 SearchState again = explain(baseline);
                 if (is_explained(again))
                     state = std::move(again);
@@ -653,13 +695,18 @@ SearchResult Search::run() {
         }
         if (!state.models.empty()) {
             fits_.set_strongest(state.strongest);
-            complete(fits_, state, baseline, state.progress);
+            if (fits_.options().whole)
+                complete(fits_, state, baseline, state.progress);
             fits_.judge(state.models.back(), state.models.back().model.replicates(), fits_.options().model_replicates,
                         0.98, 0.99);
             fits_.confirm(state.models.back(), 0.99);
-            fits_.measure_parameters(state.models.back(), state.model, 0.99);
-            include_other_forms(state);
+            if (fits_.options().whole) {
+                fits_.measure_parameters(state.models.back(), state.model, 0.99);
+                include_other_forms(state);
+            }
+            tell_unexplained(state.models.back());
         }
+        result.model = std::move(state.model);
         result.steps = std::move(state.steps);
         result.models = std::move(state.models);
         result.screened = std::move(screened_);
@@ -672,10 +719,10 @@ SearchResult Search::run() {
 
 } // namespace
 
-SearchResult search(ReplicateRunner &runner, const std::vector<Candidate> &candidates, const SearchOptions &options,
-                    const Progress &progress) {
-    ModelFit fits(runner, options, progress);
-    return Search(fits, candidates).run();
+SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates,
+                    const SearchStart &start, const SearchOptions &options, const Progress &progress) {
+    ModelFit fits(runner, options, progress, start.unexplained);
+    return Search(fits, candidates, start).run();
 }
 
 } // namespace clsp

@@ -18,17 +18,28 @@ struct ScreenedEffect {
     bool fitted = false; // whether its parameters were fitted then; what promises little is put aside
 };
 
+// What a search begins with.
+struct SearchStart {
+    EffectModel model;           // effects that are there already
+    std::vector<SearchStep> steps; // how each was found
+    // By statistic: what is known to be no model's to explain, a standard deviation, and how probable that was by
+    // chance. Both empty: nothing is.
+    Eigen::VectorXd unexplained, p_unexplained;
+};
+
 struct SearchResult {
     FittedModel baseline;
     std::vector<ScreenedEffect>
         screened; // at all candidates that can show; the most promising first; none without a gap
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step
+    EffectModel model;               // of the last one
     double work = 0.0;               // what was asked for beside the baseline's (ReplicateRunner::work)
     bool ended_early = false;        // at the most work, with more to try
 };
 
-SearchResult search(ReplicateRunner &runner, const std::vector<Candidate> &candidates, const SearchOptions &options,
-                    const Progress &progress);
+// candidates: outlive the result.
+SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates,
+                    const SearchStart &start, const SearchOptions &options, const Progress &progress);
 
 } // namespace clsp

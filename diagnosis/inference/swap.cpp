@@ -397,10 +397,11 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     return make_best(fits, state, best_moves(fits, state, tried, least + kQuicklyAlike, at), at);
 }
 
-bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<Candidate> &candidates, double at) {
+bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {
     bool changed = false;
     for (std::size_t place = 0; place < state.model.effects.size(); ++place)
-        for (const Candidate &form : candidates) {
+        for (const Candidate *const other : candidates) {
+            const Candidate &form = *other;
             const Candidate &now = *state.model.effects[place].candidate;
             if (form.id != now.id || form.told_by_fit == now.told_by_fit)
                 continue;

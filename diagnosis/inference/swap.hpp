@@ -16,7 +16,7 @@ bool swap(ModelFit &fits, SearchState &state, double at);
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at);
 // Swaps effects' forms that fits tell apart (Candidate::told_by_fit), one after the other, for another that is
 // better beside all effects that are there. False if none is. candidates: with all forms.
-bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<Candidate> &candidates, double at);
+bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at);
 // Leaves out effects that others have made needless: an effect is chosen without those that come after it.
 void prune(ModelFit &fits, SearchState &state, double at);
 

@@ -1,6 +1,7 @@
 // What a diagnosis is asked, and what it finds: gap, place, cause, shrinkage.
 #pragma once
 
+#include "inference/illumination.hpp"
 #include "inference/search.hpp"
 #include "inference/shrinkage.hpp"
 #include "measure/datasheet_quantities.hpp"
@@ -23,7 +24,7 @@ struct DiagnosisOptions {
     double level = 0.02;              // probability of a false alarm
     std::vector<std::string> without; // effects that are no candidates
     std::vector<Hypothesis> hypotheses;
-    std::uint32_t max_effects = 6;
+    std::uint32_t max_effects = 16;
     unsigned threads = 0;             // of the statistics; 0: as many as the machine has
     ProgressFunction progress;
     bool evidence = true;             // pictures and curves for the HTML report are collected
@@ -65,6 +66,15 @@ struct CalibrationResult {
     std::vector<SequenceLight> light; // none of a comparison, whose sets have levels of their own
 };
 
+// One scene of the capture, by itself.
+struct RungResult {
+    CaptureScene scene = CaptureScene::kDark;
+    Verdict verdict = Verdict::kNone;
+    std::vector<std::string> effects; // that take away something significant here
+    double p_value = 1.0, distance_before = 0.0;
+    double residual_p_value = 1.0, distance_after = 0.0; // with all effects found
+};
+
 struct DiagnosisResult {
     std::uint64_t seed = 0;
     double level = 0.0;
@@ -75,7 +85,9 @@ struct DiagnosisResult {
     std::vector<CaptureWarning> frame_changes;
     CalibrationResult calibration,
         calibration_after;        // of the baseline; with the effects found, nothing if there are none
+    LabLights illumination;       // nothing of a comparison
     std::vector<GapPlace> places; // all statistics, worst first
+    std::vector<RungResult> rungs; // none of a comparison
     std::vector<std::string> effects;
     double probability = 1.0;
     std::vector<std::string> equivalent;

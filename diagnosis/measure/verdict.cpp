@@ -13,9 +13,6 @@ constexpr double kLeastProbability = 0.05;
 constexpr double kOwnDeviations = 4.0;
 // Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
 constexpr double kExplained = 3.0;
-// Beside an unknown cause so many effects count as found that together take away that part of the gap.
-constexpr std::size_t kMany = 4;
-constexpr double kNearlyWhole = 0.8;
 
 } // namespace
 
@@ -33,8 +30,11 @@ bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
     return count > 0.0 && sum / count < kExplained;
 }
 
-bool are_found(std::size_t count, double fraction) {
-    return count >= kMany && fraction >= kNearlyWhole;
+bool shows(const Eigen::VectorXd &moved, const std::vector<bool> &statistics) {
+    for (Eigen::Index k = 0; k < moved.size(); ++k)
+        if (statistics[static_cast<std::size_t>(k)] && std::abs(moved[k]) > kOwnDeviations)
+            return true;
+    return false;
 }
 
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,

@@ -18,9 +18,9 @@ double reported_p_value(double p);
 // is left.
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z);
 
-// Whether so many effects, which together take away a part of the gap, count as found although something is left. Two
-// or three may imitate an unknown cause as far; many together do not.
-bool are_found(std::size_t count, double fraction);
+// Whether an effect changes a statistic of some sequences significantly. moved: as for explained(); statistics: which
+// of them count.
+bool shows(const Eigen::VectorXd &moved, const std::vector<bool> &statistics);
 
 // Of each step's effect, whether it is far weaker than any of the catalogue's range, beside others that are not. What
 // so little of an effect does, the simulator's own error in the others' changes does, too: it is fitted, but not named.

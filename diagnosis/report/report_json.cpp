@@ -3,6 +3,7 @@
 #include "report/comparison_report.hpp"
 #include "report/advice.hpp"
 #include "report/explanations.hpp"
+#include "measure/verdict.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -26,6 +27,24 @@ Json calibration_json(const CalibrationResult &calibration) {
     return {{"black_level_dn", number(calibration.black_level_dn)},
             {"read_noise_dn", number(calibration.read_noise_dn)},
             {"sequences", sequences}};
+}
+
+Json illumination_json(const LabLights &found) {
+    Json lights = Json::array();
+    for (const LabLight &light : found.lights)
+        lights.push_back({{"light", light.name},
+                          {"sequences", light.sequences},
+                          {"uneven", !light.light.coefficients.empty()},
+                          {"p_value", number(std::max(light.p_value, 1e-300))},
+                          {"slope_x", number(light.slope[0])},
+                          {"slope_x_error", number(light.slope_error[0])},
+                          {"slope_y", number(light.slope[1])},
+                          {"slope_y_error", number(light.slope_error[1])},
+                          {"corner_loss", number(light.corner_loss)},
+                          {"corner_loss_error", number(light.corner_loss_error)}});
+    return {{"lights", lights},
+            {"shared_corner_loss", number(found.shared_corner_loss)},
+            {"lens_or_light", found.lens_or_light}};
 }
 
 // What is not known is null, and no_interval says why.
@@ -179,6 +198,18 @@ std::string report_json(const DiagnosisResult &result) {
                        {"probability", number(result.probability)},
                        {"equivalent", result.equivalent},
                        {"ranking", ranking}};
+    if (!result.rungs.empty()) {
+        Json rungs = Json::array();
+        for (const RungResult &rung : result.rungs)
+            rungs.push_back({{"rung", scene_name(rung.scene)},
+                             {"verdict", verdict_name(rung.verdict)},
+                             {"effects", rung.effects},
+                             {"p_value", number(reported_p_value(rung.p_value))},
+                             {"residual_p_value", number(reported_p_value(rung.residual_p_value))},
+                             {"distance_before", number(rung.distance_before)},
+                             {"distance_after", number(rung.distance_after)}});
+        report["cause"]["rungs"] = rungs;
+    }
     if (!result.comparison) {
         Json looks = Json::array();
         for (const ScreenedEffect &look : result.screened)
@@ -229,6 +260,7 @@ std::string report_json(const DiagnosisResult &result) {
         report["calibration"] = calibration_json(result.calibration);
         if (!result.calibration_after.light.empty())
             report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
+        report["calibration"]["illumination"] = illumination_json(result.illumination);
     }
     if (!result.comparison)
         report["measurements"] = datasheet_json(result.datasheet);

@@ -1,6 +1,7 @@
 #include "run/diagnose.hpp"
 
 #include "measure/gap_stages.hpp"
+#include "inference/ladder.hpp"
 #include "inference/shrinkage.hpp"
 #include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
@@ -19,6 +20,9 @@
 
 namespace clsp {
 namespace {
+
+// What falls off towards the corners, in a capture of lamp light or of laser light alone.
+constexpr const char *kLens = "vignetting", *kLight = "uneven_illumination";
 
 // An effect that takes away that part of the gap of an unknown cause imitates it.
 constexpr double kAlike = 0.5;
@@ -151,6 +155,51 @@ CalibrationResult calibration_of(const ReplicateRunner &runner, const Calibrated
     return result;
 }
 
+// Each scene by itself: what differs, which effects take away something of it, and what they leave.
+std::vector<RungResult> rung_results(const ReplicateRunner &runner, const SearchResult &found, const SearchStart &start,
+                                     const std::vector<bool> &slight, double residual_level) {
+    std::vector<RungResult> results;
+    const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    for (const Rung &rung : rungs_of(runner.layout())) {
+        RungResult result;
+        result.scene = rung.scene;
+        const GapTest before = found.baseline.model.test(runner.real(), rung.sequences);
+        const GapTest after = last.model.test(runner.real(), rung.sequences);
+        result.p_value = before.p_value;
+        result.distance_before = before.distance;
+        result.residual_p_value = after.p_value;
+        result.distance_after = after.distance;
+        std::vector<bool> statistics(runner.count());
+        for (std::size_t s = 0; s < rung.sequences.size(); ++s)
+            for (std::size_t k = runner.begin(s); rung.sequences[s] && k < runner.end(s); ++k) {
+                statistics[k] = true;
+                if (start.p_unexplained.size())
+                    result.residual_p_value =
+                        std::min(result.residual_p_value, start.p_unexplained[static_cast<Eigen::Index>(k)]);
+            }
+        // What others' parameters did when the effect came is none of its doing.
+        const auto acts_on = [&](const std::string &id) {
+            std::vector<bool> result_of = statistics;
+            for (std::size_t s = 0; s < rung.sequences.size(); ++s)
+                if (!runner.simulator().concerns(id, s))
+                    std::fill(result_of.begin() + std::ptrdiff_t(runner.begin(s)),
+                              result_of.begin() + std::ptrdiff_t(runner.end(s)), false);
+            return result_of;
+        };
+        for (std::size_t i = 0; i < found.models.size(); ++i)
+            if (const std::string &id = found.steps[i].added; !slight[i] && shows(moved_by(found, i), acts_on(id)))
+                result.effects.push_back(id);
+        if (before.detected || !result.effects.empty())
+            result.verdict = result.residual_p_value <= residual_level || result.effects.empty() ? Verdict::kUnknown
+                                                                                                 : Verdict::kNamed;
+        results.push_back(std::move(result));
+    }
+    return results;
+}
+
+// Of the progress.
+constexpr double kOfRungsBelow = 0.15;
+
 } // namespace
 
 DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given, const DiagnosisOptions &options) {
@@ -162,7 +211,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     for (const CaptureWarning &warning : summary.warnings)
         result.notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
     std::vector<SequenceSummary> kept;
-    const Capture capture = judgeable(given, summary, kept, result);
+    Capture capture = judgeable(given, summary, kept, result);
     if (capture.codes.empty()) {
         std::string reasons;
         for (const std::string &note : result.notes)
@@ -179,7 +228,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     };
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     leave_untested(capture.layout, kept, pool, result);
-    ReplicateRunner runner(std::move(context), capture, options.hypotheses, threads);
+    result.illumination = measure_lab_lights(capture);
+    set_illumination(result.illumination, capture.layout);
+    ReplicateRunner runner(context, capture, options.hypotheses, threads);
     scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     std::string doing;
     double fraction = 0.0;
@@ -201,11 +252,20 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     search_options.level = options.level;
     search_options.residual_level = 0.25 * options.level;
     const std::vector<Candidate> tried = with_alternatives(pool);
-    const SearchResult found = search(runner, tried, search_options, [&](const std::string &what, double part) {
-        doing = what;
-        fraction = std::max(fraction, part);
-        tell();
-    });
+    std::vector<const Candidate *> all;
+    for (const Candidate &candidate : tried)
+        all.push_back(&candidate);
+    // The rungs below take a part of the progress.
+    const auto report_from = [&](double begin) {
+        return [&, begin](const std::string &what, double part) {
+            doing = what;
+            fraction = std::max(fraction, begin > 0.0 ? begin + (1.0 - begin) * part : kOfRungsBelow * part);
+            tell();
+        };
+    };
+    const SearchStart below =
+        climb(context, capture, options.hypotheses, tried, runner, threads, search_options, report_from(0.0));
+    const SearchResult found = search(runner, all, below, search_options, report_from(kOfRungsBelow));
 
     result.seed = options.seed;
     result.level = options.level;
@@ -242,6 +302,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
                                            "candidates (--without) leave more for the others",
                                            search_options.most_work));
+    const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
+    if (result.detected)
+        result.rungs = rung_results(runner, found, below, slight, search_options.residual_level);
     if (result.detected) {
         result.residual_detected = last.residual.detected || !steady;
         result.residual_p_value = with_changes(reported_p_value(last.residual.p_value));
@@ -258,7 +321,6 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                 result.fraction_95 = s.fraction_95;
             }
         }
-        const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
         for (std::size_t i = 0; i < found.steps.size(); ++i)
             if (slight[i])
                 result.notes.push_back(fmt::format(
@@ -267,13 +329,23 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     found.steps[i].added));
         if (result.residual_detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
-            const bool all = are_found(found.models.size(), result.fraction);
+            const auto in_explained_rung = [&](const std::string &effect) {
+                return std::any_of(result.rungs.begin(), result.rungs.end(), [&](const RungResult &rung) {
+                    return rung.verdict == Verdict::kNamed &&
+                           std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
+                });
+            };
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (!slight[i] && (all || explained(moved_by(found, i), last.residual.z)))
+                if (!slight[i] && (in_explained_rung(found.steps[i].added) ||
+                                   explained(moved_by(found, i), last.residual.z)))
                     result.effects.push_back(found.steps[i].added);
             place_stages(runner.layout(), result.places, alike_stage(result));
         } else {
             name_effects(found.steps, slight, result);
+            if (result.illumination.lens_or_light && std::count(result.effects.begin(), result.effects.end(), kLens)) {
+                result.verdict = Verdict::kAmbiguous;
+                result.equivalent.insert(result.equivalent.end(), {kLens, kLight});
+            }
         }
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();

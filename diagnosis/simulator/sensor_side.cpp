@@ -38,19 +38,31 @@ std::vector<float> SensorSide::laser_factors(const SequenceModel &model, std::si
     return factors;
 }
 
-std::vector<float> SensorSide::fall_off(const SequenceModel &model) const {
-    std::vector<float> kept(pixels_, 1.0f);
+const SensorSide::Unevenness &SensorSide::unevenness_of(std::size_t sequence) {
+    Unevenness &result = unevenness_[sequence];
+    if (!result.host.empty())
+        return result;
+    const SmoothLight &light = layout_.sequences[sequence].illumination;
+    for (std::uint32_t y = 0; y < layout_.height; ++y)
+        for (std::uint32_t x = 0; x < layout_.width; ++x)
+            result.host.push_back(static_cast<float>(light.at(x, y)));
+    result.device = DeviceBuffer(context_, pixels_ * sizeof(float), result.host.data());
+    return result;
+}
+
+std::vector<float> SensorSide::fall_off(const SequenceModel &model, std::size_t sequence) {
+    std::vector<float> kept = model.uneven ? unevenness_of(sequence).host : std::vector<float>(pixels_, 1.0f);
     if (model.corner_loss == 0.0)
         return kept;
     const Vignetting vignetting = vignetting_of(model);
     for (std::uint32_t y = 0; y < layout_.height; ++y)
         for (std::uint32_t x = 0; x < layout_.width; ++x)
-            kept[std::size_t{y} * layout_.width + x] = static_cast<float>(vignetting.transmission(x, y));
+            kept[std::size_t{y} * layout_.width + x] *= static_cast<float>(vignetting.transmission(x, y));
     return kept;
 }
 
-void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &model, const std::vector<float> &factors,
-                               double ambient, const DeviceBuffer &intensities, std::uint32_t frame_count) {
+void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &model, std::size_t sequence,
+                               const std::vector<float> &factors, double ambient, const DeviceBuffer &intensities, std::uint32_t frame_count) {
     grow(context_, light_, frame_count * pixels_ * sizeof(float));
     grow(context_, factors_, frame_count * sizeof(float));
     // The host's numbers are gone when this returns.
@@ -61,6 +73,8 @@ void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &mode
         .add(intensities.get())
         .add(cl_ulong{model.frames_differ ? pixels_ : 0})
         .add(factors_.get())
+        .add(model.uneven ? unevenness_of(sequence).device.get() : factors_.get())
+        .add(cl_uint{model.uneven})
         .add(static_cast<cl_float>(ambient))
         .add(vignetting_of(model).kernel_argument())
         .add(light_.get())

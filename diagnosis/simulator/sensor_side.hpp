@@ -4,6 +4,7 @@
 #include "simulator/optics.hpp"
 #include "simulator/sequence_model.hpp"
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -15,16 +16,17 @@ class SensorSide {
 
     // True if the intensities go to the sensor as they are.
     static bool passes_light(const SequenceModel &model) {
-        return model.power_flicker == 0.0 && model.corner_loss == 0.0 && model.ambient_dn == 0.0 &&
+        return model.power_flicker == 0.0 && model.corner_loss == 0.0 && model.ambient_dn == 0.0 && !model.uneven &&
                model.on_intensity.empty();
     }
     // max(0, 1 + sigma n) for each frame.
     std::vector<float> laser_factors(const SequenceModel &model, std::size_t sequence, std::uint64_t seed,
                                      std::uint32_t frame_count) const;
-    // 1 - corner_loss r^2 of each pixel, as the kernel has it.
-    std::vector<float> fall_off(const SequenceModel &model) const;
-    // frame_count images in light(): laser power, ambient (in units of intensity) and fall-off.
-    void enqueue_light(cl_command_queue queue, const SequenceModel &model, const std::vector<float> &factors,
+    // Of the light of lamp or laser, at each pixel: its unevenness times 1 - corner_loss r^2, as the kernel has it.
+    std::vector<float> fall_off(const SequenceModel &model, std::size_t sequence);
+    // frame_count images in light(): laser power, unevenness, ambient (in units of intensity) and fall-off.
+    void enqueue_light(cl_command_queue queue, const SequenceModel &model, std::size_t sequence,
+                       const std::vector<float> &factors,
                        double ambient, const DeviceBuffer &intensities, std::uint32_t frame_count);
     const DeviceBuffer &light() const { return light_; }
     // frame_count images of codes in codes(). one_light: all frames have the first image of `light`.
@@ -35,12 +37,18 @@ class SensorSide {
 
   private:
     void configure(const SequenceModel &model, const SimulationLevels &levels, std::uint64_t seed);
+    struct Unevenness {
+        std::vector<float> host;
+        DeviceBuffer device;
+    };
+    const Unevenness &unevenness_of(std::size_t sequence);
 
     std::shared_ptr<Context> context_;
     CaptureLayout layout_;
     std::size_t pixels_;
     std::unique_ptr<Sensor> sensor_;
     DeviceBuffer light_, factors_, codes_;
+    std::map<std::size_t, Unevenness> unevenness_; // by sequence, made on first use
     cl::Kernel finish_;
 };
 

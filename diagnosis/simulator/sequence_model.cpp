@@ -191,6 +191,7 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
     result.power_flicker = std::exchange(model.pipeline.power_flicker, 0.0);
     result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
     result.ambient_dn = std::exchange(model.lens.ambient, 0.0);
+    result.uneven = !dark && !of.illumination.coefficients.empty();
     widen_grid(model);
     const PipelineParameters &p = model.pipeline;
     const bool laser = is_laser(of.scene);

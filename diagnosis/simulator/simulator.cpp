@@ -298,7 +298,7 @@ void Simulator::codes(std::size_t sequence, const std::vector<EffectSetting> &ef
     bool one_light = !model.frames_differ;
     SensorSide &sensor = self.sensor_side;
     if (!SensorSide::passes_light(model)) {
-        sensor.enqueue_light(self.queue(), model, sensor.laser_factors(model, sequence, seed, frame_count),
+        sensor.enqueue_light(self.queue(), model, sequence, sensor.laser_factors(model, sequence, seed, frame_count),
                              model.ambient_dn > 0.0 ? model.ambient_dn / levels.gain_dn : 0.0, *light, frame_count);
         light = &sensor.light();
         one_light = false;
@@ -345,7 +345,7 @@ double Simulator::mean_intensity(std::size_t sequence, const std::vector<EffectS
     // What a pixel counts: fall-off, and 0 where the mask says so. The host's own pass over finished images needs the
     // two apart.
     const bool host_pass = !model.on_intensity.empty();
-    const std::vector<float> kept = self.sensor_side.fall_off(model);
+    const std::vector<float> kept = self.sensor_side.fall_off(model, sequence);
     std::vector<float> weight = host_pass ? std::vector<float>(self.pixels, 1.0f) : kept;
     const std::vector<std::uint8_t> &mask = self.layout.sequences[sequence].mask;
     for (std::size_t i = 0; i < mask.size(); ++i)

@@ -33,6 +33,23 @@ double bulk_deviation(const Geometry &geometry, const std::vector<float> &image)
     return deviation;
 }
 
+// Few pixels far out would hide what all others do: they are counted beside.
+constexpr double kFarOut = 6.0; // deviations of the bulk
+std::vector<float> without_far_out(const std::vector<float> &image, double deviation) {
+    std::vector<float> result(image);
+    for (float &value : result)
+        if (std::abs(double(value)) > kFarOut * deviation)
+            value = 0.0f;
+    return result;
+}
+
+double square_sum(const std::vector<float> &image) {
+    double sum = 0.0;
+    for (const float value : image)
+        sum += double(value) * double(value);
+    return sum;
+}
+
 double soft_count(const Geometry &geometry, const std::vector<float> &image, double threshold, double step) {
     double count = 0.0;
     for (std::size_t i = 0; i < geometry.pixels; ++i) {
@@ -76,29 +93,34 @@ double independent_variance(const StatisticInput &in) {
 void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const Geometry &geometry = in.geometry;
     const bool is_flat = geometry.scene == CaptureScene::kFlat;
-    const FieldCoefficients field = fit_field(geometry, in.frames.mean, kFieldTerms);
-    const std::vector<float> pattern = without_field(geometry, in.frames.mean, field);
+    std::vector<float> mean = in.frames.mean;
+    for (std::size_t i = 0; is_flat && in.dark_frame && i < geometry.pixels; ++i)
+        mean[i] -= geometry.is_used(i) ? (*in.dark_frame)[i] : 0.0f;
+    const FieldCoefficients field = fit_field(geometry, mean, kFieldTerms);
+    const std::vector<float> pattern = without_field(geometry, mean, field);
     Powers powers;
     for (std::size_t y = 0; y < geometry.height; ++y)
         powers.add(pattern.data() + y * geometry.width, geometry.width);
-    const double used = double(geometry.used), variance = powers.square / used;
+    const double used = double(geometry.used), whole_variance = powers.square / used;
+    const double deviation = bulk_deviation(geometry, pattern);
+    const std::vector<float> bulk = without_far_out(pattern, deviation);
+    const double variance = square_sum(bulk) / used;
     const double temporal = in.frames.pixel_variance / double(geometry.frames);
 
     if (geometry.frames > 1 && is_flat)
         sink.put("sensor", "temporal_variance", "log", log_ratio(independent_variance(in), in.frames.read_variance));
     sink.put("sensor", "fixed_pattern", "log", log_ratio(variance, temporal));
-    sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, pattern, false), variance));
-    sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, pattern, true), variance));
+    sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, bulk, false), variance));
+    sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, bulk, true), variance));
     sink.put("sensor", "fixed_pattern_skewness", "asinh",
-             std::asinh(powers.cube / used / std::pow(variance + 1e-6, 1.5)));
+             std::asinh(powers.cube / used / std::pow(whole_variance + 1e-6, 1.5)));
     sink.put("sensor", "fixed_pattern_kurtosis", "log",
-             std::log((powers.fourth / used + 1e-6) / (variance * variance + 1e-6)));
+             std::log((powers.fourth / used + 1e-6) / (whole_variance * whole_variance + 1e-6)));
     // Hot pixels: a count that begins softly, so that it is never exactly nothing.
-    const double deviation = bulk_deviation(geometry, pattern);
     const auto count = [&](double threshold, double step) {
         return soft_count(geometry, pattern, threshold * deviation, step * deviation);
     };
-    sink.put_count("sensor", "hot_pixels_6_sigma", count(6.0, 0.5));
+    sink.put_count("sensor", "hot_pixels_6_sigma", count(kFarOut, 0.5));
     sink.put_count("sensor", "hot_pixels_12_sigma", count(12.0, 1.0));
     if (is_flat) {
         std::vector<float> negative(pattern);
@@ -111,10 +133,10 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const Lag lags[] = {{1, 0}, {0, 1}};
     for (std::size_t k = 0; k < 2; ++k) {
         const double covariance = ratio(
-            lag_sum(pattern.data(), pattern.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
+            lag_sum(bulk.data(), bulk.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
         sink.put("sensor", names[k], "1", ratio(covariance, variance));
     }
-    const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {pattern.data()}, 1);
+    const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {bulk.data()}, 1);
     sink.put("sensor", "fixed_pattern_lines", "log", std::log(spectrum.peaks));
 }
 

@@ -236,7 +236,7 @@ std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size
     const auto sums = make_host_sums(threads, spare);
     const Frames frames = make_frames(geometry, codes, calibration, *sums);
     const ResidualSums residual = sum_residuals(geometry, frames, *sums);
-    const StatisticInput in{geometry, frames, residual, *sums, codes, calibration.black_level_dn, threads};
+    const StatisticInput in{geometry, frames, residual, *sums, codes, calibration.black_level_dn, nullptr, threads};
     List list;
     if (geometry.is_lit())
         list.put("mean_signal", "DN", frames.mean_signal);

@@ -19,7 +19,8 @@ void measure(const statistics::Geometry &geometry, const std::uint16_t *codes, c
     using namespace statistics;
     const Frames frames = make_frames(geometry, codes, calibration, sums);
     const ResidualSums residual = sum_residuals(geometry, frames, sums);
-    const StatisticInput in{geometry, frames, residual, sums, codes, calibration.black_level_dn, threads};
+    const StatisticInput in{geometry, frames, residual, sums, codes, calibration.black_level_dn,
+                            geometry.scene == CaptureScene::kFlat ? calibration.dark_frame.get() : nullptr, threads};
     measure_temporal_noise(in, sink);
     measure_repetition(in, sink);
     measure_code_lattice(in, sink);

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <vector>
 
 namespace clsp {
 
@@ -27,6 +29,9 @@ constexpr std::uint32_t kFewFrames = 8;
 struct Calibration {
     double black_level_dn = 0.0;
     double read_noise_dn = 0.0;
+    // Mean image of dark frames, of which flats' fixed patterns are free, so that they are those of the gains. Null: there
+    // are none.
+    std::shared_ptr<const std::vector<float>> dark_frame = {};
 };
 
 } // namespace clsp

@@ -13,6 +13,7 @@ struct StatisticInput {
     FrameSums &sums;
     const std::uint16_t *codes;
     double black_level_dn;
+    const std::vector<float> *dark_frame; // nullptr: there is none
     unsigned threads;
 };
 

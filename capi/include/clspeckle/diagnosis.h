@@ -96,7 +96,7 @@ typedef struct ClspHypothesis {
 typedef struct ClspDiagnoseDesc {
     uint32_t struct_size;      /**< Size of the struct as the caller knows it. */
     uint32_t null_replicates;  /**< Simulated captures without effects, 12 to 100000; default 48. More: finer p-values, slower. */
-    uint32_t max_effects;      /**< Effects in one explanation at most, 1 to 64, beside such as turn out too slight to be named; default 6. */
+    uint32_t max_effects;      /**< Effects in one explanation at most, 1 to 64, beside such as turn out too slight to be named; default 16. */
     uint32_t threads;          /**< Of the host, 1 to 1024; 0 (default): as many as the machine has. The report does not depend on it. */
     uint64_t seed;             /**< Of the simulated captures; default 0. The same seed gives the same report. */
     double level;              /**< Probability of seeing a gap where there is none, 1e-6 to 0.5; default 0.02. */

@@ -29,6 +29,12 @@ class Swap : public testing::Test {
         result.replicates = fits.options().model_replicates;
         return result;
     }
+    std::vector<const Candidate *> every() const {
+        std::vector<const Candidate *> result;
+        for (const Candidate &one : all)
+            result.push_back(&one);
+        return result;
+    }
     const Candidate &candidate(const std::string &id) const {
         return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
     }
@@ -230,7 +236,7 @@ TEST_F(Swap, ASearchEndsAtItsMostWork) {
         SearchOptions limited = options();
         limited.most_work = most_work;
         limited.null_replicates = null_replicates;
-        return search(runner, all, limited, {});
+        return search(runner, every(), {}, limited, {});
     };
     const SearchResult whole = found(3000.0, 24), little = found(10.0, 24);
     EXPECT_FALSE(whole.ended_early);

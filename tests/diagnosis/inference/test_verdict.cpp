@@ -283,12 +283,12 @@ TEST(Names, EqualRivalsAreEquivalent) {
     EXPECT_LT(result.probability, 0.6);
 }
 
-TEST(Found, ManyThatLeaveLittle) {
-    EXPECT_TRUE(are_found(4, 0.85));
-    EXPECT_FALSE(are_found(4, 0.7));
-    // Airflow and a skewed beam took 92 % of what boiling surfaces had done.
-    EXPECT_FALSE(are_found(2, 0.92));
-    EXPECT_FALSE(are_found(3, 0.87));
+TEST(Shows, WhereAStatisticMovesByManyDeviations) {
+    Eigen::VectorXd moved(3);
+    moved << 1.0, -9.0, 3.9;
+    EXPECT_TRUE(shows(moved, {false, true, true}));
+    EXPECT_FALSE(shows(moved, {true, false, true}));
+    EXPECT_FALSE(shows(moved, {false, false, false}));
 }
 
 TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {

@@ -109,7 +109,7 @@ TEST(DiagnosisDefaults, AreDocumented) {
     const auto desc = clspeckle::make<ClspDiagnoseDesc>();
     EXPECT_EQ(desc.struct_size, sizeof desc);
     EXPECT_EQ(desc.null_replicates, 48u);
-    EXPECT_EQ(desc.max_effects, 6u);
+    EXPECT_EQ(desc.max_effects, 16u);
     EXPECT_EQ(desc.threads, 0u);
     EXPECT_EQ(desc.seed, 0u);
     EXPECT_EQ(desc.level, 0.02);

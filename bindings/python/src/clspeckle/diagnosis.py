@@ -671,7 +671,7 @@ def diagnose(
         hypotheses: effects of one's own, which join the catalogue's.
         level: probability of seeing a gap where there is none, 1e-6 to 0.5; None: 0.02.
         null_replicates: simulated captures without effects, 12 to 100000; None: 48.
-        max_effects: effects in one explanation at most, 1 to 64, beside such as are too slight to be named; None: 6.
+        max_effects: effects in one explanation at most, 1 to 64, beside such as are too slight to be named; None: 16.
         threads: of the host, 1 to 1024; None: as many as the machine has. The report does not depend on it.
         evidence: False: no pictures and curves are collected for :meth:`Diagnosis.write_html`; None: True.
         progress: True: a bar on standard error; or a function of (what is being done, fraction done), which cancels by

@@ -1,0 +1,260 @@
+#include "inference/illumination.hpp"
+
+#include "statistics/distributions.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace clsp {
+namespace {
+
+// Blocks of pixels across the longer side: wide against the grain of speckle, narrow against what is smooth.
+constexpr std::size_t kBlocks = 12;
+constexpr std::size_t kLeastBlockPx = 8;
+constexpr int kDegree = 2, kHighDegree = 4;
+constexpr double kCertain = 1e-4; // of chance
+constexpr double kAgree = 3.0;    // standard errors
+
+// Means over blocks of the image; NaN where the mask leaves less than half of one.
+using Blocks = Eigen::ArrayXXd; // rows, columns
+
+struct Grid {
+    explicit Grid(const CaptureLayout &layout)
+        : width(layout.width), height(layout.height),
+          block(std::max(kLeastBlockPx, (std::max(width, height) + kBlocks - 1) / kBlocks)),
+          columns(std::max<std::size_t>(1, width / block)), rows(std::max<std::size_t>(1, height / block)),
+          origin(layout.principal_point_px) {
+        for (const double x : {0.0, double(width) - 1.0})
+            for (const double y : {0.0, double(height) - 1.0})
+                unit = std::max(unit, std::hypot(x - origin[0], y - origin[1]));
+    }
+    std::size_t width, height, block, columns, rows;
+    std::array<double, 2> origin;
+    double unit = 1.0;
+
+    double x(Eigen::Index column) const { return ((double(column) + 0.5) * double(block) - 0.5 - origin[0]) / unit; }
+    double y(Eigen::Index row) const { return ((double(row) + 0.5) * double(block) - 0.5 - origin[1]) / unit; }
+};
+
+Blocks block_means(const Grid &grid, const CaptureLayout &layout, std::size_t sequence,
+                   const std::vector<std::uint16_t> &codes) {
+    const std::vector<std::uint8_t> &mask = layout.sequences[sequence].mask;
+    const std::size_t frames = layout.sequences[sequence].frame_count, pixels = layout.pixel_count();
+    Blocks sum = Blocks::Zero(Eigen::Index(grid.rows), Eigen::Index(grid.columns)), used = sum;
+    for (std::size_t y = 0; y < grid.rows * grid.block; ++y)
+        for (std::size_t x = 0; x < grid.columns * grid.block; ++x) {
+            const std::size_t pixel = y * grid.width + x;
+            if (!mask.empty() && mask[pixel] == 0)
+                continue;
+            double of_pixel = 0.0;
+            for (std::size_t t = 0; t < frames; ++t)
+                of_pixel += codes[t * pixels + pixel];
+            sum(Eigen::Index(y / grid.block), Eigen::Index(x / grid.block)) += of_pixel / double(frames);
+            used(Eigen::Index(y / grid.block), Eigen::Index(x / grid.block)) += 1.0;
+        }
+    const double half = 0.5 * double(grid.block * grid.block);
+    return (used >= half).select(sum / used.max(1.0), std::numeric_limits<double>::quiet_NaN());
+}
+
+// 1, then the terms of SmoothLight.
+Eigen::RowVectorXd terms(double x, double y, int degree) {
+    Eigen::RowVectorXd result((degree + 1) * (degree + 2) / 2);
+    Eigen::Index k = 0;
+    for (int d = 0; d <= degree; ++d)
+        for (int j = 0; j <= d; ++j)
+            result[k++] = std::pow(x, d - j) * std::pow(y, j);
+    return result;
+}
+
+struct Fit {
+    Eigen::VectorXd coefficients; // the first: on the axis
+    Eigen::MatrixXd inverse;      // of the normal equations' matrix
+    double square = 0.0;          // of the residuals
+    double freedom = 0.0;
+    Blocks residual;
+};
+
+Fit fit(const Grid &grid, const Blocks &light, int degree) {
+    const Eigen::Index count = (degree + 1) * (degree + 2) / 2;
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(count, count);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
+    double used = 0.0;
+    for (Eigen::Index r = 0; r < light.rows(); ++r)
+        for (Eigen::Index c = 0; c < light.cols(); ++c) {
+            if (!std::isfinite(light(r, c)))
+                continue;
+            const Eigen::RowVectorXd row = terms(grid.x(c), grid.y(r), degree);
+            normal += row.transpose() * row;
+            right += row.transpose() * light(r, c);
+            ++used;
+        }
+    Fit result;
+    result.freedom = used - double(count);
+    const Eigen::LDLT<Eigen::MatrixXd> factors(normal);
+    if (result.freedom < double(count) || factors.info() != Eigen::Success || factors.rcond() < 1e-12) {
+        result.freedom = 0.0;
+        return result;
+    }
+    result.coefficients = factors.solve(right);
+    result.inverse = factors.solve(Eigen::MatrixXd::Identity(count, count));
+    result.residual = Blocks::Zero(light.rows(), light.cols());
+    for (Eigen::Index r = 0; r < light.rows(); ++r)
+        for (Eigen::Index c = 0; c < light.cols(); ++c)
+            if (std::isfinite(light(r, c))) {
+                result.residual(r, c) = light(r, c) - terms(grid.x(c), grid.y(r), degree).dot(result.coefficients);
+                result.square += result.residual(r, c) * result.residual(r, c);
+            }
+    return result;
+}
+
+// Variance of a block about the fit. Rows or columns of pixels that differ from their neighbours move whole rows or
+// columns of blocks, which the blocks' own scatter does not tell.
+double variance_of(const Fit &fit) {
+    const Eigen::ArrayXd rows = fit.residual.rowwise().mean(), columns = fit.residual.colwise().mean();
+    const double of_rows = rows.square().mean() * double(fit.residual.cols());
+    const double of_columns = columns.square().mean() * double(fit.residual.rows());
+    return std::max({fit.square / fit.freedom, of_rows, of_columns, 1e-18});
+}
+
+// How probable it is that chance makes the terms of `more` that `fewer` has not.
+double p_of_terms(const Fit &fewer, const Fit &more) {
+    const double terms = double(more.coefficients.size() - fewer.coefficients.size());
+    return fisher_upper((fewer.square - more.square) / (terms * variance_of(more)), terms, more.freedom);
+}
+
+struct FallOff {
+    double loss = 0.0, error = 0.0;
+};
+FallOff fall_off(const Fit &quadratic, double variance) {
+    // 1, x, y, x^2, x y, y^2
+    const double axis = quadratic.coefficients[0];
+    Eigen::VectorXd half = Eigen::VectorXd::Zero(quadratic.coefficients.size());
+    half[3] = half[5] = 0.5;
+    return {-half.dot(quadratic.coefficients) / axis,
+            std::sqrt(variance * half.dot(quadratic.inverse * half)) / std::abs(axis)};
+}
+
+// A kind of light: its sequences, and the light of the blocks over its mean.
+struct Kind {
+    const char *name;
+    std::vector<std::size_t> sequences, measured_on;
+    Blocks light;
+};
+
+Blocks without_fall_off(const Grid &grid, const Blocks &light, double loss) {
+    Blocks result = light;
+    for (Eigen::Index r = 0; r < light.rows(); ++r)
+        for (Eigen::Index c = 0; c < light.cols(); ++c)
+            result(r, c) /= std::max(0.05, 1.0 - loss * (std::pow(grid.x(c), 2) + std::pow(grid.y(r), 2)));
+    return result;
+}
+
+double shared_loss(const std::vector<FallOff> &losses) {
+    if (losses.size() == 1)
+        return std::max(0.0, losses[0].loss);
+    const FallOff &a = losses[0], &b = losses[1];
+    if (std::abs(a.loss - b.loss) <= kAgree * std::hypot(a.error, b.error)) {
+        const double of_a = 1.0 / (a.error * a.error), of_b = 1.0 / (b.error * b.error);
+        return std::max(0.0, (of_a * a.loss + of_b * b.loss) / (of_a + of_b));
+    }
+    return std::max(0.0, std::min(a.loss, b.loss));
+}
+
+} // namespace
+
+LabLights measure_lab_lights(const Capture &capture) {
+    const CaptureLayout &layout = capture.layout;
+    const Grid grid(layout);
+    std::vector<Kind> kinds = {{"lamp", {}, {}, {}}, {"laser", {}, {}, {}}};
+    Blocks dark = Blocks::Constant(Eigen::Index(grid.rows), Eigen::Index(grid.columns), layout.black_level_dn);
+    double darks = 0.0;
+    for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
+        const CaptureScene scene = layout.sequences[s].scene;
+        if (scene == CaptureScene::kDark) {
+            const Blocks one = block_means(grid, layout, s, capture.codes[s]);
+            dark = darks == 0.0 ? one : Blocks(dark + one);
+            ++darks;
+            continue;
+        }
+        Kind &kind = kinds[is_laser(scene) ? 1 : 0];
+        kind.sequences.push_back(s);
+        // Dots light the field here and there: a board tells more.
+        if (scene != CaptureScene::kDots)
+            kind.measured_on.push_back(s);
+    }
+    if (darks > 0.0)
+        dark /= darks;
+    LabLights result;
+    std::vector<Kind> measured;
+    std::vector<FallOff> losses;
+    for (Kind &kind : kinds) {
+        double weights = 0.0;
+        Blocks light = Blocks::Zero(dark.rows(), dark.cols());
+        for (const std::size_t s : kind.measured_on) {
+            Blocks one = block_means(grid, layout, s, capture.codes[s]) - dark;
+            const auto finite = one.isFinite();
+            const double mean = finite.select(one, 0.0).sum() / std::max(1.0, double(finite.count()));
+            if (!(mean > 0.0))
+                continue;
+            one /= mean;
+            const Fit smooth = fit(grid, one, kHighDegree);
+            if (smooth.freedom == 0.0)
+                continue;
+            const double weight = 1.0 / variance_of(smooth);
+            light += weight * one;
+            weights += weight;
+        }
+        if (weights == 0.0)
+            continue;
+        kind.light = light / weights;
+        const Fit quadratic = fit(grid, kind.light, kDegree);
+        losses.push_back(fall_off(quadratic, variance_of(fit(grid, kind.light, kHighDegree))));
+        measured.push_back(std::move(kind));
+    }
+    if (measured.empty())
+        return result;
+    result.lens_or_light = measured.size() == 1;
+    result.shared_corner_loss = shared_loss(losses);
+    for (const Kind &kind : measured) {
+        const Blocks light = without_fall_off(grid, kind.light, result.shared_corner_loss);
+        const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kDegree),
+                  high = fit(grid, light, kHighDegree);
+        const double variance = variance_of(high);
+        LabLight found;
+        found.name = kind.name;
+        for (const std::size_t s : kind.sequences)
+            found.sequences.push_back(layout.sequences[s].name);
+        const double axis = quadratic.coefficients[0];
+        for (Eigen::Index k = 0; k < 2; ++k) {
+            found.slope[std::size_t(k)] = quadratic.coefficients[k + 1] / axis;
+            found.slope_error[std::size_t(k)] = std::sqrt(variance * quadratic.inverse(k + 1, k + 1)) / axis;
+        }
+        const FallOff left = fall_off(quadratic, variance);
+        found.corner_loss = left.loss;
+        found.corner_loss_error = left.error;
+        const double p_quadratic = p_of_terms(even, quadratic), p_high = p_of_terms(quadratic, high);
+        found.p_value = std::min(1.0, 2.0 * std::min(p_quadratic, p_high)); // of two looks
+        if (found.p_value <= kCertain) {
+            const Fit &best = 2.0 * p_high <= kCertain ? high : quadratic;
+            found.light.origin_px = grid.origin;
+            found.light.unit_px = grid.unit;
+            for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)
+                found.light.coefficients.push_back(best.coefficients[k] / best.coefficients[0]);
+        }
+        result.lights.push_back(std::move(found));
+    }
+    return result;
+}
+
+void set_illumination(const LabLights &found, CaptureLayout &layout) {
+    for (const LabLight &light : found.lights)
+        for (SequenceLayout &sequence : layout.sequences)
+            if (std::find(light.sequences.begin(), light.sequences.end(), sequence.name) != light.sequences.end())
+                sequence.illumination = light.light;
+}
+
+} // namespace clsp

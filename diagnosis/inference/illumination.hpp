@@ -1,0 +1,37 @@
+// How uneven a lab's lamp and laser are: conditions of the recording, calibrated like its light levels.
+#pragma once
+
+#include "capture/capture.hpp"
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace clsp {
+
+struct LabLight {
+    std::string name;                   // "lamp" (flats) or "laser" (boards; dots where there is no board)
+    std::vector<std::string> sequences; // it falls on
+    SmoothLight light;                  // 1 on the optical axis; even where no unevenness is certain
+    double p_value = 1.0;               // of so much unevenness by chance
+    // Of the light, per unit of x or y, 1 from the optical axis to the farthest corner; of r^2 where r is 1 there.
+    std::array<double, 2> slope{}, slope_error{};
+    double corner_loss = 0.0, corner_loss_error = 0.0;
+};
+
+struct LabLights {
+    std::vector<LabLight> lights;
+    // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them.
+    double shared_corner_loss = 0.0;
+    // Lamp or laser alone is there: what falls off may be the lens or the light.
+    bool lens_or_light = false;
+};
+
+// From the mean frames above the dark ones. The fall-off of both kinds of light is one lens's as long as it agrees; else
+// what is less. A slope, or what is left of the fall-off, counts where chance makes as much once in 1e4 times; rows and
+// columns of pixels may differ.
+LabLights measure_lab_lights(const Capture &capture);
+// Lets the sequences have it.
+void set_illumination(const LabLights &found, CaptureLayout &layout);
+
+} // namespace clsp

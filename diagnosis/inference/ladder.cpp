@@ -1,0 +1,118 @@
+#include "inference/ladder.hpp"
+
+#include "capture/applicability.hpp"
+#include "capture/capture_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clsp {
+namespace {
+
+Capture part_of(const Capture &capture, unsigned scenes) {
+    Capture part;
+    part.layout = capture.layout;
+    part.layout.sequences.clear();
+    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
+        const SequenceLayout &sequence = capture.layout.sequences[s];
+        if (!(scenes >> static_cast<unsigned>(sequence.scene) & 1u))
+            continue;
+        part.layout.sequences.push_back(sequence);
+        part.codes.push_back(capture.codes[s]);
+    }
+    return part;
+}
+
+std::vector<const Candidate *> visible_in(const CaptureLayout &layout, const std::vector<Candidate> &candidates) {
+    std::vector<const Candidate *> result;
+    const std::vector<EffectVisibility> visibilities = effect_visibilities(layout);
+    for (const Candidate &candidate : candidates) {
+        const auto known = std::find_if(visibilities.begin(), visibilities.end(),
+                                        [&](const EffectVisibility &v) { return v.id == candidate.id; });
+        if (known == visibilities.end() || !known->sequences.empty())
+            result.push_back(&candidate);
+    }
+    return result;
+}
+
+// What a rung leaves.
+struct Left {
+    StatisticInfo statistic;
+    double deviation, p;
+};
+
+std::vector<Left> left_by(const ReplicateRunner &runner, const FittedModel &last, double level) {
+    std::vector<Left> result;
+    for (std::size_t i = 0; i < runner.count(); ++i) {
+        const auto k = static_cast<Eigen::Index>(i);
+        if (last.residual.p_adjusted[k] <= level)
+            result.push_back({runner.list()[i], std::abs(last.residual.z[k]) * last.model.full().deviation()[k],
+                              last.residual.p_adjusted[k]});
+    }
+    return result;
+}
+
+void set_unexplained(const std::vector<Left> &left, const ReplicateRunner &runner, SearchStart &start) {
+    start.unexplained = start.p_unexplained = {};
+    if (left.empty())
+        return;
+    start.unexplained.setZero(static_cast<Eigen::Index>(runner.count()));
+    start.p_unexplained.setOnes(static_cast<Eigen::Index>(runner.count()));
+    for (std::size_t i = 0; i < runner.count(); ++i)
+        for (const Left &one : left) {
+            const StatisticInfo &statistic = runner.list()[i];
+            if (one.statistic.sequence != statistic.sequence || one.statistic.name != statistic.name ||
+                one.statistic.region != statistic.region)
+                continue;
+            start.unexplained[static_cast<Eigen::Index>(i)] = one.deviation;
+            start.p_unexplained[static_cast<Eigen::Index>(i)] = one.p;
+        }
+}
+
+} // namespace
+
+std::vector<Rung> rungs_of(const CaptureLayout &layout) {
+    std::vector<Rung> result;
+    for (const CaptureScene scene :
+         {CaptureScene::kDark, CaptureScene::kFlat, CaptureScene::kBoard, CaptureScene::kDots}) {
+        Rung rung{scene, {}};
+        for (const SequenceLayout &sequence : layout.sequences)
+            rung.sequences.push_back(sequence.scene == scene);
+        if (std::count(rung.sequences.begin(), rung.sequences.end(), true))
+            result.push_back(std::move(rung));
+    }
+    return result;
+}
+
+SearchStart climb(const std::shared_ptr<Context> &context, const Capture &capture,
+                  const std::vector<Hypothesis> &hypotheses, const std::vector<Candidate> &candidates,
+                  const ReplicateRunner &runner, unsigned threads, const SearchOptions &options,
+                  const Progress &progress) {
+    SearchStart start;
+    std::vector<Left> left;
+    SearchOptions of_rung = options;
+    of_rung.level = options.residual_level; // what is no gap of the capture is no effect's either
+    of_rung.whole = false;
+    std::size_t below = 0;
+    for (const unsigned scenes : {unsigned{kInDark}, unsigned{kInDark | kInFlat}}) {
+        const Capture part = part_of(capture, scenes);
+        if (part.codes.size() == below || part.codes.size() == capture.codes.size())
+            continue;
+        below = part.codes.size();
+        ReplicateRunner own(context, part, hypotheses, threads);
+        own.checkpoint = runner.checkpoint;
+        const std::vector<const Candidate *> visible = visible_in(part.layout, candidates);
+        set_unexplained(left, own, start);
+        SearchResult found = search(own, visible, start, of_rung, progress);
+        const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+        left = left_by(own, last, options.residual_level);
+        if (found.models.empty())
+            continue;
+        start.model = std::move(found.model);
+        start.steps = std::move(found.steps);
+    }
+    set_unexplained(left, runner, start);
+    return start;
+}
+
+} // namespace clsp
