@@ -60,6 +60,7 @@ struct SequenceLayout {
     std::optional<double> exposure_ms;
     std::vector<std::uint8_t> mask;    // empty, or height * width; 0: ignored
     SmoothLight illumination;          // of lamp or laser, as the frames were found to have it
+    std::vector<float> frame_light;    // of the lamp in each frame, over its mean, as found; empty: all the same
 };
 
 struct CaptureLayout {

@@ -4,10 +4,12 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace clsp {
 namespace {
@@ -18,6 +20,7 @@ constexpr std::size_t kLeastBlockPx = 8;
 constexpr int kDegree = 2, kHighDegree = 4;
 constexpr double kCertain = 1e-4; // of chance
 constexpr double kAgree = 3.0;    // standard errors
+constexpr double kAlike = 0.01;   // of two slopes that differ as much by chance
 
 // Means over blocks of the image; NaN where the mask leaves less than half of one.
 using Blocks = Eigen::ArrayXXd; // rows, columns
@@ -145,12 +148,42 @@ struct Kind {
     Blocks light;
 };
 
-Blocks without_fall_off(const Grid &grid, const Blocks &light, double loss) {
+// 1 + sx x + sy y - loss r^2: what lamp and laser share is the camera's.
+struct Shared {
+    Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+    double loss = 0.0;
+};
+
+Blocks without_shared(const Grid &grid, const Blocks &light, const Shared &shared) {
     Blocks result = light;
     for (Eigen::Index r = 0; r < light.rows(); ++r)
         for (Eigen::Index c = 0; c < light.cols(); ++c)
-            result(r, c) /= std::max(0.05, 1.0 - loss * (std::pow(grid.x(c), 2) + std::pow(grid.y(r), 2)));
+            result(r, c) /= std::max(0.05, 1.0 + shared.slope[0] * grid.x(c) + shared.slope[1] * grid.y(r) -
+                                               shared.loss * (std::pow(grid.x(c), 2) + std::pow(grid.y(r), 2)));
     return result;
+}
+
+struct Slope {
+    Eigen::Vector2d slope;
+    Eigen::Matrix2d covariance;
+    bool is_certain() const { return p_of(slope, covariance) <= kCertain; }
+    static double p_of(const Eigen::Vector2d &difference, const Eigen::Matrix2d &covariance) {
+        return gamma_upper(difference.dot(covariance.inverse() * difference), 2.0, 4.0);
+    }
+};
+Slope slope_of(const Fit &quadratic, double variance) {
+    const double axis = quadratic.coefficients[0];
+    return {quadratic.coefficients.segment<2>(1) / axis,
+            variance / (axis * axis) * quadratic.inverse.block<2, 2>(1, 1)};
+}
+
+// Light that rises to one side: two lights of a lab hardly do so alike.
+Eigen::Vector2d shared_slope(const std::vector<Slope> &slopes) {
+    if (slopes.size() < 2 || !slopes[0].is_certain() || !slopes[1].is_certain() ||
+        Slope::p_of(slopes[0].slope - slopes[1].slope, slopes[0].covariance + slopes[1].covariance) < kAlike)
+        return Eigen::Vector2d::Zero();
+    const Eigen::Matrix2d of_a = slopes[0].covariance.inverse(), of_b = slopes[1].covariance.inverse();
+    return (of_a + of_b).inverse() * (of_a * slopes[0].slope + of_b * slopes[1].slope);
 }
 
 double shared_loss(const std::vector<FallOff> &losses) {
@@ -162,6 +195,48 @@ double shared_loss(const std::vector<FallOff> &losses) {
         return std::max(0.0, (of_a * a.loss + of_b * b.loss) / (of_a + of_b));
     }
     return std::max(0.0, std::min(a.loss, b.loss));
+}
+
+// Means of frames that scatter by more than their rows let expect.
+std::optional<LampDrift> drift_of(const CaptureLayout &layout, std::size_t sequence,
+                                  const std::vector<std::uint16_t> &codes, double black) {
+    const SequenceLayout &of = layout.sequences[sequence];
+    const std::size_t frames = of.frame_count, rows = layout.height, width = layout.width;
+    if (frames < 2)
+        return {};
+    Eigen::ArrayXXd row_sum = Eigen::ArrayXXd::Zero(Eigen::Index(frames), Eigen::Index(rows));
+    Eigen::ArrayXd used = Eigen::ArrayXd::Zero(Eigen::Index(rows));
+    for (std::size_t y = 0; y < rows; ++y)
+        for (std::size_t x = 0; x < width; ++x) {
+            if (!of.mask.empty() && of.mask[y * width + x] == 0)
+                continue;
+            ++used[Eigen::Index(y)];
+            for (std::size_t t = 0; t < frames; ++t)
+                row_sum(Eigen::Index(t), Eigen::Index(y)) += codes[(t * rows + y) * width + x];
+        }
+    const double whole = used.sum();
+    const Eigen::ArrayXd frame_mean = row_sum.rowwise().sum() / whole;
+    const double mean = frame_mean.mean(), light = mean - black;
+    if (!(light > 0.0))
+        return {};
+    // Rows' deviations from what row and frame have by themselves, as deviations of the frame's mean.
+    double rows_square = 0.0, counted = 0.0;
+    for (Eigen::Index y = 0; y < row_sum.cols(); ++y) {
+        if (used[y] == 0.0)
+            continue;
+        const Eigen::ArrayXd of_row = row_sum.col(y) / used[y];
+        rows_square += ((of_row - of_row.mean()) - (frame_mean - mean)).square().sum() * std::pow(used[y] / whole, 2);
+        ++counted;
+    }
+    const double freedom = double(frames) - 1.0;
+    const double expected = rows_square / freedom * counted / std::max(1.0, counted - 1.0);
+    const double found = (frame_mean - mean).square().sum() / freedom;
+    if (!(expected > 0.0) || fisher_upper(found / expected, freedom, freedom * std::max(1.0, counted - 1.0)) > kCertain)
+        return {};
+    LampDrift result{of.name, std::sqrt(std::max(0.0, found - expected)) / light, {}};
+    for (const double one : frame_mean)
+        result.frame_light.push_back(static_cast<float>((one - black) / light));
+    return result;
 }
 
 } // namespace
@@ -189,8 +264,13 @@ LabLights measure_lab_lights(const Capture &capture) {
     if (darks > 0.0)
         dark /= darks;
     LabLights result;
+    const double black = dark.isFinite().select(dark, 0.0).sum() / std::max(1.0, double(dark.isFinite().count()));
+    for (const std::size_t s : kinds[0].sequences)
+        if (std::optional<LampDrift> drift = drift_of(layout, s, capture.codes[s], black))
+            result.drifts.push_back(std::move(*drift));
     std::vector<Kind> measured;
     std::vector<FallOff> losses;
+    std::vector<Slope> slopes;
     for (Kind &kind : kinds) {
         double weights = 0.0;
         Blocks light = Blocks::Zero(dark.rows(), dark.cols());
@@ -212,15 +292,19 @@ LabLights measure_lab_lights(const Capture &capture) {
             continue;
         kind.light = light / weights;
         const Fit quadratic = fit(grid, kind.light, kDegree);
-        losses.push_back(fall_off(quadratic, variance_of(fit(grid, kind.light, kHighDegree))));
+        const double variance = variance_of(fit(grid, kind.light, kHighDegree));
+        losses.push_back(fall_off(quadratic, variance));
+        slopes.push_back(slope_of(quadratic, variance));
         measured.push_back(std::move(kind));
     }
     if (measured.empty())
         return result;
     result.lens_or_light = measured.size() == 1;
-    result.shared_corner_loss = shared_loss(losses);
+    const Shared shared{shared_slope(slopes), shared_loss(losses)};
+    result.shared_corner_loss = shared.loss;
+    result.shared_slope = {shared.slope[0], shared.slope[1]};
     for (const Kind &kind : measured) {
-        const Blocks light = without_fall_off(grid, kind.light, result.shared_corner_loss);
+        const Blocks light = without_shared(grid, kind.light, shared);
         const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kDegree),
                   high = fit(grid, light, kHighDegree);
         const double variance = variance_of(high);
@@ -228,11 +312,9 @@ LabLights measure_lab_lights(const Capture &capture) {
         found.name = kind.name;
         for (const std::size_t s : kind.sequences)
             found.sequences.push_back(layout.sequences[s].name);
-        const double axis = quadratic.coefficients[0];
-        for (Eigen::Index k = 0; k < 2; ++k) {
-            found.slope[std::size_t(k)] = quadratic.coefficients[k + 1] / axis;
-            found.slope_error[std::size_t(k)] = std::sqrt(variance * quadratic.inverse(k + 1, k + 1)) / axis;
-        }
+        const Slope slope = slope_of(quadratic, variance);
+        found.slope = {slope.slope[0], slope.slope[1]};
+        found.slope_error = {std::sqrt(slope.covariance(0, 0)), std::sqrt(slope.covariance(1, 1))};
         const FallOff left = fall_off(quadratic, variance);
         found.corner_loss = left.loss;
         found.corner_loss_error = left.error;
@@ -255,6 +337,10 @@ void set_illumination(const LabLights &found, CaptureLayout &layout) {
         for (SequenceLayout &sequence : layout.sequences)
             if (std::find(light.sequences.begin(), light.sequences.end(), sequence.name) != light.sequences.end())
                 sequence.illumination = light.light;
+    for (const LampDrift &drift : found.drifts)
+        for (SequenceLayout &sequence : layout.sequences)
+            if (sequence.name == drift.sequence)
+                sequence.frame_light = drift.frame_light;
 }
 
 } // namespace clsp

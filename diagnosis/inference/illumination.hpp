@@ -19,16 +19,26 @@ struct LabLight {
     double corner_loss = 0.0, corner_loss_error = 0.0;
 };
 
+// A lamp that is not as bright in every frame of a flat.
+struct LampDrift {
+    std::string sequence;
+    double deviation = 0.0; // of a frame's light, over its mean
+    std::vector<float> frame_light;
+};
+
 struct LabLights {
     std::vector<LabLight> lights;
+    std::vector<LampDrift> drifts; // of flats where it is certain
     // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them.
     double shared_corner_loss = 0.0;
+    // A slope that both have alike, the camera's, too; 0: they have not.
+    std::array<double, 2> shared_slope{};
     // Lamp or laser alone is there: what falls off may be the lens or the light.
     bool lens_or_light = false;
 };
 
 // From the mean frames above the dark ones. The fall-off of both kinds of light is one lens's as long as it agrees; else
-// what is less. A slope, or what is left of the fall-off, counts where chance makes as much once in 1e4 times; rows and
+// what is less. A slope is the camera's only where both are certain and alike. A slope, or what is left of the fall-off, counts where chance makes as much once in 1e4 times; rows and
 // columns of pixels may differ.
 LabLights measure_lab_lights(const Capture &capture);
 // Lets the sequences have it.

@@ -42,8 +42,13 @@ Json illumination_json(const LabLights &found) {
                           {"slope_y_error", number(light.slope_error[1])},
                           {"corner_loss", number(light.corner_loss)},
                           {"corner_loss_error", number(light.corner_loss_error)}});
+    Json drifts = Json::array();
+    for (const LampDrift &drift : found.drifts)
+        drifts.push_back({{"sequence", drift.sequence}, {"deviation", number(drift.deviation)}});
     return {{"lights", lights},
+            {"lamp_drifts", drifts},
             {"shared_corner_loss", number(found.shared_corner_loss)},
+            {"shared_slope", {number(found.shared_slope[0]), number(found.shared_slope[1])}},
             {"lens_or_light", found.lens_or_light}};
 }
 

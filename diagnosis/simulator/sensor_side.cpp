@@ -35,6 +35,9 @@ std::vector<float> SensorSide::laser_factors(const SequenceModel &model, std::si
             factors[frame] = static_cast<float>(
                 std::max(0.0, 1.0 + model.power_flicker *
                                         host_normals(seed, frame_number(sequence, frame), kStreamFlicker)[0]));
+    const std::vector<float> &lamp = layout_.sequences[sequence].frame_light;
+    for (std::size_t frame = 0; frame < std::min<std::size_t>(frame_count, lamp.size()); ++frame)
+        factors[frame] *= lamp[frame];
     return factors;
 }
 

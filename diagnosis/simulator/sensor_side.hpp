@@ -17,9 +17,9 @@ class SensorSide {
     // True if the intensities go to the sensor as they are.
     static bool passes_light(const SequenceModel &model) {
         return model.power_flicker == 0.0 && model.corner_loss == 0.0 && model.ambient_dn == 0.0 && !model.uneven &&
-               model.on_intensity.empty();
+               !model.drifting && model.on_intensity.empty();
     }
-    // max(0, 1 + sigma n) for each frame.
+    // max(0, 1 + sigma n) for each frame, times the lamp's drift.
     std::vector<float> laser_factors(const SequenceModel &model, std::size_t sequence, std::uint64_t seed,
                                      std::uint32_t frame_count) const;
     // Of the light of lamp or laser, at each pixel: its unevenness times 1 - corner_loss r^2, as the kernel has it.

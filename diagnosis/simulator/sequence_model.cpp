@@ -192,6 +192,7 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
     result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
     result.ambient_dn = std::exchange(model.lens.ambient, 0.0);
     result.uneven = !dark && !of.illumination.coefficients.empty();
+    result.drifting = !dark && !of.frame_light.empty();
     widen_grid(model);
     const PipelineParameters &p = model.pipeline;
     const bool laser = is_laser(of.scene);

@@ -23,7 +23,8 @@ struct SequenceModel {
     PipelineModel model;
     // Factors and offsets of the whole intensity image; the model's own members for them are 0.
     double power_flicker = 0.0, corner_loss = 0.0, ambient_dn = 0.0;
-    bool uneven = false; // lamp or laser: SequenceLayout::illumination
+    bool uneven = false;   // lamp or laser: SequenceLayout::illumination
+    bool drifting = false; // the lamp: SequenceLayout::frame_light
     std::vector<ActiveHypothesis> on_irradiance, on_intensity, on_codes;
     // What the intensities behind the lens depend on beside sequence and seed, in the catalogue's order.
     std::vector<EffectSetting> optical;

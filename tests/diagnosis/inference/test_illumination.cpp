@@ -126,6 +126,15 @@ TEST(Illumination, ASlopeIsTheLights) {
         }
 }
 
+// Lamp and laser hardly rise to one side alike: the camera does it.
+TEST(Illumination, ASlopeOfBothIsNoLights) {
+    const LabLights found = measure_lab_lights(capture_of(kAll, kSlope, kSlope, 7));
+    EXPECT_NEAR(found.shared_slope[0], 0.1, 0.01);
+    EXPECT_NEAR(found.shared_slope[1], -0.05, 0.01);
+    EXPECT_FALSE(is_uneven(found, "lamp"));
+    EXPECT_FALSE(is_uneven(found, "laser"));
+}
+
 // A beam of its own centre, and a lens with the lamp.
 TEST(Illumination, WhatTheLensHasNotIsTheBeams) {
     const Field beam = [](double x, double y) { return std::exp(-0.4 * ((x - 0.2) * (x - 0.2) + y * y)); };
@@ -171,6 +180,24 @@ TEST(Illumination, AMaskedCornerIsLeftOut) {
     EXPECT_FALSE(is_uneven(measure_lab_lights(capture), "lamp"));
 }
 
+// 300 flats at a size of 1e-4: an alarm comes once in 33 runs of other seeds, two once in 2,000.
+TEST(Illumination, ALampThatDrifts) {
+    int drifting = 0;
+    for (std::uint64_t seed = 1; seed <= 300; ++seed)
+        drifting += int(measure_lab_lights(capture_of({CaptureScene::kDark, CaptureScene::kFlat}, kEven, kEven, seed))
+                            .drifts.size());
+    EXPECT_LE(drifting, 1);
+    Capture capture = capture_of(kAll, kEven, kEven, 400);
+    const std::size_t pixels = capture.layout.pixel_count();
+    for (std::size_t i = 0; i < capture.codes[1].size(); ++i) // frames get brighter by 0.5 DN each
+        capture.codes[1][i] = std::uint16_t(capture.codes[1][i] + (i % 2 ? i / pixels : 0));
+    const LabLights found = measure_lab_lights(capture);
+    ASSERT_EQ(found.drifts.size(), 1u);
+    EXPECT_EQ(found.drifts[0].sequence, "flat");
+    EXPECT_NEAR(found.drifts[0].deviation, 0.5 * std::sqrt(6.0) / kSignal, 0.1e-3);
+    EXPECT_NEAR(found.drifts[0].frame_light[7] - found.drifts[0].frame_light[0], 3.5 / kSignal, 0.5e-3);
+}
+
 // The simulator's frames have the light that a sequence's layout says; their mean stays.
 TEST(Illumination, TheSimulatorHasIt) {
     CaptureLayout layout = layout_of(kAll);
@@ -182,7 +209,7 @@ TEST(Illumination, TheSimulatorHasIt) {
         const double mean = simulator.mean_intensity(sequence, {}, 7, kFrames);
         std::vector<std::uint16_t> codes(kFrames * layout.pixel_count());
         SimulationLevels levels;
-        levels.gain_dn = 200.0 / mean;
+        levels.gain_dn = 100.0 / mean;
         levels.black_level_dn = kBlack;
         levels.read_noise_dn = 2.0;
         simulator.codes(sequence, {}, levels, 7, kFrames, codes.data());
@@ -192,12 +219,12 @@ TEST(Illumination, TheSimulatorHasIt) {
             sum += codes[i] - kBlack;
             (x < kWidth / 2 ? left : right) += codes[i] - kBlack;
         }
-        EXPECT_NEAR(sum / double(codes.size()), 200.0, 2.0) << sequence;
+        EXPECT_NEAR(sum / double(codes.size()), 100.0, 0.5) << sequence;
         double expected_left = 0.0, expected_right = 0.0;
         for (std::uint32_t y = 0; y < kHeight; ++y)
             for (std::uint32_t x = 0; x < kWidth; ++x)
                 (x < kWidth / 2 ? expected_left : expected_right) += layout.sequences[1].illumination.at(x, y);
-        EXPECT_NEAR(right / left, expected_right / expected_left, sequence == 1 ? 0.002 : 0.03) << sequence;
+        EXPECT_NEAR(right / left, expected_right / expected_left, sequence == 1 ? 0.002 : 0.05) << sequence;
     }
 }
 

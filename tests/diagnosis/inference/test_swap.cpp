@@ -147,7 +147,7 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
                     frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
         };
     }
-    ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5, twins),
+    ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 6, twins),
                            twins, 2);
     ModelFit fits(runner, options(), {});
     fits.fit_baseline(0.0);
