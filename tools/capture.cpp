@@ -360,7 +360,9 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
                 fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
                             "or dots_moving",
                             effect.id));
-    const DotPattern dots = !with_dots ? DotPattern{} : a.dots_file.empty() ? jittered_lattice(a) : read_dots(a.dots_file, a.dots_sigma_px);
+    const DotPattern dots = !with_dots            ? DotPattern{}
+                            : a.dots_file.empty() ? jittered_lattice(a)
+                                                  : read_dots(a.dots_file, a.dots_sigma_px);
     // Refuses a camera that cannot be before anything is drawn.
     const clspeckle::Capture capture = empty_capture(a, dots, with_dots);
 

@@ -35,7 +35,7 @@ def dark(seed: int, bits: int = 10, frames: int = 4, shape: tuple[int, int] = (4
 
 
 def test_a_set_comes_back(ok, tmp_path: Path) -> None:
-    """128 frames in motion of dots with some seven grains each: places scatter by 0.035 px along each axis; 0.2 are six of that."""
+    """128 frames in motion of dots with some seven grains each: places scatter by 0.035 px along each axis."""
     ok("capture", "make", "set", "--frames", 128, "--seed", 5, "--flat-level", "200,400")
     truth = described(tmp_path / "set")
     (tmp_path / "set" / "capture.json").unlink()
@@ -77,8 +77,8 @@ def test_what_frames_do_not_tell_is_listed(ok, tmp_path: Path) -> None:
     np.save(folder / "led.npy", dark(3))
     (folder / "notes.txt").write_text("f/5.6")
     done = ok("capture", "init", "set")
-    for field in ("/camera/bits: 10", "/camera/pixel_pitch_um", "--f-number", "--wavelength-nm", "/laser/degree_of_polarization",
-                  "/sequences/1/motion: moving"):  # fmt: skip
+    for field in ("/camera/bits: 10", "/camera/pixel_pitch_um", "--f-number", "--wavelength-nm",
+                  "/laser/degree_of_polarization", "/sequences/1/motion: moving"):  # fmt: skip
         assert field in done.out, field
     assert "led.npy: is left out" in done.err and "notes.txt" not in done.err
     assert [(s["name"], s["motion"]) for s in described(folder)["sequences"]] == [
@@ -97,7 +97,8 @@ def test_bits_of_codes_in_16_bit_words(ok, tmp_path: Path, bits: int) -> None:
     said = ok("capture", "init", "set").out
     assert described(folder)["camera"]["bits"] == bits
     assert "/camera/bits" not in said, "a code at the top leaves no doubt"
-    assert described(folder)["camera"]["black_level_dn"] == pytest.approx(64 * 2.0 ** (bits - 10), abs=0.5 * 2.0 ** (bits - 10))
+    scale = 2.0 ** (bits - 10)
+    assert described(folder)["camera"]["black_level_dn"] == pytest.approx(64 * scale, abs=0.5 * scale)
     ok("capture", "check", "set")
 
 
@@ -208,7 +209,11 @@ def test_bad_input(refused, ok, tmp_path: Path) -> None:
     shown = refused("capture", "init", "set")
     assert "dots: no dots stand out of the noise of 4 frames" in shown and "--dots" in shown
     (folder / "dots.npy").unlink()
-    for option, value, expected in (("--f-number", 0, "0.1 to 1000"), ("--bits", 17, "8 to 16"), ("--wavelength-nm", "red", "100 to 20000")):
+    for option, value, expected in (
+        ("--f-number", 0, "0.1 to 1000"),
+        ("--bits", 17, "8 to 16"),
+        ("--wavelength-nm", "red", "100 to 20000"),
+    ):
         assert expected in refused("capture", "init", "set", option, value)
     ok("capture", "init", "set")
     before = (folder / "capture.json").read_bytes()

@@ -161,8 +161,11 @@ class Gain:
 
 
 def gain(outcome: Outcome) -> Gain:
-    """The fitted gain of a camera with photon noise."""
+    """The gain of a camera with photon noise: by photon transfer if the report has it, else as it was fitted."""
     truth = float(outcome.key["effects"]["shot_noise"]["dn_per_electron"])
+    measured = outcome.report.get("emva1288", {}).get("values", {}).get("system_gain", {})
+    if measured.get("value") is not None:
+        return Gain(truth, measured["value"], *(measured.get("interval") or (None, None)))
     entry = outcome.ranked("shot_noise") or {}
     estimate = entry.get("parameters", {}).get("dn_per_electron")
     low, high = entry.get("intervals", {}).get("dn_per_electron") or (None, None)

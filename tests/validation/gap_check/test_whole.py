@@ -17,7 +17,7 @@ from gap_check.effects import CATALOGUE
 from gap_check.outcome import Outcome
 from gap_check.plan import PLANS, USUAL, SetPlan, camera_of, draw_sets, key, load_plan, sequences_of, write_drawn
 from gap_check.scene import ideal_image
-from gap_check.scorer import SCENES, rung_of, score
+from gap_check.scorer import SCENES, gain, rung_of, score
 from gap_check.tables import markdown
 from support import BY_NAME, codes
 
@@ -169,6 +169,20 @@ def test_wrong_diagnoses_are_counted_so() -> None:
     assert len(result["wrong"]) == 60
     stray = next(row for row in result["names"] if row["effect"] == "stray")
     assert (stray["sets"], stray["false"]) == (0, 30)
+
+
+def test_photon_transfer_goes_before_a_fit() -> None:
+    truth = key(WHOLE, draw_sets(WHOLE)[0])
+    k = truth["effects"]["shot_noise"]["dn_per_electron"]
+    said = told(truth, set(truth["effects"]), gain=1.2)
+    for measured, expected in (
+        ({"value": 1.02 * k, "interval": [0.99 * k, 1.05 * k]}, (True, True)),
+        ({"value": 1.02 * k, "interval": None}, (True, None)),
+        ({"value": None, "interval": None, "unknown": "no flat"}, (False, False)),
+    ):
+        said["emva1288"] = {"values": {"system_gain": measured}}
+        found = gain(Outcome("s", "whole", truth, said))
+        assert (found.close, found.held) == expected
 
 
 def test_a_diagnosis_that_fails_is_wrong() -> None:
