@@ -71,6 +71,7 @@ struct RungResult {
     CaptureScene scene = CaptureScene::kDark;
     Verdict verdict = Verdict::kNone;
     std::vector<std::string> effects; // that take away something significant here
+    std::vector<std::string> own;     // those of them that do so more than in any other scene
     double p_value = 1.0, distance_before = 0.0;
     double residual_p_value = 1.0, distance_after = 0.0; // with all effects found
 };

@@ -35,11 +35,12 @@ bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
     return count > 0.0 && (sum / count < kExplained || of_most < kPartLeft * kPartLeft * moved_most);
 }
 
-bool shows(const Eigen::VectorXd &moved, const std::vector<bool> &statistics) {
+double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statistics) {
+    double most = 0.0;
     for (Eigen::Index k = 0; k < moved.size(); ++k)
-        if (statistics[static_cast<std::size_t>(k)] && std::abs(moved[k]) > kOwnDeviations)
-            return true;
-    return false;
+        if (statistics[static_cast<std::size_t>(k)])
+            most = std::max(most, std::abs(moved[k]));
+    return most > kOwnDeviations ? most : 0.0;
 }
 
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,

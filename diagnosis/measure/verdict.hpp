@@ -18,9 +18,9 @@ double reported_p_value(double p);
 // is left.
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z);
 
-// Whether an effect changes a statistic of some sequences significantly. moved: as for explained(); statistics: which
-// of them count.
-bool shows(const Eigen::VectorXd &moved, const std::vector<bool> &statistics);
+// The most by which an effect moves one of some statistics; 0 where that is not significant. moved: as for explained();
+// statistics: which of them count.
+double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statistics);
 
 // Of each step's effect, whether it is far weaker than any of the catalogue's range, beside others that are not. What
 // so little of an effect does, the simulator's own error in the others' changes does, too: it is fitted, but not named.

@@ -119,6 +119,13 @@ Json datasheet_json(const DatasheetQuantities &datasheet) {
             {"photon_transfer", transfer}};
 }
 
+// An effect's parameters rest on the others and on the model of each scene that it acts on.
+bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs) {
+    return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
+        return rung.verdict == Verdict::kUnknown && std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
+    });
+}
+
 Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
     Json parameters = Json::object(), intervals = Json::object();
     const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
@@ -198,6 +205,8 @@ std::string report_json(const DiagnosisResult &result) {
         if (std::none_of(result.ranking.begin(), result.ranking.end(),
                          [&](const RankedEffect &other) { return other.effect == ranked.effect; }))
             ranking.push_back(ranked_json(ranked, result.candidates, result.parameters));
+    for (Json &entry : ranking)
+        entry["conditional"] = is_conditional(entry["effect"], result.rungs);
     report["cause"] = {{"verdict", verdict_name(result.verdict)},
                        {"effects", result.effects},
                        {"probability", number(result.probability)},

@@ -157,10 +157,14 @@ CalibrationResult calibration_of(const ReplicateRunner &runner, const Calibrated
 
 // Each scene by itself: what differs, which effects take away something of it, and what they leave.
 std::vector<RungResult> rung_results(const ReplicateRunner &runner, const SearchResult &found, const SearchStart &start,
-                                     const std::vector<bool> &slight, double residual_level) {
+                                     const std::vector<bool> &slight, double level, double residual_level) {
     std::vector<RungResult> results;
+    std::vector<double> most(found.models.size());
+    std::vector<std::size_t> own_rung(found.models.size());
     const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
-    for (const Rung &rung : rungs_of(runner.layout())) {
+    const std::vector<Rung> rungs = rungs_of(runner.layout());
+    const double level_of_rung = level / double(rungs.size());
+    for (const Rung &rung : rungs) {
         RungResult result;
         result.scene = rung.scene;
         const GapTest before = found.baseline.model.test(runner.real(), rung.sequences);
@@ -187,13 +191,23 @@ std::vector<RungResult> rung_results(const ReplicateRunner &runner, const Search
             return result_of;
         };
         for (std::size_t i = 0; i < found.models.size(); ++i)
-            if (const std::string &id = found.steps[i].added; !slight[i] && shows(moved_by(found, i), acts_on(id)))
-                result.effects.push_back(id);
-        if (before.detected || !result.effects.empty())
+            if (const std::string &id = found.steps[i].added; !slight[i]) {
+                const double moved = most_moved(moved_by(found, i), acts_on(id));
+                if (moved > 0.0)
+                    result.effects.push_back(id);
+                if (moved > most[i]) {
+                    most[i] = moved;
+                    own_rung[i] = results.size();
+                }
+            }
+        if (before.p_value <= level_of_rung || !result.effects.empty())
             result.verdict = result.residual_p_value <= residual_level || result.effects.empty() ? Verdict::kUnknown
                                                                                                  : Verdict::kNamed;
         results.push_back(std::move(result));
     }
+    for (std::size_t i = 0; i < most.size(); ++i)
+        if (most[i] > 0.0)
+            results[own_rung[i]].own.push_back(found.steps[i].added);
     return results;
 }
 
@@ -304,7 +318,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                            search_options.most_work));
     const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
     if (result.detected)
-        result.rungs = rung_results(runner, found, below, slight, search_options.residual_level);
+        result.rungs = rung_results(runner, found, below, slight, options.level,
+                                    search_options.residual_level);
     if (result.detected) {
         result.residual_detected = last.residual.detected || !steady;
         result.residual_p_value = with_changes(reported_p_value(last.residual.p_value));
@@ -329,10 +344,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     found.steps[i].added));
         if (result.residual_detected || found.models.empty()) {
             result.verdict = Verdict::kUnknown;
+            // An effect stands where it shows most: what imitates an unknown cause there may explain a little elsewhere.
             const auto in_explained_rung = [&](const std::string &effect) {
                 return std::any_of(result.rungs.begin(), result.rungs.end(), [&](const RungResult &rung) {
-                    return rung.verdict == Verdict::kNamed &&
-                           std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
+                    return rung.verdict == Verdict::kNamed && std::count(rung.own.begin(), rung.own.end(), effect) > 0;
                 });
             };
             for (std::size_t i = 0; i < found.models.size(); ++i)

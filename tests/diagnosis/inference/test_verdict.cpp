@@ -283,12 +283,12 @@ TEST(Names, EqualRivalsAreEquivalent) {
     EXPECT_LT(result.probability, 0.6);
 }
 
-TEST(Shows, WhereAStatisticMovesByManyDeviations) {
+TEST(Moved, BySignificantDeviationsAlone) {
     Eigen::VectorXd moved(3);
     moved << 1.0, -9.0, 3.9;
-    EXPECT_TRUE(shows(moved, {false, true, true}));
-    EXPECT_FALSE(shows(moved, {true, false, true}));
-    EXPECT_FALSE(shows(moved, {false, false, false}));
+    EXPECT_EQ(most_moved(moved, {false, true, true}), 9.0);
+    EXPECT_EQ(most_moved(moved, {true, false, true}), 0.0);
+    EXPECT_EQ(most_moved(moved, {false, false, false}), 0.0);
 }
 
 TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
