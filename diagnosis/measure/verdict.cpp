@@ -11,10 +11,8 @@ constexpr double kLeastPValue = 1e-300;
 constexpr double kLeastProbability = 0.05;
 // An effect's own statistics are those that it moves by that many standard deviations.
 constexpr double kOwnDeviations = 4.0;
-// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z
-// is left of those that it moves, or at most that part of those that it moves most, which are what it does.
+// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
 constexpr double kExplained = 3.0;
-constexpr double kMostMoved = 0.25, kPartLeft = 0.03;
 
 } // namespace
 
@@ -23,16 +21,13 @@ double reported_p_value(double p) {
 }
 
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
-    const double most = moved.cwiseAbs().maxCoeff();
-    double sum = 0.0, count = 0.0, of_most = 0.0, moved_most = 0.0;
+    double sum = 0.0, count = 0.0;
     for (Eigen::Index k = 0; k < moved.size(); ++k)
         if (std::abs(moved[k]) > kOwnDeviations) {
             sum += z[k] * z[k];
             ++count;
-            of_most += std::abs(moved[k]) > kMostMoved * most ? z[k] * z[k] : 0.0;
-            moved_most += std::abs(moved[k]) > kMostMoved * most ? moved[k] * moved[k] : 0.0;
         }
-    return count > 0.0 && (sum / count < kExplained || of_most < kPartLeft * kPartLeft * moved_most);
+    return count > 0.0 && sum / count < kExplained;
 }
 
 double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statistics) {
