@@ -17,6 +17,7 @@ namespace clsp {
 
 struct Evidence;
 struct Comparison;
+struct Emva1288;
 
 struct DiagnosisOptions {
     std::uint64_t seed = 0;
@@ -105,6 +106,7 @@ struct DiagnosisResult {
     double residual_p_value = 1.0;
     std::vector<ShrinkStep> steps;
     Downstream downstream;
+    std::shared_ptr<const Emva1288> emva; // of the dark and flat frames alone; null of a comparison
     DatasheetQuantities datasheet; // none of a comparison, whose sets are brought to one light and noise first
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis

@@ -1,0 +1,202 @@
+#include "measure/variance_components.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace clsp {
+namespace {
+
+using Terms = Eigen::Matrix<double, 6, 1>;
+using Square = Eigen::Matrix<double, 6, 6>;
+
+// Pixels in strips of so many rows or columns may share whatever they like: row patterns, a speckle's grain.
+constexpr std::size_t kStrip = 8;
+
+Terms terms_at(const ImageShape &shape, std::size_t pixel) {
+    const auto place = [](std::size_t i, std::size_t count) {
+        return count > 1 ? double(i) / double(count - 1) - 0.5 : 0.0;
+    };
+    const double u = place(pixel % shape.width, shape.width), v = place(pixel / shape.width, shape.height);
+    Terms terms;
+    terms << 1.0, u, v, u * u, u * v, v * v;
+    return terms;
+}
+
+// Means of rows or columns, their scatter, and the harmonic mean of their pixels.
+struct Lines {
+    std::vector<double> mean, count;
+    double square = 0.0, degrees = 0.0, harmonic = 0.0;
+
+    explicit Lines(std::size_t lines) : mean(lines), count(lines) {}
+    void finish(double lost) {
+        double used = 0.0, inverse = 0.0, sum = 0.0;
+        for (std::size_t i = 0; i < mean.size(); ++i)
+            if (count[i] > 0.0) {
+                mean[i] /= count[i];
+                used += 1.0;
+                inverse += 1.0 / count[i];
+                sum += mean[i];
+            }
+        for (std::size_t i = 0; i < mean.size(); ++i)
+            if (count[i] > 0.0)
+                square += (mean[i] - sum / used) * (mean[i] - sum / used);
+        degrees = used - 1.0 - lost;
+        square = degrees > 0.0 ? square / degrees : 0.0;
+        harmonic = inverse > 0.0 ? used / inverse : 0.0;
+    }
+};
+
+// Along a line with stride; mirrored at its ends (the border's sample twice).
+void smooth_line(const std::vector<double> &kernel, const double *from, double *to, std::size_t count,
+                 std::size_t stride) {
+    const auto reach = static_cast<std::ptrdiff_t>(kernel.size() / 2), n = static_cast<std::ptrdiff_t>(count);
+    for (std::ptrdiff_t i = 0; i < n; ++i) {
+        double sum = 0.0;
+        for (std::ptrdiff_t k = -reach; k <= reach; ++k) {
+            std::ptrdiff_t j = (i + k) % (2 * n);
+            j = j < 0 ? j + 2 * n : j;
+            j = j < n ? j : 2 * n - 1 - j;
+            sum += kernel[static_cast<std::size_t>(k + reach)] * from[static_cast<std::size_t>(j) * stride];
+        }
+        to[static_cast<std::size_t>(i) * stride] = sum;
+    }
+}
+
+} // namespace
+
+VarianceComponents variance_components(const ImageShape &shape, const std::vector<double> &image,
+                                       const std::vector<std::uint8_t> &counts, bool without_trend) {
+    Lines rows(shape.height), columns(shape.width);
+    double n = 0.0, sum = 0.0;
+    for (std::size_t i = 0; i < shape.size(); ++i) {
+        if (!counts[i])
+            continue;
+        const std::size_t x = i % shape.width, y = i / shape.width;
+        rows.mean[y] += image[i];
+        rows.count[y] += 1.0;
+        columns.mean[x] += image[i];
+        columns.count[x] += 1.0;
+        n += 1.0;
+        sum += image[i];
+    }
+    // Of the trend v and v^2 are of rows, u and u^2 of columns, u v of pixels.
+    rows.finish(without_trend ? 2.0 : 0.0);
+    columns.finish(without_trend ? 2.0 : 0.0);
+    double squares = 0.0, fourth = 0.0;
+    for (std::size_t i = 0; i < shape.size(); ++i) {
+        if (!counts[i])
+            continue;
+        const double rest = image[i] - rows.mean[i / shape.width] - columns.mean[i % shape.width] + sum / n;
+        squares += rest * rest;
+        fourth += rest * rest * rest * rest;
+    }
+    VarianceComponents result;
+    const double degrees = n - (rows.degrees + columns.degrees + 1.0 + (without_trend ? 5.0 : 0.0));
+    if (degrees < 1.0 || rows.degrees < 1.0 || columns.degrees < 1.0)
+        return result;
+    result.pixel = squares / degrees;
+    result.pixel_error = std::sqrt(std::max(0.0, fourth / n - squares / n * (squares / n)) / degrees);
+    result.per_row = rows.harmonic;
+    result.per_column = columns.harmonic;
+    result.row_square = rows.square;
+    result.row_degrees = rows.degrees;
+    result.column_square = columns.square;
+    result.column_degrees = columns.degrees;
+    result.row = rows.square - result.pixel / rows.harmonic;
+    result.column = columns.square - result.pixel / columns.harmonic;
+    return result;
+}
+
+double SmoothTrend::at(const ImageShape &shape, std::size_t pixel) const {
+    return terms_at(shape, pixel).dot(Eigen::Map<const Terms>(terms.data()));
+}
+
+SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
+                      const std::vector<std::uint8_t> &counts) {
+    Square products = Square::Zero();
+    Terms sums = Terms::Zero();
+    for (std::size_t i = 0; i < shape.size(); ++i) {
+        if (!counts[i])
+            continue;
+        const Terms terms = terms_at(shape, i);
+        products += terms * terms.transpose();
+        sums += image[i] * terms;
+    }
+    SmoothTrend result;
+    const Eigen::CompleteOrthogonalDecomposition<Square> solver(products);
+    const Terms solution = solver.solve(sums);
+    Eigen::Map<Terms>(result.terms.data()) = solution;
+    // Clusters in two ways (Cameron, Gelbach and Miller): strips of rows and of columns, less what both have.
+    const std::size_t across = (shape.width + kStrip - 1) / kStrip, down = (shape.height + kStrip - 1) / kStrip;
+    std::vector<Terms> tiles(across * down, Terms::Zero());
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        if (counts[i]) {
+            const Terms terms = terms_at(shape, i);
+            tiles[i / shape.width / kStrip * across + i % shape.width / kStrip] +=
+                (image[i] - terms.dot(solution)) * terms;
+        }
+    Square rows = Square::Zero(), columns = Square::Zero(), both = Square::Zero();
+    for (std::size_t y = 0; y < down; ++y) {
+        Terms strip = Terms::Zero();
+        for (std::size_t x = 0; x < across; ++x) {
+            strip += tiles[y * across + x];
+            both += tiles[y * across + x] * tiles[y * across + x].transpose();
+        }
+        rows += strip * strip.transpose();
+    }
+    for (std::size_t x = 0; x < across; ++x) {
+        Terms strip = Terms::Zero();
+        for (std::size_t y = 0; y < down; ++y)
+            strip += tiles[y * across + x];
+        columns += strip * strip.transpose();
+    }
+    // Few strips tell too little of rows and columns that know nothing of each other: of these the components do.
+    std::vector<double> rest = image;
+    std::vector<Terms> row_sums(shape.height, Terms::Zero()), column_sums(shape.width, Terms::Zero());
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        if (counts[i]) {
+            const Terms terms = terms_at(shape, i);
+            rest[i] -= terms.dot(solution);
+            row_sums[i / shape.width] += terms;
+            column_sums[i % shape.width] += terms;
+        }
+    const VarianceComponents parts = variance_components(shape, rest, counts, true);
+    Square modeled = std::max(0.0, parts.pixel) * products;
+    for (const Terms &sum : row_sums)
+        modeled += std::max(0.0, parts.row) * sum * sum.transpose();
+    for (const Terms &sum : column_sums)
+        modeled += std::max(0.0, parts.column) * sum * sum.transpose();
+    const Square inverse = solver.pseudoInverse();
+    const auto diagonal = [&](const Square &scores) { return Terms((inverse * scores * inverse).diagonal()); };
+    Eigen::Map<Terms>(result.errors.data()) =
+        diagonal(rows + columns - both).cwiseMax(diagonal(both)).cwiseMax(diagonal(modeled)).cwiseSqrt();
+    return result;
+}
+
+HighPass high_pass(const ImageShape &shape, const std::vector<double> &image) {
+    const auto convolved = [](const std::vector<double> &a, const std::vector<double> &b) {
+        std::vector<double> result(a.size() + b.size() - 1);
+        for (std::size_t i = 0; i < a.size(); ++i)
+            for (std::size_t j = 0; j < b.size(); ++j)
+                result[i + j] += a[i] * b[j];
+        return result;
+    };
+    const std::vector<double> kernel =
+        convolved(convolved(std::vector<double>(7, 1.0 / 7.0), std::vector<double>(11, 1.0 / 11.0)), {0.25, 0.5, 0.25});
+    std::vector<double> across(image.size()), smooth(image.size());
+    for (std::size_t y = 0; y < shape.height; ++y)
+        smooth_line(kernel, &image[y * shape.width], &across[y * shape.width], shape.width, 1);
+    for (std::size_t x = 0; x < shape.width; ++x)
+        smooth_line(kernel, &across[x], &smooth[x], shape.height, shape.width);
+    for (std::size_t i = 0; i < image.size(); ++i)
+        smooth[i] = image[i] - smooth[i];
+    double energy = 0.0;
+    for (const double weight : kernel)
+        energy += weight * weight;
+    const double middle = kernel[kernel.size() / 2];
+    return {std::move(smooth), 1.0 - 2.0 * middle * middle + energy * energy, 1.0 - 2.0 * middle + energy};
+}
+
+} // namespace clsp
