@@ -7,6 +7,7 @@
 #include "capture_handle.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
+#include "report/emva_report.hpp"
 #include "status.hpp"
 #include "texts.hpp"
 
@@ -264,6 +265,22 @@ CLSP_API ClspStatus clspCaptureGetSummaryJson(ClspCapture capture, uint64_t capa
     return guarded("clspCaptureGetSummaryJson", [&] {
         const auto c = object(capture);
         give_text(capture_summary_json(*c), capacity, text, length, "text");
+    });
+}
+
+CLSP_API ClspStatus clspCaptureGetEmva1288Json(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length) {
+    return guarded("clspCaptureGetEmva1288Json", [&] {
+        const auto c = object(capture);
+        validate_capture(*c);
+        give_text(emva_json(measure_emva1288(*c)).dump(1), capacity, text, length, "text");
+    });
+}
+
+CLSP_API ClspStatus clspCaptureGetEmva1288Xml(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length) {
+    return guarded("clspCaptureGetEmva1288Xml", [&] {
+        const auto c = object(capture);
+        validate_capture(*c);
+        give_text(emva_xml(measure_emva1288(*c)), capacity, text, length, "text");
     });
 }
 

@@ -70,6 +70,20 @@ void print_summary(const Json &summary, Console &console) {
         console.print("\nEffects that cannot:\n" + hidden);
 }
 
+std::string emva_table(const Json &emva) {
+    std::vector<std::vector<std::string>> rows = {{"EMVA 1288", "value", "95 % interval", "unit"}};
+    for (const auto &[name, entry] : emva["values"].items()) {
+        if (!entry.contains("unknown"))
+            rows.push_back({name, fmt::format("{:.4g}", entry["value"].get<double>()),
+                            fmt::format("{:.4g} to {:.4g}", entry["interval"][0].get<double>(),
+                                        entry["interval"][1].get<double>()),
+                            entry["unit"].get<std::string>()});
+        else
+            rows.push_back({name, "-", "", entry["unit"].get<std::string>()});
+    }
+    return table(rows);
+}
+
 /** Uniform in [0, 1), the same on every system. */
 double uniform(std::mt19937_64 &random) {
     return static_cast<double>(random() >> 11) * 0x1p-53;
@@ -335,6 +349,54 @@ void run_capture_check(const CaptureCheckArguments &arguments, Console &console)
     if (!arguments.json.empty())
         image_io::write_text(arguments.json, summary.dump(2) + "\n");
     print_summary(summary, console);
+}
+
+void run_capture_emva(const CaptureEmvaArguments &arguments, Console &console) {
+    const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder);
+    const Json emva = Json::parse(capture.emva1288_json());
+    const auto named = [](const Json &note) {
+        return (note["sequence"].is_null() ? "" : note["sequence"].get<std::string>() + ": ") +
+               note["text"].get<std::string>();
+    };
+    for (const Json &note : emva["notes"])
+        console.warn(named(note));
+    if (!arguments.xml.empty())
+        image_io::write_text(arguments.xml, capture.emva1288_xml());
+    if (arguments.json == "-") {
+        console.result(emva.dump(1));
+        return;
+    }
+    if (!arguments.json.empty())
+        image_io::write_text(arguments.json, emva.dump(1) + "\n");
+    console.print(emva_table(emva));
+    // Many quantities may share a reason.
+    std::vector<std::pair<std::string, std::string>> reasons;
+    for (const auto &[name, entry] : emva["values"].items()) {
+        if (!entry.contains("unknown"))
+            continue;
+        const std::string why = entry["unknown"].get<std::string>();
+        const auto same = std::find_if(reasons.begin(), reasons.end(), [&](const auto &r) { return r.first == why; });
+        if (same == reasons.end())
+            reasons.emplace_back(why, name);
+        else
+            same->second += ", " + name;
+    }
+    for (const auto &[why, names] : reasons)
+        console.print("\n" + wrapped(fmt::format("Not known: {}: {}", names, why), ""));
+    std::vector<std::vector<std::string>> rows = {
+        {"light", "slope x", "slope y", "curvature x", "twist", "curvature y"}};
+    constexpr std::size_t shown = 12;
+    for (const Json &one : emva["illumination"]) {
+        if (rows.size() > shown)
+            break;
+        rows.push_back({one["sequence"].get<std::string>()});
+        for (const char *term : {"slope_x", "slope_y", "curvature_x", "twist", "curvature_y"})
+            rows.back().push_back(fmt::format("{:.3f} +- {:.3f}", one[term].get<double>(),
+                                              one[std::string(term) + "_error"].get<double>()));
+    }
+    if (rows.size() > 1)
+        console.print("\n" + table(rows) + "\n  in % across the image, with standard errors" +
+                      (emva["illumination"].size() > shown ? "; --json has all sequences" : ""));
 }
 
 void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {

@@ -19,6 +19,12 @@ struct CaptureCheckArguments {
     std::string json; ///< File for the summary, "-" for standard output; empty: none.
 };
 
+struct CaptureEmvaArguments {
+    std::string folder;
+    std::string json; ///< File for the numbers, "-" for standard output; empty: none.
+    std::string xml;  ///< File for them as the Python package emva1288 writes results; empty: none.
+};
+
 struct CaptureMakeArguments {
     std::string folder;
     std::uint32_t width = 192;
@@ -68,6 +74,8 @@ DotPattern read_dots(const std::string &file, double sigma_px);
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console);
 /** Writes a first capture.json from the frames in a folder. */
 void run_capture_init(const CaptureInitArguments &arguments, Console &console);
+/** EMVA 1288's numbers of a capture set. */
+void run_capture_emva(const CaptureEmvaArguments &arguments, Console &console);
 /** Writes a capture set from the simulator. */
 void run_capture_make(const CaptureMakeArguments &arguments, Console &console);
 

@@ -5,6 +5,7 @@
 #include "errors.hpp"
 #include "hypothesis_file.hpp"
 #include "interrupt.hpp"
+#include "io/image_io.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -110,6 +111,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
             "--html -: the page is written to a file, for a browser to open; name one, for example --html report.html");
     if (!arguments.html.empty())
         check_writable(arguments.html);
+    if (!arguments.emva.empty())
+        check_writable(arguments.emva);
     std::vector<clspeckle::Hypothesis> hypotheses;
     for (const std::string &path : arguments.hypotheses)
         hypotheses.push_back(read_hypothesis(path));
@@ -138,6 +141,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
         write_output([&] { diagnosis.write_report(arguments.json); });
     if (!arguments.html.empty())
         write_output([&] { diagnosis.write_html(arguments.html); });
+    if (!arguments.emva.empty())
+        image_io::write_text(arguments.emva, capture.emva1288_xml());
     if (arguments.json == "-")
         console.result(diagnosis.report_json());
     console.print(diagnosis_summary(diagnosis));

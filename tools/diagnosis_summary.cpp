@@ -260,6 +260,27 @@ std::string measurements_text(const Json &report) {
     return "Measured, as a data sheet has it: what differs most, beyond chance (all of it: --json, --html)\n" + table(rows, "  ") + "\n";
 }
 
+/** One line of EMVA 1288's best-known numbers, and what contradicts itself. */
+std::string emva_text(const Json &emva) {
+    std::vector<std::string> parts;
+    for (const char *name : {"system_gain", "dark_noise", "dsnu", "prnu", "dark_current"}) {
+        const Json &entry = emva["values"][name];
+        if (!entry.contains("unknown"))
+            parts.push_back(fmt::format("{} {:.4g} ({:.4g} to {:.4g}) {}", name, entry["value"].get<double>(),
+                                        entry["interval"][0].get<double>(), entry["interval"][1].get<double>(),
+                                        entry["unit"].get<std::string>()));
+    }
+    std::string text;
+    if (!parts.empty())
+        text = wrapped("EMVA 1288, of the frames alone: " + joined(parts, "and"), "") + "\n";
+    for (const Json &note : emva["notes"])
+        text += wrapped((note["sequence"].is_null() ? "" : note["sequence"].get<std::string>() + ": ") +
+                            note["text"].get<std::string>(),
+                        "  ") +
+                "\n";
+    return text;
+}
+
 std::string downstream_text(const Json &report) {
     const Json &shrink = report["shrink"];
     if (!shrink.contains("downstream") || !shrink["downstream"].contains("dot_centre_rms_px"))
@@ -319,6 +340,8 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         "Gap: {:.3g} standard deviations of the baseline beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
         summary.distance, summary.null_95, probability_text(summary.p_value));
     text += calibration_text(report);
+    if (report.contains("emva1288"))
+        text += emva_text(report["emva1288"]);
     if (summary.detected)
         text += "\n" + places_text(diagnosis, summary);
     if (summary.ranked_count > 0)

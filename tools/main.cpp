@@ -149,6 +149,16 @@ Examples:
   clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 --wavelength-nm 940 --force
 )";
 
+constexpr const char *capture_emva_examples =
+    R"(Computes EMVA 1288's numbers of the dark and flat frames, without a simulation: system gain, dark noise, fixed
+patterns, linearity, saturation, dark current, each with a 95 % interval, or why it is not known. Of a resting laser
+scene it is the gain.
+
+Examples:
+  clspeckle capture emva my-camera
+  clspeckle capture emva my-camera --json emva.json --xml emva.xml
+)";
+
 constexpr const char *capture_make_examples =
     R"(Draws a capture set of the simulator: a dark, a flat, and board and dots at rest and in motion. Static sequences have the
 same speckle and new noise in each frame, moving ones new speckle too; fixed patterns of the sensor are the same in all.
@@ -448,6 +458,7 @@ struct Arguments {
     // capture
     tools::CaptureCheckArguments capture_check;
     tools::CaptureInitArguments capture_init;
+    tools::CaptureEmvaArguments capture_emva;
     tools::CaptureMakeArguments capture_make;
     // diagnose, gap compare
     tools::DiagnoseArguments diagnose;
@@ -520,6 +531,18 @@ void add_capture_init(CLI::App &app, tools::CaptureInitArguments &a, bool &quiet
     app.add_option("--dots", a.dots_file, "JSON with sigma_px and positions_px, or a capture.json: the dots are not looked for")
         ->type_name("FILE");
     app.add_flag("--force", a.force, "Replace a capture.json");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
+}
+
+void add_capture_emva(CLI::App &app, tools::CaptureEmvaArguments &a, bool &quiet) {
+    app.footer(std::string(capture_emva_examples) + "\n" + exit_codes);
+    app.add_option("FOLDER", a.folder, "Capture set: its folder or its capture.json")->required()->type_name("");
+    app.add_option("--json", a.json, "Write the numbers as JSON to this file; - is standard output")
+        ->type_name("FILE")
+        ->check(named());
+    app.add_option("--xml", a.xml, "Write them as the Python package emva1288 writes its results")
+        ->type_name("FILE")
+        ->check(named());
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
@@ -621,6 +644,10 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
     app.add_option("--hypothesis", a.hypotheses,
                    "An effect of your own, as JSON and OpenCL source (docs/diagnosis.md); may be given several times")
         ->allow_extra_args(false)
+        ->type_name("FILE")
+        ->check(named());
+    app.add_option("--emva", a.emva,
+                   "Write EMVA 1288's numbers of the dark and flat frames, as the Python package emva1288 does")
         ->type_name("FILE")
         ->check(named());
     add_diagnose_options(app, a, quiet);
@@ -815,7 +842,7 @@ int run(int argc, char **argv) {
     depth.add_flag("--quiet", arguments.quiet, "Print warnings, errors and results only");
     add_json(depth, "Print JSON");
 
-    CLI::App &capture = *app.add_subcommand("capture", "Describe, check and make capture sets");
+    CLI::App &capture = *app.add_subcommand("capture", "Describe, check, measure and make capture sets");
     const std::string frames =
         image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
     capture.footer(
@@ -828,6 +855,8 @@ int run(int argc, char **argv) {
     add_capture_check(capture_check, arguments.capture_check, arguments.quiet);
     CLI::App &capture_init = *capture.add_subcommand("init", "Write a first capture.json from frames");
     add_capture_init(capture_init, arguments.capture_init, arguments.quiet);
+    CLI::App &capture_emva = *capture.add_subcommand("emva", "Compute EMVA 1288's numbers of dark and flat frames");
+    add_capture_emva(capture_emva, arguments.capture_emva, arguments.quiet);
     CLI::App &capture_make = *capture.add_subcommand("make", "Draw a capture set of the simulator");
     add_capture_make(capture_make, arguments.capture_make, arguments.quiet);
 
@@ -867,6 +896,7 @@ int run(int argc, char **argv) {
 
     int code = tools::exit_ok;
     const bool json = (arguments.json && !arguments.dump_config) || arguments.capture_check.json == "-" ||
+                      arguments.capture_emva.json == "-" ||
                       arguments.diagnose.json == "-" || arguments.gap_check.json == "-" ||
                       arguments.gap_power.json == "-";
     tools::Console console(json, arguments.quiet);
@@ -882,6 +912,8 @@ int run(int argc, char **argv) {
         tools::run_capture_check(arguments.capture_check, console);
     else if (capture_init.parsed())
         tools::run_capture_init(arguments.capture_init, console);
+    else if (capture_emva.parsed())
+        tools::run_capture_emva(arguments.capture_emva, console);
     else if (capture_make.parsed())
         tools::run_capture_make(arguments.capture_make, console);
     else if (diagnose.parsed() || gap_compare.parsed())

@@ -1,6 +1,7 @@
 #include "report/report_html.hpp"
 
 #include "report/comparison_report.hpp"
+#include "report/emva_report.hpp"
 #include "report/html_page.hpp"
 #include "report/report_json.hpp"
 #include "report/report_script.hpp"
@@ -55,6 +56,7 @@ std::string report_html(const DiagnosisResult &result) {
              "href=\"#shrink\">Shrinkage</a>"
              "<a href=\"#downstream\">Downstream</a>");
     page.raw(result.datasheet.quantities.empty() ? "" : "<a href=\"#measurements\">Measurements</a>");
+    page.raw(result.emva ? "<a href=\"#emva1288\">EMVA 1288</a>" : "");
     page.raw("<a href=\"#advice\">Advice</a>");
     page.raw(result.evidence ? "<a href=\"#evidence\">Evidence</a>" : "");
     page.raw("<a href=\"#notes\">Notes</a><a href=\"#reading\">How to read this</a></nav>\n");
@@ -66,6 +68,7 @@ std::string report_html(const DiagnosisResult &result) {
     write_shrinkage(result, page);
     write_downstream(result, page);
     write_datasheet(result, page);
+    write_emva(result, page);
     write_advice(result, page);
     write_comparison(result, page);
     write_evidence(result, page);

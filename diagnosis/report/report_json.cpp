@@ -2,6 +2,7 @@
 
 #include "report/comparison_report.hpp"
 #include "report/advice.hpp"
+#include "report/emva_report.hpp"
 #include "report/explanations.hpp"
 #include "measure/verdict.hpp"
 
@@ -278,6 +279,8 @@ std::string report_json(const DiagnosisResult &result) {
     }
     if (!result.comparison)
         report["measurements"] = datasheet_json(result.datasheet);
+    if (result.emva)
+        report["emva1288"] = emva_json(*result.emva);
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
     report["scales"] = scales();

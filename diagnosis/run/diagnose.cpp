@@ -7,6 +7,7 @@
 #include "capture/capture_check.hpp"
 #include "capture/frame_changes.hpp"
 #include "measure/downstream.hpp"
+#include "measure/emva1288.hpp"
 #include "measure/evidence.hpp"
 #include "runtime/error.hpp"
 
@@ -365,6 +366,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
+    result.emva = std::make_shared<const Emva1288>(measure_emva1288(given));
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
     if (options.evidence)
         result.evidence =

@@ -136,6 +136,15 @@ CLSP_API ClspStatus clspCaptureGetMask(ClspCapture capture, uint32_t index, uint
  * @param length   size of the whole text with its final 0; may be NULL.
  */
 CLSP_API ClspStatus clspCaptureGetSummaryJson(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length);
+/**
+ * EMVA 1288's numbers of the dark and flat frames (of a resting laser scene: the gain) as a JSON object (docs/emva1288.md lists its keys), with
+ * 95 % intervals, or why they are not known. Validates first.
+ * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
+ * @param length   size of the whole text with its final 0; may be NULL.
+ */
+CLSP_API ClspStatus clspCaptureGetEmva1288Json(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length);
+/** The same numbers as XML, with the element names of the Python package emva1288. Arguments as of clspCaptureGetEmva1288Json. */
+CLSP_API ClspStatus clspCaptureGetEmva1288Xml(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length);
 
 #ifdef __cplusplus
 }

@@ -488,4 +488,25 @@ TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {
                    {"text is NULL"});
 }
 
+TEST(Capture, Emva1288NumbersAreJsonAndXml) {
+    clspeckle::Capture capture(camera());
+    ClspCapture none = capture;
+    expect_refused(clspCaptureGetEmva1288Json(none, 0, nullptr, nullptr), CLSP_ERROR_INVALID_ARGUMENT, {"sequence"});
+    expect_refused(clspCaptureGetEmva1288Xml(none, 0, nullptr, nullptr), CLSP_ERROR_INVALID_ARGUMENT, {"sequence"});
+    capture.add_sequence("dark", CLSP_SCENE_DARK, false, noise(6, 64, 3));
+    capture.add_sequence("flat", CLSP_SCENE_FLAT, false, noise(6, 400, 9)); // of the same noise
+    const std::string json = capture.emva1288_json(), xml = capture.emva1288_xml();
+    EXPECT_NE(json.find("\"gain_method\": \"none\""), std::string::npos) << json;
+    EXPECT_NE(json.find("the flats' variance does not grow with their mean"), std::string::npos) << json;
+    EXPECT_NE(json.find("\"system_gain\""), std::string::npos);
+    EXPECT_NE(xml.find("<K>\n      <section>sensitivity</section>"), std::string::npos) << xml;
+    std::uint64_t length = 0;
+    ASSERT_EQ(clspCaptureGetEmva1288Json(capture, 0, nullptr, &length), CLSP_SUCCESS);
+    EXPECT_EQ(length, json.size() + 1);
+    char start[10] = {};
+    ASSERT_EQ(clspCaptureGetEmva1288Xml(capture, sizeof start, start, &length), CLSP_SUCCESS);
+    EXPECT_EQ(std::string(start), "<results>");
+    EXPECT_EQ(length, xml.size() + 1);
+}
+
 } // namespace

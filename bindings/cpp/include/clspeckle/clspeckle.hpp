@@ -115,9 +115,12 @@ template <typename Desc, typename Call> void call_with_progress(Desc desc, const
 /** A text of the library: get(arguments, capacity, text, length) gives its size, then the text. */
 template <typename Get, typename... Arguments> std::string text_of(Get get, const Arguments &...arguments) {
     std::uint64_t length = 0;
-    check(get(arguments..., 0, nullptr, &length));
-    std::string text(static_cast<std::size_t>(length), '\0');
-    check(get(arguments..., text.size(), &text[0], nullptr));
+    std::string text(std::size_t{1} << 16, '\0'); // what is longer is asked for twice
+    check(get(arguments..., text.size(), &text[0], &length));
+    if (length > text.size()) {
+        text.resize(static_cast<std::size_t>(length));
+        check(get(arguments..., text.size(), &text[0], nullptr));
+    }
     text.resize(std::min(text.size(), text.find('\0')));
     return text;
 }
@@ -924,6 +927,9 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
     }
     /** What is in it and what it can tell apart, as JSON. */
     std::string summary_json() const { return detail::text_of(clspCaptureGetSummaryJson, handle_); }
+    /** EMVA 1288's numbers as JSON, and as XML with the element names of the Python package emva1288. */
+    std::string emva1288_json() const { return detail::text_of(clspCaptureGetEmva1288Json, handle_); }
+    std::string emva1288_xml() const { return detail::text_of(clspCaptureGetEmva1288Xml, handle_); }
 };
 
 /** What a diagnosis found, see diagnosis.h; made by diagnose(). May be read from any number of threads at once. */

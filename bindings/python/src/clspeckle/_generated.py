@@ -558,6 +558,8 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspCaptureGetCodes": (_void, _u32, _u64, _P(_u16)),
     "clspCaptureGetMask": (_void, _u32, _u64, _P(_u8)),
     "clspCaptureGetSummaryJson": (_void, _u64, _P(_char), _P(_u64)),
+    "clspCaptureGetEmva1288Json": (_void, _u64, _P(_char), _P(_u64)),
+    "clspCaptureGetEmva1288Xml": (_void, _u64, _P(_char), _P(_u64)),
     "clspDepthDescInit": (_P(ClspDepthDesc), _u32),
     "clspDepthCreate": (_void, _P(ClspDepthDesc), _P(_void)),
     "clspDepthRetain": (_void,),

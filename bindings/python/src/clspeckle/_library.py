@@ -240,9 +240,11 @@ def words(prefix: str) -> dict[str, int]:
 def text_of(name: str, *arguments: Any) -> str:
     """The text of a function that ends with (capacity, text, length)."""
     length = c_uint64()
-    call(name, *arguments, 0, None, ctypes.byref(length))
-    buffer = ctypes.create_string_buffer(max(1, length.value))
-    call(name, *arguments, len(buffer), buffer, None)
+    buffer = ctypes.create_string_buffer(1 << 16)  # what is longer is asked for twice
+    call(name, *arguments, len(buffer), buffer, ctypes.byref(length))
+    if length.value > len(buffer):
+        buffer = ctypes.create_string_buffer(length.value)
+        call(name, *arguments, len(buffer), buffer, None)
     return text(buffer.value)
 
 

@@ -286,3 +286,18 @@ class Capture(Handle):
         with exclusive(self):
             result: dict[str, Any] = json.loads(_library.text_of("clspCaptureGetSummaryJson", self._get()))
             return result
+
+    def emva1288(self) -> dict[str, Any]:
+        """EMVA 1288's numbers of the dark and flat frames, as `clspeckle capture emva --json` writes them.
+
+        ``emva1288()["values"]["system_gain"]`` has `value`, `interval` (95 %) and `unit`, or why it is `unknown`;
+        the list: ``docs/emva1288.md``. No device is needed.
+        """
+        with exclusive(self):
+            result: dict[str, Any] = json.loads(_library.text_of("clspCaptureGetEmva1288Json", self._get()))
+            return result
+
+    def emva1288_xml(self) -> str:
+        """The same as XML, with the element names of the Python package emva1288."""
+        with exclusive(self):
+            return _library.text_of("clspCaptureGetEmva1288Xml", self._get())
