@@ -204,6 +204,38 @@ std::string calibration_text(const Json &report) {
            "\n";
 }
 
+/** Lamps and lasers that are not even, and lamps that drift: conditions of the lab, which are no gap. */
+std::string illumination_text(const Json &report) {
+    if (!report.contains("calibration") || !report["calibration"].contains("illumination"))
+        return "";
+    const Json &found = report["calibration"]["illumination"];
+    const auto percent = [](const Json &value) { return 100.0 * value.get<double>(); };
+    std::vector<std::string> parts;
+    for (const Json &light : found["lights"])
+        if (light["uneven"].get<bool>())
+            parts.push_back(fmt::format("{} with slopes of {:.1f} % in x and {:.1f} % in y, {:.1f} % less in the corners",
+                                        light["light"].get<std::string>(), percent(light["slope_x"]),
+                                        percent(light["slope_y"]), percent(light["corner_loss"])));
+    for (const Json &drift : found["lamp_drifts"])
+        parts.push_back(fmt::format("a lamp that varies by {:.2g} % from frame to frame of {}",
+                                    percent(drift["deviation"]), drift["sequence"].get<std::string>()));
+    return parts.empty() ? "" : wrapped("Light of the lab, which is no gap: " + joined(parts, "and"), "") + "\n";
+}
+
+/** Each scene by itself. */
+std::string rungs_text(const Json &cause) {
+    if (!cause.contains("rungs"))
+        return "";
+    std::vector<std::vector<std::string>> rows = {
+        {"scene", "verdict", "distance", "with the effects", "p of the rest", "effects"}};
+    for (const Json &rung : cause["rungs"])
+        rows.push_back({rung["rung"].get<std::string>(), rung["verdict"].get<std::string>(),
+                        fmt::format("{:.3g}", rung["distance_before"].get<double>()),
+                        fmt::format("{:.3g}", rung["distance_after"].get<double>()),
+                        probability_text(rung["residual_p_value"].get<double>()), joined(words(rung["effects"]), "and")});
+    return "Scene by scene, from the back of the light path\n" + table(rows, "  ") + "\n";
+}
+
 /** What nobody would read as a difference: noise that is not there leaves 0 in one capture and a little in the next. */
 double least_apart(const std::string &unit) {
     constexpr std::pair<const char *, double> least[] = {{"DN", 0.02}, {"DN^2", 0.1}, {"px", 0.002},
@@ -339,11 +371,13 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     text += fmt::format(
         "Gap: {:.3g} standard deviations of the baseline beyond chance (chance alone: below {:.3g} in 95 %), p = {}\n",
         summary.distance, summary.null_95, probability_text(summary.p_value));
-    text += calibration_text(report);
+    text += calibration_text(report) + illumination_text(report);
     if (report.contains("emva1288"))
         text += emva_text(report["emva1288"]);
     if (summary.detected)
         text += "\n" + places_text(diagnosis, summary);
+    if (const std::string rungs = rungs_text(report["cause"]); !rungs.empty())
+        text += "\n" + rungs;
     if (summary.ranked_count > 0)
         text += "\n" + ranking_text(diagnosis);
     if (summary.step_count > 0)

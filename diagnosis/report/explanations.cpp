@@ -163,13 +163,6 @@ bool begins_with(const std::string &text, const std::string &start) {
     return text.compare(0, start.size(), start) == 0;
 }
 
-std::string joined(const std::vector<std::string> &items) {
-    std::string result;
-    for (std::size_t i = 0; i < items.size(); ++i)
-        result += (i == 0 ? "" : i + 1 < items.size() ? ", " : " and ") + items[i];
-    return result;
-}
-
 } // namespace
 
 std::string explain_statistic(const std::string &name) {
@@ -254,6 +247,13 @@ std::string effect_with_values(const DiagnosisResult &result, const RankedEffect
     return text;
 }
 
+std::string joined(const std::vector<std::string> &items) {
+    std::string result;
+    for (std::size_t i = 0; i < items.size(); ++i)
+        result += (i == 0 ? "" : i + 1 < items.size() ? ", " : " and ") + items[i];
+    return result;
+}
+
 std::string explain_calibration(const CalibrationResult &calibration) {
     std::string text =
         fmt::format("Adjusted to the real frames, which is no gap: black level {:.2f} DN, read noise {:.2f} DN",
@@ -263,6 +263,21 @@ std::string explain_calibration(const CalibrationResult &calibration) {
         if (one.share > 0.0)
             light += fmt::format("{}{} {:.1f} DN", light.empty() ? "" : ", ", one.sequence, one.light_dn);
     return text + (light.empty() ? "." : "; light of " + light + ".");
+}
+
+std::string explain_illumination(const LabLights &found) {
+    std::string text;
+    for (const LabLight &light : found.lights)
+        if (!light.light.coefficients.empty())
+            text += fmt::format(" The {} is not even: {:.1f} ± {:.1f} % more light on the right, {:.1f} ± {:.1f} % below, "
+                                "{:.1f} ± {:.1f} % less in the corners than on the axis.",
+                                light.name, 100.0 * light.slope[0], 100.0 * light.slope_error[0], 100.0 * light.slope[1],
+                                100.0 * light.slope_error[1], 100.0 * light.corner_loss,
+                                100.0 * light.corner_loss_error);
+    for (const LampDrift &drift : found.drifts)
+        text += fmt::format(" In {} the lamp varies by {:.2g} % from frame to frame.", drift.sequence,
+                            100.0 * drift.deviation);
+    return text.empty() ? text : "Light of the lab, which is no gap either:" + text;
 }
 
 std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result) {

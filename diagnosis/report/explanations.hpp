@@ -20,7 +20,11 @@ std::string explain_sequence(CaptureScene scene, bool moving);
 std::string effect_with_values(const DiagnosisResult &result, const RankedEffect &ranked);
 
 // Black level, read noise and light that the simulator was adjusted to.
+// a, b and c.
+std::string joined(const std::vector<std::string> &items);
 std::string explain_calibration(const CalibrationResult &calibration);
+// Lamps and lasers that are not even, lamps that drift; empty if there are none.
+std::string explain_illumination(const LabLights &found);
 // Why a statistic has no interval of the part of its distance that is gone; empty where it has one.
 std::string why_no_interval(const GapPlace &place, const DiagnosisResult &result);
 

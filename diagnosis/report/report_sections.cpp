@@ -123,6 +123,8 @@ void write_summary(const DiagnosisResult &result, HtmlPage &page) {
     page.table({"question", "answer", "what the number means"}, rows);
     if (!result.calibration.light.empty())
         page.paragraph(explain_calibration(result.calibration));
+    if (const std::string light = explain_illumination(result.illumination); !light.empty())
+        page.paragraph(light);
 }
 
 void write_places(const DiagnosisResult &result, HtmlPage &page) {
@@ -186,6 +188,19 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
             items.push_back(fmt::format("{} (equally likely): {}", effect, explain_effect(result, effect)));
     if (!items.empty())
         page.list(items);
+    if (!result.rungs.empty()) {
+        page.heading(3, "Scene by scene");
+        page.paragraph("From the back of the light path: the dark shows the sensor alone, flats its gains and the lens, "
+                       "boards the speckle, dots the pattern. What one scene leaves unexplained takes no effect of "
+                       "another scene away.");
+        std::vector<std::vector<std::string>> scenes;
+        for (const RungResult &rung : result.rungs)
+            scenes.push_back({scene_name(rung.scene), verdict_name(rung.verdict), figure(rung.distance_before),
+                              figure(rung.distance_after), probability(rung.residual_p_value), joined(rung.effects)});
+        page.table({"scene", "verdict", "distance", "with the effects", "p of what is left",
+                    "effects that take something away here"},
+                   scenes, {2, 3, 4});
+    }
     if (result.ranking.empty()) {
         page.paragraph(result.detected ? "No effect of the catalogue brought the simulator nearer to the real frames."
                                        : "Without a gap no cause was looked for.");
