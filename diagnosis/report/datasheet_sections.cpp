@@ -1,3 +1,4 @@
+#include "measure/credibility.hpp"
 #include "report/explanations.hpp"
 #include "report/figures.hpp"
 #include "report/report_sections.hpp"
@@ -44,6 +45,32 @@ void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage
                   figure(real.gain_dn_per_electron), figure(real.gain_error), real.fitted_points, real.points.size()));
 }
 
+// Bias and scatter of each version.
+void write_credibility(const DiagnosisResult &result, HtmlPage &page) {
+    const std::vector<CredibilityRow> rows = credibility(result.datasheet);
+    if (rows.empty())
+        return;
+    page.heading(3, "How far the simulator may be believed");
+    page.paragraph("The area validation metric: how far a simulated capture is from the camera on average, in the "
+                   "quantity's unit. Bias is what a better model takes away, scatter what captures differ by anyway. " +
+                   explain_reach(result));
+    std::vector<std::string> head = {"sequence", "quantity", "unit"};
+    std::vector<std::size_t> numbers;
+    for (std::size_t v = 0; v < rows.front().versions.size(); ++v)
+        for (const char *what : {"area metric", "bias", "scatter"}) {
+            numbers.push_back(head.size());
+            head.push_back(fmt::format("{}, {}", what, version_name(static_cast<Version>(v + 1))));
+        }
+    std::vector<std::vector<std::string>> table;
+    for (const CredibilityRow &row : rows) {
+        table.push_back({row.sequence.empty() ? "dark and flat" : row.sequence, row.quantity, explain_unit(row.unit)});
+        for (const AreaMetric &metric : row.versions)
+            for (const double value : {metric.area, metric.bias, metric.scatter})
+                table.back().push_back(figure(value));
+    }
+    page.table(head, table, numbers);
+}
+
 } // namespace
 
 void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
@@ -75,6 +102,7 @@ void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
     }
     page.table(head, rows, numbers);
     write_photon_transfer(datasheet.transfer, page);
+    write_credibility(result, page);
     page.raw("</section>\n");
 }
 

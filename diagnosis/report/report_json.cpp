@@ -4,6 +4,7 @@
 #include "report/advice.hpp"
 #include "report/emva_report.hpp"
 #include "report/explanations.hpp"
+#include "measure/credibility.hpp"
 #include "measure/verdict.hpp"
 
 #include <algorithm>
@@ -125,6 +126,22 @@ bool is_conditional(const std::string &effect, const std::vector<RungResult> &ru
     return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
         return rung.verdict == Verdict::kUnknown && std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
     });
+}
+
+Json credibility_json(const DatasheetQuantities &datasheet) {
+    constexpr const char *kVersions[] = {"sim", "sim_with_effects"};
+    Json rows = Json::array();
+    for (const CredibilityRow &row : credibility(datasheet)) {
+        Json entry = {{"sequence", row.sequence.empty() ? Json(nullptr) : Json(row.sequence)},
+                      {"quantity", row.quantity},
+                      {"unit", row.unit}};
+        for (std::size_t v = 0; v < row.versions.size(); ++v)
+            entry[kVersions[v]] = {{"area_metric", number(row.versions[v].area)},
+                                   {"bias", number(row.versions[v].bias)},
+                                   {"scatter", number(row.versions[v].scatter)}};
+        rows.push_back(entry);
+    }
+    return rows;
 }
 
 Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
@@ -277,8 +294,10 @@ std::string report_json(const DiagnosisResult &result) {
             report["calibration"]["with_effects"] = calibration_json(result.calibration_after);
         report["calibration"]["illumination"] = illumination_json(result.illumination);
     }
-    if (!result.comparison)
+    if (!result.comparison) {
         report["measurements"] = datasheet_json(result.datasheet);
+        report["credibility"] = credibility_json(result.datasheet);
+    }
     if (result.emva)
         report["emva1288"] = emva_json(*result.emva);
     if (!result.comparison)
