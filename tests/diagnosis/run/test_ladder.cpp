@@ -1,0 +1,96 @@
+// Verdicts scene by scene: names that survive an unknown elsewhere. Captures of the simulator's own, changed by hand.
+#include "diagnosis/inference/attribution_support.hpp"
+#include "inference/ladder.hpp"
+#include "run/diagnose.hpp"
+
+#include <algorithm>
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace clsp;
+using namespace clsp::attribution_test;
+
+const EffectSettings kSensor = {{"dsnu", {3.0}}, {"row_noise", {2.0}}, {"prnu", {0.02}}};
+
+DiagnosisResult diagnosed(const Capture &capture) {
+    DiagnosisOptions options;
+    options.seed = 5;
+    options.null_replicates = 24;
+    options.threads = 2;
+    options.evidence = false;
+    return diagnose(context(), capture, options);
+}
+
+const RungResult &rung_of(const DiagnosisResult &result, CaptureScene scene) {
+    return *std::find_if(result.rungs.begin(), result.rungs.end(),
+                         [&](const RungResult &rung) { return rung.scene == scene; });
+}
+std::vector<std::string> sorted(std::vector<std::string> names) {
+    std::sort(names.begin(), names.end());
+    return names;
+}
+
+TEST(Ladder, RungsAreThoseThatThereAre) {
+    const std::vector<Rung> rungs = rungs_of(small_layout());
+    ASSERT_EQ(rungs.size(), 3u);
+    EXPECT_EQ(rungs[0].scene, CaptureScene::kDark);
+    EXPECT_EQ(rungs[1].scene, CaptureScene::kFlat);
+    EXPECT_EQ(rungs[2].scene, CaptureScene::kBoard);
+    EXPECT_EQ(rungs[2].sequences, (std::vector<bool>{false, false, true}));
+}
+
+TEST(Ladder, EachSceneHasItsEffects) {
+    EffectSettings effects = kSensor;
+    effects.push_back({"depolarization", {0.3}});
+    const DiagnosisResult result = diagnosed(simulated(effects, kCaptureSeed + 31));
+    EXPECT_EQ(result.verdict, Verdict::kNamed);
+    EXPECT_EQ(sorted(result.effects), (std::vector<std::string>{"depolarization", "dsnu", "prnu", "row_noise"}));
+    const RungResult &dark = rung_of(result, CaptureScene::kDark);
+    EXPECT_EQ(dark.verdict, Verdict::kNamed);
+    EXPECT_EQ(sorted(dark.effects), (std::vector<std::string>{"dsnu", "row_noise"}));
+    EXPECT_LT(dark.distance_after, 0.1 * dark.distance_before);
+    EXPECT_EQ(rung_of(result, CaptureScene::kFlat).verdict, Verdict::kNamed);
+    EXPECT_EQ(rung_of(result, CaptureScene::kBoard).verdict, Verdict::kNamed);
+}
+
+// Rows of the board are brighter by turns: in no catalogue.
+TEST(Ladder, NamesSurviveAnUnknownElsewhere) {
+    Capture capture = simulated(kSensor, kCaptureSeed + 32);
+    const std::size_t width = capture.layout.width;
+    for (std::size_t i = 0; i < capture.codes[2].size(); ++i)
+        if (i / width % 5 == 0)
+            capture.codes[2][i] = static_cast<std::uint16_t>(std::min(1023, capture.codes[2][i] + 25));
+    const DiagnosisResult result = diagnosed(capture);
+    EXPECT_EQ(result.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(result.residual_detected);
+    EXPECT_EQ(rung_of(result, CaptureScene::kBoard).verdict, Verdict::kUnknown);
+    EXPECT_EQ(rung_of(result, CaptureScene::kDark).verdict, Verdict::kNamed);
+    EXPECT_EQ(rung_of(result, CaptureScene::kFlat).verdict, Verdict::kNamed);
+    for (const char *effect : {"dsnu", "row_noise", "prnu"})
+        EXPECT_EQ(std::count(result.effects.begin(), result.effects.end(), effect), 1) << effect;
+}
+
+// What the dark frames leave unexplained is left in the end, too, and takes no effect of the flats away.
+TEST(Ladder, AnUnknownBelowStays) {
+    Capture capture = simulated({{"prnu", {0.02}}}, kCaptureSeed + 33);
+    const std::size_t width = capture.layout.width, pixels = capture.layout.pixel_count();
+    for (std::size_t i = 0; i < capture.codes[0].size(); ++i) // each frame is denoised along its rows
+        if (i % width && i % pixels)
+            capture.codes[0][i] = static_cast<std::uint16_t>((capture.codes[0][i] + capture.codes[0][i - 1] + 1) / 2);
+    const DiagnosisResult result = diagnosed(capture);
+    EXPECT_EQ(result.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(result.residual_detected);
+    EXPECT_LE(result.residual_p_value, 0.005);
+    EXPECT_EQ(rung_of(result, CaptureScene::kDark).verdict, Verdict::kUnknown);
+}
+
+TEST(Ladder, NoGapNoRungs) {
+    const DiagnosisResult result = diagnosed(simulated({}, kCaptureSeed + 34));
+    EXPECT_EQ(result.verdict, Verdict::kNone);
+    EXPECT_TRUE(result.rungs.empty());
+}
+
+} // namespace
