@@ -26,6 +26,7 @@ constexpr double kSameExposure = 0.01, kSameLevel = 0.02;          // in parts o
 constexpr double kContradiction = 5.0, kLeastContradiction = 0.05; // standard errors, and parts of the variance
 constexpr double kGrows = 3.0;                                     // standard errors by which a gain is above 0
 constexpr double kMisfit = 0.01;   // chance of the points' scatter, below which it widens the interval
+constexpr double kLeastLag = 0.02; // of the noise
 constexpr double kSamePeak = 0.01; // of the largest variance
 constexpr double kDefect = 6.0;    // standard deviations from the rest of the pixels
 constexpr std::size_t kBins = 32;  // of a resting scene's pixels, by their means
@@ -102,6 +103,7 @@ class Measurement {
     void measure_dark();
     void measure_gain();
     void gain_of_flats(std::vector<Sequence *> &flats);
+    std::pair<double, double> lag_factor(const std::vector<Sequence *> &flats);
     void gain_at_rest();
     void measure_saturation();
     void measure_nonuniformity();
@@ -408,6 +410,34 @@ void Measurement::measure_gain() {
         gain_at_rest();
 }
 
+// Where a part f of a frame is the frame before's, noise by successive frames is 1 - 3 f + 3 f^2 of what it would be,
+// and two frames apart 1 - 2 f + 2 f^2. The factor that makes up for it, and its relative standard error; 1: there is
+// none.
+std::pair<double, double> Measurement::lag_factor(const std::vector<Sequence *> &flats) {
+    const Sequence &flat = **std::max_element(flats.begin(), flats.end(), [](const Sequence *a, const Sequence *b) {
+        return a->stack.frames < b->stack.frames;
+    });
+    const Sequence *dark = dark_of(flat);
+    if (flat.stack.frames < 4 || !dark)
+        return {1.0, 0.0};
+    const FrameStack::Differences farther = differences(capture_, stack_frames(capture_, flat.stack.sequence), 2);
+    const double photons = flat.variance - dark->variance, ratio = (farther.variance - dark->variance) / photons;
+    const double error = std::hypot(flat.variance_error, farther.error) / photons;
+    if (!(ratio - 1.0 > std::max(kLeastLag, 4.0 * error)))
+        return {1.0, 0.0};
+    double low = 0.0, high = 0.3;
+    for (int i = 0; i < 50; ++i) {
+        const double f = 0.5 * (low + high);
+        ((1.0 - 2.0 * f + 2.0 * f * f) / (1.0 - 3.0 * f + 3.0 * f * f) < ratio ? low : high) = f;
+    }
+    note(flat.layout->name, fmt::format("noise two frames apart is {:.3g} times that of successive frames: {:.2g} of a "
+                                        "frame remains in the next one "
+                                        "(image lag), and the gain is that without it",
+                                        ratio, low));
+    // Lag that goes on for more frames differs by f^2.
+    return {1.0 / (1.0 - 3.0 * low + 3.0 * low * low), std::hypot(3.0 * error, low * low)};
+}
+
 void Measurement::gain_of_flats(std::vector<Sequence *> &flats) {
     struct Point {
         const Sequence *flat, *dark;
@@ -475,6 +505,10 @@ void Measurement::gain_of_flats(std::vector<Sequence *> &flats) {
         result_.gain = unknown(fmt::format(
             "the flats' variance does not grow with their mean beyond chance: {:.2g} +- {:.2g} DN/e", gain, error));
         return;
+    }
+    if (const auto [factor, doubt] = lag_factor(flats); factor > 1.0) {
+        gain *= factor;
+        error = std::hypot(factor * error, gain * doubt);
     }
     result_.method = !with_dark ? EmvaGainMethod::kFlatsWithoutDark
                      : n == 1.0 ? EmvaGainMethod::kOneFlat
@@ -640,21 +674,6 @@ double leave_out_defects(const ImageShape &shape, const std::vector<double> &ima
     return out / double(sorted.size());
 }
 
-std::vector<double> without_trend(const ImageShape &shape, std::vector<double> image,
-                                  const std::vector<std::uint8_t> &counts) {
-    const SmoothTrend trend = fit_trend(shape, image, counts);
-    for (std::size_t i = 0; i < shape.size(); ++i)
-        image[i] -= trend.at(shape, i);
-    return image;
-}
-
-// A few strong pixels must not bend the trend: it is fitted twice.
-std::vector<double> pattern_image(const ImageShape &shape, const std::vector<double> &image,
-                                  std::vector<std::uint8_t> &counts, double &defects) {
-    defects = leave_out_defects(shape, without_trend(shape, image, counts), counts);
-    return without_trend(shape, image, counts);
-}
-
 EmvaSpatial spatial_of(const std::string &name, const FrameStack &stack, const HighPass &filtered) {
     EmvaSpatial result;
     result.sequence = name;
@@ -733,8 +752,10 @@ void Measurement::measure_nonuniformity() {
             result_.dsnu.total = deviation_of({variance, variance - error, variance + error}, 1.0);
         } else {
             std::vector<std::uint8_t> counts = stack.counts;
-            const std::vector<double> image = pattern_image(stack.shape, stack.mean, counts, result_.defect_share_dark);
-            result_.dsnu = pattern_of(variance_components(stack.shape, image, counts, true),
+            result_.defect_share_dark =
+                leave_out_defects(stack.shape, without_trend(stack.shape, stack.mean, counts), counts);
+            // No lamp is in it: what is smooth is the sensor's.
+            result_.dsnu = pattern_of(variance_components(stack.shape, stack.mean, counts),
                                       part_of(stack.successive.components, 1.0 / double(stack.frames)),
                                       stack.successive.error / double(stack.frames), 1.0);
         }
@@ -775,8 +796,10 @@ void Measurement::measure_nonuniformity() {
         noise.column += own.column / frames;
         noise_error = std::hypot(noise_error, dark->stack.successive.error / frames);
     }
-    image = pattern_image(stack.shape, image, counts, result_.defect_share_flat);
-    result_.prnu = pattern_of(variance_components(stack.shape, image, counts, true), noise, noise_error,
+    // A few strong pixels must not bend the trend: it is fitted twice.
+    result_.defect_share_flat = leave_out_defects(stack.shape, without_trend(stack.shape, image, counts), counts);
+    image = without_trend(stack.shape, std::move(image), counts);
+    result_.prnu = pattern_of(variance_components(stack.shape, image, counts, kPatternTrend), noise, noise_error,
                               100.0 / (flat->level - dark->level));
 }
 

@@ -8,21 +8,52 @@
 namespace clsp {
 namespace {
 
-using Terms = Eigen::Matrix<double, 6, 1>;
-using Square = Eigen::Matrix<double, 6, 6>;
+template <std::size_t Degree> constexpr int kTerms = int((Degree + 1) * (Degree + 2) / 2);
+template <std::size_t Degree> using TermsOf = Eigen::Matrix<double, kTerms<Degree>, 1>;
+template <std::size_t Degree> using SquareOf = Eigen::Matrix<double, kTerms<Degree>, kTerms<Degree>>;
+using Terms = TermsOf<2>;
+using Square = SquareOf<2>;
 
 // Pixels in strips of so many rows or columns may share whatever they like: row patterns, a speckle's grain.
 constexpr std::size_t kStrip = 8;
 
-Terms terms_at(const ImageShape &shape, std::size_t pixel) {
+// 1, u, v, u^2, u v, v^2, u^3 ...
+template <std::size_t Degree> TermsOf<Degree> terms_at(const ImageShape &shape, std::size_t pixel) {
     const auto place = [](std::size_t i, std::size_t count) {
         return count > 1 ? double(i) / double(count - 1) - 0.5 : 0.0;
     };
     const double u = place(pixel % shape.width, shape.width), v = place(pixel / shape.width, shape.height);
-    Terms terms;
-    terms << 1.0, u, v, u * u, u * v, v * v;
+    TermsOf<Degree> terms;
+    terms[0] = 1.0;
+    int k = 1;
+    for (int degree = 1; degree <= int(Degree); ++degree) {
+        for (int i = 0; i < degree; ++i, ++k)
+            terms[k] = u * terms[k - degree];
+        terms[k] = v * terms[k - degree - 1];
+        ++k;
+    }
     return terms;
 }
+
+// Products of the terms, and by them the least squares of the image.
+template <std::size_t Degree> struct TrendFit {
+    SquareOf<Degree> products = SquareOf<Degree>::Zero();
+    TermsOf<Degree> solution = TermsOf<Degree>::Zero();
+    Eigen::CompleteOrthogonalDecomposition<SquareOf<Degree>> solver;
+
+    TrendFit(const ImageShape &shape, const std::vector<double> &image, const std::vector<std::uint8_t> &counts) {
+        TermsOf<Degree> sums = TermsOf<Degree>::Zero();
+        for (std::size_t i = 0; i < shape.size(); ++i) {
+            if (!counts[i])
+                continue;
+            const TermsOf<Degree> terms = terms_at<Degree>(shape, i);
+            products += terms * terms.transpose();
+            sums += image[i] * terms;
+        }
+        solver.compute(products);
+        solution = solver.solve(sums);
+    }
+};
 
 // Means of rows or columns, their scatter, and the harmonic mean of their pixels.
 struct Lines {
@@ -67,7 +98,7 @@ void smooth_line(const std::vector<double> &kernel, const double *from, double *
 } // namespace
 
 VarianceComponents variance_components(const ImageShape &shape, const std::vector<double> &image,
-                                       const std::vector<std::uint8_t> &counts, bool without_trend) {
+                                       const std::vector<std::uint8_t> &counts, std::size_t trend_degree) {
     Lines rows(shape.height), columns(shape.width);
     double n = 0.0, sum = 0.0;
     for (std::size_t i = 0; i < shape.size(); ++i) {
@@ -81,9 +112,10 @@ VarianceComponents variance_components(const ImageShape &shape, const std::vecto
         n += 1.0;
         sum += image[i];
     }
-    // Of the trend v and v^2 are of rows, u and u^2 of columns, u v of pixels.
-    rows.finish(without_trend ? 2.0 : 0.0);
-    columns.finish(without_trend ? 2.0 : 0.0);
+    // Of the trend powers of v are of rows, those of u of columns, products of pixels.
+    const auto degree = double(trend_degree), products = 0.5 * degree * (degree - 1.0);
+    rows.finish(degree);
+    columns.finish(degree);
     double squares = 0.0, fourth = 0.0;
     for (std::size_t i = 0; i < shape.size(); ++i) {
         if (!counts[i])
@@ -93,7 +125,7 @@ VarianceComponents variance_components(const ImageShape &shape, const std::vecto
         fourth += rest * rest * rest * rest;
     }
     VarianceComponents result;
-    const double degrees = n - (rows.degrees + columns.degrees + 1.0 + (without_trend ? 5.0 : 0.0));
+    const double degrees = n - (rows.degrees + columns.degrees + 1.0 + 2.0 * degree + products);
     if (degrees < 1.0 || rows.degrees < 1.0 || columns.degrees < 1.0)
         return result;
     result.pixel = squares / degrees;
@@ -109,31 +141,26 @@ VarianceComponents variance_components(const ImageShape &shape, const std::vecto
     return result;
 }
 
-double SmoothTrend::at(const ImageShape &shape, std::size_t pixel) const {
-    return terms_at(shape, pixel).dot(Eigen::Map<const Terms>(terms.data()));
+std::vector<double> without_trend(const ImageShape &shape, std::vector<double> image,
+                                  const std::vector<std::uint8_t> &counts) {
+    const TrendFit<kPatternTrend> fit(shape, image, counts);
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        image[i] -= terms_at<kPatternTrend>(shape, i).dot(fit.solution);
+    return image;
 }
 
 SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
                       const std::vector<std::uint8_t> &counts) {
-    Square products = Square::Zero();
-    Terms sums = Terms::Zero();
-    for (std::size_t i = 0; i < shape.size(); ++i) {
-        if (!counts[i])
-            continue;
-        const Terms terms = terms_at(shape, i);
-        products += terms * terms.transpose();
-        sums += image[i] * terms;
-    }
+    const TrendFit<2> fit(shape, image, counts);
+    const Terms &solution = fit.solution;
     SmoothTrend result;
-    const Eigen::CompleteOrthogonalDecomposition<Square> solver(products);
-    const Terms solution = solver.solve(sums);
     Eigen::Map<Terms>(result.terms.data()) = solution;
     // Clusters in two ways (Cameron, Gelbach and Miller): strips of rows and of columns, less what both have.
     const std::size_t across = (shape.width + kStrip - 1) / kStrip, down = (shape.height + kStrip - 1) / kStrip;
     std::vector<Terms> tiles(across * down, Terms::Zero());
     for (std::size_t i = 0; i < shape.size(); ++i)
         if (counts[i]) {
-            const Terms terms = terms_at(shape, i);
+            const Terms terms = terms_at<2>(shape, i);
             tiles[i / shape.width / kStrip * across + i % shape.width / kStrip] +=
                 (image[i] - terms.dot(solution)) * terms;
         }
@@ -157,18 +184,18 @@ SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
     std::vector<Terms> row_sums(shape.height, Terms::Zero()), column_sums(shape.width, Terms::Zero());
     for (std::size_t i = 0; i < shape.size(); ++i)
         if (counts[i]) {
-            const Terms terms = terms_at(shape, i);
+            const Terms terms = terms_at<2>(shape, i);
             rest[i] -= terms.dot(solution);
             row_sums[i / shape.width] += terms;
             column_sums[i % shape.width] += terms;
         }
-    const VarianceComponents parts = variance_components(shape, rest, counts, true);
-    Square modeled = std::max(0.0, parts.pixel) * products;
+    const VarianceComponents parts = variance_components(shape, rest, counts, 2);
+    Square modeled = std::max(0.0, parts.pixel) * fit.products;
     for (const Terms &sum : row_sums)
         modeled += std::max(0.0, parts.row) * sum * sum.transpose();
     for (const Terms &sum : column_sums)
         modeled += std::max(0.0, parts.column) * sum * sum.transpose();
-    const Square inverse = solver.pseudoInverse();
+    const Square inverse = fit.solver.pseudoInverse();
     const auto diagonal = [&](const Square &scores) { return Terms((inverse * scores * inverse).diagonal()); };
     Eigen::Map<Terms>(result.errors.data()) =
         diagonal(rows + columns - both).cwiseMax(diagonal(both)).cwiseMax(diagonal(modeled)).cwiseSqrt();

@@ -24,14 +24,18 @@ struct VarianceComponents {
     double total() const { return pixel + row + column; }
 };
 
-// counts: 0 where a pixel is left out. With a smooth trend of degree 2 taken away before: its terms cost degrees.
+// counts: 0 where a pixel is left out. trend_degree: of what was taken away before; its terms cost degrees of freedom.
 VarianceComponents variance_components(const ImageShape &shape, const std::vector<double> &image,
-                                       const std::vector<std::uint8_t> &counts, bool without_trend = false);
+                                       const std::vector<std::uint8_t> &counts, std::size_t trend_degree = 0);
+
+// The image without a polynomial of degree 4: the lamp's shape times the lens's fall-off, of degree 2 each.
+constexpr std::size_t kPatternTrend = 4;
+std::vector<double> without_trend(const ImageShape &shape, std::vector<double> image,
+                                  const std::vector<std::uint8_t> &counts);
 
 // A polynomial of degree 2: 1, u, v, u^2, u v, v^2, with u and v from -1/2 to 1/2 across the image.
 struct SmoothTrend {
-    std::array<double, 6> terms{}, errors{}; // least squares; robust to whatever rows, columns and neighbours share
-    double at(const ImageShape &shape, std::size_t pixel) const;
+    std::array<double, 6> terms{}, errors{}; // least squares; robust to whatever rows, columns and neighbors share
 };
 SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
                       const std::vector<std::uint8_t> &counts);

@@ -341,6 +341,25 @@ TEST(Emva1288, DarkCurrentIsTheSlopeOfDarkLevels) {
     EXPECT_GE(electrons, 89);
 }
 
+// A tenth of each frame is the frame before's: successive frames differ by 27 % less.
+TEST(Emva1288, ImageLagIsMadeUpFor) {
+    Camera camera;
+    camera.flicker = 0.0;
+    Bench bench(camera, 1);
+    bench.add("dark", CaptureScene::kDark, 8, 0.0);
+    bench.add("flat", CaptureScene::kFlat, 24, 5000.0);
+    clsp::Capture capture = bench.capture();
+    const std::size_t pixels = capture.layout.pixel_count();
+    const std::vector<std::uint16_t> sharp = capture.codes[1];
+    for (std::size_t i = pixels; i < sharp.size(); ++i)
+        capture.codes[1][i] = std::uint16_t(std::lround(0.9 * sharp[i] + 0.1 * sharp[i - pixels]));
+    const Emva1288 emva = clsp::measure_emva1288(capture);
+    EXPECT_TRUE(has_note(emva, "flat", {"image lag"})) << notes_of(emva);
+    EXPECT_TRUE(holds(emva.gain, camera.gain)) << emva.gain.low << " to " << emva.gain.high;
+    EXPECT_LT(emva.gain.high - emva.gain.low, 0.2 * camera.gain);
+    EXPECT_TRUE(notes_of(clsp::measure_emva1288(bench.capture())).empty());
+}
+
 TEST(Emva1288, SaturationIsFoundWhenReached) {
     const Camera camera;
     Bench bench = photon_transfer(camera, 3);

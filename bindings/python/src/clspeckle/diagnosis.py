@@ -371,8 +371,8 @@ class Diagnosis(Handle):
         measurements: quantities in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
             of the camera and of the simulator; empty of a comparison, whose sets are brought to one light and noise
             first.
-        emva1288: EMVA 1288's numbers of the dark and flat frames alone, as :meth:`Capture.emva1288` gives them; empty of
-            a comparison.
+        emva1288: EMVA 1288's numbers of the dark and flat frames alone, as :meth:`Capture.emva1288` gives them; empty
+            of a comparison.
         notes: what could not be judged, and why.
         seconds: that the diagnosis took.
     """
