@@ -4,15 +4,19 @@
 #include "capture/capture_reader.hpp"
 #include "capture/capture_validation.hpp"
 #include "capture/capture_writer.hpp"
+#include "capture/judged_part.hpp"
+#include "capture/stored_sequence.hpp"
 #include "capture_handle.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
+#include "progress.hpp"
 #include "report/emva_report.hpp"
 #include "status.hpp"
 #include "texts.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -88,6 +92,18 @@ void check_capacity(std::uint64_t capacity, std::uint64_t needed, const char *wh
                     fmt::format("capacity is {}, but there are {} {}", capacity, needed, what));
 }
 
+// Of a large capture the part that a diagnosis would judge.
+Emva1288 emva_of(const Capture &capture) {
+    const JudgedPart part = choose_part(capture.layout, {});
+    if (part.is_whole())
+        return measure_emva1288(capture);
+    std::vector<std::size_t> all(capture.layout.sequences.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    Emva1288 result = measure_emva1288(take_part(capture, all, capture.layout.sequences, part));
+    result.notes.insert(result.notes.begin(), {"", "measured were " + part_text(part)});
+    return result;
+}
+
 } // namespace
 
 extern "C" {
@@ -110,6 +126,18 @@ CLSP_API ClspStatus clspCaptureOpen(const char *path, ClspCapture *capture) {
     return guarded("clspCaptureOpen", [&] {
         required(capture, "capture");
         give(capture, std::make_shared<Capture>(read_capture(&required(path, "path"))));
+    });
+}
+
+CLSP_API ClspStatus clspCaptureOpenWithProgress(const char *path, ClspProgressFunction progress, void *progress_data,
+                                                ClspCapture *capture) {
+    return guarded("clspCaptureOpenWithProgress", [&] {
+        required(capture, "capture");
+        const ProgressFunction tell = progress_function(progress, progress_data);
+        give(capture, std::make_shared<Capture>(read_capture(&required(path, "path"), [&](double part) {
+                 if (tell && !tell("reading", part))
+                     throw Error(Status::kCancelled, "reading the capture was cancelled by its progress callback");
+             })));
     });
 }
 
@@ -243,8 +271,11 @@ CLSP_API ClspStatus clspCaptureGetCodes(ClspCapture capture, uint32_t index, uin
         const auto c = object(capture);
         sequence_at(*c, index);
         required(codes, "codes");
-        check_capacity(capacity, c->codes[index].size(), "codes");
-        std::copy(c->codes[index].begin(), c->codes[index].end(), codes);
+        const std::uint64_t pixels = c->layout.pixel_count(), frames = c->layout.sequences[index].frame_count;
+        check_capacity(capacity, frames * pixels, "codes");
+        std::vector<std::uint16_t> room;
+        for (std::uint32_t frame = 0; frame < frames; ++frame)
+            std::copy_n(frame_of(*c, index, frame, room), pixels, codes + frame * pixels);
     });
 }
 
@@ -272,7 +303,7 @@ CLSP_API ClspStatus clspCaptureGetEmva1288Json(ClspCapture capture, uint64_t cap
     return guarded("clspCaptureGetEmva1288Json", [&] {
         const auto c = object(capture);
         validate_capture(*c);
-        give_text(emva_json(measure_emva1288(*c)).dump(1), capacity, text, length, "text");
+        give_text(emva_json(emva_of(*c)).dump(1), capacity, text, length, "text");
     });
 }
 
@@ -280,7 +311,7 @@ CLSP_API ClspStatus clspCaptureGetEmva1288Xml(ClspCapture capture, uint64_t capa
     return guarded("clspCaptureGetEmva1288Xml", [&] {
         const auto c = object(capture);
         validate_capture(*c);
-        give_text(emva_xml(measure_emva1288(*c)), capacity, text, length, "text");
+        give_text(emva_xml(emva_of(*c)), capacity, text, length, "text");
     });
 }
 

@@ -56,13 +56,32 @@ constexpr auto kOptionFields = [](auto field, auto &d, auto &p) {
     field(d.evidence, p.evidence, "desc->evidence");
 };
 
-ClspDiagnoseDesc diagnose_defaults() {
-    return to_c<ClspDiagnoseDesc>(kOptionFields, DiagnosisOptions());
-}
-
 void check_range(std::uint32_t value, std::uint32_t least, std::uint32_t most, const char *name) {
     if (value < least || value > most)
         throw Error(Status::kInvalidArgument, fmt::format("{} is {}, it must be {} to {}", name, value, least, most));
+}
+
+ClspDiagnoseDesc diagnose_defaults() {
+    auto desc = to_c<ClspDiagnoseDesc>(kOptionFields, DiagnosisOptions());
+    desc.frames = CLSP_FRAMES_AUTO;
+    return desc;
+}
+
+PartChoice part_choice(const ClspDiagnoseDesc &d) {
+    PartChoice choice;
+    check_range(d.window, CLSP_WINDOW_AUTO, CLSP_WINDOW_GIVEN, "desc->window");
+    choice.whole_image = d.window == CLSP_WINDOW_WHOLE;
+    if (d.window == CLSP_WINDOW_GIVEN)
+        choice.window = PixelWindow{d.window_x, d.window_y, d.window_width, d.window_height};
+    else if ((d.window_x | d.window_y | d.window_width | d.window_height) != 0)
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("desc->window_x, _y, _width, _height are {}, {}, {}, {}, but desc->window is {}; set it "
+                        "to CLSP_WINDOW_GIVEN, or leave them at 0",
+                        d.window_x, d.window_y, d.window_width, d.window_height, d.window));
+    if (d.frames != CLSP_FRAMES_AUTO)
+        choice.frames = d.frames;
+    return choice;
 }
 
 template <std::size_t Size> std::string fixed_text(const char (&from)[Size], const std::string &what) {
@@ -177,6 +196,7 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
                     fmt::format("desc->level is {}, it must be {} to {}", d.level, kLeastLevel, kMostLevel));
     auto options = from_c<DiagnosisOptions>(kOptionFields, d);
     check_reserved(d.reserved, "desc->reserved");
+    options.part = part_choice(d);
     if (d.without_count > 0)
         required(d.without, "desc->without");
     for (std::uint32_t i = 0; i < d.without_count; ++i)

@@ -336,7 +336,7 @@ DotPattern read_dots(const std::string &file, double sigma_px) {
 }
 
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console) {
-    const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder);
+    const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     const Json summary = Json::parse(capture.summary_json());
     for (const Json &warning : summary["warnings"]) {
         const std::string sequence = warning["sequence"].get<std::string>();
@@ -352,7 +352,7 @@ void run_capture_check(const CaptureCheckArguments &arguments, Console &console)
 }
 
 void run_capture_emva(const CaptureEmvaArguments &arguments, Console &console) {
-    const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder);
+    const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     const Json emva = Json::parse(capture.emva1288_json());
     const auto named = [](const Json &note) {
         return (note["sequence"].is_null() ? "" : note["sequence"].get<std::string>() + ": ") +

@@ -13,7 +13,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <filesystem>
 
@@ -74,6 +76,27 @@ std::vector<std::string> effect_ids(const std::vector<std::string> &texts,
     return result;
 }
 
+/** "X,Y,WIDTH,HEIGHT" or "whole". */
+void set_window(const std::string &text, clspeckle::DiagnoseOptions &options) {
+    if (text.empty())
+        return;
+    options.whole_image = text == "whole";
+    if (options.whole_image)
+        return;
+    std::array<std::uint32_t, 4> window{};
+    const char *at = text.data(), *const end = text.data() + text.size();
+    for (std::size_t i = 0; i < window.size(); ++i) {
+        const auto result = std::from_chars(at, end, window[i]);
+        const bool last = i + 1 == window.size();
+        if (result.ec != std::errc() || (last ? result.ptr != end : result.ptr == end || *result.ptr != ','))
+            throw InputError(fmt::format("--window {}: expected \"whole\", or X,Y,WIDTH,HEIGHT in whole pixels, for "
+                                         "example --window 480,300,320,200",
+                                         text));
+        at = result.ptr + (last ? 0 : 1);
+    }
+    options.window = window;
+}
+
 void warn_of_capture(const clspeckle::Capture &capture, Console &console) {
     const Json summary = Json::parse(capture.summary_json());
     for (const Json &warning : summary["warnings"]) {
@@ -117,15 +140,17 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     for (const std::string &path : arguments.hypotheses)
         hypotheses.push_back(read_hypothesis(path));
     std::vector<std::string> without = effect_ids(arguments.without, hypotheses);
-    const auto capture = clspeckle::Capture::open(arguments.folder);
+    clspeckle::DiagnoseOptions options;
+    set_window(arguments.window, options);
+    options.frames = arguments.frames;
+    const auto capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     warn_of_capture(capture, console);
     clspeckle::Capture sim;
     if (!arguments.sim.empty()) {
-        sim = clspeckle::Capture::open(arguments.sim);
+        sim = clspeckle::Capture::open(arguments.sim, progress_on(console));
         warn_of_capture(sim, console);
     }
     check_interrupt();
-    clspeckle::DiagnoseOptions options;
     options.seed = arguments.seed;
     options.level = arguments.level;
     options.null_replicates = arguments.replicates;

@@ -10,6 +10,7 @@
 #include <clspeckle/clspeckle.hpp>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct DiagnoseArguments {
     std::uint32_t replicates = clspeckle::DiagnoseOptions().null_replicates;
     std::uint32_t max_effects = clspeckle::DiagnoseOptions().max_effects;
     std::uint32_t threads = 0;
+    std::string window;                  ///< "X,Y,WIDTH,HEIGHT" or "whole"; empty: the library's choice.
+    std::optional<std::uint32_t> frames; ///< Of each sequence at most, 0: all; none: the library's choice.
     std::string device;
 };
 

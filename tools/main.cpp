@@ -634,6 +634,16 @@ void add_diagnose_options(CLI::App &app, tools::DiagnoseArguments &a, bool &quie
         ->check(within(1u, 64u));
     number("--threads", a.threads, "Of the host, at most 1024; 0: as many as the machine has", "INTEGER")
         ->check(within(0u, 1024u));
+    app.add_option("--window", a.window,
+                   "Part of the image that is judged, or whole; default: all of a small capture, a strip through the "
+                   "optical axis of a large one")
+        ->type_name("X,Y,W,H|whole")
+        ->take_last();
+    app.add_option("--frames", a.frames,
+                   "Frames of each sequence that are judged, at most; 0: all; default: what takes minutes")
+        ->check(within(0u, 65535u))
+        ->type_name("INTEGER")
+        ->take_last();
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }

@@ -3,9 +3,12 @@
 
 #include "stages/phase.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -63,6 +66,12 @@ struct SequenceLayout {
     std::vector<float> frame_light;    // of the lamp in each frame, over its mean, as found; empty: all the same
 };
 
+// Of a larger image. Distances from the optical axis stay those of the image: r = 1 in its corner.
+struct ImageWindow {
+    std::uint32_t x = 0, y = 0; // of the window's first pixel
+    std::uint32_t image_width = 0, image_height = 0;
+};
+
 struct CaptureLayout {
     std::uint32_t width = 0, height = 0, bits = 0;
     double pixel_pitch_m = 0.0, f_number = 0.0, wavelength_m = 0.0, degree_of_polarization = 1.0;
@@ -71,7 +80,17 @@ struct CaptureLayout {
     std::array<double, 2> principal_point_px{};       // ((width - 1) / 2, (height - 1) / 2) unless given
     std::optional<CaptureDots> dots;
     std::vector<SequenceLayout> sequences;
+    std::optional<ImageWindow> window; // whose layout this is; all positions are from the window's first pixel
 
+    std::uint32_t image_width() const { return window ? window->image_width : width; }
+    std::uint32_t image_height() const { return window ? window->image_height : height; }
+    // Pixels from the optical axis to the farthest corner pixel's centre, of the image.
+    double farthest_corner_px() const {
+        const double x = principal_point_px[0] + (window ? window->x : 0), y = principal_point_px[1] + (window ? window->y : 0);
+        return std::hypot(std::max(x, image_width() - 1.0 - x), std::max(y, image_height() - 1.0 - y));
+    }
+    // From the image's centre.
+    double corner_radius_px() const { return 0.5 * std::hypot(image_width() - 1.0, image_height() - 1.0); }
     std::size_t pixel_count() const { return std::size_t{width} * height; }
     double maximum_code() const { return double((std::uint64_t{1} << bits) - 1); }
     // What one DN of a converter of ten bits, for which figures in DN are meant, is of this one's.
@@ -84,12 +103,18 @@ struct CaptureWarning {
     std::string text;
 };
 
+struct StoredSequence; // stored_sequence.hpp
+
 struct Capture {
     CaptureLayout layout;
-    // By sequence: frame_count * height * width codes.
+    // By sequence: frame_count * height * width codes; empty of one that is stored.
     std::vector<std::vector<std::uint16_t>> codes;
+    // By sequence, or shorter: those whose codes stay in their files; nullptr: the codes are in memory.
+    std::vector<std::shared_ptr<const StoredSequence>> stored;
     // Of the reader: keys that it does not know and the like. What the codes themselves show is capture_warnings().
     std::vector<CaptureWarning> warnings;
+
+    bool is_stored(std::size_t sequence) const { return sequence < stored.size() && stored[sequence]; }
 };
 
 // The words of the format.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "capture/sequence_scan.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -15,7 +16,8 @@ struct DarkLevel {
     double level_dn = 0.0;
     bool measured = false; // from dark sequences; else the data sheet's black level
 };
-DarkLevel dark_level(const Capture &capture);
+// scans: by sequence.
+DarkLevel dark_level(const CaptureLayout &layout, const std::vector<SequenceScan> &scans);
 
 // Where that share of the pixels is clipped, the level above the top code is unknown: a simulator cannot be brought to
 // it.
@@ -41,7 +43,8 @@ struct SequenceSummary {
     // Spatial standard deviation within a frame over the level above dark, of flat and board; none without light.
     std::optional<double> contrast;
 };
-SequenceSummary summarize_sequence(const Capture &capture, std::size_t sequence, const DarkLevel &dark);
+SequenceSummary summarize_sequence(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
+                                   const DarkLevel &dark);
 
 // A question that captures answer or not.
 struct CaptureAbility {
@@ -69,11 +72,11 @@ struct CaptureSummary {
 };
 CaptureSummary summarize_capture(const Capture &capture);
 
-// What is odd about a valid capture: frames that are all alike or repeated, saturated or black sequences, single frames, light that is not
-// there, dots outside the image, a pupil that the pixels cannot sample, and what contradicts its description (metadata_warnings.hpp). The
-// reader's own warnings come first. summaries: by sequence.
-std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
-                                             const std::vector<SequenceSummary> &summaries,
+// What is odd about a valid capture: frames that are all alike or repeated, saturated or black sequences, single
+// frames, light that is not there, dots outside the image, a pupil that the pixels cannot sample, and what contradicts
+// its description (metadata_warnings.hpp). The reader's own warnings come first. scans, summaries: by sequence.
+std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
+                                             const DarkLevel &dark, const std::vector<SequenceSummary> &summaries,
                                              const std::vector<CaptureWarning> &frame_changes);
 
 // Of the layout alone.

@@ -3,6 +3,8 @@
 #include "capture/capture_json.hpp"
 #include "capture/capture_validation.hpp"
 #include "capture/sequence_files.hpp"
+#include "capture/sequence_scan.hpp"
+#include "capture/stored_sequence.hpp"
 #include "runtime/error.hpp"
 
 #include <filesystem>
@@ -12,7 +14,7 @@ namespace clsp {
 
 namespace fs = std::filesystem;
 
-Capture read_capture(const std::string &folder, const CaptureProgress &progress) {
+Capture read_capture(const std::string &folder, const CaptureProgress &progress, std::uint64_t most_bytes_in_memory) {
     if (folder.empty())
         throw Error(Status::kInvalidArgument, "the path of the capture set is empty; name its folder");
     std::error_code code;
@@ -32,7 +34,7 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress)
     CaptureDescription described = read_capture_json(description.string());
     CaptureOrigin origin{description.string(), {}};
     // Sizes first: nothing is read before all of it is known to fit.
-    std::vector<SequenceFiles> files;
+    std::vector<std::unique_ptr<SequenceFiles>> files;
     Capture capture;
     capture.layout = std::move(described.layout);
     capture.warnings = std::move(described.warnings);
@@ -45,11 +47,12 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress)
         validate_layout(camera, origin);
     }
     for (std::size_t i = 0; i < described.files.size(); ++i) {
-        files.emplace_back(root.string(), described.files[i], origin.description, fmt::format("/sequences/{}/file", i));
-        const std::uint64_t frames = files.back().check(capture.layout);
+        files.push_back(std::make_unique<SequenceFiles>(root.string(), described.files[i], origin.description,
+                                                        fmt::format("/sequences/{}/file", i)));
+        const std::uint64_t frames = files.back()->check(capture.layout);
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
-        origin.files.push_back(files.back().name());
-        for (std::string &oddity : files.back().oddities())
+        origin.files.push_back(files.back()->name());
+        for (std::string &oddity : files.back()->oddities())
             capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity)});
         total += frames;
         if (!described.masks[i].empty())
@@ -58,14 +61,30 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress)
     }
     validate_layout(capture.layout, origin);
 
-    std::uint64_t done = 0;
+    const std::uint64_t bytes = total * capture.layout.pixel_count() * sizeof(std::uint16_t);
+    double done = 0.0; // frames
     for (std::size_t i = 0; i < files.size(); ++i) {
-        capture.codes.push_back(files[i].read(capture.layout, [&] {
-            ++done;
+        const std::uint32_t frames = capture.layout.sequences[i].frame_count;
+        const auto tell = [&](double part) {
             if (progress)
-                progress(done, total);
-        }));
-        validate_codes(capture.layout, i, capture.codes.back(), origin);
+                progress((done + part * frames) / double(total));
+        };
+        if (bytes > most_bytes_in_memory) {
+            const auto stored = std::make_shared<StoredSequence>();
+            stored->files = std::move(files[i]);
+            capture.codes.emplace_back();
+            capture.stored.push_back(stored);
+            stored->scan = std::make_shared<const SequenceScan>(scan_sequence(capture, i, tell));
+        } else {
+            const std::size_t pixels = capture.layout.pixel_count();
+            std::vector<std::uint16_t> codes(frames * pixels);
+            for (std::uint32_t frame = 0; frame < frames; ++frame) {
+                files[i]->read(frame, 0, capture.layout.height, codes.data() + frame * pixels);
+                tell((frame + 1.0) / frames);
+            }
+            capture.codes.push_back(std::move(codes));
+        }
+        done += frames;
     }
     return capture;
 }

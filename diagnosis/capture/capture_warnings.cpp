@@ -1,10 +1,9 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
 #include "capture/metadata_warnings.hpp"
-#include "runtime/hash.hpp"
 
 #include <algorithm>
-#include <cstring>
+#include <array>
 #include <fmt/format.h>
 #include <map>
 
@@ -16,23 +15,15 @@ struct Repeats {
     std::uint32_t count = 0, first = 0, again = 0;
 };
 
-Repeats repeated_frames(const std::vector<std::uint16_t> &codes, std::uint32_t frame_count, std::size_t pixels) {
+Repeats repeated_frames(const SequenceScan &scan) {
     Repeats result;
-    std::multimap<std::uint64_t, std::uint32_t> seen;
-    for (std::uint32_t frame = 0; frame < frame_count; ++frame) {
-        const std::uint16_t *now = codes.data() + frame * pixels;
-        const std::uint64_t hash = fnv1a(now, pixels);
-        const auto [begin, end] = seen.equal_range(hash);
-        const auto same = std::find_if(begin, end, [&](const auto &entry) {
-            return std::memcmp(codes.data() + entry.second * pixels, now, pixels * sizeof *now) == 0;
-        });
-        if (same != end) {
-            if (result.count++ == 0) {
-                result.first = same->second;
-                result.again = frame;
-            }
-        } else {
-            seen.emplace(hash, frame);
+    std::map<std::array<std::uint64_t, 3>, std::uint32_t> seen; // no two frames agree in all three by chance
+    for (std::uint32_t t = 0; t < scan.frames.size(); ++t) {
+        const FrameScan &frame = scan.frames[t];
+        const auto [same, is_new] = seen.try_emplace({frame.hash, frame.sum, frame.square}, t);
+        if (!is_new && result.count++ == 0) {
+            result.first = same->second;
+            result.again = t;
         }
     }
     return result;
@@ -74,11 +65,10 @@ void warn_of_pupil(const CaptureLayout &layout, const SequenceLayout &s, std::ve
 }
 
 // noise_dn: of one pixel in the dark.
-void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceSummary &summary, const DarkLevel &dark,
-                   double noise_dn, std::vector<CaptureWarning> &warnings) {
-    const CaptureLayout &layout = capture.layout;
+void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
+                   const SequenceSummary &summary, const DarkLevel &dark, double noise_dn,
+                   std::vector<CaptureWarning> &warnings) {
     const SequenceLayout &s = layout.sequences[sequence];
-    const std::vector<std::uint16_t> &codes = capture.codes[sequence];
     const auto warn = [&](std::string text) { warnings.push_back({s.name, std::move(text)}); };
     const bool lit = s.scene != CaptureScene::kDark;
     if (summary.minimum == summary.maximum)
@@ -93,8 +83,7 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
         warn("has one frame only: nothing can be said about noise or change in time");
     } else if (summary.minimum == summary.maximum) {
         // That all frames are the same needs no word of its own then.
-    } else if (const Repeats repeats = repeated_frames(codes, s.frame_count, layout.pixel_count());
-               repeats.count + 1 == s.frame_count) {
+    } else if (const Repeats repeats = repeated_frames(scan); repeats.count + 1 == s.frame_count) {
         warn(fmt::format("all {} frames are the same, bit for bit: there is no temporal noise; a real camera has some, "
                          "so the frames may be "
                          "copies of one",
@@ -123,8 +112,8 @@ void warn_of_codes(const Capture &capture, std::size_t sequence, const SequenceS
 
 } // namespace
 
-std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkLevel &dark,
-                                             const std::vector<SequenceSummary> &summaries,
+std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
+                                             const DarkLevel &dark, const std::vector<SequenceSummary> &summaries,
                                              const std::vector<CaptureWarning> &frame_changes) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
@@ -132,10 +121,10 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const DarkL
     const double measured = measured_noise(summaries), noise = measured > 0.0 ? measured : capture.layout.read_noise_dn;
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
-        warn_of_codes(capture, i, summaries[i], dark, noise, warnings);
+        warn_of_codes(capture.layout, i, scans[i], summaries[i], dark, noise, warnings);
     }
     warnings.insert(warnings.end(), frame_changes.begin(), frame_changes.end());
-    for (CaptureWarning &warning : metadata_warnings(capture, summaries, dark))
+    for (CaptureWarning &warning : metadata_warnings(capture, scans, summaries, dark))
         warnings.push_back(std::move(warning));
     return warnings;
 }

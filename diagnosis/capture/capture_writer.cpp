@@ -2,6 +2,7 @@
 
 #include "capture/capture_json.hpp"
 #include "capture/capture_validation.hpp"
+#include "capture/stored_sequence.hpp"
 #include "io/formats.hpp"
 #include "runtime/error.hpp"
 
@@ -119,8 +120,9 @@ void write_capture(const Capture &capture, const std::string &folder, bool overw
             const auto stack =
                 image_io::create((temporary.path() / (s.name + ".npy")).string(), image_io::format_named("NPY"),
                                  {layout.width, layout.height, image_io::Sample::uint16, s.frame_count});
+            std::vector<std::uint16_t> room;
             for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
-                stack->append(capture.codes[i].data() + frame * layout.pixel_count());
+                stack->append(frame_of(capture, i, frame, room));
             stack->commit();
             if (!s.mask.empty())
                 image_io::write((temporary.path() / (s.name + "_mask.png")).string(), image_io::format_named("PNG"),

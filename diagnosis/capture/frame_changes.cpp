@@ -33,59 +33,40 @@ struct FrameSeries {
     Series levels, contrasts, correlations, energies;
 };
 
-FrameSeries measure(const Capture &capture, std::size_t sequence, double dark_level_dn) {
-    const CaptureLayout &layout = capture.layout;
-    const std::size_t width = layout.width, pixels = layout.pixel_count();
-    const std::vector<std::uint8_t> &mask = layout.sequences[sequence].mask;
-    const auto counts = [&](std::size_t i) { return mask.empty() || mask[i] != 0; };
-    const bool lit = layout.sequences[sequence].scene != CaptureScene::kDark;
-    FrameSeries result;
-    // A light that flickers scales the frame, an offset that does is added to it; what is clipped does neither.
-    const auto energy = [&](const std::uint16_t *before, const std::uint16_t *after) {
-        double n = 0.0, sums[2] = {}, squares[2] = {}, across = 0.0;
-        for (std::size_t i = 0; i < pixels; ++i) {
-            if (!counts(i) || std::max(before[i], after[i]) == layout.maximum_code())
-                continue;
-            const double a = before[i] - dark_level_dn, b = after[i] - dark_level_dn;
-            n += 1.0;
-            sums[0] += a;
-            sums[1] += b;
-            squares[0] += a * a;
-            squares[1] += b * b;
-            across += a * b;
-        }
-        if (n == 0.0)
-            return 0.0;
-        const double scale = lit && sums[1] > kLeastLevelDn * n ? sums[0] / sums[1] : 1.0;
-        const double step = (sums[0] - scale * sums[1]) / n;
-        return (squares[0] - 2.0 * scale * across + scale * scale * squares[1]) / n - step * step;
+// A light that flickers scales the frame, an offset that does is added to it; what is clipped does neither.
+double energy_of(const FrameScan &frame, double dark_dn, bool lit) {
+    const double n = double(frame.both);
+    if (n == 0.0)
+        return 0.0;
+    const double before = double(frame.before), now = double(frame.now);
+    const double sums[2] = {before - n * dark_dn, now - n * dark_dn};
+    const auto product = [&](std::uint64_t raw, double a, double b) {
+        return double(raw) - dark_dn * (a + b) + n * dark_dn * dark_dn;
     };
-    for (std::size_t t = 0; t < layout.sequences[sequence].frame_count; ++t) {
-        const std::uint16_t *codes = capture.codes[sequence].data() + t * pixels;
-        double n = 0.0, sum = 0.0, squares = 0.0;
-        double pairs = 0.0, products = 0.0, firsts = 0.0, seconds = 0.0;
-        for (std::size_t i = 0; i < pixels; ++i) {
-            if (!counts(i))
-                continue;
-            const double code = codes[i] - dark_level_dn;
-            n += 1.0;
-            sum += code;
-            squares += code * code;
-            if (i % width + 1 < width && counts(i + 1)) {
-                pairs += 1.0;
-                const double next = codes[i + 1] - dark_level_dn;
-                products += code * next;
-                firsts += code;
-                seconds += next;
-            }
-        }
-        const double mean = sum / n, variance = std::max(0.0, squares / n - mean * mean);
-        result.levels.push_back(mean + dark_level_dn);
-        result.contrasts.push_back(std::sqrt(variance) / std::max(mean, kLevelScatterDn));
-        const double covariance = pairs > 0.0 ? products / pairs - firsts / pairs * (seconds / pairs) : 0.0;
+    const double scale = lit && sums[1] > kLeastLevelDn * n ? sums[0] / sums[1] : 1.0;
+    const double step = (sums[0] - scale * sums[1]) / n;
+    return (product(frame.before_square, before, before) - 2.0 * scale * product(frame.before_times_now, before, now) +
+            scale * scale * product(frame.now_square, now, now)) /
+               n -
+           step * step;
+}
+
+FrameSeries measure(const SequenceScan &scan, double dark_dn, bool lit) {
+    FrameSeries result;
+    const double n = double(scan.pixels);
+    for (std::size_t t = 0; t < scan.frames.size(); ++t) {
+        const FrameScan &frame = scan.frames[t];
+        const double level = double(frame.sum) / n;
+        const double variance = std::max(0.0, double(frame.square) / n - level * level);
+        result.levels.push_back(level);
+        result.contrasts.push_back(std::sqrt(variance) / std::max(level - dark_dn, kLevelScatterDn));
+        const double pairs = double(frame.pairs);
+        const double covariance =
+            pairs > 0.0 ? double(frame.products) / pairs - double(frame.lefts) / pairs * (double(frame.rights) / pairs)
+                        : 0.0;
         result.correlations.push_back(variance > 0.0 ? covariance / variance : 0.0);
         if (t > 0)
-            result.energies.push_back(energy(codes - pixels, codes));
+            result.energies.push_back(energy_of(frame, dark_dn, lit));
     }
     return result;
 }
@@ -226,16 +207,15 @@ std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
 
 } // namespace
 
-std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t sequence, double dark_level_dn) {
-    const SequenceLayout &layout = capture.layout.sequences[sequence];
+std::vector<CaptureWarning> frame_changes(const CaptureLayout &capture, std::size_t sequence, const SequenceScan &scan,
+                                          double dark_level_dn) {
+    const SequenceLayout &layout = capture.sequences[sequence];
     std::vector<CaptureWarning> result;
     const auto say = [&](std::string text) { result.push_back({layout.name, std::move(text)}); };
     const bool lit = layout.scene != CaptureScene::kDark;
-    const bool any_pixel = layout.mask.empty() ||
-                           std::any_of(layout.mask.begin(), layout.mask.end(), [](std::uint8_t m) { return m != 0; });
-    if (layout.frame_count < kLeastFrames || !any_pixel)
+    if (layout.frame_count < kLeastFrames || scan.pixels == 0)
         return result;
-    const FrameSeries seen = measure(capture, sequence, dark_level_dn);
+    const FrameSeries seen = measure(scan, dark_level_dn, lit);
 
     const double light = *std::max_element(seen.levels.begin(), seen.levels.end()) - dark_level_dn;
     const double least_dn = lit ? std::max(kLeastLevel * light, kLeastLevelDn) : kLeastLevelDn;
@@ -268,11 +248,8 @@ std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t se
 
     if (!layout.moving && seen.energies.size() >= kLeastFrames - 1) {
         // Of so many squared differences of noise, with neighbours that share a frame.
-        const double pixels = layout.mask.empty() ? double(capture.layout.pixel_count())
-                                                  : double(std::count_if(layout.mask.begin(), layout.mask.end(),
-                                                                         [](std::uint8_t m) { return m != 0; }));
         const std::vector<std::size_t> breaks =
-            find_breaks(seen.energies, std::max(kEnergyScatter, std::sqrt(3.0 / pixels)));
+            find_breaks(seen.energies, std::max(kEnergyScatter, std::sqrt(3.0 / double(scan.pixels))));
         if (!breaks.empty())
             say(fmt::format("what the frames show changes at frame {}: the difference to the frame "
                             "before is larger than the others; the scene or the camera moved",

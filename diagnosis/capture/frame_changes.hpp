@@ -3,6 +3,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "capture/sequence_scan.hpp"
 
 #include <cstddef>
 #include <vector>
@@ -18,6 +19,7 @@ namespace clsp {
 // levels, and frames that differ from the one before by more than the others do, count where the gap is as wide as a t
 // of 1e-6, and 8 times the scatter within.
 constexpr double kChanceOfFrameChange = 1e-6;
-std::vector<CaptureWarning> frame_changes(const Capture &capture, std::size_t sequence, double dark_level_dn);
+std::vector<CaptureWarning> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
+                                          double dark_level_dn);
 
 } // namespace clsp

@@ -1,5 +1,7 @@
 #include "capture/metadata_warnings.hpp"
 
+#include "capture/stored_sequence.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
@@ -36,8 +38,9 @@ constexpr std::size_t kLeastDots = 12; // static speckle makes single dots brigh
 
 class Warnings {
   public:
-    Warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries, const DarkLevel &dark)
-        : capture_(capture), layout_(capture.layout), summaries_(summaries), dark_(dark),
+    Warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
+             const std::vector<SequenceSummary> &summaries, const DarkLevel &dark)
+        : capture_(capture), layout_(capture.layout), scans_(scans), summaries_(summaries), dark_(dark),
           noise_(measured_noise(summaries)) {}
 
     std::vector<CaptureWarning> all() {
@@ -59,11 +62,12 @@ class Warnings {
     void motion();
     void codes();
     void geometry();
-    void dots_are_lit();
-    void border_dots_are_listed();
+    void dots_are_lit(std::size_t sequence);
+    void border_dots_are_listed(std::size_t sequence);
 
     const Capture &capture_;
     const CaptureLayout &layout_;
+    const std::vector<SequenceScan> &scans_;
     const std::vector<SequenceSummary> &summaries_;
     const DarkLevel &dark_;
     double noise_; // 0: not measured
@@ -152,8 +156,8 @@ void Warnings::motion() {
         const SequenceSummary &s = summaries_[i];
         if (!is_laser(s.scene) || s.frame_count < 2 || s.saturated_fraction > 0.2)
             continue;
-        const FrameChange change = frame_change(layout_, i, capture_.codes[i], s.level_above_dark_dn,
-                                                noise_ > 0.0 ? noise_ : layout_.read_noise_dn);
+        const FrameChange change =
+            frame_change(capture_, i, s.level_above_dark_dn, noise_ > 0.0 ? noise_ : layout_.read_noise_dn);
         if (!change.measured)
             continue;
         const bool board = s.scene == CaptureScene::kBoard;
@@ -177,18 +181,11 @@ void Warnings::motion() {
 }
 
 void Warnings::codes() {
-    const auto top = static_cast<std::uint16_t>(layout_.maximum_code());
     std::uint16_t all = 0, largest = 0;
     bool lit = false;
-    std::vector<std::uint16_t> ors;
-    for (const std::vector<std::uint16_t> &sequence : capture_.codes) {
-        std::uint16_t bits = 0;
-        for (const std::uint16_t code : sequence) {
-            bits = static_cast<std::uint16_t>(bits | (code == top ? 0 : code)); // clipping is no multiple of anything
-            largest = std::max(largest, code);
-        }
-        ors.push_back(bits);
-        all = static_cast<std::uint16_t>(all | bits);
+    for (const SequenceScan &scan : scans_) {
+        all = static_cast<std::uint16_t>(all | scan.bits);
+        largest = std::max(largest, scan.largest);
     }
     const auto shift_of = [](std::uint16_t bits) {
         unsigned shift = 0;
@@ -212,8 +209,8 @@ void Warnings::codes() {
         const SequenceSummary &s = summaries_[i];
         lit = lit || (s.scene != CaptureScene::kDark && s.level_above_dark_dn > 0.0);
         varied = varied || s.minimum != s.maximum;
-        if (shift == 0 && s.minimum != s.maximum && shift_of(ors[i]) >= 2)
-            warn(s.name, left(shift_of(ors[i])));
+        if (shift == 0 && s.minimum != s.maximum && shift_of(scans_[i].bits) >= 2)
+            warn(s.name, left(shift_of(scans_[i].bits)));
     }
     if (shift > 0 && varied) {
         warn("", left(shift));
@@ -265,12 +262,16 @@ void Warnings::geometry() {
                      "another: sigma_px is the width exp(-1/2) of a single dot, in pixels",
                      layout_.dots->sigma_px, pitch));
     }
-    dots_are_lit();
-    border_dots_are_listed();
+    for (std::size_t i = 0; i < summaries_.size(); ++i) {
+        if (summaries_[i].scene != CaptureScene::kDots || summaries_[i].level_above_dark_dn < 1.0)
+            continue;
+        dots_are_lit(i);
+        border_dots_are_listed(i);
+    }
 }
 
 // The light must be where the dots are.
-void Warnings::dots_are_lit() {
+void Warnings::dots_are_lit(std::size_t sequence) {
     std::vector<std::size_t> pixels;
     for (const auto &p : layout_.dots->positions_px)
         if (p[0] > 0.5 && p[0] < layout_.width - 1.5 && p[1] > 0.5 && p[1] < layout_.height - 1.5)
@@ -280,33 +281,28 @@ void Warnings::dots_are_lit() {
                         static_cast<double>(pixels.size()) / static_cast<double>(layout_.pixel_count());
     if (pixels.size() < kLeastDots || fill > 0.5)
         return;
-    for (std::size_t i = 0; i < summaries_.size(); ++i) {
-        const SequenceSummary &s = summaries_[i];
-        if (s.scene != CaptureScene::kDots || s.level_above_dark_dn < 1.0)
-            continue;
-        const std::vector<std::uint8_t> &mask = layout_.sequences[i].mask;
-        double sum = 0.0, count = 0.0;
-        for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
-            for (const std::size_t pixel : pixels)
-                if (mask.empty() || mask[pixel] != 0) {
-                    sum += capture_.codes[i][frame * layout_.pixel_count() + pixel];
-                    ++count;
-                }
-        if (count < static_cast<double>(kLeastDots * s.frame_count))
-            continue;
-        const double ratio = (sum / count - dark_.level_dn) / s.level_above_dark_dn;
-        // The peak of a Gaussian dot over the mean is 1 / fill. Blur, glare and ambient light leave a tenth of that
-        // excess and less.
-        if (ratio < 1.0 + 0.03 * (1.0 / fill - 1.0))
-            warn(s.name, fmt::format("the light is not where /dots/positions_px says: at the dots it is {:.2f} times "
-                                     "the mean, {:.1f} is "
-                                     "expected. Are x and y exchanged, or the positions of another image?",
-                                     ratio, 1.0 / fill));
-    }
+    const SequenceSummary &s = summaries_[sequence];
+    const std::vector<std::uint8_t> &mask = layout_.sequences[sequence].mask;
+    double sum = 0.0, count = 0.0;
+    for (const std::size_t pixel : pixels)
+        if (mask.empty() || mask[pixel] != 0) {
+            sum += scans_[sequence].sums[pixel];
+            count += s.frame_count;
+        }
+    if (count < static_cast<double>(kLeastDots * s.frame_count))
+        return;
+    const double ratio = (sum / count - dark_.level_dn) / s.level_above_dark_dn;
+    // The peak of a Gaussian dot over the mean is 1 / fill. Blur, glare and ambient light leave a tenth of that
+    // excess and less.
+    if (ratio < 1.0 + 0.03 * (1.0 / fill - 1.0))
+        warn(s.name, fmt::format("the light is not where /dots/positions_px says: at the dots it is {:.2f} times "
+                                 "the mean, {:.1f} is "
+                                 "expected. Are x and y exchanged, or the positions of another image?",
+                                 ratio, 1.0 / fill));
 }
 
 // Dots whose centres lie near the border or outside of the image are easily left out of a list. Their light is a gap.
-void Warnings::border_dots_are_listed() {
+void Warnings::border_dots_are_listed(std::size_t sequence) {
     const std::uint32_t width = layout_.width, height = layout_.height;
     const double sigma = layout_.dots->sigma_px;
     const auto strip = static_cast<std::uint32_t>(std::ceil(2.0 * sigma));
@@ -322,37 +318,31 @@ void Warnings::border_dots_are_listed() {
             for (std::uint32_t x = clamped(p[0] - reach, width); x < clamped(p[0] + reach + 1.0, width); ++x)
                 if (std::hypot(x - p[0], y - p[1]) <= reach)
                     near_dot[std::size_t{y} * width + x] = 1;
-    for (std::size_t i = 0; i < summaries_.size(); ++i) {
-        const SequenceSummary &s = summaries_[i];
-        if (s.scene != CaptureScene::kDots || s.level_above_dark_dn < 1.0)
-            continue;
-        const std::vector<std::uint8_t> &mask = layout_.sequences[i].mask;
-        double sums[2] = {0.0, 0.0}; // between the dots within the image, at its border
-        std::size_t counts[2] = {0, 0};
-        for (std::uint32_t y = 0; y < height; ++y)
-            for (std::uint32_t x = 0; x < width; ++x) {
-                const std::size_t pixel = std::size_t{y} * width + x;
-                if (near_dot[pixel] || (!mask.empty() && mask[pixel] == 0))
-                    continue;
-                const bool at_border = std::min(std::min(x, width - 1 - x), std::min(y, height - 1 - y)) < strip;
-                for (std::uint32_t frame = 0; frame < s.frame_count; ++frame)
-                    sums[at_border] += capture_.codes[i][frame * layout_.pixel_count() + pixel];
-                ++counts[at_border];
-            }
-        if (std::min(counts[0], counts[1]) < kLeastBetween)
-            continue;
-        double light[2];
-        for (int k = 0; k < 2; ++k)
-            light[k] =
-                (sums[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
-        if (light[1] - light[0] > kUnlistedLight)
-            warn(s.name,
-                 fmt::format(
-                     "along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
-                     "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
-                     "those centred outside of it, or mask the border",
-                     light[1], light[0]));
-    }
+    const SequenceSummary &s = summaries_[sequence];
+    const std::vector<std::uint8_t> &mask = layout_.sequences[sequence].mask;
+    double light[2] = {0.0, 0.0}; // between the dots within the image, at its border
+    std::size_t counts[2] = {0, 0};
+    for (std::uint32_t y = 0; y < height; ++y)
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::size_t pixel = std::size_t{y} * width + x;
+            if (near_dot[pixel] || (!mask.empty() && mask[pixel] == 0))
+                continue;
+            const bool at_border = std::min(std::min(x, width - 1 - x), std::min(y, height - 1 - y)) < strip;
+            light[at_border] += scans_[sequence].sums[pixel];
+            ++counts[at_border];
+        }
+    if (std::min(counts[0], counts[1]) < kLeastBetween)
+        return;
+    for (int k = 0; k < 2; ++k)
+        light[k] =
+            (light[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
+    if (light[1] - light[0] > kUnlistedLight)
+        warn(s.name,
+             fmt::format(
+                 "along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
+                 "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
+                 "those centred outside of it, or mask the border",
+                 light[1], light[0]));
 }
 
 } // namespace
@@ -367,19 +357,20 @@ double measured_noise(const std::vector<SequenceSummary> &summaries) {
     return count > 0.0 ? std::sqrt(variance / count) : 0.0;
 }
 
-FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, const std::vector<std::uint16_t> &codes,
-                         double level_above_dark_dn, double noise_dn) {
+FrameChange frame_change(const Capture &capture, std::size_t sequence, double level_above_dark_dn, double noise_dn) {
     FrameChange result;
-    const SequenceLayout &s = layout.sequences[sequence];
-    const std::size_t pixels = layout.pixel_count();
+    const SequenceLayout &s = capture.layout.sequences[sequence];
+    const std::size_t pixels = capture.layout.pixel_count();
     if (s.frame_count < 2)
         return result;
     const double noise_square = noise_dn * noise_dn;
     double spatial = 0.0;
+    std::vector<std::uint16_t> rooms[2];
     // Half the mean square of the difference of two frames, the difference of their means taken out: the variance that
     // is new.
     const auto half_square = [&](std::uint32_t a, std::uint32_t b) {
-        const std::uint16_t *first = codes.data() + a * pixels, *second = codes.data() + b * pixels;
+        const std::uint16_t *first = frame_of(capture, sequence, a, rooms[0]);
+        const std::uint16_t *second = frame_of(capture, sequence, b, rooms[1]);
         double n = 0.0, sum = 0.0, square = 0.0, mean = 0.0, frame_square = 0.0;
         for (std::size_t i = 0; i < pixels; ++i) {
             if (!s.mask.empty() && s.mask[i] == 0)
@@ -416,9 +407,9 @@ FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, cons
     return result;
 }
 
-std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
-                                              const DarkLevel &dark) {
-    return Warnings(capture, summaries, dark).all();
+std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
+                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark) {
+    return Warnings(capture, scans, summaries, dark).all();
 }
 
 } // namespace clsp

@@ -10,9 +10,9 @@ namespace clsp {
 // How far a dot's light reaches, in its sigma.
 constexpr double kDotReach = 4.0;
 
-// Of a valid capture and the summaries of its sequences. Nothing here stops a diagnosis.
-std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceSummary> &summaries,
-                                              const DarkLevel &dark);
+// Of a valid capture, the scans and the summaries of its sequences. Nothing here stops a diagnosis.
+std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
+                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark);
 
 // Read noise that dark frames show, in DN; 0 without two of them, or where their codes never change.
 double measured_noise(const std::vector<SequenceSummary> &summaries);
@@ -24,7 +24,6 @@ struct FrameChange {
     double successive = 0.0; // from one frame to the next
     double distant = 0.0; // between frames half a sequence apart; that of successive ones if there are fewer than four
 };
-FrameChange frame_change(const CaptureLayout &layout, std::size_t sequence, const std::vector<std::uint16_t> &codes,
-                         double level_above_dark_dn, double noise_dn);
+FrameChange frame_change(const Capture &capture, std::size_t sequence, double level_above_dark_dn, double noise_dn);
 
 } // namespace clsp

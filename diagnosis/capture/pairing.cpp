@@ -107,17 +107,16 @@ std::vector<std::uint8_t> common_mask(const std::vector<std::uint8_t> &a, const 
 
 } // namespace
 
-PairedCaptures pair_captures(const Capture &real, const Capture &sim) {
+PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice) {
     check_frames(real.layout, sim.layout);
     PairedCaptures result;
     result.notes = description_notes(real.layout, sim.layout, result.dots_apart);
-    result.real.layout = real.layout;
-    result.sim.layout = sim.layout;
-    result.real.layout.sequences.clear();
-    result.sim.layout.sequences.clear();
+    CaptureLayout paired = real.layout;
+    paired.sequences.clear();
+    std::vector<std::size_t> real_numbers, sim_numbers;
     const auto partners = partners_of(real.layout, sim.layout);
-    std::vector<bool> used(sim.codes.size(), false);
-    for (std::size_t r = 0; r < real.codes.size(); ++r) {
+    std::vector<bool> used(sim.layout.sequences.size(), false);
+    for (std::size_t r = 0; r < real.layout.sequences.size(); ++r) {
         const SequenceLayout &a = real.layout.sequences[r];
         if (!partners[r]) {
             result.real_alone.push_back(a.name);
@@ -146,11 +145,9 @@ PairedCaptures pair_captures(const Capture &real, const Capture &sim) {
                 Status::kInvalidArgument,
                 fmt::format("the masks of {} and {} together leave no pixel; both must show the same part of the scene",
                             a.name, b.name));
-        result.real.layout.sequences.push_back(layout);
-        result.sim.layout.sequences.push_back(layout);
-        const auto end = std::ptrdiff_t(pair.frames * real.layout.pixel_count());
-        result.real.codes.emplace_back(real.codes[r].begin(), real.codes[r].begin() + end);
-        result.sim.codes.emplace_back(sim.codes[s].begin(), sim.codes[s].begin() + end);
+        paired.sequences.push_back(std::move(layout));
+        real_numbers.push_back(r);
+        sim_numbers.push_back(s);
         result.pairs.push_back(std::move(pair));
     }
     for (std::size_t s = 0; s < used.size(); ++s)
@@ -161,6 +158,11 @@ PairedCaptures pair_captures(const Capture &real, const Capture &sim) {
                     "no sequence of the real set has a partner of the same scene and motion in the simulated set; "
                     "render the same "
                     "scenes (dark, flat, board, dots; static or moving) as the camera recorded");
+    result.part = choose_part(paired, choice);
+    result.real = take_part(real, real_numbers, paired.sequences, result.part);
+    result.sim = take_part(sim, sim_numbers, paired.sequences, result.part);
+    for (std::size_t i = 0; i < result.pairs.size(); ++i)
+        result.pairs[i].frames = result.part.sequences[i].frames();
     return result;
 }
 

@@ -1,7 +1,7 @@
 // Two capture sets of the same scenes: which sequence belongs to which.
 #pragma once
 
-#include "capture/capture.hpp"
+#include "capture/judged_part.hpp"
 
 #include <cstdint>
 #include <string>
@@ -21,6 +21,7 @@ struct PairedCaptures {
     // Sequence for sequence the same layout (the real set's, with the pixels that neither mask leaves out) and number
     // of frames.
     Capture real, sim;
+    JudgedPart part; // of the real set; the same window and numbers of frames of the simulated one
     std::vector<SequencePair> pairs;
     std::vector<std::string> real_alone, sim_alone; // names of sequences without a partner
     std::vector<std::string> notes;                 // what differs in the descriptions
@@ -29,6 +30,6 @@ struct PairedCaptures {
 
 // By name where scene and motion agree, else by scene and motion, f-number before order. Throws kInvalidArgument where
 // the frames cannot be compared at all: sizes or bits that differ, no pair.
-PairedCaptures pair_captures(const Capture &real, const Capture &sim);
+PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice = {});
 
 } // namespace clsp

@@ -177,12 +177,24 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
                     "a stack), or take the sequence out",
                     description, field, frame_formats("or"));
     for (const std::string &one : files)
-        parts_.push_back(Part{one, reading([&] { return image_io::open(one)->info(); }, advice)});
+        parts_.push_back(reading([&] { return part_of(one); }, advice));
 }
 
-std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
+SequenceFiles::Part SequenceFiles::part_of(const std::string &path) const {
+    Part part;
+    part.path = path;
+    part.info = image_io::open(path)->info();
+    std::error_code ignored; // it could be opened
+    part.size_bytes = fs::file_size(path, ignored);
+    part.changed = fs::last_write_time(path, ignored);
+    return part;
+}
+
+std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
+    width_ = layout.width;
+    bits_ = layout.bits;
     std::uint64_t frames = 0;
-    for (const Part &part : parts_) {
+    for (Part &part : parts_) {
         const image_io::Info &info = part.info;
         const auto refuse = [&](const std::string &what) {
             throw Error(Status::kInvalidData, fmt::format("{}: {}", part.path, what));
@@ -212,6 +224,7 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) const {
                                info.width == layout.height && info.height == layout.width
                                    ? "; the two sides are exchanged: an array is (frames, height, width)"
                                    : ": correct /camera/width and /camera/height, or name frames of that size"));
+        part.first_frame = frames;
         frames += info.frame_count;
         if (frames > kMaxCaptureFrames)
             throw Error(Status::kInvalidData,
@@ -235,46 +248,61 @@ std::vector<std::string> SequenceFiles::oddities() const {
     return result;
 }
 
-std::vector<std::uint16_t> SequenceFiles::read(const CaptureLayout &layout,
-                                               const std::function<void()> &frame_read) const {
-    std::vector<std::uint16_t> codes;
-    codes.reserve(static_cast<std::size_t>(check(layout)) * layout.pixel_count());
-    const auto maximum = static_cast<float>(layout.maximum_code());
-    std::uint64_t number = 0; // of a frame in the sequence
-    for (const Part &part : parts_) {
-        const auto reader = reading([&] { return image_io::open(part.path); });
-        if (reader->info().width != layout.width || reader->info().height != layout.height ||
-            reader->info().channels != 1)
-            throw Error(Status::kIo, fmt::format("{}: changed while it was read", part.path));
-        for (std::uint64_t frame = 0; frame < part.info.frame_count; ++frame, ++number) {
-            std::uint32_t y = 0;
-            reading([&] {
-                reader->read_rows(frame, [&](const float *row) {
-                    for (std::uint32_t x = 0; x < layout.width; ++x) {
-                        if (!(row[x] <= maximum)) {
-                            std::uint32_t bits = layout.bits;
-                            while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
-                                ++bits;
-                            throw Error(
-                                Status::kInvalidData,
-                                fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is "
-                                            "{}, so that {} is the "
-                                            "top code. Set bits to {} or more, or shift the codes down if the "
-                                            "camera stores them in "
-                                            "the upper bits",
-                                            part.path, number, single_ ? "" : " of the sequence", x, y, row[x],
-                                            layout.bits, maximum, bits));
-                        }
-                        codes.push_back(static_cast<std::uint16_t>(row[x]));
-                    }
-                    ++y;
-                });
-            });
-            if (frame_read)
-                frame_read();
-        }
+image_io::Reader &SequenceFiles::reader_of(std::size_t part) const {
+    if (reader_ && open_part_ == part)
+        return *reader_;
+    reader_.reset();
+    const Part &was = parts_[part];
+    const Part is = reading([&] { return part_of(was.path); });
+    if (is.size_bytes != was.size_bytes || is.changed != was.changed)
+        throw Error(Status::kIo,
+                    fmt::format("{}: changed after the capture was opened; open it again once its files are complete",
+                                was.path));
+    reader_ = reading([&] { return image_io::open(was.path); });
+    open_part_ = part;
+    return *reader_;
+}
+
+void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint32_t row_count,
+                         std::uint16_t *to) const {
+    struct Enough {}; // rows below are not asked for
+    const std::lock_guard<std::mutex> lock(reading_);
+    const auto next = std::upper_bound(parts_.begin(), parts_.end(), frame,
+                                       [](std::uint64_t f, const Part &part) { return f < part.first_frame; });
+    const Part &part = *std::prev(next);
+    image_io::Reader &reader = reader_of(static_cast<std::size_t>(&part - parts_.data()));
+    const std::uint32_t maximum = (1u << bits_) - 1;
+    std::uint32_t y = 0;
+    const auto take = [&](const float *row) {
+        if (y == first_row + row_count)
+            throw Enough();
+        if (y >= first_row)
+            for (std::uint32_t x = 0; x < width_; ++x, ++to) {
+                if (!(row[x] <= static_cast<float>(maximum))) {
+                    std::uint32_t bits = bits_;
+                    while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
+                        ++bits;
+                    throw Error(Status::kInvalidData,
+                                fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, "
+                                            "so that {} is the top code. Set bits to {} or more, or shift the codes "
+                                            "down if the camera stores them in the upper bits",
+                                            part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], bits_,
+                                            maximum, bits));
+                }
+                *to = static_cast<std::uint16_t>(row[x]);
+            }
+        ++y;
+    };
+    try {
+        reading([&] { reader.read_rows(frame - part.first_frame, take); });
+    } catch (const Enough &) {
+        reader_.reset(); // it stopped within a frame
+    } catch (...) {
+        reader_.reset();
+        throw;
     }
-    return codes;
+    if (frame + 1 == parts_.back().first_frame + parts_.back().info.frame_count)
+        reader_.reset(); // a capture may have more sequences than a process open files
 }
 
 std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,

@@ -1,12 +1,13 @@
 // The files of one sequence: a stack, or frames, in formats that hold codes (io/formats.hpp).
 #pragma once
 
-#include "capture/capture.hpp"
+#include "capture/stored_sequence.hpp"
 #include "io/formats.hpp"
 
 #include <cstdint>
-#include <functional>
+#include <filesystem>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ std::string frame_formats(const char *word);
 bool natural_less(const std::string &a, const std::string &b);
 
 // Files of a sequence, found and looked at but not read yet, so that sizes can be checked before memory is taken.
-class SequenceFiles {
+class SequenceFiles final : public CodeFiles {
   public:
     // folder: of capture.json; file: what it says for the sequence, a path that stays in the folder. Throws kIo if
     // nothing is there. field: for messages.
@@ -29,20 +30,29 @@ class SequenceFiles {
     // What messages call it: the file itself, or the folder or pattern.
     const std::string &name() const { return name_; }
     // Checks size and type against the camera; throws kInvalidData naming the file. Gives the number of frames.
-    std::uint64_t check(const CaptureLayout &layout) const;
+    std::uint64_t check(const CaptureLayout &layout);
     // After check(): what is odd about the files, for example bytes behind an array.
     std::vector<std::string> oddities() const;
-    // After check(): all frames. Throws kIo for damaged data, kInvalidData for values that are no codes.
-    std::vector<std::uint16_t> read(const CaptureLayout &layout, const std::function<void()> &frame_read = {}) const;
+    void read(std::uint32_t frame, std::uint32_t first_row, std::uint32_t row_count, std::uint16_t *to) const override;
 
   private:
     struct Part {
         std::string path;
         image_io::Info info;
+        std::uintmax_t size_bytes = 0;
+        std::filesystem::file_time_type changed;
+        std::uint64_t first_frame = 0; // in the sequence
     };
+    Part part_of(const std::string &path) const;
+    image_io::Reader &reader_of(std::size_t part) const;
+
     std::string name_;
     bool single_ = true; // one file that was named itself
     std::vector<Part> parts_;
+    std::uint32_t width_ = 0, bits_ = 0; // of check()
+    mutable std::mutex reading_;
+    mutable std::unique_ptr<image_io::Reader> reader_; // of the part that was read last
+    mutable std::size_t open_part_ = 0;
 };
 
 // height * width values of an 8-bit image; throws kIo or kInvalidData naming the file. description, field: where

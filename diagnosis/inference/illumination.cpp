@@ -14,8 +14,9 @@
 namespace clsp {
 namespace {
 
-// Blocks of pixels across the longer side: wide against the grain of speckle, narrow against what is smooth.
-constexpr std::size_t kBlocks = 12;
+// Blocks of pixels across the longer side, and at least across the shorter one: wide against the grain of speckle,
+// narrow against what is smooth.
+constexpr std::size_t kBlocks = 12, kLeastBlocks = 6;
 constexpr std::size_t kLeastBlockPx = 8;
 constexpr int kDegree = 2, kHighDegree = 4;
 constexpr double kCertain = 1e-4; // of chance
@@ -28,16 +29,13 @@ using Blocks = Eigen::ArrayXXd; // rows, columns
 struct Grid {
     explicit Grid(const CaptureLayout &layout)
         : width(layout.width), height(layout.height),
-          block(std::max(kLeastBlockPx, (std::max(width, height) + kBlocks - 1) / kBlocks)),
-          columns(std::max<std::size_t>(1, width / block)), rows(std::max<std::size_t>(1, height / block)),
-          origin(layout.principal_point_px) {
-        for (const double x : {0.0, double(width) - 1.0})
-            for (const double y : {0.0, double(height) - 1.0})
-                unit = std::max(unit, std::hypot(x - origin[0], y - origin[1]));
-    }
+          block(std::max(kLeastBlockPx, std::min((std::max(width, height) + kBlocks - 1) / kBlocks,
+                                                 std::min(width, height) / kLeastBlocks))),
+          columns(width / block), rows(height / block), origin(layout.principal_point_px),
+          unit(std::max(1.0, layout.farthest_corner_px())) {}
     std::size_t width, height, block, columns, rows;
     std::array<double, 2> origin;
-    double unit = 1.0;
+    double unit;
 
     double x(Eigen::Index column) const { return ((double(column) + 0.5) * double(block) - 0.5 - origin[0]) / unit; }
     double y(Eigen::Index row) const { return ((double(row) + 0.5) * double(block) - 0.5 - origin[1]) / unit; }
@@ -64,8 +62,10 @@ Blocks block_means(const Grid &grid, const CaptureLayout &layout, std::size_t se
 }
 
 // 1, then the terms of SmoothLight.
-Eigen::RowVectorXd terms(double x, double y, int degree) {
-    Eigen::RowVectorXd result((degree + 1) * (degree + 2) / 2);
+constexpr int kMostTerms = (kHighDegree + 1) * (kHighDegree + 2) / 2;
+using Terms = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, kMostTerms>;
+Terms terms(double x, double y, int degree) {
+    Terms result((degree + 1) * (degree + 2) / 2);
     Eigen::Index k = 0;
     for (int d = 0; d <= degree; ++d)
         for (int j = 0; j <= d; ++j)
@@ -90,20 +90,25 @@ Fit fit(const Grid &grid, const Blocks &light, int degree) {
         for (Eigen::Index c = 0; c < light.cols(); ++c) {
             if (!std::isfinite(light(r, c)))
                 continue;
-            const Eigen::RowVectorXd row = terms(grid.x(c), grid.y(r), degree);
-            normal += row.transpose() * row;
+            const Terms row = terms(grid.x(c), grid.y(r), degree);
+            normal.noalias() += row.transpose() * row;
             right += row.transpose() * light(r, c);
             ++used;
         }
     Fit result;
     result.freedom = used - double(count);
-    const Eigen::LDLT<Eigen::MatrixXd> factors(normal);
+    // Terms of a strip differ by orders of magnitude.
+    const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = normal.cwiseProduct(scale * scale.transpose());
+    const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
     if (result.freedom < double(count) || factors.info() != Eigen::Success || factors.rcond() < 1e-12) {
         result.freedom = 0.0;
         return result;
     }
-    result.coefficients = factors.solve(right);
-    result.inverse = factors.solve(Eigen::MatrixXd::Identity(count, count));
+    const Eigen::VectorXd scaled_right = right.cwiseProduct(scale), solution = factors.solve(scaled_right);
+    const Eigen::MatrixXd scaled_inverse = factors.solve(Eigen::MatrixXd::Identity(count, count));
+    result.coefficients = solution.cwiseProduct(scale);
+    result.inverse = scaled_inverse.cwiseProduct(scale * scale.transpose());
     result.residual = Blocks::Zero(light.rows(), light.cols());
     for (Eigen::Index r = 0; r < light.rows(); ++r)
         for (Eigen::Index c = 0; c < light.cols(); ++c)
@@ -132,13 +137,20 @@ double p_of_terms(const Fit &fewer, const Fit &more) {
 struct FallOff {
     double loss = 0.0, error = 0.0;
 };
-FallOff fall_off(const Fit &quadratic, double variance) {
+// in_window: by the curvature that the window tells best, as a strip hardly tells that across it.
+FallOff fall_off(const Fit &quadratic, double variance, bool in_window) {
     // 1, x, y, x^2, x y, y^2
     const double axis = quadratic.coefficients[0];
-    Eigen::VectorXd half = Eigen::VectorXd::Zero(quadratic.coefficients.size());
-    half[3] = half[5] = 0.5;
-    return {-half.dot(quadratic.coefficients) / axis,
-            std::sqrt(variance * half.dot(quadratic.inverse * half)) / std::abs(axis)};
+    Eigen::VectorXd part = Eigen::VectorXd::Zero(quadratic.coefficients.size());
+    part[3] = part[5] = 0.5;
+    if (in_window) {
+        // The mean of least variance.
+        const double x = quadratic.inverse(3, 3), y = quadratic.inverse(5, 5), both = quadratic.inverse(3, 5);
+        part[3] = (y - both) / (x + y - 2.0 * both);
+        part[5] = 1.0 - part[3];
+    }
+    return {-part.dot(quadratic.coefficients) / axis,
+            std::sqrt(variance * part.dot(quadratic.inverse * part)) / std::abs(axis)};
 }
 
 // A kind of light: its sequences, and the light of the blocks over its mean.
@@ -293,7 +305,7 @@ LabLights measure_lab_lights(const Capture &capture) {
         kind.light = light / weights;
         const Fit quadratic = fit(grid, kind.light, kDegree);
         const double variance = variance_of(fit(grid, kind.light, kHighDegree));
-        losses.push_back(fall_off(quadratic, variance));
+        losses.push_back(fall_off(quadratic, variance, layout.window.has_value()));
         slopes.push_back(slope_of(quadratic, variance));
         measured.push_back(std::move(kind));
     }
@@ -315,7 +327,7 @@ LabLights measure_lab_lights(const Capture &capture) {
         const Slope slope = slope_of(quadratic, variance);
         found.slope = {slope.slope[0], slope.slope[1]};
         found.slope_error = {std::sqrt(slope.covariance(0, 0)), std::sqrt(slope.covariance(1, 1))};
-        const FallOff left = fall_off(quadratic, variance);
+        const FallOff left = fall_off(quadratic, variance, layout.window.has_value());
         found.corner_loss = left.loss;
         found.corner_loss_error = left.error;
         const double p_quadratic = p_of_terms(even, quadratic), p_high = p_of_terms(quadratic, high);

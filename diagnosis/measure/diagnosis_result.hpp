@@ -1,6 +1,7 @@
 // What a diagnosis is asked, and what it finds: gap, place, cause, shrinkage.
 #pragma once
 
+#include "capture/judged_part.hpp"
 #include "inference/illumination.hpp"
 #include "inference/search.hpp"
 #include "inference/shrinkage.hpp"
@@ -10,6 +11,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,7 @@ struct DiagnosisOptions {
     std::vector<Hypothesis> hypotheses;
     std::uint32_t max_effects = 16;
     unsigned threads = 0;             // of the statistics; 0: as many as the machine has
+    PartChoice part;                  // of the capture that is judged
     ProgressFunction progress;
     bool evidence = true;             // pictures and curves for the HTML report are collected
 };
@@ -116,6 +119,7 @@ struct DiagnosisResult {
     std::vector<std::string> judged, left_out, untested_topics, untested_effects;
     // Every sequence with light was left out: the verdict is about dark frames, and speaks of no light.
     bool no_light_judged = false;
+    std::optional<JudgedPart> part; // that was judged; none: the whole capture, but for what was left out
     // What the search asked for, in whole simulated captures without effects; whether it ended there with more to try.
     double work_captures = 0.0;
     bool ended_early = false;

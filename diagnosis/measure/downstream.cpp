@@ -154,7 +154,7 @@ Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *si
     if (versions < 3 || !(errors[2].count > 0.0))
         errors[2] = errors[1];
     // dz = z^2 dx / (b f): z m, dx px along the baseline, b m, f px.
-    const double depth_mm = 1e3 * kDepthDistance * kDepthDistance / (kDepthBaseline * double(layout.width));
+    const double depth_mm = 1e3 * kDepthDistance * kDepthDistance / (kDepthBaseline * double(layout.image_width()));
     result.valid = true;
     result.real = errors[0].rms();
     result.before = errors[1].rms();
@@ -165,7 +165,7 @@ Downstream measure_downstream(const CaptureLayout &layout, const CaptureDots *si
     result.depth_assumption = fmt::format("depth z = {:g} m, baseline b = {:g} mm along the rows, focal length f = {} "
                                           "px (the image's width: a field of view "
                                           "of 53 degrees); dz = z^2 dx / (b f)",
-                                          kDepthDistance, 1e3 * kDepthBaseline, layout.width);
+                                          kDepthDistance, 1e3 * kDepthBaseline, layout.image_width());
     return result;
 }
 

@@ -121,6 +121,24 @@ Json datasheet_json(const DatasheetQuantities &datasheet) {
             {"photon_transfer", transfer}};
 }
 
+Json part_json(const JudgedPart &part) {
+    Json used = Json::array();
+    for (const JudgedPart::Sequence &sequence : part.sequences) {
+        Json runs = Json::array();
+        for (const FrameRun &run : sequence.runs)
+            runs.push_back({{"first", run.first}, {"count", run.count}});
+        used.push_back({{"sequence", sequence.name},
+                        {"frames", sequence.frames()},
+                        {"of", sequence.frame_count},
+                        {"runs", runs},
+                        {"x", part.window.x},
+                        {"y", part.window.y},
+                        {"width", part.window.width},
+                        {"height", part.window.height}});
+    }
+    return used;
+}
+
 // An effect's parameters rest on the others and on the model of each scene that it acts on.
 bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs) {
     return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
@@ -288,6 +306,8 @@ std::string report_json(const DiagnosisResult &result) {
                           {"effects_not_visible", result.untested_effects},
                           {"questions_open", result.untested_topics},
                           {"judged", !result.no_light_judged}};
+    if (result.part)
+        report["coverage"]["used"] = part_json(*result.part);
     if (!result.calibration.light.empty()) {
         report["calibration"] = calibration_json(result.calibration);
         if (!result.calibration_after.light.empty())

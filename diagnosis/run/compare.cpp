@@ -110,9 +110,9 @@ void add_notes(const PairedCaptures &captures, const Comparison &comparison, Dia
         result.notes.push_back("without a partner in the real set: " + joined(comparison.sim_alone));
     for (const SequencePair &pair : comparison.pairs)
         if (pair.real_frames != pair.sim_frames)
-            result.notes.push_back(
-                fmt::format("{} has {} frames, {} of the simulated set {}: the first {} of both are compared",
-                            pair.real, pair.real_frames, pair.sim, pair.sim_frames, pair.frames));
+            result.notes.push_back(fmt::format(
+                "{} has {} frames, {} of the simulated set {}: the first {} of both are compared", pair.real,
+                pair.real_frames, pair.sim, pair.sim_frames, std::min(pair.real_frames, pair.sim_frames)));
     const ReadNoiseComparison &noise = comparison.read_noise;
     if (noise.added_dn > 0.0)
         result.notes.push_back(fmt::format(
@@ -168,27 +168,38 @@ FoldStatistics change_by_lattice(const std::shared_ptr<Context> &context, const 
 }
 
 // Levels of both sets are measured from their dark sequences.
-void check_dark(const Capture &capture, const char *set) {
-    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
-        const SequenceLayout &sequence = capture.layout.sequences[s];
-        if (sequence.scene != CaptureScene::kDark || capture.codes[s].empty())
-            continue;
-        const auto &codes = capture.codes[s];
-        const std::size_t pixels = capture.layout.pixel_count();
-        std::size_t white = 0, counted = 0;
-        for (std::size_t i = 0; i < codes.size(); ++i) {
-            if (!sequence.mask.empty() && sequence.mask[i % pixels] == 0)
-                continue;
-            ++counted;
-            white += codes[i] == capture.layout.maximum_code();
-        }
-        const double share = counted ? static_cast<double>(white) / static_cast<double>(counted) : 0.0;
-        if (share > kMostClipped)
+void check_dark(const CaptureLayout &layout, const std::vector<SequenceScan> &scans, const char *set) {
+    for (std::size_t s = 0; s < scans.size(); ++s) {
+        const SequenceLayout &sequence = layout.sequences[s];
+        const double counted = double(scans[s].pixels) * sequence.frame_count;
+        const double share = counted > 0.0 ? double(scans[s].saturated) / counted : 0.0;
+        if (sequence.scene == CaptureScene::kDark && share > kMostClipped)
             throw Error(Status::kInvalidData,
                         fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
                                     "record it with the lens covered, correct camera.bits, or leave it out",
                                     sequence.name, set, 100.0 * share));
     }
+}
+
+// The dark sequences, also those without a partner, as far as they are judged.
+Capture darks_of(const Capture &capture, PartChoice choice, const PixelWindow &window) {
+    CaptureLayout darks = capture.layout;
+    darks.sequences.clear();
+    std::vector<std::size_t> numbers;
+    for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s)
+        if (capture.layout.sequences[s].scene == CaptureScene::kDark) {
+            darks.sequences.push_back(capture.layout.sequences[s]);
+            numbers.push_back(s);
+        }
+    choice.whole_image = false;
+    choice.window = window;
+    return take_part(capture, numbers, darks.sequences, choose_part(darks, choice));
+}
+
+std::size_t number_of(const CaptureLayout &layout, const std::string &name) {
+    const auto found = std::find_if(layout.sequences.begin(), layout.sequences.end(),
+                                    [&](const SequenceLayout &s) { return s.name == name; });
+    return static_cast<std::size_t>(found - layout.sequences.begin());
 }
 
 } // namespace
@@ -203,10 +214,14 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     std::vector<Candidate> all = candidates({}, options.without);
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     auto comparison = std::make_shared<Comparison>();
-    check_dark(real, "real");
-    check_dark(sim, "simulated");
-    PairedCaptures captures = pair_captures(real, sim);
-    comparison->read_noise = level_captures(captures, camera_levels(real), camera_levels(sim), first_seed);
+    const std::vector<SequenceScan> real_scans = scan_capture(real), sim_scans = scan_capture(sim);
+    check_dark(real.layout, real_scans, "real");
+    check_dark(sim.layout, sim_scans, "simulated");
+    PairedCaptures captures = pair_captures(real, sim, options.part);
+    const auto levels_of = [&](const Capture &capture) {
+        return camera_levels(darks_of(capture, options.part, captures.part.window));
+    };
+    comparison->read_noise = level_captures(captures, levels_of(real), levels_of(sim), first_seed);
     scale_to_camera(all, real.layout, comparison->read_noise.real.read_noise_dn);
     comparison->pairs = captures.pairs;
     comparison->real_alone = captures.real_alone;
@@ -214,6 +229,11 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     DiagnosisResult result;
     result.seed = options.seed;
     result.level = options.level;
+    if (!captures.part.is_whole()) {
+        result.part = captures.part;
+        captures.notes.push_back(fmt::format("compared were {}: --window and --frames choose otherwise",
+                                             part_text(captures.part)));
+    }
     for (const SequencePair &pair : captures.pairs)
         result.judged.push_back(pair.real);
     for (const SequenceLayout &sequence : real.layout.sequences)
@@ -282,8 +302,10 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const bool noise_gap = noise_p <= options.level;
     // A sequence that is not of one scene, where the other set's is.
     for (std::size_t s = 0; s < captures.pairs.size(); ++s) {
-        auto of_real = frame_changes(captures.real, s, dark_level(captures.real).level_dn);
-        auto of_sim = frame_changes(captures.sim, s, dark_level(captures.sim).level_dn);
+        const std::size_t r = number_of(real.layout, captures.pairs[s].real);
+        const std::size_t of = number_of(sim.layout, captures.pairs[s].sim);
+        auto of_real = frame_changes(real.layout, r, real_scans[r], dark_level(real.layout, real_scans).level_dn);
+        auto of_sim = frame_changes(sim.layout, of, sim_scans[of], dark_level(sim.layout, sim_scans).level_dn);
         if (of_real.empty() == of_sim.empty())
             continue;
         for (CaptureWarning &change : of_sim)

@@ -66,12 +66,9 @@ std::uint32_t pool_seeds_of(const Capture &capture) {
     return static_cast<std::uint32_t>(std::clamp(std::ceil(kUsualPixels / pixels), kLeastSeeds, kMostSeeds));
 }
 
-// The capture without what cannot be judged; notes say what and why. kept: the summaries of the sequences that stay.
-Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::vector<SequenceSummary> &kept,
-                  DiagnosisResult &result) {
-    Capture judged;
-    judged.layout = capture.layout;
-    judged.layout.sequences.clear();
+// Numbers of the sequences that can be judged; notes say what cannot, and why.
+std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary &summary, DiagnosisResult &result) {
+    std::vector<std::size_t> judged;
     const auto has_light = [](const SequenceSummary &seen) {
         return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kLeastLightDn &&
                seen.saturated_fraction <= kMostClipped;
@@ -103,11 +100,31 @@ Capture judgeable(const Capture &capture, const CaptureSummary &summary, std::ve
             continue;
         }
         result.judged.push_back(sequence.name);
-        judged.layout.sequences.push_back(sequence);
-        judged.codes.push_back(capture.codes[s]);
-        kept.push_back(seen);
+        judged.push_back(s);
     }
     return judged;
+}
+
+// What is judged of those sequences.
+Capture judged_part(const Capture &capture, const std::vector<std::size_t> &sequences, const PartChoice &choice,
+                    DiagnosisResult &result) {
+    CaptureLayout layout = capture.layout;
+    layout.sequences.clear();
+    for (const std::size_t s : sequences)
+        layout.sequences.push_back(capture.layout.sequences[s]);
+    const JudgedPart part = choose_part(layout, choice);
+    if (!part.is_whole()) {
+        result.part = part;
+        result.notes.push_back(fmt::format("judged were {}: they have the power that a verdict needs. Levels, saturation and "
+                                           "changes between frames are those of all; --window and --frames choose "
+                                           "otherwise",
+                                           part_text(part)));
+    }
+    return take_part(capture, sequences, layout.sequences, part);
+}
+
+bool in_memory(const Capture &capture) {
+    return std::none_of(capture.stored.begin(), capture.stored.end(), [](const auto &stored) { return bool(stored); });
 }
 
 // What cannot be told from the sequences that stay: questions that they do not answer, effects that cannot show in
@@ -225,9 +242,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     DiagnosisResult result;
     for (const CaptureWarning &warning : summary.warnings)
         result.notes.push_back(warning.sequence.empty() ? warning.text : warning.sequence + ": " + warning.text);
-    std::vector<SequenceSummary> kept;
-    Capture capture = judgeable(given, summary, kept, result);
-    if (capture.codes.empty()) {
+    const std::vector<std::size_t> judged = judgeable(given, summary, result);
+    if (judged.empty()) {
         std::string reasons;
         for (const std::string &note : result.notes)
             if (note.find(" was left out: ") != std::string::npos)
@@ -237,6 +253,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                 "scenes that capture.json names, and record again with another exposure",
                                 reasons));
     }
+    Capture capture = judged_part(given, judged, options.part, result);
+    std::vector<SequenceSummary> kept;
+    for (const std::size_t s : judged)
+        kept.push_back(summary.sequences[s]);
     const auto has_lit = [](const CaptureLayout &layout) {
         return std::any_of(layout.sequences.begin(), layout.sequences.end(),
                            [](const SequenceLayout &s) { return s.scene != CaptureScene::kDark; });
@@ -366,7 +386,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
-    result.emva = std::make_shared<const Emva1288>(measure_emva1288(given));
+    result.emva = std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
     if (options.evidence)
         result.evidence =

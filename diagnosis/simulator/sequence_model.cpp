@@ -67,6 +67,14 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     return model;
 }
 
+// The square of the farthest corner's distance from the axis, of the layout's window over that of the image.
+double corner_ratio_squared(const CaptureLayout &layout) {
+    CaptureLayout alone = layout;
+    alone.window.reset();
+    const double ratio = alone.farthest_corner_px() / layout.farthest_corner_px();
+    return ratio * ratio;
+}
+
 // Pupils wider than the frequency plane of one sample a pixel: the image is sampled at points all the same, the middle
 // ones of an odd number of samples, as what lies between samples is not told by an intensity whose band is wider than
 // theirs. What pixels integrate has that band; up to a diameter of 0.6 what one sample folds of it changes the
@@ -188,6 +196,12 @@ SequenceModel sequence_model(const CaptureLayout &layout, const std::vector<Hypo
         if (!find_hypothesis(hypotheses, id))
             find_effect(id); // throws, and lists the catalogue
     PipelineModel &model = result.model;
+    if (layout.window) {
+        // r = 1 in the image's corner; the lens has it in the window's.
+        const double squared = corner_ratio_squared(layout);
+        model.lens.k1 *= squared;
+        model.lens.vignetting_corner_loss *= squared;
+    }
     result.power_flicker = std::exchange(model.pipeline.power_flicker, 0.0);
     result.corner_loss = std::exchange(model.lens.vignetting_corner_loss, 0.0);
     result.ambient_dn = std::exchange(model.lens.ambient, 0.0);

@@ -48,7 +48,7 @@ Geometry::Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint3
     const double f_number = own.f_number > 0.0 ? own.f_number : layout.f_number;
     cutoff = layout.wavelength_m * f_number > 0.0 ? layout.pixel_pitch_m / (layout.wavelength_m * f_number) : 0.0;
     principal_point = layout.principal_point_px;
-    corner_radius = 0.5 * std::hypot(double(width - 1), double(height - 1));
+    corner_radius = layout.corner_radius_px();
     set_mask(own.mask);
 
     for (std::size_t x = 0; x < width; ++x)

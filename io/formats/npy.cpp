@@ -256,6 +256,13 @@ class NpyReader final : public Reader {
         return type_->convert(sample);
     }
 
+    void convert_row(const unsigned char *bytes, std::vector<float> &row) const {
+        // What cameras write, of which there may be gigabytes.
+        const bool codes = !swap_ && type_->convert == &to_float<std::uint16_t>;
+        for (std::size_t i = 0; i < row.size(); ++i)
+            row[i] = codes ? to_float<std::uint16_t>(bytes + 2 * i) : convert(bytes + i * type_->size_bytes);
+    }
+
     void read_c(std::uint64_t frame, const RowSink &sink) {
         const std::size_t samples = std::size_t{info_.width} * info_.channels;
         std::vector<unsigned char> bytes(samples * type_->size_bytes);
@@ -263,29 +270,35 @@ class NpyReader final : public Reader {
         file_.seek(data_offset_ + frame * info_.height * bytes.size());
         for (std::uint32_t y = 0; y < info_.height; ++y) {
             file_.read(bytes.data(), bytes.size());
-            for (std::size_t i = 0; i < samples; ++i)
-                row[i] = convert(bytes.data() + i * type_->size_bytes);
+            convert_row(bytes.data(), row);
             sink(row.data());
         }
     }
 
-    /** Element (n, y, x, c) lies at n + N (y + H (x + W c)): the whole file is needed for any frame. */
+    /** Element (n, y, x, c) lies at n + N (y + H (x + W c)): the whole file is read for any frame, of which as many as
+     * fit are kept. */
     void read_fortran(std::uint64_t frame, const RowSink &sink) {
-        const std::size_t frames = info_.frame_count;
-        const std::size_t height = info_.height;
-        const std::size_t width = info_.width;
-        const std::size_t channels = info_.channels;
-        if (whole_.empty()) {
-            whole_.resize(frames * height * width * channels * type_->size_bytes);
+        constexpr std::size_t most_kept_bytes = std::size_t{128} << 20;
+        const std::size_t size = type_->size_bytes, frames = info_.frame_count, height = info_.height;
+        const std::size_t row_samples = std::size_t{info_.width} * info_.channels, samples = height * row_samples;
+        if (kept_.empty() || frame < first_kept_ || (frame - first_kept_) * samples * size >= kept_.size()) {
+            first_kept_ = frame;
+            const std::size_t count = std::clamp<std::size_t>(most_kept_bytes / (samples * size), 1, frames - frame);
+            kept_.resize(count * samples * size);
+            std::vector<unsigned char> of_pixel(frames * size);
             file_.seek(data_offset_);
-            file_.read(whole_.data(), whole_.size());
+            for (std::size_t c = 0; c < info_.channels; ++c)
+                for (std::size_t x = 0; x < info_.width; ++x)
+                    for (std::size_t y = 0; y < height; ++y) {
+                        file_.read(of_pixel.data(), of_pixel.size());
+                        for (std::size_t n = 0; n < count; ++n)
+                            std::memcpy(&kept_[(n * samples + y * row_samples + x * info_.channels + c) * size],
+                                        &of_pixel[(frame + n) * size], size);
+                    }
         }
-        std::vector<float> row(width * channels);
+        std::vector<float> row(row_samples);
         for (std::size_t y = 0; y < height; ++y) {
-            for (std::size_t x = 0; x < width; ++x)
-                for (std::size_t c = 0; c < channels; ++c)
-                    row[x * channels + c] =
-                        convert(whole_.data() + (frame + frames * (y + height * (x + width * c))) * type_->size_bytes);
+            convert_row(&kept_[((frame - first_kept_) * samples + y * row_samples) * size], row);
             sink(row.data());
         }
     }
@@ -295,7 +308,8 @@ class NpyReader final : public Reader {
     bool fortran_order_ = false;
     const SampleType *type_ = nullptr;
     bool swap_ = false;
-    std::vector<unsigned char> whole_; // of a Fortran-ordered file, once it has been read
+    std::vector<unsigned char> kept_; // frames of a Fortran-ordered file from first_kept_ on, in C order
+    std::uint64_t first_kept_ = 0;
 };
 
 class NpyWriter final : public Writer {

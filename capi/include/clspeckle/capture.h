@@ -82,12 +82,16 @@ CLSP_API ClspStatus clspCaptureSequenceInit(ClspCaptureSequence *sequence, uint3
 /** Makes a capture without sequences; *capture gets one reference. */
 CLSP_API ClspStatus clspCaptureCreate(const ClspCaptureDesc *desc, ClspCapture *capture);
 /**
- * Reads a capture set; *capture gets one reference. Everything is checked; messages name file, frame and field.
+ * Reads a capture set; *capture gets one reference. Everything is checked; messages name file, frame and field. Codes of more than 256 MB
+ * stay in their files, which must not change while the capture is used: what reads them fails with CLSP_ERROR_IO otherwise.
  * @param path the folder, or its capture.json; UTF-8 as the system takes it.
  * @return CLSP_ERROR_IO for what cannot be read, CLSP_ERROR_INVALID_ARGUMENT for what capture.json says, CLSP_ERROR_INVALID_DATA for what the
  *         arrays hold. What is odd but usable stands in the summary's warnings.
  */
 CLSP_API ClspStatus clspCaptureOpen(const char *path, ClspCapture *capture);
+/** clspCaptureOpen() that tells how far it is. @param progress NULL: nobody is told. @param progress_data handed to `progress`. */
+CLSP_API ClspStatus clspCaptureOpenWithProgress(const char *path, ClspProgressFunction progress, void *progress_data,
+                                                ClspCapture *capture);
 /** Adds a reference. */
 CLSP_API ClspStatus clspCaptureRetain(ClspCapture capture);
 /** Drops a reference; with the last one the capture is gone. NULL is allowed. */

@@ -35,13 +35,21 @@ extern "C" {
 #define CLSP_HYPOTHESIS_CODES 2u      /**< On the sensor's codes, which are rounded to 0 ... 2^bits - 1 after the call. */
 /** @} */
 
+/** @name Which part of the image is judged */
+/** @{ */
+#define CLSP_WINDOW_AUTO 0u  /**< All of a small capture; of a large one a strip through the optical axis (docs/diagnosis.md). */
+#define CLSP_WINDOW_WHOLE 1u /**< The whole image, however large. */
+#define CLSP_WINDOW_GIVEN 2u /**< The caller's window. */
+/** @} */
+#define CLSP_FRAMES_AUTO 0xffffffffu /**< Of each sequence as many frames as a diagnosis within minutes can take. */
+
 #define CLSP_MAX_HYPOTHESES 64u /**< Hypotheses of one diagnosis. */
 
 /** One frame that a hypothesis changes. Filled by the library. */
 typedef struct ClspHypothesisFrame {
     uint32_t struct_size;      /**< Size of the struct as the library knows it. */
-    uint32_t width;            /**< Columns. */
-    uint32_t height;           /**< Rows. */
+    uint32_t width;            /**< Columns, of the window that is judged. */
+    uint32_t height;           /**< Rows, likewise. */
     uint32_t bits;             /**< Of a code. */
     uint32_t sequence;         /**< Number of the sequence in the capture. */
     uint32_t scene;            /**< CLSP_SCENE_*. */
@@ -108,6 +116,12 @@ typedef struct ClspDiagnoseDesc {
     void *progress_data;       /**< Handed to `progress`; default NULL. */
     uint32_t evidence;         /**< 1 (default): pictures and curves for clspDiagnosisWriteHtml() are collected; 0: its page has none. */
     uint32_t reserved;         /**< 0. */
+    uint32_t window;           /**< CLSP_WINDOW_*; default AUTO. */
+    uint32_t frames;           /**< Of each sequence at most, from the middle of each half; 0: all; default CLSP_FRAMES_AUTO. */
+    uint32_t window_x;         /**< Of CLSP_WINDOW_GIVEN: the first column, even; 0 otherwise, and by default. */
+    uint32_t window_y;         /**< The first row, even; 0 otherwise, and by default. */
+    uint32_t window_width;     /**< 16 or more; 0 otherwise, and by default. */
+    uint32_t window_height;    /**< 16 or more; 0 otherwise, and by default. */
 } ClspDiagnoseDesc;
 
 /** The numbers of a diagnosis. */

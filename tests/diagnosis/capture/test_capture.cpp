@@ -277,6 +277,30 @@ TEST(Capture, RefusesDotsThatCannotBe) {
     expect_refused(clspCaptureValidate(capture), CLSP_ERROR_INVALID_ARGUMENT, {"/sequences/0/scene", "\"dots\""});
 }
 
+TEST_F(CaptureFolder, ReadingTellsHowFarItIsAndStops) {
+    small_capture().write(path("set"));
+    ClspCapture capture = nullptr;
+    ASSERT_EQ(clspCaptureOpenWithProgress(path("set").c_str(), nullptr, nullptr, &capture), CLSP_SUCCESS);
+    clspCaptureRelease(capture);
+    capture = nullptr;
+    double last = 0.0;
+    const auto told = clspeckle::Capture::open(path("set"), [&](const std::string &what, double fraction) {
+        EXPECT_EQ(what, "reading");
+        EXPECT_GT(fraction, last);
+        last = fraction;
+        return true;
+    });
+    EXPECT_EQ(told.sequence_count(), small_capture().sequence_count());
+    EXPECT_DOUBLE_EQ(last, 1.0);
+    const ClspProgressFunction no = [](void *, const char *, double) -> std::int32_t { return 0; };
+    expect_refused(clspCaptureOpenWithProgress(path("set").c_str(), no, nullptr, &capture), CLSP_ERROR_CANCELLED,
+                   {"cancelled"});
+    EXPECT_EQ(capture, nullptr);
+    struct Thrown {};
+    EXPECT_THROW(clspeckle::Capture::open(path("set"), [](const std::string &, double) -> bool { throw Thrown(); }),
+                 Thrown);
+}
+
 TEST_F(CaptureFolder, WritesWhatItReads) {
     const clspeckle::Capture written = small_capture();
     ASSERT_EQ(clspCaptureWrite(written, path("set").c_str(), 0), CLSP_SUCCESS);
@@ -452,6 +476,8 @@ TEST_F(CaptureFolder, RefusesArraysThatCannotBe) {
     ClspCapture capture = nullptr;
     expect_refused(clspCaptureOpen(nullptr, &capture), CLSP_ERROR_INVALID_ARGUMENT, {"path is NULL"});
     expect_refused(clspCaptureOpen(path("set").c_str(), nullptr), CLSP_ERROR_INVALID_ARGUMENT, {"capture is NULL"});
+    expect_refused(clspCaptureOpenWithProgress(path("set").c_str(), nullptr, nullptr, nullptr),
+                   CLSP_ERROR_INVALID_ARGUMENT, {"capture is NULL"});
 }
 
 TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {

@@ -56,7 +56,7 @@ Image speckle(std::mt19937_64 &random, double mean = 1.0) {
 
 std::string said(const Capture &capture) {
     std::string text;
-    for (const CaptureWarning &warning : frame_changes(capture, 0, kDark))
+    for (const CaptureWarning &warning : frame_changes(capture.layout, 0, scan_sequence(capture, 0), kDark))
         text += (text.empty() ? "" : "; ") + warning.text;
     return text;
 }

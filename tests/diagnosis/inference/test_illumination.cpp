@@ -110,6 +110,47 @@ TEST(Illumination, TheLensHasWhatBothLightsShare) {
     EXPECT_FALSE(is_uneven(found, "laser"));
 }
 
+// The strip that is judged of a large image: radii are those of the image, and of a board the curvature along the strip
+// tells the fall-off, since its speckle hides that across.
+TEST(Illumination, AStripTellsTheImagesFallOff) {
+    constexpr std::uint32_t kImageWidth = 1280, kImageHeight = 800, kFirst = 360, kRows = 80;
+    Capture capture;
+    capture.layout = layout_of({CaptureScene::kFlat, CaptureScene::kBoard});
+    CaptureLayout &layout = capture.layout;
+    layout.width = kImageWidth;
+    layout.height = kRows;
+    layout.window = ImageWindow{0, kFirst, kImageWidth, kImageHeight};
+    layout.principal_point_px = {0.5 * (kImageWidth - 1), 0.5 * (kImageHeight - 1) - kFirst};
+    const auto [axis_x, axis_y] = layout.principal_point_px;
+    const double corner = std::hypot(0.5 * (kImageWidth - 1), 0.5 * (kImageHeight - 1));
+    const auto lamp = [&](double u) { return 1.0 + 0.05 * u; };
+    for (std::size_t s = 0; s < 2; ++s) {
+        capture.codes.emplace_back();
+        for (std::uint32_t t = 0; t < kFrames; ++t) {
+            HostNoise noise(4, s, t, HostStream::kProbe);
+            for (std::uint32_t y = 0; y < kRows; ++y)
+                for (std::uint32_t x = 0; x < kImageWidth; ++x) {
+                    const double u = (x - axis_x) / corner, v = (y - axis_y) / corner;
+                    const double light = kVignetting(u, v) * (s == 0 ? kSignal * lamp(u)
+                                                                     : -0.4 * kSignal * std::log(noise.uniform()));
+                    const double code = std::nearbyint(kBlack + light + 4.0 * noise.normal());
+                    capture.codes.back().push_back(static_cast<std::uint16_t>(std::clamp(code, 0.0, 1023.0)));
+                }
+        }
+    }
+    const LabLights both = measure_lab_lights(capture);
+    EXPECT_NEAR(both.shared_corner_loss, 0.2, 0.01);
+    ASSERT_TRUE(is_uneven(both, "lamp"));
+    EXPECT_FALSE(is_uneven(both, "laser"));
+    const SmoothLight &found = light_of(both, "lamp").light;
+    for (const double x : {20.0, 400.0, 900.0, 1260.0})
+        EXPECT_NEAR(found.at(x, 40.0) / found.at(axis_x, 40.0), lamp((x - axis_x) / corner), 0.004) << x;
+    Capture board = capture;
+    board.layout.sequences.erase(board.layout.sequences.begin());
+    board.codes.erase(board.codes.begin());
+    EXPECT_NEAR(measure_lab_lights(board).shared_corner_loss, 0.2, 0.03);
+}
+
 TEST(Illumination, ASlopeIsTheLights) {
     const LabLights found = measure_lab_lights(capture_of(
         kAll, [](double x, double y) { return kSlope(x, y) * kVignetting(x, y); }, kVignetting, 2));

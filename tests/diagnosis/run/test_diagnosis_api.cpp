@@ -114,6 +114,9 @@ TEST(DiagnosisDefaults, AreDocumented) {
     EXPECT_EQ(desc.seed, 0u);
     EXPECT_EQ(desc.level, 0.02);
     EXPECT_EQ(desc.evidence, 1u);
+    EXPECT_EQ(desc.window, CLSP_WINDOW_AUTO);
+    EXPECT_EQ(desc.frames, CLSP_FRAMES_AUTO);
+    EXPECT_EQ(desc.window_x + desc.window_y + desc.window_width + desc.window_height, 0u);
     EXPECT_EQ(desc.without_count + desc.hypothesis_count, 0u);
     EXPECT_EQ(desc.progress, nullptr);
     const auto hypothesis = clspeckle::make<ClspHypothesis>();
@@ -140,6 +143,15 @@ TEST_F(Diagnosis, RefusesBadNumbers) {
     refuse("max_effects is 0", [](ClspDiagnoseDesc &d) { d.max_effects = 0; });
     refuse("evidence is 2", [](ClspDiagnoseDesc &d) { d.evidence = 2; });
     refuse("reserved is 1", [](ClspDiagnoseDesc &d) { d.reserved = 1; });
+    refuse("desc->window is 3", [](ClspDiagnoseDesc &d) { d.window = 3; });
+    refuse("set it to CLSP_WINDOW_GIVEN", [](ClspDiagnoseDesc &d) { d.window_width = 16; });
+    refuse("16 x 16", [](ClspDiagnoseDesc &d) { d.window = CLSP_WINDOW_GIVEN; });
+    refuse("reaches to column", [](ClspDiagnoseDesc &d) {
+        d.window = CLSP_WINDOW_GIVEN;
+        d.window_x = 2;
+        d.window_width = kWidth;
+        d.window_height = kHeight;
+    });
     refuse("threads is 2000", [](ClspDiagnoseDesc &d) { d.threads = 2000; });
     refuse("hypothesis_count is 65", [](ClspDiagnoseDesc &d) { d.hypothesis_count = 65; });
     refuse("hypotheses is NULL", [](ClspDiagnoseDesc &d) { d.hypothesis_count = 1; });
@@ -164,6 +176,19 @@ TEST_F(Diagnosis, RefusesBadNumbers) {
     const clspeckle::Capture nothing(empty);
     EXPECT_NE(clspDiagnose(context, nothing, nullptr, &made), CLSP_SUCCESS);
     EXPECT_EQ(made, nullptr);
+}
+
+TEST_F(Diagnosis, JudgesTheWindowThatIsGiven) {
+    clspeckle::DiagnoseOptions options = quick_options();
+    options.window = std::array<std::uint32_t, 4>{2, 4, kWidth - 4, kHeight - 4};
+    options.frames = 4;
+    const std::string report = clspeckle::diagnose(context, capture, options).report_json();
+    EXPECT_NE(report.find("\"used\""), std::string::npos);
+    EXPECT_NE(report.find("\"x\": 2"), std::string::npos);
+    options.window.reset();
+    options.frames.reset();
+    options.whole_image = true;
+    EXPECT_EQ(clspeckle::diagnose(context, capture, options).report_json().find("\"used\""), std::string::npos);
 }
 
 TEST_F(Diagnosis, RefusesBadHypotheses) {

@@ -109,7 +109,8 @@ TEST_P(FramesOfEffect, AreOfOneScene) {
         const std::vector<SimulationLevels> levels(kSequenceCount, kLevels);
         const Capture capture = simulate_capture(simulator, {setting}, levels, seed);
         for (std::size_t s = 0; s < kSequenceCount; ++s)
-            for (const CaptureWarning &change : frame_changes(capture, s, kLevels.black_level_dn))
+            for (const CaptureWarning &change :
+                 frame_changes(capture.layout, s, scan_sequence(capture, s), kLevels.black_level_dn))
                 ADD_FAILURE() << kNames[s] << ", seed " << seed << ": " << change.text;
     }
 }

@@ -30,6 +30,7 @@
 #include <cstring>
 #include <exception>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -855,9 +856,17 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
     /** Without sequences yet. */
     explicit Capture(const ClspCaptureDesc &desc) { check(clspCaptureCreate(&desc, &handle_)); }
     /** Reads the set in a folder. */
-    static Capture open(const std::string &path) {
+    static Capture open(const std::string &path, const Progress &progress = {}) {
         Capture capture;
-        check(clspCaptureOpen(path.c_str(), &capture.handle_));
+        std::exception_ptr thrown;
+        detail::Carried<Progress> carried{&progress, &thrown};
+        const ClspStatus status =
+            progress ? clspCaptureOpenWithProgress(path.c_str(), detail::clspeckle_detail_progress, &carried,
+                                                   &capture.handle_)
+                     : clspCaptureOpen(path.c_str(), &capture.handle_);
+        if (thrown && status != CLSP_SUCCESS)
+            std::rethrow_exception(thrown);
+        check(status);
         return capture;
     }
 
@@ -1016,6 +1025,10 @@ struct DiagnoseOptions {
     std::uint32_t threads = 0;
     double level = make<ClspDiagnoseDesc>().level;
     bool evidence = true; /**< Pictures and curves for Diagnosis::write_html() are collected. */
+    bool whole_image = false; /**< The whole image is judged, however large. */
+    /** x, y, width, height of what is judged; without whole_image. */
+    std::optional<std::array<std::uint32_t, 4>> window;
+    std::optional<std::uint32_t> frames; /**< Of each sequence at most; 0: all. */
     std::vector<std::string> without;
     std::vector<Hypothesis> hypotheses;
     Progress progress;
@@ -1086,6 +1099,15 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
     desc.threads = options.threads;
     desc.level = options.level;
     desc.evidence = options.evidence ? 1 : 0;
+    desc.window = options.whole_image ? CLSP_WINDOW_WHOLE : CLSP_WINDOW_AUTO;
+    if (options.window) {
+        desc.window = CLSP_WINDOW_GIVEN;
+        desc.window_x = (*options.window)[0];
+        desc.window_y = (*options.window)[1];
+        desc.window_width = (*options.window)[2];
+        desc.window_height = (*options.window)[3];
+    }
+    desc.frames = options.frames.value_or(CLSP_FRAMES_AUTO);
     desc.without = without.data();
     desc.without_count = static_cast<std::uint32_t>(without.size());
     desc.hypotheses = pointers.data();

@@ -33,6 +33,7 @@ from .diagnosis import (
     RankedEffect,
     Shrinkage,
     ShrinkStep,
+    UsedFrames,
     compare,
     diagnose,
 )
@@ -119,6 +120,7 @@ __all__ = [
     "Shrinkage",
     "SnappedOrders",
     "Tuning",
+    "UsedFrames",
     "Version",
     "compare",
     "default_context",

@@ -37,6 +37,8 @@ CLSP_DEPTH_WARNING_MERGED = 16
 CLSP_MAX_EFFECT_PARAMETERS = 4
 CLSP_VERDICT_NONE, CLSP_VERDICT_NAMED, CLSP_VERDICT_AMBIGUOUS, CLSP_VERDICT_UNKNOWN = 0, 1, 2, 3
 CLSP_HYPOTHESIS_IRRADIANCE, CLSP_HYPOTHESIS_INTENSITY, CLSP_HYPOTHESIS_CODES = 0, 1, 2
+CLSP_WINDOW_AUTO, CLSP_WINDOW_WHOLE, CLSP_WINDOW_GIVEN = 0, 1, 2
+CLSP_FRAMES_AUTO = 0xffffffff
 CLSP_MAX_HYPOTHESES = 64
 CLSP_BEAM_GAUSSIAN, CLSP_BEAM_FLAT_CIRCLE, CLSP_BEAM_FLAT_SQUARE, CLSP_BEAM_SUPER_GAUSSIAN = 0, 1, 2, 3
 CLSP_BEAM_SKEWED, CLSP_BEAM_IMAGE = 4, 5
@@ -203,7 +205,8 @@ class ClspDiagnoseDesc(Structure):
         ("struct_size", _u32), ("null_replicates", _u32), ("max_effects", _u32), ("threads", _u32), ("seed", _u64),
         ("level", _f64), ("without", _P(_text)), ("without_count", _u32), ("hypothesis_count", _u32),
         ("hypotheses", _P(_P(ClspHypothesis))), ("progress", PROGRESS_FUNCTION), ("progress_data", _void),
-        ("evidence", _u32), ("reserved", _u32),
+        ("evidence", _u32), ("reserved", _u32), ("window", _u32), ("frames", _u32), ("window_x", _u32),
+        ("window_y", _u32), ("window_width", _u32), ("window_height", _u32),
     ]
 
 
@@ -545,6 +548,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspCaptureSequenceInit": (_P(ClspCaptureSequence), _u32),
     "clspCaptureCreate": (_P(ClspCaptureDesc), _P(_void)),
     "clspCaptureOpen": (_text, _P(_void)),
+    "clspCaptureOpenWithProgress": (_text, PROGRESS_FUNCTION, _void, _P(_void)),
     "clspCaptureRetain": (_void,),
     "clspCaptureRelease": (_void,),
     "clspCaptureAddSequence": (_void, _P(ClspCaptureSequence)),

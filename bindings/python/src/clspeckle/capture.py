@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
+from ._progress import Call, Progress
 
 __all__ = ["Capture", "CaptureSequence"]
 
@@ -198,9 +199,19 @@ class Capture(Handle):
         return _ARGUMENTS.values(_ARGUMENTS.describe({}), _CAMERA)
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str]) -> Capture:
-        """Reads the set in a folder; everything is checked, and errors name file, frame and field."""
-        return cls._of(create("clspCaptureOpen", _check.path(path, "path")))
+    def open(cls, path: str | os.PathLike[str], *, progress: Progress | None = None) -> Capture:
+        """Reads the set in a folder; everything is checked, and errors name file, frame and field. Ctrl-C cancels.
+
+        Codes of more than 256 MB stay in their files, which must not change while the capture is used.
+
+        Args:
+            path: the folder, or its capture.json.
+            progress: a function of (what is being done, fraction done), which cancels by returning False.
+        """
+        call = Call()
+        told = call.progress(progress)
+        with call.running():
+            return cls._of(create("clspCaptureOpenWithProgress", _check.path(path, "path"), told, None))
 
     def write(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Writes a folder with capture.json and .npy stacks, which appears only when it is complete.

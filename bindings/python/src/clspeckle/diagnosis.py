@@ -39,6 +39,7 @@ __all__ = [
     "RankedEffect",
     "ShrinkStep",
     "Shrinkage",
+    "UsedFrames",
     "compare",
     "diagnose",
 ]
@@ -277,6 +278,20 @@ def _shrinkage(entry: Mapping[str, Any]) -> Shrinkage:
 
 
 @dataclasses.dataclass(frozen=True)
+class UsedFrames:
+    """What was judged of a sequence, where not all of the capture was."""
+
+    sequence: str
+    """Name of the sequence."""
+    frames: int
+    """How many were judged."""
+    of: int
+    """How many it has."""
+    window: tuple[int, int, int, int]
+    """(x, y, width, height) of what was judged, in pixels."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Coverage:
     """How far a verdict reaches: nothing is said about what is not covered, least of all by "none"."""
 
@@ -292,6 +307,8 @@ class Coverage:
     """Questions that these sequences leave open."""
     judged: bool = True
     """False: every sequence with light was left out, and the verdict is about dark frames alone."""
+    used: tuple[UsedFrames, ...] = ()
+    """By sequence that was judged; empty if the whole capture was, but for what was left out."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -412,7 +429,11 @@ class Diagnosis(Handle):
         )
         lists = ("sequences", "left_out", "effects_not_visible", "questions_open")
         coverage = report["coverage"]
-        self.coverage = _entry(Coverage, coverage, **{name: tuple(coverage[name]) for name in lists})
+        used = tuple(
+            _entry(UsedFrames, entry, window=tuple(entry[name] for name in ("x", "y", "width", "height")))
+            for entry in coverage.get("used", ())
+        )
+        self.coverage = _entry(Coverage, coverage, used=used, **{name: tuple(coverage[name]) for name in lists})
         calibration = report.get("calibration")
         self.calibration: Calibration | None = None
         if calibration is not None:
@@ -615,7 +636,11 @@ class _Bar:
 
 
 def _capture(
-    capture: CaptureLike, camera: Mapping[str, Any] | None, dots_px: npt.ArrayLike | None, dots_sigma_px: float | None
+    capture: CaptureLike,
+    camera: Mapping[str, Any] | None,
+    dots_px: npt.ArrayLike | None,
+    dots_sigma_px: float | None,
+    progress: bool | Progress | None,
 ) -> Capture:
     if isinstance(capture, Mapping):
         return Capture.from_arrays(capture, camera=camera, dots_px=dots_px, dots_sigma_px=dots_sigma_px)
@@ -626,10 +651,31 @@ def _capture(
     if isinstance(capture, Capture):
         return capture
     if isinstance(capture, (str, os.PathLike)):
-        return Capture.open(capture)
+        bar = _Bar() if progress is True else None
+        try:
+            return Capture.open(capture, progress=bar)
+        finally:
+            if bar is not None:
+                bar.clear()
     raise TypeError(
         f"capture must be a Capture, the folder of one, or a dict of name to codes, got {_check.kind(capture)}"
     )
+
+
+def _set_window(desc: _library.ClspDiagnoseDesc, window: str | Sequence[int] | None) -> None:
+    if window is None:
+        return
+    if isinstance(window, str):
+        desc.window = _check.choice(window, "window", {"whole": _library.CLSP_WINDOW_WHOLE})
+        return
+    try:
+        numbers = [_check.integer(value, "window") for value in window]
+    except TypeError:
+        numbers = []
+    if len(numbers) != 4:
+        raise TypeError(f'window must be (x, y, width, height) in pixels or "whole", got {_check.kind(window)}')
+    desc.window = _library.CLSP_WINDOW_GIVEN
+    desc.window_x, desc.window_y, desc.window_width, desc.window_height = numbers
 
 
 def _ids(without: Iterable[str]) -> list[bytes]:
@@ -654,6 +700,8 @@ def diagnose(
     max_effects: int | None = None,
     threads: int | None = None,
     evidence: bool | None = None,
+    window: str | Sequence[int] | None = None,
+    frames: int | None = None,
     progress: bool | Progress | None = None,
     camera: Mapping[str, Any] | None = None,
     dots_px: npt.ArrayLike | None = None,
@@ -677,6 +725,9 @@ def diagnose(
         max_effects: effects in one explanation at most, 1 to 64, beside such as are too slight to be named; None: 16.
         threads: of the host, 1 to 1024; None: as many as the machine has. The report does not depend on it.
         evidence: False: no pictures and curves are collected for :meth:`Diagnosis.write_html`; None: True.
+        window: the part of the image that is judged, (x, y, width, height) with even x and y, or "whole"; None: all of
+            a small capture, a strip through the optical axis of a large one.
+        frames: of each sequence at most, from the middle of each half; 0: all; None: what takes minutes.
         progress: True: a bar on standard error; or a function of (what is being done, fraction done), which cancels by
             returning False. It is called often, on this thread.
         camera, dots_px, dots_sigma_px: of a dict of codes, as for :meth:`Capture.from_arrays`.
@@ -689,7 +740,7 @@ def diagnose(
     What a hypothesis or the progress function raises ends the diagnosis and is raised here.
     """
     given = {name: value for name, value in locals().items() if name in _OPTIONS}
-    opened = _capture(capture, camera, dots_px, dots_sigma_px)
+    opened = _capture(capture, camera, dots_px, dots_sigma_px, progress)
     try:
         return _run("clspDiagnose", [opened], hypotheses=hypotheses, **given)
     finally:
@@ -708,6 +759,8 @@ def compare(
     max_effects: int | None = None,
     threads: int | None = None,
     evidence: bool | None = None,
+    window: str | Sequence[int] | None = None,
+    frames: int | None = None,
     progress: bool | Progress | None = None,
     camera: Mapping[str, Any] | None = None,
     dots_px: npt.ArrayLike | None = None,
@@ -725,8 +778,8 @@ def compare(
     Args:
         real: what the camera recorded: a :class:`Capture`, the folder of a capture set, or a dict of name to codes.
         sim: what the simulator drew of the same scenes, likewise; frames of the same size and bits.
-        seed, without, level, null_replicates, max_effects, threads, evidence, progress, context: as for
-            :func:`diagnose`.
+        seed, without, level, null_replicates, max_effects, threads, evidence, window, frames, progress, context: as
+            for :func:`diagnose`; window and frames are the same in both sets.
         camera, dots_px, dots_sigma_px: of dicts of codes, as for :meth:`Capture.from_arrays`; the same for both.
 
     Raises:
@@ -740,7 +793,7 @@ def compare(
     try:
         for capture in (real, sim):
             of_arrays = (camera, dots_px, dots_sigma_px) if isinstance(capture, Mapping) else (None, None, None)
-            opened.append(_capture(capture, *of_arrays))
+            opened.append(_capture(capture, *of_arrays, progress))
         return _run("clspCompare", opened, hypotheses=(), **given)
     finally:
         for capture, argument in zip(opened, (real, sim)):
@@ -748,7 +801,19 @@ def compare(
                 capture.close()
 
 
-_OPTIONS = ("without", "progress", "context", "seed", "level", "null_replicates", "max_effects", "threads", "evidence")
+_OPTIONS = (
+    "without",
+    "progress",
+    "context",
+    "seed",
+    "level",
+    "null_replicates",
+    "max_effects",
+    "threads",
+    "evidence",
+    "window",
+    "frames",
+)
 
 
 def _run(
@@ -757,6 +822,7 @@ def _run(
     *,
     hypotheses: Iterable[Hypothesis],
     without: Iterable[str],
+    window: str | Sequence[int] | None,
     progress: bool | Progress | None,
     context: Context | None,
     **numbers: Any,
@@ -764,6 +830,7 @@ def _run(
     """clspDiagnose() or clspCompare()."""
     call = _DiagnosisCall()
     desc = _ARGUMENTS.describe(numbers)
+    _set_window(desc, window)
     level = numbers["level"]
     if level is not None and not _LEAST_LEVEL <= desc.level <= _MOST_LEVEL:
         raise _check.range_error("level", level, f"{_LEAST_LEVEL:g} to {_MOST_LEVEL:g}")

@@ -1,0 +1,148 @@
+#include "capture/sequence_scan.hpp"
+
+#include "capture/stored_sequence.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace clsp {
+namespace {
+
+constexpr std::size_t kBandPixels = std::size_t{1} << 24; // rows of so many pixels are summed at once
+
+// One row. mask: nullptr, or 0 where a pixel does not count; before: the row in the frame before, or nullptr.
+struct Row {
+    const std::uint16_t *now, *before;
+    const std::uint8_t *mask;
+    std::size_t width;
+
+    bool counts(std::size_t x) const { return !mask || mask[x] != 0; }
+};
+
+void add_extremes(const Row &row, std::uint16_t top, SequenceScan &scan) {
+    std::uint32_t saturated = 0, zero = 0;
+    std::uint16_t minimum = 65535, maximum = 0, bits = 0, largest = 0;
+    for (std::size_t x = 0; x < row.width; ++x) {
+        const std::uint16_t code = row.now[x];
+        bits = static_cast<std::uint16_t>(bits | (code == top ? 0 : code)); // clipping is no multiple of anything
+        largest = std::max(largest, code);
+        const bool counts = row.counts(x);
+        saturated += counts && code == top;
+        zero += counts && code == 0;
+        minimum = std::min(minimum, counts ? code : std::uint16_t{65535});
+        maximum = std::max(maximum, counts ? code : std::uint16_t{0});
+    }
+    scan.saturated += saturated;
+    scan.zero += zero;
+    scan.minimum = std::min(scan.minimum, std::uint32_t{minimum});
+    scan.maximum = std::max(scan.maximum, std::uint32_t{maximum});
+    scan.bits = static_cast<std::uint16_t>(scan.bits | bits);
+    scan.largest = std::max(scan.largest, largest);
+}
+
+void add_pixels(const Row &row, std::uint32_t *sums, std::uint64_t *squares, FrameScan &frame) {
+    std::uint64_t sum = 0, square = 0;
+    for (std::size_t x = 0; x < row.width; ++x) {
+        const std::uint32_t code = row.now[x], counted = row.counts(x) ? code : 0;
+        sum += counted;
+        square += std::uint64_t{counted * counted};
+        sums[x] += code;
+        squares[x] += std::uint64_t{code * code};
+    }
+    frame.sum += sum;
+    frame.square += square;
+}
+
+void add_pairs(const Row &row, FrameScan &frame) {
+    std::uint64_t pairs = 0, lefts = 0, rights = 0, products = 0;
+    for (std::size_t x = 0; x + 1 < row.width; ++x) {
+        const bool counts = row.counts(x) && row.counts(x + 1);
+        const std::uint32_t left = counts ? row.now[x] : 0, right = counts ? row.now[x + 1] : 0;
+        pairs += counts;
+        lefts += left;
+        rights += right;
+        products += std::uint64_t{left * right};
+    }
+    frame.pairs += pairs;
+    frame.lefts += lefts;
+    frame.rights += rights;
+    frame.products += products;
+}
+
+void add_change(const Row &row, std::uint16_t top, FrameScan &frame) {
+    std::uint64_t both = 0, sums[2] = {}, squares[2] = {}, products = 0;
+    for (std::size_t x = 0; x < row.width; ++x) {
+        const bool counts = row.counts(x) && row.before[x] != top && row.now[x] != top;
+        const std::uint32_t before = counts ? row.before[x] : 0, now = counts ? row.now[x] : 0;
+        both += counts;
+        sums[0] += before;
+        sums[1] += now;
+        squares[0] += std::uint64_t{before * before};
+        squares[1] += std::uint64_t{now * now};
+        products += std::uint64_t{before * now};
+    }
+    frame.both += both;
+    frame.before += sums[0];
+    frame.now += sums[1];
+    frame.before_square += squares[0];
+    frame.now_square += squares[1];
+    frame.before_times_now += products;
+}
+
+} // namespace
+
+SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const std::function<void(double)> &progress) {
+    const CaptureLayout &layout = capture.layout;
+    const SequenceLayout &of = layout.sequences[sequence];
+    const auto top = static_cast<std::uint16_t>(layout.maximum_code());
+    const std::uint32_t frames = of.frame_count;
+    const auto band = static_cast<std::uint32_t>(std::clamp<std::size_t>(kBandPixels / layout.width, 1, layout.height));
+    SequenceScan scan;
+    scan.frames.resize(frames);
+    scan.pixels = of.mask.empty()
+                      ? layout.pixel_count()
+                      : layout.pixel_count() - std::size_t(std::count(of.mask.begin(), of.mask.end(), std::uint8_t{0}));
+    double total = 0.0;
+    std::array<std::vector<std::uint16_t>, 2> rooms;
+    for (std::uint32_t first = 0; first < layout.height; first += band) {
+        const std::uint32_t rows = std::min(band, layout.height - first);
+        const std::size_t pixels = std::size_t{rows} * layout.width;
+        const std::uint8_t *mask = of.mask.empty() ? nullptr : of.mask.data() + std::size_t{first} * layout.width;
+        std::vector<std::uint32_t> sums(pixels); // of 65535 frames at most
+        std::vector<std::uint64_t> squares(pixels);
+        const std::uint16_t *before = nullptr;
+        for (std::uint32_t t = 0; t < frames; ++t) {
+            const std::uint16_t *now = rows_of(capture, sequence, t, first, rows, rooms[t % 2]);
+            FrameScan &frame = scan.frames[t];
+            for (std::size_t at = 0; at < pixels; at += layout.width) {
+                const Row row{now + at, before ? before + at : nullptr, mask ? mask + at : nullptr, layout.width};
+                add_extremes(row, top, scan);
+                add_pixels(row, sums.data() + at, squares.data() + at, frame);
+                add_pairs(row, frame);
+                if (before && !of.moving)
+                    add_change(row, top, frame);
+            }
+            frame.hash = fnv1a(now, pixels, frame.hash);
+            before = now;
+            if (progress)
+                progress((double(first) * frames + double(rows) * (t + 1.0)) / (double(layout.height) * frames));
+        }
+        if (of.scene == CaptureScene::kDots)
+            scan.sums.insert(scan.sums.end(), sums.begin(), sums.end());
+        for (std::size_t i = 0; i < pixels; ++i)
+            if (!mask || mask[i] != 0)
+                total += double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames);
+    }
+    if (frames > 1)
+        scan.temporal_variance = std::max(0.0, total / (double(frames) - 1.0) / double(scan.pixels));
+    return scan;
+}
+
+std::vector<SequenceScan> scan_capture(const Capture &capture) {
+    std::vector<SequenceScan> scans;
+    for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s)
+        scans.push_back(capture.is_stored(s) ? *capture.stored[s]->scan : scan_sequence(capture, s));
+    return scans;
+}
+
+} // namespace clsp

@@ -1,0 +1,42 @@
+// What one pass over all codes of a sequence tells: exact sums of whole numbers, from which summaries and warnings
+// follow.
+#pragma once
+
+#include "capture/capture.hpp"
+#include "runtime/hash.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+namespace clsp {
+
+// Sums over the unmasked pixels of a frame.
+struct FrameScan {
+    std::uint64_t sum = 0, square = 0;
+    // Of pairs of neighbours in a row: their number, the sums of the left and of the right ones, and of their products.
+    std::uint64_t pairs = 0, lefts = 0, rights = 0, products = 0;
+    // Of pixels that neither in this frame nor in the one before are at the top code; of static sequences.
+    std::uint64_t both = 0, before = 0, before_square = 0, now = 0, now_square = 0, before_times_now = 0;
+    std::uint64_t hash = kFnvBasis; // of all its codes
+};
+
+struct SequenceScan {
+    std::vector<FrameScan> frames;
+    std::uint64_t pixels = 0; // that are not masked, of one frame
+    std::uint64_t saturated = 0, zero = 0;
+    std::uint32_t minimum = 65535, maximum = 0;
+    double temporal_variance = 0.0; // mean over pixels of the unbiased variance over frames
+    // Of masked pixels, too: every bit that is set in a code other than the top one; the largest code.
+    std::uint16_t bits = 0, largest = 0;
+    std::vector<std::uint32_t> sums; // of dots: by pixel, masked or not, over all frames
+};
+
+// progress: what part is done. Takes 16 bytes for each pixel of a frame, and no more than 300 MB.
+SequenceScan scan_sequence(const Capture &capture, std::size_t sequence,
+                           const std::function<void(double part)> &progress = {});
+// Of all sequences; those that are stored have theirs.
+std::vector<SequenceScan> scan_capture(const Capture &capture);
+
+} // namespace clsp
