@@ -159,7 +159,11 @@ void sensor_expose_every_effect(benchmark::State &state) {
     desc.gamma = 0.9;
     desc.dsnu_dn = desc.column_offset_dn = desc.row_noise_dn = desc.column_noise_dn = 1;
     desc.read_noise_spread = 0.2;
-    desc.hot_pixel_fraction = desc.cold_pixel_fraction = 0.001;
+    desc.hot_pixel_fraction = desc.cold_pixel_fraction = desc.dull_pixel_fraction = 0.001;
+    desc.row_offset_dn = desc.periodic_offset_dn = 1;
+    desc.cubic_nonlinearity = 0.02;
+    desc.telegraph_fraction = 0.01;
+    desc.telegraph_step_dn = 20;
     desc.effective_bits = 8;
     expose(state, desc);
 }

@@ -16,7 +16,7 @@ using namespace clsp::capi;
 
 static_assert(offsetof(ClspSensorDesc, conversion_gain_dn_per_e) == kFirstSize<ClspSensorDesc>,
               "members are added after those of the first release");
-static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, row_prnu) + sizeof(double),
+static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, reserved_telegraph) + sizeof(uint32_t),
               "no hidden padding at the end");
 
 namespace clsp::capi {
@@ -63,6 +63,15 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.read_noise_spread, p.read_noise_spread);
     field(d.shot_noise, p.shot_noise, "desc->shot_noise");
     field(d.effective_bits, p.effective_bits);
+    field(d.row_offset_dn, p.row_offset_dn);
+    field(d.dull_pixel_fraction, p.dull_pixel_fraction);
+    field(d.cubic_nonlinearity, p.cubic_nonlinearity);
+    field(d.periodic_offset_dn, p.periodic_offset_dn);
+    field(d.periodic_frequency_x, p.periodic_frequency_x);
+    field(d.periodic_frequency_y, p.periodic_frequency_y);
+    field(d.telegraph_fraction, p.telegraph_fraction);
+    field(d.telegraph_step_dn, p.telegraph_step_dn);
+    field(d.telegraph_centered, p.telegraph_centered, "desc->telegraph_centered");
     field(d.photons_per_unit, p.photons_per_unit);
     field(d.quantum_efficiency, p.quantum_efficiency);
     field(d.full_well_e, p.full_well_e);
@@ -75,6 +84,7 @@ ClspSensorDesc desc_of(const SensorDatasheet &datasheet) {
 SensorParameters parameters_of(const ClspSensorDesc *desc) {
     const ClspSensorDesc d = read_struct(desc, desc_of({}), "desc");
     check_reserved(d.reserved, "desc->reserved");
+    check_reserved(d.reserved_telegraph, "desc->reserved_telegraph");
     return from_c<SensorDatasheet>(kFields, d).parameters();
 }
 

@@ -120,23 +120,43 @@ void check_parameters(const SensorParameters &p) {
     check_not_negative(p.row_noise_dn, "row_noise_dn");
     check_not_negative(p.column_noise_dn, "column_noise_dn");
     check_range(p.read_noise_spread, 0.0, 2.0, "read_noise_spread");
+    check_not_negative(p.row_offset_dn, "row_offset_dn");
+    check_fraction(p.dull_pixel_fraction, "dull_pixel_fraction");
+    check_range(p.cubic_nonlinearity, -1.0, 0.25, "cubic_nonlinearity");
+    check_not_negative(p.periodic_offset_dn, "periodic_offset_dn");
+    check_range(p.periodic_frequency_x, -0.5, 0.5, "periodic_frequency_x");
+    check_range(p.periodic_frequency_y, -0.5, 0.5, "periodic_frequency_y");
+    check_fraction(p.telegraph_fraction, "telegraph_fraction");
+    check_not_negative(p.telegraph_step_dn, "telegraph_step_dn");
 }
 
 bool has_mosaic(const SensorParameters &p) {
     return p.mosaic_gain != SensorParameters().mosaic_gain;
 }
+bool draws_offset(const SensorParameters &p) {
+    return p.hot_pixel_fraction > 0.0 || p.dsnu_dn > 0.0 || p.column_offset_dn > 0.0 || p.row_offset_dn > 0.0 ||
+           p.periodic_offset_dn > 0.0;
+}
 bool has_offset(const SensorParameters &p) {
-    return p.dark_frame_dn || p.hot_pixel_fraction > 0.0 || p.dsnu_dn > 0.0 || p.column_offset_dn > 0.0;
+    return p.dark_frame_dn || draws_offset(p);
 }
 bool has_pixel_gain(const SensorParameters &p) {
-    return p.prnu > 0.0 || p.column_prnu > 0.0 || p.row_prnu > 0.0;
+    return p.prnu > 0.0 || p.column_prnu > 0.0 || p.row_prnu > 0.0 || p.dull_pixel_fraction > 0.0;
 }
-// Cold pixels alone take a byte each; with PRNU they are zeros of its map.
+// Cold pixels alone take a byte each; with a map of gains they are zeros of its map.
 bool has_response(const SensorParameters &p) {
     return p.cold_pixel_fraction > 0.0 && !has_pixel_gain(p);
 }
 bool has_read_noise_map(const SensorParameters &p) {
     return p.read_noise_dn > 0.0 && p.read_noise_spread > 0.0;
+}
+bool has_telegraph_noise(const SensorParameters &p) {
+    return p.telegraph_fraction > 0.0 && p.telegraph_step_dn > 0.0;
+}
+
+// Cycles as 2^-32 turns.
+cl_uint turns_of(double cycles) {
+    return static_cast<cl_uint>(static_cast<std::int64_t>(std::llround(cycles * 4294967296.0)));
 }
 
 } // namespace
@@ -186,15 +206,18 @@ void Sensor::make_fixed_pattern() {
         pixel_gain_ = DeviceBuffer(context_, pixels * sizeof(float));
     if (has_read_noise_map(p))
         read_noise_map_ = DeviceBuffer(context_, pixels * sizeof(float));
-    if (p.hot_pixel_fraction == 0.0 && p.dsnu_dn == 0.0 && p.column_offset_dn == 0.0 && !response_ && !pixel_gain_ &&
-        !read_noise_map_)
+    if (!draws_offset(p) && !response_ && !pixel_gain_ && !read_noise_map_)
         return; // nothing to draw
     const std::uint32_t quarter = quarter_rows(p.height);
     const std::string options = fmt::format(
-        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDSNU={} -DCOLUMN_OFFSET={} "
-        "-DREAD_NOISE_SPREAD={}",
+        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDULL={} -DDSNU={} "
+        "-DCOLUMN_OFFSET={} -DROW_OFFSET={} -DPERIODIC={} -DREAD_NOISE_SPREAD={}",
         p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.column_prnu > 0.0 ? 1 : 0,
-        p.row_prnu > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0, p.column_offset_dn > 0.0 ? 1 : 0, read_noise_map_ ? 1 : 0);
+        p.row_prnu > 0.0 ? 1 : 0, p.dull_pixel_fraction > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
+        p.column_offset_dn > 0.0 ? 1 : 0, p.row_offset_dn > 0.0 ? 1 : 0, p.periodic_offset_dn > 0.0 ? 1 : 0,
+        read_noise_map_ ? 1 : 0);
+    constexpr double kDullest = 0.7; // gains of dull pixels are uniform from there to 1
+    const double dull_slope = p.dull_pixel_fraction > 0.0 ? (kDullest - 1.0) / p.dull_pixel_fraction : 0.0;
     cl::Kernel kernel = context_->kernel("stages/sensor.cl", "sensor_fixed_pattern", options);
     KernelArguments(kernel)
         .add(offset_.get())
@@ -211,8 +234,14 @@ void Sensor::make_fixed_pattern() {
         .add(static_cast<cl_float>(p.prnu))
         .add(static_cast<cl_float>(p.column_prnu))
         .add(static_cast<cl_float>(p.row_prnu))
+        .add(static_cast<cl_float>(p.dull_pixel_fraction))
+        .add(static_cast<cl_float>(dull_slope))
         .add(static_cast<cl_float>(p.dsnu_dn))
         .add(static_cast<cl_float>(p.column_offset_dn))
+        .add(static_cast<cl_float>(p.row_offset_dn))
+        .add(static_cast<cl_float>(p.periodic_offset_dn))
+        .add(turns_of(p.periodic_frequency_x))
+        .add(turns_of(p.periodic_frequency_y))
         .add(static_cast<cl_float>(p.read_noise_dn))
         .add(static_cast<cl_float>(p.read_noise_spread));
     cl::CommandQueue queue(context_->cl_context(), context_->device());
@@ -270,9 +299,11 @@ void Sensor::make_switches() {
     define("DARK_CURRENT", dark_signal_of(p) > 0.0);
     define("SHOT_NOISE", p.shot_noise);
     define("LAG", bool(lag_state_));
+    define("CUBIC", p.cubic_nonlinearity != 0.0);
     define("GAMMA", p.gamma != 1.0);
     define("ROW_NOISE", p.row_noise_dn > 0.0);
     define("COLUMN_NOISE", p.column_noise_dn > 0.0);
+    define("TELEGRAPH", has_telegraph_noise(p));
     define("READ_NOISE_SPREAD", bool(read_noise_map_));
 }
 
@@ -330,7 +361,8 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
                  on(has_mosaic(p), kSensorMosaic) | on(p.gamma != 1.0, kSensorGamma) |
                  on(!lag_started_, kSensorLagFirst) |
                  on(p.quantize || output.format != Format::kFloat32, kSensorQuantize) |
-                 on(p.crosstalk_fraction > 0.0, kSensorCrosstalk);
+                 on(p.crosstalk_fraction > 0.0, kSensorCrosstalk) |
+                 on(p.cubic_nonlinearity != 0.0, kSensorCubic) | on(has_telegraph_noise(p), kSensorTelegraph);
     c.width = p.width;
     c.height = p.height;
     c.quarter = quarter_rows(p.height);
@@ -358,6 +390,10 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
     c.steps_per_dn = real(1.0 / step);
     c.top_code = real(top_code(output.format));
     c.output_scale = real(p.float_full_scale / full);
+    c.cubic = real(p.cubic_nonlinearity);
+    c.telegraph_fraction = real(p.telegraph_fraction);
+    c.telegraph_low = real(p.telegraph_centered ? -0.5 * p.telegraph_step_dn : 0.0);
+    c.telegraph_high = real(p.telegraph_centered ? 0.5 * p.telegraph_step_dn : p.telegraph_step_dn);
     arguments.add(c)
         .add(offset_.get())
         .add(response_.get())

@@ -44,13 +44,19 @@ struct SensorParameters {
     double read_noise_spread = 0.0;
     bool shot_noise = false;
     std::uint32_t effective_bits = 0; // 0: bits
+    double row_offset_dn = 0.0, dull_pixel_fraction = 0.0, cubic_nonlinearity = 0.0;
+    double periodic_offset_dn = 0.0, periodic_frequency_x = 0.0, periodic_frequency_y = 0.0; // cycles per pixel
+    double telegraph_fraction = 0.0, telegraph_step_dn = 0.0;
+    bool telegraph_centered = false; // half the step up and down, not up alone
 };
 CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, saturation_dn, black_level_dn,
               read_noise_dn, hot_pixel_fraction, hot_pixel_mean_dn, cold_pixel_fraction, float_full_scale,
               dark_frame_dn, dark_frame_pitch_bytes, quantize, conversion_gain_dn_per_e, crosstalk_fraction, prnu,
               column_prnu, row_prnu, mosaic_gain, dark_current_e_per_s, dark_current_reference_temperature_c,
               dark_current_doubling_k, temperature_c, exposure_time_s, lag_fraction, gamma, dsnu_dn, column_offset_dn,
-              row_noise_dn, column_noise_dn, read_noise_spread, shot_noise, effective_bits)
+              row_noise_dn, column_noise_dn, read_noise_spread, shot_noise, effective_bits,
+              row_offset_dn, dull_pixel_fraction, cubic_nonlinearity, periodic_offset_dn, periodic_frequency_x,
+              periodic_frequency_y, telegraph_fraction, telegraph_step_dn, telegraph_centered)
 
 // Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
 enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };

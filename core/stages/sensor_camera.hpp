@@ -16,6 +16,8 @@ enum SensorSwitch : cl_uint {
     kSensorLagFirst = 64,
     kSensorQuantize = 128,
     kSensorCrosstalk = 256,
+    kSensorCubic = 512,
+    kSensorTelegraph = 1024,
 };
 
 // The same members as sensor_t there.
@@ -26,7 +28,8 @@ struct SensorConstants {
     cl_float gain, crosstalk, mosaic[4], dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
     cl_float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn,
         top_code, output_scale;
+    cl_float cubic, telegraph_fraction, telegraph_low, telegraph_high;
 };
-static_assert(sizeof(SensorConstants) == 30 * 4, "only members of four bytes");
+static_assert(sizeof(SensorConstants) == 34 * 4, "only members of four bytes");
 
 } // namespace clsp

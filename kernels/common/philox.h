@@ -21,6 +21,8 @@
 #define STREAM_COLUMN_NOISE 0x1bu
 #define STREAM_COLUMN_PRNU 0x1cu
 #define STREAM_ROW_PRNU 0x1du
+#define STREAM_ROW_OFFSET 0x1eu
+#define STREAM_DULL_PIXEL 0x1fu
 #define STREAM_NEXT_PHASE 0x20u         // + polarization: the knot that a moving field turns towards
 #define STREAM_NEXT_MAGNITUDE 0x22u     // + polarization
 #define STREAM_PATH_START 0x24u
@@ -28,6 +30,9 @@
 #define STREAM_BOIL_MAGNITUDE 0x2au     // + polarization; + 2 for the next knot
 #define STREAM_SURFACE_HEIGHT 0x30u
 #define STREAM_AIRFLOW 0x31u            // and 0x32; the host has 0x33 to 0x35, 0x40 to 0x46, 0x51 and 0x52
+#define STREAM_PERIODIC_PHASE 0x36u
+#define STREAM_TELEGRAPH_PIXEL 0x37u
+#define STREAM_TELEGRAPH_STATE 0x38u
 #define STREAM_ETCH_NOISE 0x50u
 #define STREAM_HYPOTHESIS 0x60u         // + draw, 0 to 15
 #define STREAM_HYPOTHESIS_FIXED 0x70u   // + draw, 0 to 15

@@ -3,14 +3,17 @@
 
 #if FIXED_PATTERN
 
-// Drawn once. offset (dark frame already in it) gains hot pixels, DSNU and column offsets; response is 0 at cold pixels
-// and 1 elsewhere; pixel_gain is the PRNU of pixels, columns and rows, 0 at cold pixels; read_noise_map is each pixel's
-// standard deviation. Only what is on is written: the other buffers may be NULL. One work-item a Philox block.
+// Drawn once. offset (dark frame already in it) gains hot pixels, DSNU, column and row offsets and a wave; response is 0
+// at cold pixels and 1 elsewhere; pixel_gain is the PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones;
+// read_noise_map is each pixel's standard deviation. periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope:
+// of a dull pixel's gain over its random number. Only what is on is written: the other buffers may be NULL. One work-item
+// a Philox block.
 __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *response, __global float *pixel_gain,
                                    __global float *read_noise_map, uint width, uint height, uint quarter, uint2 key,
                                    float hot_fraction, float hot_mean, float cold_fraction, float prnu,
-                                   float column_prnu, float row_prnu, float dsnu, float column_offset, float read_noise,
-                                   float read_noise_spread) {
+                                   float column_prnu, float row_prnu, float dull_fraction, float dull_slope, float dsnu,
+                                   float column_offset, float row_offset, float periodic, uint periodic_x, uint periodic_y,
+                                   float read_noise, float read_noise_spread) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
@@ -23,6 +26,9 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
     const normals4 spread = normals_from_block(image_block(x, row, 0, 0, STREAM_READ_NOISE_SPREAD, key));
     const normals4 column_gain = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_PRNU, key));
     const normals4 row_gains = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_PRNU, key));
+    const words4 dull = image_block(x, row, 0, 0, STREAM_DULL_PIXEL, key);
+    const normals4 row_offsets = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_OFFSET, key));
+    const words4 periodic_phase = image_block(0, 0, 0, 0, STREAM_PERIODIC_PHASE, key);
     for (uint j = 0; j < 4; ++j) {
         const uint y = row + j * quarter;
         if (y >= height)
@@ -38,6 +44,12 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
 #if COLUMN_OFFSET
         offset[i] += column_offset * column.n0;
 #endif
+#if ROW_OFFSET
+        offset[i] += row_offset * normal_of(row_offsets, j);
+#endif
+#if PERIODIC
+        offset[i] += periodic * phasor_from_word(periodic_phase.w0 + x * periodic_x + y * periodic_y).im;
+#endif
         const bool is_cold = uniform_from_word(word_of(cold, j)) < cold_fraction;
 #if COLD
         response[i] = is_cold ? 0 : 1;
@@ -49,6 +61,10 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
 #endif
 #if ROW_PRNU
         gain *= fmax(fma(row_prnu, normal_of(row_gains, j), 1.0f), 0.0f);
+#endif
+#if DULL
+        const float chance = uniform_from_word(word_of(dull, j));
+        gain *= chance < dull_fraction ? fma(dull_slope, chance, 1.0f) : 1.0f;
 #endif
         pixel_gain[i] = gain;
 #endif

@@ -23,12 +23,15 @@ typedef float output_t;
 #define SENSOR_LAG_FIRST 64u
 #define SENSOR_QUANTIZE 128u
 #define SENSOR_CROSSTALK 256u
+#define SENSOR_CUBIC 512u
+#define SENSOR_TELEGRAPH 1024u
 
 // The same members as SensorConstants there, of four bytes each.
 typedef struct {
     uint switches, width, height, quarter, key_low, key_high, frame_low, frame_high;
     float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
     float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn, top_code, output_scale;
+    float cubic, telegraph_fraction, telegraph_low, telegraph_high;
 } sensor_t;
 
 // Maps are NULL where their effect is off.

@@ -37,6 +37,7 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 typedef struct {
     lanes_f read[NOISE_BLOCKS][4], shot[NOISE_BLOCKS][4], column[NOISE_BLOCKS];
     lanes_u shot_words[NOISE_BLOCKS][4];
+    lanes_f telegraph[NOISE_BLOCKS][4];
     float rows[NOISE_BLOCKS][4];
 } frame_noise_t;
 
@@ -92,17 +93,22 @@ typedef struct {
 #define block_x(blocks, k) ((blocks)->x + (k) % (blocks)->across * LANES)
 #define block_row(blocks, k) ((blocks)->row + (k) / (blocks)->across)
 
-static inline void draw_words(const sensor_t *s, const noise_blocks_t *blocks, uint stream, lanes_u (*words)[4]) {
+static inline void draw_words_of(const sensor_t *s, const noise_blocks_t *blocks, uint frame_low, uint frame_high, uint stream,
+                                 lanes_u (*words)[4]) {
     const uint2 key = (uint2)(s->key_low, s->key_high);
     for (uint k = 0, row = blocks->row; k < blocks->count; ++row)
         for (uint across = 0; across < blocks->across && k < blocks->count; ++across, ++k) {
             lanes_words4 block;
-            image_blocks(blocks->x + across * LANES, row, s->frame_low, s->frame_high, stream, key, &block);
+            image_blocks(blocks->x + across * LANES, row, frame_low, frame_high, stream, key, &block);
             words[k][0] = block.w0;
             words[k][1] = block.w1;
             words[k][2] = block.w2;
             words[k][3] = block.w3;
         }
+}
+
+static inline void draw_words(const sensor_t *s, const noise_blocks_t *blocks, uint stream, lanes_u (*words)[4]) {
+    draw_words_of(s, blocks, s->frame_low, s->frame_high, stream, words);
 }
 
 static inline void draw_normals(const sensor_t *s, const noise_blocks_t *blocks, uint stream, lanes_f (*normals)[4]) {
@@ -135,6 +141,18 @@ static inline void draw_read_noise(const sensor_t *s, const noise_blocks_t *bloc
     }
 }
 
+// The jumps of telegraph noise, 0 at most pixels.
+static inline void draw_telegraph(const sensor_t *s, const noise_blocks_t *blocks, lanes_f (*jumps)[4]) {
+    lanes_u pixels[NOISE_BLOCKS][4], states[NOISE_BLOCKS][4];
+    draw_words_of(s, blocks, 0, 0, STREAM_TELEGRAPH_PIXEL, pixels);
+    draw_words(s, blocks, STREAM_TELEGRAPH_STATE, states);
+    for (uint k = 0; k < blocks->count; ++k)
+        for (uint j = 0; j < 4; ++j) {
+            const lanes_f jump = select(SPREAD(s->telegraph_low), SPREAD(s->telegraph_high), as_lanes_i(states[k][j]) < 0);
+            jumps[k][j] = select(SPREAD(0.0f), jump, uniforms_from_words(pixels[k][j]) < s->telegraph_fraction);
+        }
+}
+
 static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, frame_noise_t *noise) {
     if (s->switches & SENSOR_READ_NOISE)
         draw_read_noise(s, blocks, noise->read);
@@ -159,6 +177,8 @@ static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, f
             draw_normals(s, &top, STREAM_COLUMN_NOISE, columns);
             noise->column[k] = s->column_noise * columns[0][0];
         }
+    if (s->switches & SENSOR_TELEGRAPH)
+        draw_telegraph(s, blocks, noise->telegraph);
 }
 
 // The signals that the intensities give.
@@ -271,6 +291,10 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
             value = fma(SPREAD(s->lag), load_some(c->lag_state + i, count), (1.0f - s->lag) * value);
         store_some(value, c->lag_state + i, count);
     }
+    if (switches & SENSOR_CUBIC) {
+        const lanes_f part = smaller(value * s->gamma_scale, SPREAD(1.0f));
+        value = fma(-s->cubic * value, part * (part * part), value);
+    }
     if (switches & SENSOR_GAMMA) {
         const lanes_f relative = smaller(value * s->gamma_scale, SPREAD(4096.0f));
         const lanes_i is_light = relative >= 0x1p-100f;
@@ -284,6 +308,8 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
         value = fma(SPREAD(s->row_noise), SPREAD(noise->rows[k][j]), value);
     if (switches & SENSOR_COLUMN_NOISE)
         value += noise->column[k];
+    if (switches & SENSOR_TELEGRAPH)
+        value += noise->telegraph[k][j];
     if (switches & SENSOR_READ_NOISE)
         value = fma(c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise), noise->read[k][j], value);
     if (switches & SENSOR_QUANTIZE)

@@ -1,6 +1,6 @@
 // The camera's chain, one pixel at a time, for GPUs. What is on is compiled in, each 0 or 1:
-//   READ_NOISE, READ_NOISE_SPREAD, ROW_NOISE, COLUMN_NOISE, SHOT_NOISE
-//   MOSAIC, PRNU, COLD, DARK_CURRENT, LAG, GAMMA, OFFSET, QUANTIZE, CODE_STEP
+//   READ_NOISE, READ_NOISE_SPREAD, ROW_NOISE, COLUMN_NOISE, SHOT_NOISE, TELEGRAPH
+//   MOSAIC, PRNU, COLD, DARK_CURRENT, LAG, CUBIC, GAMMA, OFFSET, QUANTIZE, CODE_STEP
 // The equations are in sensor.h of the C API.
 #ifndef CLSP_SENSOR_PIXEL_H
 #define CLSP_SENSOR_PIXEL_H
@@ -39,7 +39,7 @@ static inline ALWAYS_INLINE float poisson(float mean, float w, uint word) {
 // What is random in one column's four rows that share a Philox block, one in each quarter of the image.
 typedef struct {
     normals4 read, shot, rows;
-    words4 shot_words;
+    words4 shot_words, telegraph_pixels, telegraph_states;
     float column;
 } pixel_noise_t;
 
@@ -73,6 +73,10 @@ static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, ui
 #if COLUMN_NOISE
     noise.column = s->column_noise * normals_from_block(image_block(x, 0, s->frame_low, s->frame_high, STREAM_COLUMN_NOISE, key)).n0;
 #endif
+#if TELEGRAPH
+    noise.telegraph_pixels = image_block(x, row, 0, 0, STREAM_TELEGRAPH_PIXEL, key);
+    noise.telegraph_states = image_block(x, row, s->frame_low, s->frame_high, STREAM_TELEGRAPH_STATE, key);
+#endif
     return noise;
 }
 
@@ -104,6 +108,11 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
     value = (s->switches & SENSOR_LAG_FIRST) ? value : fma(s->lag, c->lag_state[i], (1.0f - s->lag) * value);
     c->lag_state[i] = value;
 #endif
+#if CUBIC
+    // What the converter clips bends no further.
+    const float part = fmin(value * s->gamma_scale, 1.0f);
+    value = fma(-s->cubic * value, part * (part * part), value);
+#endif
 #if GAMMA
     // Below 2^-100 of full scale a signal counts as 0, above 2^12 as 2^12, so that no power leaves the range of a float.
     const float relative = fmin(value * s->gamma_scale, 4096.0f);
@@ -118,6 +127,10 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
 #endif
 #if COLUMN_NOISE
     value += noise->column;
+#endif
+#if TELEGRAPH
+    if (uniform_from_word(word_of(noise->telegraph_pixels, j)) < s->telegraph_fraction)
+        value += word_of(noise->telegraph_states, j) >> 31 ? s->telegraph_high : s->telegraph_low;
 #endif
 #if READ_NOISE_SPREAD
     value = fma(c->read_noise_map[i], normal_of(noise->read, j), value);

@@ -24,6 +24,11 @@ STREAM_READ_NOISE_SPREAD = 0x1A
 STREAM_COLUMN_NOISE = 0x1B
 STREAM_COLUMN_PRNU = 0x1C
 STREAM_ROW_PRNU = 0x1D
+STREAM_ROW_OFFSET = 0x1E
+STREAM_DULL_PIXEL = 0x1F
+STREAM_PERIODIC_PHASE = 0x36
+STREAM_TELEGRAPH_PIXEL = 0x37
+STREAM_TELEGRAPH_STATE = 0x38
 
 POISSON_BY_UNIFORM_BELOW = 12.0
 """Mean from which the Poisson deviate takes a normal instead of a uniform."""
@@ -70,6 +75,15 @@ class Sensor:
     read_noise_spread: float = 0.0
     shot_noise: bool = False
     effective_bits: int = 0
+    row_offset_dn: float = 0.0
+    dull_pixel_fraction: float = 0.0
+    cubic_nonlinearity: float = 0.0
+    periodic_offset_dn: float = 0.0
+    periodic_frequency_x: float = 0.0
+    periodic_frequency_y: float = 0.0
+    telegraph_fraction: float = 0.0
+    telegraph_step_dn: float = 0.0
+    telegraph_centered: bool = False
 
     def __post_init__(self) -> None:
         if self.photons_per_unit:
@@ -107,12 +121,14 @@ class Sensor:
         return philox.image_normal(self.height, 1, self.seed, frame_index, stream)
 
     def pixel_gain(self) -> NDArray[np.float64]:
-        """Step 3: mosaic, PRNU, cold pixels."""
+        """Step 3: mosaic, PRNU, dull and cold pixels."""
         y, x = np.indices((self.height, self.width))
         gain = np.asarray(self.mosaic_gain, dtype=np.float64)[(x & 1) + 2 * (y & 1)]
         gain = gain * np.maximum(1.0 + self.prnu * self._normal(STREAM_PRNU), 0.0)
         gain = gain * np.maximum(1.0 + self.column_prnu * self._row(STREAM_COLUMN_PRNU), 0.0)
         gain = gain * np.maximum(1.0 + self.row_prnu * self._column(STREAM_ROW_PRNU), 0.0)
+        u = philox.image_uniform(self.height, self.width, self.seed, 0, STREAM_DULL_PIXEL)
+        gain = gain * np.where(u < self.dull_pixel_fraction, 1.0 - 0.3 * u / max(self.dull_pixel_fraction, 1e-300), 1.0)
         return np.where(self.cold(), 0.0, gain)
 
     @property
@@ -140,7 +156,21 @@ class Sensor:
             + self.hot_offset_dn()
             + self.dsnu_dn * self._normal(STREAM_DSNU)
             + self.column_offset_dn * self._row(STREAM_COLUMN_OFFSET)
+            + self.row_offset_dn * self._column(STREAM_ROW_OFFSET)
+            + self.periodic_offset_dn * np.sin(2 * np.pi * self._periodic_turns())
         )
+
+    def _periodic_turns(self) -> NDArray[np.float64]:
+        y, x = np.indices((self.height, self.width))
+        phase = philox.image_words(1, 1, self.seed, 0, STREAM_PERIODIC_PHASE)[0, 0] / 2.0**32
+        return self.periodic_frequency_x * x + self.periodic_frequency_y * y + phase
+
+    def telegraph_dn(self, frame_index: int) -> NDArray[np.float64]:
+        """The jumps of telegraph noise in a frame."""
+        size = self.height, self.width
+        jumps = philox.image_uniform(*size, self.seed, 0, STREAM_TELEGRAPH_PIXEL) < self.telegraph_fraction
+        high = philox.image_words(*size, self.seed, frame_index, STREAM_TELEGRAPH_STATE) >= 2**31
+        return self.telegraph_step_dn * jumps * (high - 0.5 * self.telegraph_centered)
 
     def read_noise_map_dn(self) -> NDArray[np.float64]:
         """Each pixel's standard deviation of the read noise."""
@@ -154,6 +184,7 @@ class Sensor:
             * philox.image_pair_normal(self.height, self.width, self.seed, frame_index, STREAM_READ_NOISE)
             + self.row_noise_dn * self._column(STREAM_ROW_NOISE, frame_index)
             + self.column_noise_dn * self._row(STREAM_COLUMN_NOISE, frame_index)
+            + self.telegraph_dn(frame_index)
         )
 
     def signal_dn(
@@ -178,6 +209,7 @@ class Sensor:
     ) -> NDArray[np.float64]:
         """Before clipping and rounding: steps 1 to 9."""
         signal = self.signal_dn(intensity, frame_index, previous)
+        signal = signal * (1.0 - self.cubic_nonlinearity * np.minimum(signal / self.top_code, 1.0) ** 3)
         if self.gamma != 1.0:
             signal = self.top_code * (signal / self.top_code) ** self.gamma
         return signal + self.fixed_offset_dn() + self.noise_dn(frame_index)

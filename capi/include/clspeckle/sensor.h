@@ -14,23 +14,27 @@
  *      2. s <- (1 - crosstalk_fraction) s + crosstalk_fraction / 4 (sum of s at the four neighbours)
  *              a neighbour outside of the image is the edge pixel itself
  *      3. s <- s * mosaic_gain[(x & 1) + 2 (y & 1)] * max(1 + prnu * n1(x, y), 0) * max(1 + column_prnu * n8(x), 0)
- *              * max(1 + row_prnu * n9(y), 0),  0 at cold pixels
+ *              * max(1 + row_prnu * n9(y), 0) * (1 - 0.3 u / dull_pixel_fraction where u < dull_pixel_fraction),  0 at cold pixels
  *      4. s <- s + K * dark_current_e_per_s * exposure_time_s * 2^((temperature_c - dark_current_reference_temperature_c) /
  *                                                                dark_current_doubling_k)
  *      5. s <- K * Poisson(s / K)                                   shot noise of light and dark current
  *      6. s <- min(s, saturation_dn)                                full well
  *      7. s <- (1 - lag_fraction) s + lag_fraction * (s of the frame before, after this step); the first frame has none before it
- *      8. s <- full * (s / full)^gamma
+ *      8. s <- s (1 - cubic_nonlinearity min(s / full, 1)^3), then s <- full * (s / full)^gamma
  *      9. v  = s + black_level_dn + dark_frame(x, y) + hot(x, y) + dsnu_dn * n2(x, y) + column_offset_dn * n3(x)
  *              + read_noise_dn * r(x, y) * n4(x, y, t) + row_noise_dn * n5(y, t) + column_noise_dn * n6(x, t)
+ *              + row_offset_dn * n10(y) + periodic_offset_dn * sin(2 pi (periodic_frequency_x x + periodic_frequency_y y + p))
+ *              + telegraph_step_dn * (b(x, y, t) - c) at telegraph pixels, b 0 or 1, c 0 (1/2 with telegraph_centered)
  *              r = exp(read_noise_spread * n7(x, y) - read_noise_spread^2): log-normal, mean square 1
  *     10. code = clip(d * round_half_to_even(v / d), 0, 2^bits - d),  d = 2^(bits - effective_bits)
  *
- * n1 to n9 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b,
- * n7 0x1a, n8 0x1c, n9 0x1d.
+ * n1 to n10 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b,
+ * n7 0x1a, n8 0x1c, n9 0x1d, n10 0x1e.
  * n4 takes a word for two pixels ("pair" in philox.h).
- * n1, n2, n3, n7, n8, n9 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3, n6 and n8 are images one
- * pixel high, n5 and n9 one pixel wide.
+ * n1, n2, n3, n7 to n10 are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3, n6 and n8 are images one
+ * pixel high, n5, n9 and n10 one pixel wide. u is the pixel's uniform of stream 0x1f, p the first word of stream 0x36 as
+ * turns of 2^-32. Telegraph pixels have a uniform of stream 0x37 below telegraph_fraction; b is the highest bit of the
+ * frame's word of stream 0x38.
  * Hot pixels are drawn once from the seed: a pixel is hot where the uniform of stream 0x11 is below hot_pixel_fraction,
  * its offset is -hot_pixel_mean_dn ln(u), u from stream 0x12; cold where the uniform of stream 0x13 is below cold_pixel_fraction.
  *
@@ -102,6 +106,16 @@ typedef struct ClspSensorDesc {
                                       2^(bits - effective_bits), saturated ones the largest. */
     double column_prnu;          /**< Relative standard deviation of the columns' gain, 0 to 1; default 0. */
     double row_prnu;             /**< Relative standard deviation of the rows' gain, 0 to 1; default 0. */
+    double row_offset_dn;        /**< Standard deviation of the rows' offsets, constant in time, >= 0; default 0. */
+    double dull_pixel_fraction;  /**< Part of the pixels whose gain is only 0.7 to 1 times what it would be, 0 to 1; default 0. */
+    double cubic_nonlinearity;   /**< Part of the signal that the response lacks at full scale, -1 to 0.25; default 0. */
+    double periodic_offset_dn;   /**< Amplitude of a wave of offsets, constant in time, >= 0; default 0. */
+    double periodic_frequency_x; /**< Of the wave, cycles per pixel, -0.5 to 0.5; default 0. */
+    double periodic_frequency_y; /**< Downwards. */
+    double telegraph_fraction;   /**< Part of the pixels whose offset jumps in half of the frames, 0 to 1; default 0. */
+    double telegraph_step_dn;    /**< By how much, >= 0; default 0. */
+    uint32_t telegraph_centered; /**< 1: they jump by half of it up or down. 0 (default): up, or not at all. */
+    uint32_t reserved_telegraph; /**< 0. */
 } ClspSensorDesc;
 
 /** @name Colour filters: which colours lie at the sites (0,0) (1,0) / (0,1) (1,1) */

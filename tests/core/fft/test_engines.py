@@ -212,6 +212,7 @@ CAMERAS = {
     "coarse converter": {"effective_bits": 6, "conversion_gain_dn_per_e": 0.8, "dark_current_e_per_s": 900.0},
     "noise without read noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
     "column and row gains": {"column_prnu": 0.02, "row_prnu": 0.02},
+    "telegraph noise": {"telegraph_fraction": 0.05, "telegraph_step_dn": 30.0},
     "all": {
         "shot_noise": True,
         "conversion_gain_dn_per_e": 0.8,
@@ -231,6 +232,9 @@ CAMERAS = {
         "column_noise_dn": 3.0,
         "read_noise_spread": 0.2,
         "effective_bits": 7,
+        "cubic_nonlinearity": 0.04,
+        "telegraph_fraction": 0.02,
+        "telegraph_step_dn": 20.0,
     },
 }
 

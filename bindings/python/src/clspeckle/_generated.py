@@ -456,7 +456,10 @@ class ClspSensorDesc(Structure):
         ("dark_current_doubling_k", _f64), ("temperature_c", _f64), ("exposure_time_s", _f64), ("lag_fraction", _f64),
         ("gamma", _f64), ("dsnu_dn", _f64), ("column_offset_dn", _f64), ("row_noise_dn", _f64),
         ("column_noise_dn", _f64), ("read_noise_spread", _f64), ("shot_noise", _u32), ("effective_bits", _u32),
-        ("column_prnu", _f64), ("row_prnu", _f64),
+        ("column_prnu", _f64), ("row_prnu", _f64), ("row_offset_dn", _f64), ("dull_pixel_fraction", _f64),
+        ("cubic_nonlinearity", _f64), ("periodic_offset_dn", _f64), ("periodic_frequency_x", _f64),
+        ("periodic_frequency_y", _f64), ("telegraph_fraction", _f64), ("telegraph_step_dn", _f64),
+        ("telegraph_centered", _u32), ("reserved_telegraph", _u32),
     ]
 
 

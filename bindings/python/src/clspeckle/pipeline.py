@@ -146,6 +146,15 @@ class PipelineParameters(TypedDict, total=False):
     read_noise_spread: float | None
     shot_noise: bool | None
     effective_bits: int | None
+    row_offset_dn: float | None
+    dull_pixel_fraction: float | None
+    cubic_nonlinearity: float | None
+    periodic_offset_dn: float | None
+    periodic_frequency_x: float | None
+    periodic_frequency_y: float | None
+    telegraph_fraction: float | None
+    telegraph_step_dn: float | None
+    telegraph_centered: bool | None
     line_count: int | None
     sub_exposures: int | None
     dephasing_rad: float | None

@@ -139,6 +139,14 @@ class Sensor(Stage):
         read_noise_spread: standard deviation of the logarithm of the pixels' read noise, 0 to 2.
         shot_noise: Poisson noise of the electrons. Needs K.
         effective_bits: that the ADC resolves, 1 to bits; 0: all of them.
+        row_offset_dn: standard deviation of the rows' offsets, constant in time.
+        dull_pixel_fraction: part of the pixels whose gain is only 0.7 to 1 times what it would be, 0 to 1.
+        cubic_nonlinearity: part of the signal that the response lacks at full scale, -1 to 0.25.
+        periodic_offset_dn: amplitude of a wave of offsets, constant in time.
+        periodic_frequency_x: of the wave, cycles per pixel, -0.5 to 0.5; `periodic_frequency_y` likewise downwards.
+        telegraph_fraction: part of the pixels whose offset jumps in half of the frames, 0 to 1.
+        telegraph_step_dn: by how much, >= 0.
+        telegraph_centered: they jump by half of it up or down, and not up or not at all.
         quantize: False: a float32 output is only clipped, not quantized.
         context: None for :func:`default_context`.
 
@@ -148,7 +156,7 @@ class Sensor(Stage):
     """
 
     _c_name = "clspSensor"
-    _arguments = _check.Arguments(_library.ClspSensorDesc, flags=("quantize", "shot_noise"))
+    _arguments = _check.Arguments(_library.ClspSensorDesc, flags=("quantize", "shot_noise", "telegraph_centered"))
 
     def __init__(
         self,
@@ -189,6 +197,15 @@ class Sensor(Stage):
         read_noise_spread: float | None = None,
         shot_noise: bool | None = None,
         effective_bits: int | None = None,
+        row_offset_dn: float | None = None,
+        dull_pixel_fraction: float | None = None,
+        cubic_nonlinearity: float | None = None,
+        periodic_offset_dn: float | None = None,
+        periodic_frequency_x: float | None = None,
+        periodic_frequency_y: float | None = None,
+        telegraph_fraction: float | None = None,
+        telegraph_step_dn: float | None = None,
+        telegraph_centered: bool | None = None,
         context: Context | None = None,
     ) -> None:
         given = {name: value for name, value in locals().items() if name in _OPTIONS}

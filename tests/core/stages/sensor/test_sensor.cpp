@@ -51,7 +51,9 @@ TEST_F(Sensor, DescInit) {
     for (double off : {desc.conversion_gain_dn_per_e, desc.photons_per_unit, desc.full_well_e, desc.crosstalk_fraction,
                        desc.prnu, desc.column_prnu, desc.row_prnu, desc.dark_current_e_per_s, desc.lag_fraction,
                        desc.dsnu_dn, desc.column_offset_dn, desc.row_noise_dn, desc.column_noise_dn,
-                       desc.read_noise_spread})
+                       desc.read_noise_spread, desc.row_offset_dn, desc.dull_pixel_fraction, desc.cubic_nonlinearity,
+                       desc.periodic_offset_dn, desc.periodic_frequency_x, desc.periodic_frequency_y,
+                       desc.telegraph_fraction, desc.telegraph_step_dn})
         EXPECT_EQ(0.0, off);
     for (double one : {desc.quantum_efficiency, desc.gamma, desc.mosaic_gain[0], desc.mosaic_gain[1],
                        desc.mosaic_gain[2], desc.mosaic_gain[3]})
@@ -62,6 +64,7 @@ TEST_F(Sensor, DescInit) {
     EXPECT_EQ(0.01, desc.exposure_time_s);
     EXPECT_EQ(0u, desc.shot_noise);
     EXPECT_EQ(0u, desc.effective_bits);
+    EXPECT_EQ(0u, desc.telegraph_centered);
 }
 
 // Devices that work in lanes have a kernel of their own (stages/sensor_lanes.h); CLSPECKLE_FFT=clfft takes the other.
@@ -88,8 +91,13 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         d.gamma = 0.9;
         d.dsnu_dn = d.column_offset_dn = d.row_noise_dn = d.column_noise_dn = 2;
         d.read_noise_spread = 0.3;
-        d.hot_pixel_fraction = d.cold_pixel_fraction = 0.02;
+        d.hot_pixel_fraction = d.cold_pixel_fraction = d.dull_pixel_fraction = 0.02;
         d.effective_bits = 8;
+        d.row_offset_dn = d.periodic_offset_dn = 2;
+        d.periodic_frequency_x = 0.13;
+        d.cubic_nonlinearity = 0.04;
+        d.telegraph_fraction = 0.1;
+        d.telegraph_step_dn = 20;
     };
     const std::pair<const char *, Change> changes[] = {
         {"nothing", [](ClspSensorDesc &d) { d.read_noise_dn = 0; }},
@@ -111,6 +119,14 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"not quantized", [](ClspSensorDesc &d) { d.quantize = 0; }},
         {"few bits", [](ClspSensorDesc &d) { d.effective_bits = 6; }},
         {"dark current", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 0.5, d.dark_current_e_per_s = 3000; }},
+        {"row offsets", [](ClspSensorDesc &d) { d.row_offset_dn = 3; }},
+        {"a wave", [](ClspSensorDesc &d) {
+             d.periodic_offset_dn = 5, d.periodic_frequency_x = 0.213, d.periodic_frequency_y = -0.07;
+         }},
+        {"dull pixels", [](ClspSensorDesc &d) { d.dull_pixel_fraction = 0.1; }},
+        {"cubic", [](ClspSensorDesc &d) { d.cubic_nonlinearity = 0.05; }},
+        {"cubic upwards", [](ClspSensorDesc &d) { d.cubic_nonlinearity = -0.05; }},
+        {"telegraph noise", [](ClspSensorDesc &d) { d.telegraph_fraction = 0.1, d.telegraph_step_dn = 30; }},
         {"everything", everything},
     };
     setenv("CLSPECKLE_FFT", "clfft", 1); // contexts read it when they are made
@@ -518,6 +534,13 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
                                                     &ClspSensorDesc::prnu,
                                                     &ClspSensorDesc::column_prnu,
                                                     &ClspSensorDesc::row_prnu,
+                                                    &ClspSensorDesc::row_offset_dn,
+                                                    &ClspSensorDesc::dull_pixel_fraction,
+                                                    &ClspSensorDesc::periodic_offset_dn,
+                                                    &ClspSensorDesc::periodic_frequency_x,
+                                                    &ClspSensorDesc::periodic_frequency_y,
+                                                    &ClspSensorDesc::telegraph_fraction,
+                                                    &ClspSensorDesc::telegraph_step_dn,
                                                     &ClspSensorDesc::dark_current_e_per_s,
                                                     &ClspSensorDesc::exposure_time_s,
                                                     &ClspSensorDesc::lag_fraction,
@@ -532,6 +555,8 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
     for (auto member : not_negative)
         for (double bad : {-1.0, test::nan_value, test::infinity, -test::infinity})
             fails("", [&](ClspSensorDesc &d) { d.*member = bad; });
+    for (double bad : {test::nan_value, test::infinity, -1.01, 0.26})
+        fails("cubic_nonlinearity", [&](ClspSensorDesc &d) { d.cubic_nonlinearity = bad; });
     for (double bad : {test::nan_value, test::infinity, -274.0, 501.0}) {
         fails("temperature_c", [&](ClspSensorDesc &d) { d.temperature_c = bad; });
         fails("reference", [&](ClspSensorDesc &d) { d.dark_current_reference_temperature_c = bad; });
@@ -540,6 +565,8 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
         fails("mosaic_gain[2]", [&](ClspSensorDesc &d) { d.mosaic_gain[2] = bad; });
     fails("mosaic_gain", [](ClspSensorDesc &d) { std::fill(d.mosaic_gain, d.mosaic_gain + 4, 0.0); });
     fails("shot_noise", [](ClspSensorDesc &d) { d.shot_noise = 2; });
+    fails("telegraph_centered", [](ClspSensorDesc &d) { d.telegraph_centered = 2; });
+    fails("reserved_telegraph", [](ClspSensorDesc &d) { d.reserved_telegraph = 1; });
     fails("conversion_gain_dn_per_e", [](ClspSensorDesc &d) { d.shot_noise = 1; });
     fails("conversion_gain_dn_per_e", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 1e-12; });
     fails("conversion_gain_dn_per_e", [](ClspSensorDesc &d) { d.full_well_e = 1000; });

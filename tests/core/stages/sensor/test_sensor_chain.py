@@ -40,6 +40,8 @@ EFFECTS = {
     "column_prnu": {"column_prnu": 0.02},
     "row_prnu": {"row_prnu": 0.02},
     "line_gains_below_zero": {"column_prnu": 1.0, "row_prnu": 1.0, "cold_pixel_fraction": 0.05},
+    "dull": {"dull_pixel_fraction": 0.05},
+    "dull_and_cold": {"dull_pixel_fraction": 0.3, "cold_pixel_fraction": 0.05, "prnu": 0.02},
     "mosaic": {"mosaic_gain": (0.9, 1.05, 0.7, 1.2)},
     "dark_current": {
         "conversion_gain_dn_per_e": 0.3,
@@ -54,10 +56,14 @@ EFFECTS = {
         "photons_per_unit": 7000.0,
         "exposure_gain_dn": 700.0,
     },
+    "cubic": {"cubic_nonlinearity": 0.05},
+    "cubic_upwards": {"cubic_nonlinearity": -0.05},
     "gamma": {"gamma": 0.8},
     "gamma_above_one": {"gamma": 2.2},
     "dsnu": {"dsnu_dn": 4.0},
     "column_offset": {"column_offset_dn": 6.0},
+    "row_offset": {"row_offset_dn": 6.0},
+    "wave": {"periodic_offset_dn": 9.0, "periodic_frequency_x": 0.213, "periodic_frequency_y": -0.071},
     "fixed_pattern": {
         "dsnu_dn": 4.0,
         "column_offset_dn": 6.0,
@@ -68,6 +74,8 @@ EFFECTS = {
     "row_noise": {"row_noise_dn": 7.0},
     "column_noise": {"column_noise_dn": 7.0},
     "read_noise_spread": {"read_noise_spread": 0.4},
+    "telegraph_noise": {"telegraph_fraction": 0.1, "telegraph_step_dn": 40.0},
+    "centered_telegraph_noise": {"telegraph_fraction": 0.1, "telegraph_step_dn": 40.0, "telegraph_centered": True},
     "noise_without_read_noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
     "effective_bits": {"effective_bits": 7},
     "one_effective_bit": {"effective_bits": 1},
@@ -90,6 +98,13 @@ ALL = {
     "column_noise_dn": 3.0,
     "read_noise_spread": 0.2,
     "effective_bits": 10,
+    "row_offset_dn": 2.0,
+    "dull_pixel_fraction": 0.02,
+    "cubic_nonlinearity": 0.04,
+    "periodic_offset_dn": 3.0,
+    "periodic_frequency_x": -0.11,
+    "telegraph_fraction": 0.02,
+    "telegraph_step_dn": 20.0,
 }
 
 
@@ -514,11 +529,15 @@ def test_configure_keeps_no_memory_of_what_is_off(context):
             ({"prnu": 0.1}, 4),
             ({"dsnu_dn": 1.0}, 4),
             ({"column_offset_dn": 1.0}, 4),
+            ({"row_offset_dn": 1.0}, 4),
+            ({"periodic_offset_dn": 1.0}, 4),
+            ({"dull_pixel_fraction": 0.1}, 4),
             ({"hot_pixel_fraction": 0.1}, 4),
             ({"cold_pixel_fraction": 0.1}, 1),
             ({"read_noise_spread": 0.1}, 4),
             ({"lag_fraction": 0.1}, 4),
             ({"shot_noise": True, "conversion_gain_dn_per_e": 1.0}, 0),
+            ({"telegraph_fraction": 0.1, "telegraph_step_dn": 9.0, "cubic_nonlinearity": 0.1}, 0),
             ({"row_noise_dn": 1.0, "column_noise_dn": 1.0, "gamma": 0.9, "crosstalk_fraction": 0.1}, 0),
         ):
             stage.configure(**option)
