@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -96,6 +97,15 @@ struct CaptureLayout {
     // What one DN of a converter of ten bits, for which figures in DN are meant, is of this one's.
     double dn_of_ten_bits() const { return maximum_code() / 1023.0; }
 };
+
+// How many exposure times the sequences of a scene name.
+inline std::size_t exposure_count(const CaptureLayout &layout, CaptureScene scene) {
+    std::set<double> times;
+    for (const SequenceLayout &sequence : layout.sequences)
+        if (sequence.scene == scene && sequence.exposure_ms)
+            times.insert(*sequence.exposure_ms);
+    return times.size();
+}
 
 // Something that does not stop the diagnosis and that its reader is to know.
 struct CaptureWarning {

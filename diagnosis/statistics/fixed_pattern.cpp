@@ -9,6 +9,9 @@ namespace clsp::statistics {
 
 namespace {
 
+// Black levels of a camera wander that far from sequence to sequence, in read noise.
+constexpr double kLeastLevelDeviation = 0.01;
+
 // Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
 // deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say.
 double bulk_deviation(const Geometry &geometry, const std::vector<float> &image) {
@@ -136,8 +139,13 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
             lag_sum(bulk.data(), bulk.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
         sink.put("sensor", names[k], "1", ratio(covariance, variance));
     }
-    const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {bulk.data()}, 1);
+    SpectralLine line;
+    const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {bulk.data()}, 1, &line);
     sink.put("sensor", "fixed_pattern_lines", "log", std::log(spectrum.peaks));
+    sink.put("sensor", "fixed_pattern_wave", "log", log_ratio(0.5 * line.amplitude * line.amplitude, temporal));
+    // Of several dark sequences after different exposures: what the black level that they share leaves.
+    if (geometry.exposures_differ)
+        sink.put("sensor", "dark_level", "1", in.frames.mean_signal / in.frames.light, kLeastLevelDeviation);
 }
 
 } // namespace clsp::statistics

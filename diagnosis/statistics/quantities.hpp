@@ -20,5 +20,7 @@ struct Quantity {
 // frame_count * height * width. Throws kInvalidArgument as SequenceStatistics::compute does.
 std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size_t sequence, const std::uint16_t *codes,
                                           std::uint32_t frame_count, const Calibration &calibration, unsigned threads);
+// Of the dark sequences and the flats of a capture, one after the other: what a fixed pattern shows in.
+std::vector<Quantity> pattern_quantities(const Capture &capture, const Calibration &calibration, unsigned threads);
 
 } // namespace clsp

@@ -25,8 +25,10 @@ class Sink {
             values_[count_] = std::isfinite(value) ? value : 0.0;
         ++count_;
     }
-    void put(const char *stage, const std::string &name, const char *unit, double value) {
+    void put(const char *stage, const std::string &name, const char *unit, double value, double least_deviation = 0.0) {
         put(stage, name, "all", unit, value);
+        if (list_)
+            list_->back().least_deviation = least_deviation;
     }
 
     // A square over frames, which has about as many degrees of freedom. The logarithm of a chi-square of few has a tail
@@ -41,16 +43,12 @@ class Sink {
 
     // The root of a count of rare things; half is the standard deviation of a large one.
     void put_count(const char *stage, const std::string &name, double count) {
-        put(stage, name, "sqrt", std::sqrt(count + 0.375));
-        if (list_)
-            list_->back().least_deviation = 0.25;
+        put(stage, name, "sqrt", std::sqrt(count + 0.375), 0.25);
     }
 
     // The root of a share of all values, of which each `together` rise or fall at once.
     void put_share(const char *stage, const std::string &name, double share, double together, double total) {
-        put(stage, name, "sqrt", std::sqrt(share));
-        if (list_)
-            list_->back().least_deviation = 0.25 * std::sqrt(together / total);
+        put(stage, name, "sqrt", std::sqrt(share), 0.25 * std::sqrt(together / total));
     }
 
     std::size_t count() const { return count_; }

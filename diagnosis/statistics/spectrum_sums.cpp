@@ -34,7 +34,8 @@ struct PowerSums {
     double along_x = 0.0, along_y = 0.0;
 };
 
-PowerSums sum_power(const Geometry &geometry, double cutoff, const float *image) {
+// |F|^2 of fx = kx / width from 0 on: of (kx, ky) at kx * height + ky.
+std::vector<double> power_spectrum(const Geometry &geometry, const float *image) {
     const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
     const std::vector<float> window_x = hann(width), window_y = hann(height);
     Eigen::FFT<float> transform;
@@ -48,22 +49,41 @@ PowerSums sum_power(const Geometry &geometry, double cutoff, const float *image)
         for (std::size_t x = 0; x < half; ++x)
             spectrum[x * height + y] = line[x];
     }
-    PowerSums sums;
+    std::vector<double> power(half * height);
     for (std::size_t kx = 0; kx < half; ++kx) {
         std::copy(spectrum.begin() + std::ptrdiff_t(kx * height), spectrum.begin() + std::ptrdiff_t((kx + 1) * height),
                   column.begin());
         transform.fwd(line, column);
+        for (std::size_t ky = 0; ky < height; ++ky)
+            power[kx * height + ky] = double(std::norm(line[ky]));
+    }
+    return power;
+}
+
+// What the window makes of the mean.
+bool is_mean(std::size_t kx, std::size_t ky) {
+    return kx <= 1 && ky <= 1;
+}
+
+std::size_t ring_of(double frequency) {
+    return std::min(std::size_t(frequency / kCorner * double(kPeakRings)), kPeakRings - 1);
+}
+
+PowerSums sum_power(const Geometry &geometry, double cutoff, const std::vector<double> &powers) {
+    const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
+    PowerSums sums;
+    for (std::size_t kx = 0; kx < half; ++kx) {
         const double multiplicity = kx == 0 || 2 * kx == width ? 1.0 : 2.0, fx = double(kx) / double(width);
         for (std::size_t y = 0; y < height; ++y) {
             const std::size_t ky = std::min(y, height - y);
-            if (kx <= 1 && ky <= 1)
-                continue; // what the window makes of the mean
-            const double fy = double(ky) / double(height), power = double(std::norm(line[y]));
+            if (is_mean(kx, ky))
+                continue;
+            const double fy = double(ky) / double(height), power = powers[kx * height + y];
             const double frequency = std::sqrt(fx * fx + fy * fy), position = frequency / cutoff * double(kBands);
             const std::size_t band = position < double(kBands) ? std::size_t(position) : kBands;
             sums.power[band] += multiplicity * power;
             sums.count[band] += multiplicity;
-            const std::size_t ring = std::min(std::size_t(frequency / kCorner * double(kPeakRings)), kPeakRings - 1);
+            const std::size_t ring = ring_of(frequency);
             sums.ring_power[ring] += multiplicity * power;
             sums.ring_square[ring] += multiplicity * power * power;
             sums.ring_count[ring] += multiplicity;
@@ -76,6 +96,79 @@ PowerSums sum_power(const Geometry &geometry, double cutoff, const float *image)
     return sums;
 }
 
+// Offsets of rows and of columns have all their power where fx or fy is 0: each of the two is a surrounding of its own,
+// a ring another.
+SpectralLine strongest_line(const Geometry &geometry, const std::vector<double> &powers) {
+    const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
+    constexpr std::size_t kRowOffsets = kPeakRings, kColumnOffsets = kPeakRings + 1;
+    constexpr double kNothing = 1e-12;
+    const auto surrounding = [&](std::size_t kx, std::size_t ky) {
+        if (kx <= 1)
+            return kRowOffsets;
+        if (ky <= 1)
+            return kColumnOffsets;
+        return ring_of(std::hypot(double(kx) / double(width), double(ky) / double(height)));
+    };
+    // Logarithms: the line itself counts in its surrounding as one of many.
+    std::array<double, kPeakRings + 2> total{}, count{};
+    std::vector<double> logs(powers.size());
+    const auto each = [&](const auto &work) {
+        for (std::size_t kx = 0; kx < half; ++kx)
+            for (std::size_t y = 0; y < height; ++y) {
+                const std::size_t ky = std::min(y, height - y);
+                // The other half of fx = 0 is the same again.
+                if (!is_mean(kx, ky) && (kx > 0 || 2 * y <= height))
+                    work(kx * height + y, kx, y, surrounding(kx, ky));
+            }
+    };
+    each([&](std::size_t at, std::size_t, std::size_t, std::size_t ring) {
+        logs[at] = std::log(powers[at] + kNothing);
+        total[ring] += logs[at];
+        count[ring] += 1.0;
+    });
+    double most = 0.0, best = -1.0;
+    std::size_t x = 0, y = 0;
+    each([&](std::size_t at, std::size_t kx, std::size_t ky, std::size_t ring) {
+        const double above = logs[at] - total[ring] / count[ring];
+        if (above > best) {
+            best = above;
+            most = powers[at];
+            x = kx;
+            y = ky;
+        }
+    });
+    // Noise has exponential powers: the mean of their logarithms is Euler's constant below that of their mean.
+    constexpr double kEuler = 0.57721566490153286, kChance = 1e-4;
+    SpectralLine line;
+    line.stands_out = std::exp(best - kEuler) > std::log(double(powers.size()) / kChance);
+    // Between two frequencies of the grid the window's transform goes as 1 / (d (1 - d^2)): of the amplitudes at d and
+    // 1 - d the ratio is (1 + d) / (2 - d).
+    const auto root = [&](std::ptrdiff_t kx, std::ptrdiff_t ky) {
+        const auto w = std::ptrdiff_t(width), h = std::ptrdiff_t(height);
+        kx = (kx + w) % w;
+        if (kx > w / 2) { // the image is real
+            kx = w - kx;
+            ky = -ky;
+        }
+        return std::sqrt(powers[std::size_t(kx * h + (ky % h + h) % h)]);
+    };
+    const auto offset = [&](double before, double after) {
+        const double ratio_of = ratio(std::max(before, after), std::sqrt(most));
+        const double found = std::clamp((2.0 * ratio_of - 1.0) / (1.0 + ratio_of), 0.0, 0.5);
+        return after > before ? found : -found;
+    };
+    const auto kx = std::ptrdiff_t(x), ky = std::ptrdiff_t(y);
+    const double dx = offset(root(kx - 1, ky), root(kx + 1, ky)), dy = offset(root(kx, ky - 1), root(kx, ky + 1));
+    const auto window = [](double d) { // at d from its middle, over that in the middle
+        return std::abs(d) < 1e-6 ? 1.0 : std::sin(kPi * d) / (kPi * d * (1.0 - d * d));
+    };
+    // The windows' means are 1/2 each; half of the amplitude is at the negative frequency.
+    line.amplitude = 8.0 * std::sqrt(most) / (double(width) * double(height) * window(dx) * window(dy));
+    line.frequency_x = (double(x) + dx) / double(width);
+    line.frequency_y = (double(2 * y > height ? ky - std::ptrdiff_t(height) : ky) + dy) / double(height);
+    return line;
+}
+
 } // namespace
 
 // Beyond 0.68 cycles per pixel lie only the corners of the frequency plane.
@@ -84,9 +177,14 @@ bool has_outside(const Geometry &geometry) {
 }
 
 SpectrumSums sum_spectrum(const Geometry &geometry, double cutoff, const std::vector<const float *> &images,
-                          unsigned threads) {
+                          unsigned threads, SpectralLine *line) {
     std::vector<PowerSums> parts(images.size());
-    parallel_for(images.size(), threads, [&](std::size_t t) { parts[t] = sum_power(geometry, cutoff, images[t]); });
+    parallel_for(images.size(), threads, [&](std::size_t t) {
+        const std::vector<double> powers = power_spectrum(geometry, images[t]);
+        parts[t] = sum_power(geometry, cutoff, powers);
+        if (line && t == 0)
+            *line = strongest_line(geometry, powers);
+    });
     PowerSums total;
     for (const PowerSums &part : parts) {
         for (std::size_t k = 0; k <= kBands; ++k) {

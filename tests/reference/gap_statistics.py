@@ -254,7 +254,40 @@ def fixed_pattern(s: Sequence) -> Values:
         values["cold_pixels_6_sigma", "all"] = soft_count(-1, 6.0, 0.5)
     values["fixed_pattern_correlation_x1", "all"] = covariance(pattern, s.mask, 1, 0) / variance
     values["fixed_pattern_correlation_y1", "all"] = covariance(pattern, s.mask, 0, 1) / variance
+    amplitude = strongest_wave(pattern)
+    values["fixed_pattern_wave", "all"] = log_ratio(amplitude**2 / 2, s.pixel_variance / s.frames)
     return values
+
+
+def strongest_wave(pattern: Array) -> float:
+    """Amplitude of the wave that stands out most from its ring of |f|, or from the
+    frequencies of whole rows or columns, under a Hann window; between grid points by the window's own transform."""
+    height, width = pattern.shape
+    windows = [0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n) for n in (height, width)]
+    power = np.abs(np.fft.fft2(pattern * np.outer(*windows))) ** 2
+    row, column = (np.rint(np.fft.fftfreq(n) * n).astype(int) for n in (height, width))
+    ky, kx = np.meshgrid(row, column, indexing="ij")
+    ring = np.minimum(np.floor(np.hypot(ky / height, kx / width) / 0.7072 * 48), 47)
+    ring[np.abs(ky) <= 1] = 49
+    ring[np.abs(kx) <= 1] = 48
+    half = (kx > 0) | (kx == -width / 2) | ((kx == 0) & ((ky >= 0) | (ky == -height / 2)))
+    usable = half & ((np.abs(kx) > 1) | (np.abs(ky) > 1))
+    above = np.full(power.shape, -np.inf)
+    for k in range(50):
+        part = usable & (ring == k)
+        if part.any():
+            above[part] = np.log(power[part] + 1e-12) - np.log(power[part] + 1e-12).mean()
+    y, x = np.unravel_index(np.argmax(above), power.shape)
+    root = np.sqrt(power)
+
+    def offset(before: float, after: float) -> float:
+        ratio = max(before, after) / root[y, x]
+        return float(np.clip((2 * ratio - 1) / (1 + ratio), 0, 0.5) * (1 if after > before else -1))
+
+    dx = offset(root[y, (x - 1) % width], root[y, (x + 1) % width])
+    dy = offset(root[(y - 1) % height, x], root[(y + 1) % height, x])
+    kept = [np.sinc(d) / (1 - d * d) for d in (dx, dy)]
+    return float(8 * root[y, x] / (power.size * np.prod(kept)))
 
 
 def share_above(s: Sequence, level: float, reach: float = np.inf) -> float:

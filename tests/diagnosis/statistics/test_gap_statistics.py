@@ -57,6 +57,7 @@ def make_codes(scene: str, moving: bool, seed: int) -> NDArray[np.uint16]:
     gain = {"dark": 0.0, "flat": 390.0, "board": 130.0, "dots": 290.0}[scene] * falloff * (1 + 0.01 * (-1.0) ** (xs + ys))
     columns = rng.normal(0, 0.7, WIDTH)
     hot = 90.0 * (rng.random((HEIGHT, WIDTH)) < 0.002)
+    wave = 1.2 * np.sin(2 * np.pi * (0.1337 * xs - 0.291 * ys) + 1.0)
     light = speckle(rng, ideal) if scene in ("board", "dots") else ideal
     frames = []
     for _ in range(FRAMES):
@@ -64,7 +65,7 @@ def make_codes(scene: str, moving: bool, seed: int) -> NDArray[np.uint16]:
             light = speckle(rng, ideal)
         signal = gain * light * (1 + 0.02 * rng.standard_normal())
         noise = np.sqrt(READ**2 + 0.1 * signal) * rng.standard_normal(signal.shape) + rng.normal(0, 0.6, (HEIGHT, 1))
-        frames.append(np.rint(signal + BLACK + columns + hot + noise))
+        frames.append(np.rint(signal + BLACK + columns + wave + hot + noise))
     return np.clip(np.array(frames), 0, 2**BITS - 1).astype(np.uint16)
 
 

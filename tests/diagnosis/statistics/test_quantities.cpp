@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <random>
@@ -64,6 +65,7 @@ struct Noise {
     double pixel_offsets = 0.0, column_offsets = 0.0, pixel_gains = 0.0;
     double rows = 0.0, columns = 0.0, frames = 0.0; // new in each frame; DN, DN, part of the light
     double corner_loss = 0.0;
+    double wave = 0.0, wave_x = 0.0, wave_y = 0.0; // DN, cycles per pixel
 };
 
 std::vector<std::uint16_t> even_frames(const Noise &noise, std::uint64_t seed, std::uint32_t frames = kFrames) {
@@ -75,7 +77,9 @@ std::vector<std::uint16_t> even_frames(const Noise &noise, std::uint64_t seed, s
     for (std::size_t i = 0; i < kPixels; ++i) {
         const double x = double(i % kWidth) - 0.5 * (kWidth - 1), y = double(i / kWidth) - 0.5 * (kHeight - 1);
         const double corner = 0.25 * ((kWidth - 1.0) * (kWidth - 1.0) + (kHeight - 1.0) * (kHeight - 1.0));
-        offset[i] = noise.pixel_offsets * normal(generator) + column[i % kWidth];
+        const double turns = noise.wave_x * double(i % kWidth) + noise.wave_y * double(i / kWidth);
+        offset[i] = noise.pixel_offsets * normal(generator) + column[i % kWidth] +
+                    noise.wave * std::sin(6.283185307179586 * turns + 0.7);
         gain[i] = (1.0 + noise.pixel_gains * normal(generator)) * (1.0 - noise.corner_loss * (x * x + y * y) / corner);
     }
     std::vector<std::uint16_t> codes;
@@ -118,6 +122,34 @@ TEST(Quantities, NoiseInTheDark) {
     EXPECT_NEAR(value(all, "dark_offset"), kBlack, 0.6) << "with the mean of 96 column offsets";
     EXPECT_EQ(value(all, "codes_missing"), 0.0);
     EXPECT_EQ(value(all, "codes_at_zero"), 0.0);
+}
+
+// A wave at any frequency, beside column offsets: within 4 standard errors as the quantity itself has them, which are
+// small.
+TEST(Quantities, AWaveAndItsFrequencies) {
+    const std::array<double, 2> waves[] = {
+        {0.1713, 0.0649}, {0.3071, -0.2222}, {0.25, 0.5 - 3.0 / kHeight}, {0.0617, 0.0}};
+    std::uint64_t seed = 20;
+    for (const auto &[x, y] : waves) {
+        Noise noise;
+        noise.pixel_offsets = 0.5;
+        noise.column_offsets = y == 0.0 ? 0.0 : 1.0;
+        noise.wave = 1.5;
+        noise.wave_x = x;
+        noise.wave_y = y;
+        const auto all = quantities(layout(clsp::CaptureScene::kDark, false), even_frames(noise, ++seed));
+        const double error = value(all, "wave_frequency_error");
+        EXPECT_LT(error, 5e-4);
+        EXPECT_NEAR(value(all, "wave_frequency_x"), x, 4 * error);
+        EXPECT_NEAR(value(all, "wave_frequency_y"), y, 4 * error);
+        EXPECT_NEAR(value(all, "wave_amplitude"), 1.5, 0.1);
+    }
+    Noise lines;
+    lines.column_offsets = 3.0;
+    const auto all = quantities(layout(clsp::CaptureScene::kDark, false), even_frames(lines, 30));
+    EXPECT_TRUE(std::isnan(value(all, "wave_amplitude"))) << "columns are no wave";
+    const auto nothing = quantities(layout(clsp::CaptureScene::kDark, false), even_frames({}, 31));
+    EXPECT_TRUE(std::isnan(value(nothing, "wave_frequency_x")));
 }
 
 TEST(Quantities, NothingIsSeenWhereNothingIs) {
