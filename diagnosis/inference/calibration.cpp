@@ -309,15 +309,16 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
                                      double step_dn, CalibratedLevels &levels) {
     const std::uint32_t all = shared_->layout.sequences[sequence].frame_count;
     const bool exact = levels.read_noise_dn < kSmooth * step_dn;
-    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
     const double wanted =
         shared_->real_calibration.read_noise_dn * shared_->real_calibration.read_noise_dn + kQuantizationVariance;
     // Of the codes' variance against that of the read noise: 1 but for coarse steps.
     double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
     for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
+        // How much pixels that jump add to the robust noise goes by the number of frames.
+        const std::uint32_t frame_count = exact || round > 0 ? all : std::min(kTrialFrames, all);
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const SequenceLevel level = sequence_level(shared_->layout, sequence, codes.data(), frame_count);
-        levels.black_level_dn += shared_->real_calibration.black_level_dn - level.mean_dn;
+        levels.black_level_dn += shared_->real_levels[sequence].mean_dn - level.mean_dn;
         if (frame_count >= 2) {
             const double noise = levels.read_noise_dn * levels.read_noise_dn;
             const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
@@ -342,7 +343,7 @@ double ReplicateRunner::mean_tolerance_dn(std::size_t sequence, double step_dn) 
 
 SequenceLevel ReplicateRunner::calibrate_coarse_dark(Simulator &simulator, const EffectSettings &effects,
                                                      std::size_t sequence, double step_dn, CalibratedLevels &levels) {
-    const double centre = shared_->real_calibration.black_level_dn;
+    const double centre = shared_->real_levels[sequence].mean_dn;
     SequenceLevel level;
     levels.black_level_dn = root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
         levels.black_level_dn = black_level_dn;
