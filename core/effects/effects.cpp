@@ -327,6 +327,29 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; },
      {kInAll}, {kInDark | kInFlat},
      "stripes along the columns that stay", "", {1}},
+    Effect{"row_fpn", "sensor", "the rows' offsets vary, constant in time",
+     "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
+     {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
+     [](Model &m, Values v) { sensor(m, "row_fpn").row_offset_dn = v[0]; },
+     {kInAll}, {kInDark | kInFlat},
+     "stripes along the rows that stay", "", {1}}
+        .told_from("row_gain", "dark, or flat at two levels of light: gains show in proportion to the light")
+        .told_from("row_noise", "dark with more frames: row noise is new in each frame"),
+    Effect{"periodic_offset", "sensor", "a fixed wave of offsets, a sin(2 pi (u x + v y) + phase)",
+     "stages/sensor.cl: sensor_fixed_pattern (PERIODIC)", kSetsSensor,
+     {{"amplitude_dn", "DN", 0.0, 65535.0, 1.0, 5.0},
+      {"frequency_x", "1/px", -0.5, 0.5, 0.1, 0.1},
+      {"frequency_y", "1/px", -0.5, 0.5, 0.1, 0.1}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "periodic_offset");
+         s.periodic_offset_dn = v[0];
+         s.periodic_frequency_x = v[1];
+         s.periodic_frequency_y = v[2];
+     },
+     {kInAll}, {kInDark | kInFlat},
+     "a pattern of waves that stays, also in the dark", "", {1}}
+        .measured_by("frequency_x", "wave_frequency_x", "wave_frequency_error")
+        .measured_by("frequency_y", "wave_frequency_y", "wave_frequency_error"),
     Effect{"hot_pixels", "sensor", "few pixels with large offsets",
      "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.001, 0.01}, {"mean_dn", "DN", 0.0, 65535.0, 150.0, 150.0}},
@@ -336,12 +359,54 @@ std::vector<Effect> make_catalogue() {
      },
      {kInAll}, {kInDark | kInFlat | kInDots},
      "few pixels far above the others, also in the dark", "", {1}},
+    Effect{"pixel_dull", "sensor", "few pixels with a gain of 70 to 100 %",
+     "stages/sensor.cl: sensor_fixed_pattern (DULL)", kSetsSensor,
+     {{"fraction", "1", 0.0, 1.0, 0.0002, 0.002}},
+     [](Model &m, Values v) { sensor(m, "pixel_dull").dull_pixel_fraction = v[0]; },
+     {kInLight}, {kInFlat},
+     "few pixels below the others, the more so the more light there is", "", {1}},
+    Effect{"telegraph_noise", "sensor",
+     "some pixels jump by a step in half of the frames: up (0), or by half of it up or down (1)",
+     "stages/sensor_pixel.h: expose_pixel (TELEGRAPH)", kSetsSensor,
+     {{"fraction", "1", 0.0, 1.0, 0.01, 0.04},
+      {"step_dn", "DN", 0.0, 65535.0, 30.0, 60.0},
+      {"centered", "1", 0.0, 1.0, 0.0, 0.0, true}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "telegraph_noise");
+         s.telegraph_fraction = v[0];
+         s.telegraph_step_dn = v[1];
+         s.telegraph_centered = v[2] != 0.0;
+     },
+     {kInAll}, {kInDark | kInFlat, SceneMotion::kAny, 2},
+     "some pixels have two levels and jump between them", "", {1}}
+        .with_forms("centered", {1.0})
+        .told_from("hot_pixels", "dark with more frames: hot pixels stay, telegraph pixels jump"),
+    Effect{"dark_current", "sensor", "a dark signal grows with the exposure time; with shot_noise it has photon noise",
+     "stages/sensor_pixel.h: expose_pixel (DARK_CURRENT)", kSetsSensor,
+     {{"rate_dn_per_ms", "DN/ms", 0.0, 65535.0, 0.1, 1.0}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "dark_current");
+         if (s.conversion_gain_dn_per_e == 0.0)
+             s.conversion_gain_dn_per_e = 1.0; // without shot_noise electrons make no difference
+         s.dark_current_e_per_s = 1e3 * v[0] / s.conversion_gain_dn_per_e;
+         s.dark_current_reference_temperature_c = s.temperature_c;
+     },
+     {kInAll}, {kInDark, SceneMotion::kAny, 1, 2},
+     "dark frames are brighter after longer exposures",
+     "the level of the dark is matched before frames are compared", {1}},
     Effect{"row_noise", "sensor", "the rows' offsets vary, new in each frame",
      "stages/sensor_pixel.h: expose_pixel (ROW_NOISE)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "row_noise").row_noise_dn = v[0]; },
      {kInAll}, {kInAll, SceneMotion::kStatic, 2},
      "stripes along the rows, others in each frame", "", {1}},
+    Effect{"column_noise", "sensor", "the columns' offsets vary, new in each frame",
+     "stages/sensor_pixel.h: expose_pixel (COLUMN_NOISE)", kSetsSensor,
+     {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
+     [](Model &m, Values v) { sensor(m, "column_noise").column_noise_dn = v[0]; },
+     {kInAll}, {kInAll, SceneMotion::kStatic, 2},
+     "stripes along the columns, others in each frame", "", {1}}
+        .told_from("column_fpn", "dark with more frames: fixed offsets stay"),
     Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1",
      "stages/sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
@@ -353,6 +418,13 @@ std::vector<Effect> make_catalogue() {
                    "board_moving at several levels of light: the full well ends speckle at one level, a bent response bends it at all")
         .told_from("depolarization",
                    "board_moving at several levels of light: a bent response changes the law of speckle by the level, polarization does not"),
+    Effect{"nonlinearity", "sensor", "s -> s (1 - c (s / full)^3), full = 2^bits - 1; beyond full it bends no further",
+     "stages/sensor_pixel.h: expose_pixel (CUBIC)", kSetsSensor,
+     {{"cubic", "1", 0.0, 0.25, 0.01, 0.05}},
+     [](Model &m, Values v) { sensor(m, "nonlinearity").cubic_nonlinearity = v[0]; },
+     {kInLight}, {kInLight},
+     "bright light gives less than in proportion, dim light does not", "", {1}}
+        .told_from("gamma", "board_moving at several levels of light: a power bends dim light, too"),
     Effect{"full_well", "sensor", "the signal clips below the converter's maximum",
      "stages/sensor_pixel.h: expose_pixel", kSetsSensor,
      {{"level_dn", "DN", 1.0, 1e6, 650.0, 380.0}},

@@ -45,7 +45,8 @@ enum class SceneMotion { kAny, kStatic, kMoving };
 struct EffectScenes {
     unsigned scenes;
     SceneMotion motion = SceneMotion::kAny;
-    std::uint32_t frames = 1; // least number
+    std::uint32_t frames = 1;    // least number
+    std::uint32_t exposures = 1; // least number of exposure times of one scene
 };
 
 // What simulating it takes, beside a frame without it.
@@ -61,6 +62,11 @@ struct EffectForms {
     const char *parameter;
     std::vector<double> values;
     bool told_by_fit; // screening does not tell the forms apart
+};
+
+// A parameter that no search finds, and the quantities of a capture that are it and its standard error.
+struct MeasuredParameter {
+    const char *parameter, *quantity, *error;
 };
 
 // What an effect's definition leaves open, so that captures by another simulator may have it otherwise. A fit tolerates the
@@ -98,6 +104,7 @@ struct Effect {
     bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
     OpenReading open_reading = OpenReading::kNone;
     std::vector<EffectForms> forms = {};
+    std::vector<MeasuredParameter> measured_parameters = {};
     std::vector<ConfusableEffect> confusable_effects = {};
 
     Effect scales_light() const { return with(&Effect::whole_image, true); }
@@ -107,6 +114,11 @@ struct Effect {
     Effect leaves_open(OpenReading reading) const { return with(&Effect::open_reading, reading); }
     Effect with_forms(const char *parameter, std::vector<double> values, bool told_by_fit = false) const {
         return with(&Effect::forms, {{parameter, std::move(values), told_by_fit}});
+    }
+    Effect measured_by(const char *parameter, const char *quantity, const char *error) const {
+        Effect result = *this;
+        result.measured_parameters.push_back({parameter, quantity, error});
+        return result;
     }
     Effect told_from(const char *other, const char *capture) const {
         Effect result = *this;

@@ -2,6 +2,7 @@
 
 #include "capture/capture_check.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace clsp {
@@ -21,7 +22,8 @@ std::string needed(const EffectScenes &rule) {
     const char *motion = rule.motion == SceneMotion::kMoving   ? "moving "
                          : rule.motion == SceneMotion::kStatic ? "static "
                                                                : "";
-    return fmt::format("a {}{} sequence{}", motion, scenes,
+    return fmt::format("{} {}{} sequence{}{}", rule.exposures > 1 ? std::to_string(rule.exposures) : "a", motion,
+                       scenes, rule.exposures > 1 ? "s of different exposure_ms" : "",
                        rule.frames > 1 ? fmt::format(" of at least {} frames", rule.frames) : "");
 }
 
@@ -51,6 +53,7 @@ std::vector<EffectVisibility> effect_visibilities(const CaptureLayout &layout) {
         EffectVisibility visibility{effect.id, effect.stage, {}, effect.symptom, {}};
         const EffectScenes &rule = effect.shows;
         bool short_one = false;
+        std::size_t exposures = 1;
         for (const SequenceLayout &s : layout.sequences) {
             if (!holds_for(rule, s))
                 continue;
@@ -58,7 +61,10 @@ std::vector<EffectVisibility> effect_visibilities(const CaptureLayout &layout) {
                 short_one = true;
             else
                 visibility.sequences.push_back(s.name);
+            exposures = std::max(exposures, exposure_count(layout, s.scene));
         }
+        if (exposures < rule.exposures)
+            visibility.sequences.clear();
         if (visibility.sequences.empty())
             visibility.reason =
                 fmt::format("needs {}{}", needed(rule), short_one ? "; there is one, but it has fewer frames" : "");

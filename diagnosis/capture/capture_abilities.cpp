@@ -32,7 +32,7 @@ double ratio(const std::vector<double> &levels) {
 Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences) {
     Contents c;
     std::vector<double> flat_levels, board_levels, dots_levels;
-    std::set<double> dark_times, f_numbers;
+    std::set<double> f_numbers;
     for (const SequenceSummary &s : sequences) {
         const bool speckle = is_laser(s.scene);
         c.dark |= s.scene == CaptureScene::kDark;
@@ -50,14 +50,12 @@ Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary
         // Speckle at rest is one draw: its mean is off by chance, and so is its law.
         if (speckle && s.moving)
             (s.scene == CaptureScene::kBoard ? board_levels : dots_levels).push_back(s.level_above_dark_dn);
-        if (s.scene == CaptureScene::kDark && s.exposure_ms)
-            dark_times.insert(*s.exposure_ms);
         if (speckle)
             f_numbers.insert(s.f_number);
     }
     c.flat_ratio = ratio(flat_levels);
     c.laser_ratio = std::max(ratio(board_levels), ratio(dots_levels));
-    c.dark_exposures = dark_times.size() > 1;
+    c.dark_exposures = exposure_count(layout, CaptureScene::kDark) > 1;
     c.f_numbers = f_numbers.size() > 1;
     if (layout.dots) {
         double inner = 1e300, outer = 0.0;
@@ -170,14 +168,10 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
                     : "all three change the grain and the contrast; at one f-number only the shape of the spectrum "
                       "tells them apart",
         "the same board at another f-number (f_number of the sequence)");
-    // No statistic goes by the time of exposure.
-    add("offset or dark current", false,
-        c.dark_exposures
-            ? "the black level is the mean of all dark sequences, whatever their exposure_ms: dark current "
-              "is a part of it"
-            : "at one exposure time both are a dark level",
-        "dark sequences at the exposure time of the others, so that the black level is theirs; what grows with the "
-        "time is to be measured apart");
+    add("offset or dark current", c.dark_exposures,
+        c.dark_exposures ? "dark current raises the dark level with the exposure time, an offset stays"
+                         : "at one exposure time both are a dark level",
+        "dark sequences at two or more exposure times (exposure_ms)");
     return result;
 }
 

@@ -18,6 +18,8 @@ constexpr double kPartOfRange = 0.125;
 // Of the finite differences along a parameter.
 constexpr double kDifference = 0.15;
 
+constexpr double kDeviations95 = 1.96;
+
 // Of the product of the ends of a range of ratios, which decimal numbers need not meet.
 constexpr double kAroundOne = 0.01;
 
@@ -185,7 +187,7 @@ void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &ca
             };
             if (p.name == "sigma_dn") {
                 change([&](double value) { return value * noise; });
-            } else if (p.unit == "DN" || p.unit == "DN/e") {
+            } else if (p.unit.rfind("DN", 0) == 0) {
                 change([&](double value) { return value * range; });
             } else if (p.unit == "bits") {
                 p.maximum = std::min(p.maximum, static_cast<double>(camera.bits));
@@ -193,6 +195,31 @@ void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &ca
             }
         }
     }
+}
+
+void hold_at_quantities(std::vector<Candidate> &candidates, const std::vector<Quantity> &quantities) {
+    const auto told = [&](const char *name) {
+        return std::find_if(quantities.begin(), quantities.end(),
+                            [&](const Quantity &q) { return q.name == name && std::isfinite(q.value); });
+    };
+    const auto hold = [&](Candidate &candidate) {
+        for (const MeasuredParameter &measured : find_effect(candidate.id).measured_parameters) {
+            const auto value = told(measured.quantity), error = told(measured.error);
+            if (value == quantities.end() || error == quantities.end())
+                return false;
+            for (HypothesisParameter &p : candidate.parameters)
+                if (p.name == measured.parameter) {
+                    p.weak = p.strong = std::clamp(value->value, p.minimum, p.maximum);
+                    p.minimum = p.weak - kDeviations95 * error->value;
+                    p.maximum = p.weak + kDeviations95 * error->value;
+                    p.measured = true;
+                }
+        }
+        return true;
+    };
+    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
+                                    [&](Candidate &c) { return in_catalogue(c.id) && !hold(c); }),
+                     candidates.end());
 }
 
 bool before(const Candidate &a, const Candidate &b) {

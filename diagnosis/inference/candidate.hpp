@@ -2,6 +2,7 @@
 #pragma once
 
 #include "simulator/simulator.hpp"
+#include "statistics/quantities.hpp"
 
 #include <algorithm>
 #include <string>
@@ -30,8 +31,10 @@ struct Candidate {
     // the first.
     bool is_varied(std::size_t parameter) const;
     // One of several forms of the effect, by their number: no fit goes from one to another, each is a candidate
-    // (with_alternatives).
-    bool is_choice(std::size_t parameter) const { return parameters[parameter].whole && !is_varied(parameter); }
+    // (with_alternatives). Or one that was measured.
+    bool is_choice(std::size_t parameter) const {
+        return (parameters[parameter].whole || parameters[parameter].measured) && !is_varied(parameter);
+    }
     // A value far below the catalogue's weakest, of the first parameter that it varies, which says how strong an effect is.
     bool is_slight(std::size_t parameter, double value) const;
     // The value that the catalogue has, of a parameter that it does not vary, in a direction.
@@ -72,6 +75,8 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
 // noise in DN with the data sheet's read noise (the dark frames' where that is more than twice it), and the converter's own bits with those
 // that are lost. A user's hypotheses stay as they are.
 void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn);
+// Parameters that quantities tell are those of the first sequence that does; an effect of which none does is not there.
+void hold_at_quantities(std::vector<Candidate> &candidates, const std::vector<Quantity> &quantities);
 // And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
 // An order of candidates that are all different.

@@ -176,8 +176,9 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
         for (std::size_t p = 0; p < effect.candidate->parameters.size(); ++p)
             if (effect.candidate->is_choice(p)) {
                 const HypothesisParameter &parameter = effect.candidate->parameters[p];
-                result.push_back(
-                    {effect.candidate->id, parameter.name, parameter.weak, parameter.weak, parameter.weak});
+                result.push_back({effect.candidate->id, parameter.name, parameter.weak,
+                                  parameter.measured ? parameter.minimum : parameter.weak,
+                                  parameter.measured ? parameter.maximum : parameter.weak});
             }
     return result;
 }

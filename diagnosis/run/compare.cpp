@@ -334,6 +334,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
             result.untested_effects.push_back(candidate.id);
     }
     ClosingResult closed;
+    hold_at_quantities(result.candidates, pattern_quantities(captures.real, runner.real_calibration(), threads));
     const std::vector<Candidate> tried = with_alternatives(result.candidates);
     if (test.detected) {
         ClosingOptions closing;

@@ -267,6 +267,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     set_illumination(result.illumination, capture.layout);
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
+    hold_at_quantities(pool, pattern_quantities(capture, runner.real_calibration(), threads));
     std::string doing;
     double fraction = 0.0;
     const auto tell = [&] {

@@ -191,7 +191,8 @@ struct FinishedFrames::Implementation {
         SensorParameters p = *model.model.sensor;
         p.seed = seed;
         p.black_level_dn = p.read_noise_dn = 0.0;
-        p.hot_pixel_fraction = p.dsnu_dn = p.column_offset_dn = p.row_noise_dn = 0.0;
+        p.hot_pixel_fraction = p.dsnu_dn = p.column_offset_dn = p.row_offset_dn = p.periodic_offset_dn = 0.0;
+        p.row_noise_dn = p.column_noise_dn = p.telegraph_fraction = 0.0;
         p.effective_bits = 0;
         p.quantize = false;
         p.float_full_scale = layout.maximum_code();
@@ -211,7 +212,15 @@ struct FinishedFrames::Implementation {
         p.hot_pixel_mean_dn = of.hot_pixel_mean_dn;
         p.dsnu_dn = of.dsnu_dn;
         p.column_offset_dn = of.column_offset_dn;
+        p.row_offset_dn = of.row_offset_dn;
+        p.periodic_offset_dn = of.periodic_offset_dn;
+        p.periodic_frequency_x = of.periodic_frequency_x;
+        p.periodic_frequency_y = of.periodic_frequency_y;
         p.row_noise_dn = of.row_noise_dn;
+        p.column_noise_dn = of.column_noise_dn;
+        p.telegraph_fraction = of.telegraph_fraction;
+        p.telegraph_step_dn = of.telegraph_step_dn;
+        p.telegraph_centered = of.telegraph_centered;
         p.effective_bits = of.effective_bits;
         return p;
     }

@@ -30,7 +30,8 @@ struct HypothesisFrame {
 struct HypothesisParameter {
     std::string name, unit;
     double minimum, maximum, weak, strong;
-    bool whole = false; // counts something: only whole numbers differ
+    bool whole = false;    // counts something: only whole numbers differ
+    bool measured = false; // by a closed form, and not fitted: minimum and maximum are its 95 % interval
 };
 struct Hypothesis {
     std::string id, stage, summary;

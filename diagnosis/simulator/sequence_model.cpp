@@ -63,6 +63,8 @@ PipelineModel baseline(const CaptureLayout &layout, const SequenceLayout &sequen
     sensor.height = layout.height;
     sensor.bits = layout.bits;
     sensor.exposure_gain_dn = 1.0; // light is in DN until a sequence's own gain is known
+    if (sequence.exposure_ms)
+        sensor.exposure_time_s = 1e-3 * *sequence.exposure_ms;
     model.sensor = sensor;
     return model;
 }

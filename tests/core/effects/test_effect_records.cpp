@@ -64,6 +64,14 @@ TEST(EffectRecords, FormsAreValuesOfTheEffectsParameters) {
         }
 }
 
+TEST(EffectRecords, MeasuredParametersAreTheEffects) {
+    for (const Effect &effect : effect_catalogue())
+        for (const MeasuredParameter &measured : effect.measured_parameters)
+            EXPECT_TRUE(std::any_of(effect.parameters.begin(), effect.parameters.end(), [&](const EffectParameter &p) {
+                return std::string(p.name) == measured.parameter;
+            })) << effect.id << ", " << measured.parameter;
+}
+
 TEST(EffectRecords, EvenEffectsHaveBothSigns) {
     for (const Effect &effect : effect_catalogue())
         if (effect.even) {

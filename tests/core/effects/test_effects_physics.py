@@ -527,6 +527,111 @@ def test_gains_of_columns_rows_and_pixels(context, measured, effect, part):
     np.testing.assert_array_equal(dark, [pipeline.render(illumination="dark", frame_index=i) for i in range(8)])
 
 
+CODES = {"output": "codes", "bits": 12, "exposure_gain_dn": 2000.0, "black_level_dn": 200.0, "read_noise_dn": 2.0}
+
+
+def lamp(pipeline, count, level=1.0):
+    flat = np.full(SHAPE, level, np.float32)
+    return np.stack([pipeline.render(flat, illumination="incoherent", frame_index=i) for i in range(count)]).astype(float)
+
+
+def darkness(pipeline, count):
+    return np.stack([pipeline.render(illumination="dark", frame_index=i) for i in range(count)]).astype(float)
+
+
+def test_row_offsets_stay_in_the_rows(context, measured):
+    """256 rows know a standard deviation to 4.4 %: 4 standard errors; half of it would be 11 of them off."""
+    pipeline = camera(context, **CODES, effects={"row_fpn": {"sigma_dn": 4.0}})
+    first, later = darkness(pipeline, 16).reshape(2, 8, *SHAPE).mean(axis=1)
+    rows = first.mean(axis=1)
+    measured("relative error", abs(rows.std(ddof=1) / 4 - 1))
+    assert rows.std(ddof=1) == pytest.approx(4.0, rel=0.18)
+    assert np.corrcoef(rows, later.mean(axis=1))[0, 1] > 0.999
+    assert first.mean(axis=0).std() < 0.1
+    np.testing.assert_allclose(lamp(pipeline, 8).mean(axis=(0, 2)) - 2000, rows, atol=0.4)  # as much in the light
+
+
+def test_column_noise_is_new_in_each_frame(context, measured):
+    pipeline = camera(context, **CODES, effects={"column_noise": {"sigma_dn": 4.0}})
+    columns = darkness(pipeline, 8).mean(axis=1)
+    measured("relative error", abs(columns.std(ddof=1) / 4 - 1))
+    assert columns.std(ddof=1) == pytest.approx(4.0, rel=0.07)  # 2048 of them: 4.5 standard errors
+    assert np.abs(np.corrcoef(columns)[~np.eye(8, dtype=bool)]).max() < 0.3  # 4.8 standard errors
+
+
+@pytest.mark.parametrize(("u", "v"), [(0.0713, 0.2031), (-0.317, 0.011), (0.25, -0.5)])
+def test_a_wave_of_offsets(context, measured, u, v):
+    """Least squares of sine and cosine: amplitude and wave are right to the noise of 256 x 256 pixels, 4 standard
+    errors of 2.2 sqrt(2 / 4 / 65536) = 0.006 DN; another seed has another phase."""
+    phases = []
+    for seed in (5, 6):
+        effect = {"periodic_offset": {"amplitude_dn": 3.0, "frequency_x": u, "frequency_y": v}}
+        frame = darkness(camera(context, **CODES, seed=seed, effects=effect), 4).mean(axis=0) - 200
+        y, x = np.indices(SHAPE)
+        turns = 2 * np.pi * (u * x + v * y)
+        terms = np.stack([np.sin(turns).ravel(), np.cos(turns).ravel()], axis=1)
+        found, rest, *_ = np.linalg.lstsq(terms, frame.ravel(), rcond=None)
+        measured("error of the amplitude, DN", abs(np.hypot(*found) - 3))
+        assert np.hypot(*found) == pytest.approx(3.0, abs=0.03)
+        assert np.sqrt(rest[0] / frame.size) < 1.1
+        phases.append(np.arctan2(found[1], found[0]))
+    assert abs(phases[0] - phases[1]) > 0.1
+
+
+def test_dull_pixels(context):
+    """Some 655 of 65536: their number has a standard error of 25, their mean gain one of 0.0034; the others stay."""
+    pipeline = camera(context, **CODES, effects={"pixel_dull": {"fraction": 0.01}})
+    dull = lamp(pipeline, 8).mean(axis=0)
+    pipeline.clear_effect()
+    gain = (dull - 200) / (lamp(pipeline, 8).mean(axis=0) - 200)
+    is_dull = gain < 1
+    assert is_dull.sum() == pytest.approx(655, abs=102)
+    assert gain[is_dull].min() >= 0.7 - 1e-3
+    assert gain[is_dull].mean() == pytest.approx(0.85, abs=0.014)
+    assert gain[is_dull].std() == pytest.approx(0.3 / np.sqrt(12), rel=0.1)
+    assert np.all(gain[~is_dull] == 1)
+
+
+@pytest.mark.parametrize("centered", [0, 1])
+def test_telegraph_noise_has_two_levels(context, centered):
+    """1311 of 65536 pixels (standard error 36) are high in half of 32 frames (standard error of all together 0.0024)."""
+    effect = {"telegraph_noise": {"fraction": 0.02, "step_dn": 60.0, "centered": centered}}
+    frames = darkness(camera(context, **CODES, effects=effect), 32) - 200
+    spread = frames.std(axis=0, ddof=1)
+    jumps = frames[:, spread > 12]
+    assert jumps.shape[1] == pytest.approx(1311, abs=145)
+    middle = 0.0 if centered else 30.0
+    high = jumps > middle
+    assert high.mean() == pytest.approx(0.5, abs=0.01)
+    assert jumps[high].mean() == pytest.approx(middle + 30, abs=0.1)
+    assert jumps[~high].mean() == pytest.approx(middle - 30, abs=0.1)
+    repeats = (high[1:] == high[:-1]).mean()
+    assert repeats == pytest.approx(0.5, abs=0.01)
+    assert frames[:, spread < 12].std() == pytest.approx(np.hypot(2, 12**-0.5), rel=0.01)
+
+
+def test_a_dark_signal_grows_with_the_time(context):
+    """Rate times time, in the dark and in the light; photon noise of it with shot_noise only."""
+    for ms in (10.0, 40.0):
+        for effects, k in (({}, 0.0), ({"shot_noise": {"dn_per_electron": 0.5}}, 0.5)):
+            effects = {"dark_current": {"rate_dn_per_ms": 2.0}, **effects}
+            frames = darkness(camera(context, **CODES, exposure_time_s=ms * 1e-3, effects=effects), 4) - 200
+            variance = 4 + 1 / 12 + k * 2 * ms
+            assert frames.mean() == pytest.approx(2 * ms, abs=4 * np.sqrt(variance / frames.size))
+            assert frames.var() == pytest.approx(variance, rel=4 * np.sqrt(2.2 / frames.size))
+    pipeline = camera(context, **CODES, effects={"dark_current": {"rate_dn_per_ms": 2.0}})
+    assert lamp(pipeline, 2).mean() == pytest.approx(200 + 2000 + 20, abs=0.05)
+
+
+def test_a_cubic_response(context):
+    """Means of even light follow s (1 - c (s / full)^3) up to full scale."""
+    pipeline = camera(context, **CODES, effects={"nonlinearity": {"cubic": 0.05}})
+    for level in (0.1, 0.5, 1.0, 1.6, 1.9):
+        signal = 2000 * level
+        expected = signal * (1 - 0.05 * (signal / 4095) ** 3)
+        assert lamp(pipeline, 4, level).mean() == pytest.approx(200 + expected, abs=0.02)
+
+
 # --- Stages, effects and time ---
 
 

@@ -220,13 +220,17 @@ def test_what_a_set_can_tell_apart(codes: Draw) -> None:
     assert topics(moving)["shot noise, gamma and full well"]
 
 
-def test_nothing_goes_by_the_exposure_time(codes: Draw) -> None:
-    times = {f"dark_{ms}": clspeckle.CaptureSequence(codes(2, 64, ms), "dark", exposure_ms=ms) for ms in (1, 20)}
-    abilities = {a["topic"]: a for a in clspeckle.Capture.from_arrays(times).summary()["abilities"]}
-    dark_current = abilities["offset or dark current"]
-    assert not dark_current["can"] and "whatever their exposure_ms" in dark_current["reason"]
-    for ability in abilities.values():
-        assert "at two exposure" not in ability["advice"] and "more exposures" not in ability["advice"]
+def test_dark_current_shows_at_two_exposure_times(codes: Draw) -> None:
+    def summary(*times: int) -> dict[str, Any]:
+        dark = {f"dark_{i}": clspeckle.CaptureSequence(codes(2, 64, i), "dark", exposure_ms=ms) for i, ms in enumerate(times)}
+        return clspeckle.Capture.from_arrays(dark).summary()
+
+    for times, can in (((1, 20), True), ((20, 20), False), ((20,), False)):
+        (ability,) = (a for a in summary(*times)["abilities"] if a["topic"] == "offset or dark current")
+        assert ability["can"] == can
+        (effect,) = (e for e in summary(*times)["effects"] if e["id"] == "dark_current")
+        assert effect["visible"] == can
+        assert can or "2 dark sequences of different exposure_ms" in effect["reason"]
 
 
 def test_every_effect_has_its_place(codes: Draw) -> None:

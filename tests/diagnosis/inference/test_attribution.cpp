@@ -245,7 +245,7 @@ TEST(Candidates, WhatGoesBothWays) {
 TEST(Candidates, AFitMayBeginElsewhere) {
     std::vector<Candidate> all = candidates({}, {});
     const std::vector<Candidate> more = with_alternatives(all);
-    ASSERT_EQ(more.size(), all.size() + 8);
+    ASSERT_EQ(more.size(), all.size() + 9);
     const Candidate &other = more[all.size() + 1];
     EXPECT_EQ(other.id, "beam_skew");
     const Candidate &usual = *std::find_if(all.begin(), all.end(), [](const Candidate &c) { return c.id == "beam_skew"; });
@@ -263,7 +263,7 @@ TEST(Candidates, AFitMayBeginElsewhere) {
     EffectModel model;
     model.add(usual, 1.0, 0.5);
     EXPECT_TRUE(model.has(other));
-    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 4);
+    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 5);
 }
 
 // Which form an effect has is no strength: each form is a candidate, and the fitted parameters say which it was.
