@@ -308,32 +308,49 @@ struct Notes {
     }
 };
 
-/** Bits of a code: those that files say, or the least that hold the largest code. */
-std::uint32_t bits_of(const Codes &codes, Notes &notes) {
+/** How codes stand in the words of the files. */
+struct CodeFormat {
+    std::uint32_t bits = 0;
+    std::uint32_t shift = 0; // below the lowest bit
+};
+
+/**
+ * Bits that files say, or the least that hold the largest code; in the upper bits of 16 where those are used and the
+ * lowest ones never.
+ *
+ * @param given bits, or 0.
+ */
+CodeFormat format_of(const Codes &codes, std::uint32_t given, Notes &notes) {
     constexpr std::array<std::uint32_t, 5> usual = {8, 10, 12, 14, 16};
-    const auto holding = [&](double code) {
-        return *std::find_if(usual.begin(), usual.end(), [&](std::uint32_t bits) { return code < std::exp2(bits); });
-    };
+    const auto least = [&](const auto &fits) { return *std::find_if(usual.begin(), usual.end(), fits); };
+    const auto holding = [&](double code) { return least([&](std::uint32_t bits) { return code < std::exp2(bits); }); };
     if (!codes.bytes.empty() && codes.largest > 255)
         throw InputError(fmt::format("{}: has 8-bit samples, but codes reach {} elsewhere; record all frames with the "
                                      "same bits",
                                      codes.bytes, codes.largest));
-    if (codes.full_scale != 65535.0)
-        return holding(codes.full_scale);
-    const std::uint32_t bits = holding(codes.largest);
-    std::uint32_t shift = 0;
-    while (shift < 8 && (codes.set >> shift & 1) == 0)
-        ++shift;
-    if (bits == 16 && shift >= 2)
-        notes.add("/camera/bits", "16",
-                  fmt::format("all codes are multiples of {}, as of a converter of {} bits in the upper bits of its "
-                              "words: divide the codes by {}, and set bits, black level and read noise to match",
-                              1u << shift, 16 - shift, 1u << shift));
-    else if (codes.largest != (1u << bits) - 1)
+    if (!codes.bytes.empty() && given != 0 && given != 8)
+        throw InputError(
+            fmt::format("--bits {}: {} has 8-bit samples, which hold codes of 8 bits only", given, codes.bytes));
+    const bool words = codes.full_scale == 65535.0;
+    std::uint32_t free = 0;
+    while (free < 8 && (codes.set >> free & 1) == 0)
+        ++free;
+    const std::uint32_t aligned = given ? given : least([&](std::uint32_t bits) { return bits + free >= 16; });
+    if (words && codes.largest >> 15 != 0 && aligned < 16 && aligned + free >= 16) {
+        notes.add("/camera/msb_aligned", "true",
+                  fmt::format("all words are multiples of {}: codes of {} bits in the upper ones of 16", 1u << free,
+                              aligned));
+        return {aligned, 16 - aligned};
+    }
+    const std::uint32_t bits = given ? given : holding(words ? codes.largest : codes.full_scale);
+    if (codes.largest >> bits != 0)
+        throw InputError(
+            fmt::format("--bits {}: codes reach {}; leave the option out, or give more", bits, codes.largest));
+    if (words && !given && codes.largest != (1u << bits) - 1)
         notes.add("/camera/bits", std::to_string(bits),
                   fmt::format("no code is above {}: a converter that nothing brought to its end may have more (--bits)",
                               codes.largest));
-    return bits;
+    return {bits, 0};
 }
 
 /** The mean of the middle half: what hot pixels do not move. */
@@ -465,12 +482,17 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     Json camera;
     camera["width"] = codes.width;
     camera["height"] = codes.height;
-    camera["bits"] = a.bits ? a.bits : bits_of(codes, notes);
-    if (a.bits && (codes.largest >> a.bits != 0 || (a.bits != 8 && !codes.bytes.empty())))
-        throw InputError(
-            codes.largest >> a.bits != 0
-                ? fmt::format("--bits {}: codes reach {}; leave the option out, or give more", a.bits, codes.largest)
-                : fmt::format("--bits {}: {} has 8-bit samples, which hold codes of 8 bits only", a.bits, codes.bytes));
+    const CodeFormat format = format_of(codes, a.bits, notes);
+    camera["bits"] = format.bits;
+    if (format.shift > 0)
+        camera["msb_aligned"] = true;
+    const double dn = std::exp2(-double(format.shift));
+    for (Found &found : sequences) {
+        for (double &sum : found.sum)
+            sum *= dn;
+        for (double &square : found.square)
+            square *= dn * dn;
+    }
     const auto given = [&](const std::optional<double> &value, double otherwise, const char *field,
                            const char *option) {
         if (!value)

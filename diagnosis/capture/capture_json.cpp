@@ -217,6 +217,13 @@ void read_camera(const Parser &parser, const Json &root, CaptureDescription &res
     layout.width = parser.integer(camera, "width", "/camera", "the number of columns");
     layout.height = parser.integer(camera, "height", "/camera", "the number of rows");
     layout.bits = parser.integer(camera, "bits", "/camera", "the number of bits of a code");
+    if (camera.contains("msb_aligned")) {
+        if (!camera["msb_aligned"].is_boolean())
+            parser.refuse("/camera/msb_aligned", fmt::format("is {}; expected true where codes stand in the upper bits "
+                                                             "of 16-bit words, or false",
+                                                             shown(camera["msb_aligned"])));
+        result.msb_aligned = camera["msb_aligned"].get<bool>();
+    }
     layout.pixel_pitch_m =
         parser.number(camera, "pixel_pitch_um", "/camera", "the distance between pixel centres in um") * 1e-6;
     layout.f_number = parser.number(camera, "f_number", "/camera", "the f-number of the lens");
@@ -227,7 +234,7 @@ void read_camera(const Parser &parser, const Json &root, CaptureDescription &res
         layout.principal_point_px = parser.point(camera["principal_point_px"], "/camera/principal_point_px");
     parser.note_unknown(camera, "/camera",
                         {"width", "height", "bits", "pixel_pitch_um", "f_number", "black_level_dn", "read_noise_dn",
-                         "principal_point_px"},
+                         "principal_point_px", "msb_aligned"},
                         "", result.warnings);
 }
 

@@ -12,6 +12,7 @@ namespace clsp {
 struct CaptureDescription {
     CaptureLayout layout;           // sequences with frame_count 0 and no mask
     std::vector<std::string> files; // by sequence: a path, folder or glob pattern within the folder of the description
+    bool msb_aligned = false;       // codes stand in the upper bits of 16-bit words
     std::vector<std::string> masks; // by sequence; empty: none
     std::vector<CaptureWarning> warnings;
 };

@@ -197,10 +197,11 @@ void Warnings::codes() {
         std::string text = fmt::format("all codes are multiples of {}: the converter has {} effective bits",
                                        1u << shift, layout_.bits - shift);
         if (layout_.bits - shift >= 8)
-            text += fmt::format(
-                ", or the codes stand in the upper bits of their words. Then divide them by {}, set bits to {} "
-                "and the black level and read noise to match",
-                1u << shift, layout_.bits - shift);
+            text += fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned "
+                                "to true (or divide "
+                                "the codes by {}), bits to {} "
+                                "and the black level and read noise to match",
+                                1u << shift, layout_.bits - shift);
         return text;
     };
     const unsigned shift = shift_of(all);

@@ -4,6 +4,7 @@
 #include "runtime/error.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fmt/format.h>
 #include <glob.h>
@@ -150,8 +151,8 @@ bool natural_less(const std::string &a, const std::string &b) {
 }
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
-                             const std::string &field)
-    : name_((fs::path(folder) / file).lexically_normal().string()) {
+                             const std::string &field, bool msb_aligned)
+    : name_((fs::path(folder) / file).lexically_normal().string()), msb_aligned_(msb_aligned) {
     const std::string path = (fs::path(folder) / file).string();
     std::vector<std::string> files;
     std::error_code code;
@@ -272,20 +273,35 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
     const Part &part = *std::prev(next);
     image_io::Reader &reader = reader_of(static_cast<std::size_t>(&part - parts_.data()));
     const std::uint32_t maximum = (1u << bits_) - 1;
+    const bool shifted = msb_aligned_ && part.info.sample == "uint16";
+    const auto step = static_cast<float>(shifted ? 1u << (kMaxCaptureBits - bits_) : 1u);
     std::uint32_t y = 0;
     const auto take = [&](const float *row) {
         if (y == first_row + row_count)
             throw Enough();
         if (y >= first_row)
             for (std::uint32_t x = 0; x < width_; ++x, ++to) {
+                const float code = row[x] / step;
+                if (shifted) {
+                    // Some cameras fill the lower bits of what clips.
+                    if (code != std::floor(code) && row[x] != 65535.0f)
+                        throw Error(Status::kInvalidData,
+                                    fmt::format("{}: frame {}{}, pixel ({}, {}): the word is {}, no multiple of {}, "
+                                                "though /camera/msb_aligned says that codes of {} bits stand in the "
+                                                "upper bits of 16. Take that out, or correct /camera/bits",
+                                                part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], step,
+                                                bits_));
+                    *to = static_cast<std::uint16_t>(code);
+                    continue;
+                }
                 if (!(row[x] <= static_cast<float>(maximum))) {
                     std::uint32_t bits = bits_;
                     while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
                         ++bits;
                     throw Error(Status::kInvalidData,
                                 fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, "
-                                            "so that {} is the top code. Set bits to {} or more, or shift the codes "
-                                            "down if the camera stores them in the upper bits",
+                                            "so that {} is the top code. Set bits to {} or more, or msb_aligned to "
+                                            "true if the camera stores codes in the upper bits",
                                             part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], bits_,
                                             maximum, bits));
                 }

@@ -102,16 +102,30 @@ def test_bits_of_codes_in_16_bit_words(ok, tmp_path: Path, bits: int) -> None:
     ok("capture", "check", "set")
 
 
-def test_codes_in_the_upper_bits(ok, tmp_path: Path) -> None:
-    """12 bits in the upper ones of 16: they are codes of 16 bits, and who reads it is told."""
+def test_codes_in_the_upper_bits(ok, refused, tmp_path: Path) -> None:
+    """12 bits in the upper ones of 16, the lower ones filled where it clips: levels are those of 12 bits."""
     folder = tmp_path / "set"
     folder.mkdir()
     np.save(folder / "dark.npy", dark(1, 12) << 4)
-    np.save(folder / "flat.npy", np.full((2, 40, 48), 4095 << 4, np.uint16))
+    flat = np.full((2, 40, 48), 2000 << 4, np.uint16)
+    flat[0, 0, :2] = 4095 << 4, 65535
+    np.save(folder / "flat.npy", flat)
     said = ok("capture", "init", "set").out
-    assert described(folder)["camera"]["bits"] == 16
-    assert "multiples of 16" in said and "12 bits in the upper bits" in said
-    ok("capture", "check", "set")
+    assert "/camera/msb_aligned: true" in said and "multiples of 16: codes of 12 bits" in said
+    camera = described(folder)["camera"]
+    assert (camera["bits"], camera["msb_aligned"]) == (12, True)
+    assert camera["black_level_dn"] == pytest.approx(256, abs=0.5)
+    assert camera["read_noise_dn"] == pytest.approx(16, rel=0.05)
+    summary = json.loads(ok("capture", "check", "set", "--json", "-").out)
+    assert [s["maximum"] for s in summary["sequences"]] == [dark(1, 12).max(), 4095]
+    ok("capture", "init", "set", "--force", "--bits", 14)
+    assert described(folder)["camera"]["bits"] == 14
+    np.save(folder / "dark.npy", (dark(1, 12) << 4) + 2)
+    shown = refused("capture", "check", "set")
+    assert "no multiple of 4, though /camera/msb_aligned says that codes of 14 bits" in shown
+    text = (folder / "capture.json").read_text()
+    (folder / "capture.json").write_text(text.replace('"msb_aligned": true', '"msb_aligned": 1'))
+    assert "/camera/msb_aligned is 1; expected true" in refused("capture", "check", "set")
 
 
 def test_frames_in_files_of_their_own(ok, tmp_path: Path) -> None:

@@ -149,7 +149,7 @@ def test_codes_in_the_upper_bits(recorded: dict[str, Array]) -> None:
     found = warnings(shifted, bits=16, black_level_dn=BLACK * 64, read_noise_dn=NOISE * 64)
     assert len(found) == 1
     assert "all codes are multiples of 64: the converter has 10 effective bits" in found[0]
-    assert "divide them by 64, set bits to 10" in found[0]
+    assert "divide the codes by 64), bits to 10" in found[0]
     recorded["flat"] = recorded["flat"] // 16 * 16
     assert warnings(recorded) == ["flat: all codes are multiples of 16: the converter has 6 effective bits"]
 
