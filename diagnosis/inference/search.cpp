@@ -518,7 +518,7 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
-    const double least_share = little ? kLeastShareOfLittle : kLeastShare;
+    const double asked = fits_.options().least_share, least_share = little ? std::min(kLeastShareOfLittle, asked) : asked;
     const bool is_large_part =
         excess > kLarge * static_cast<double>(runner_.count()) && finalists[best]->gain > kMostOfLarge * excess;
     if ((gain < kLeastGain && !is_large_part) ||

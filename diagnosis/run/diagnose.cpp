@@ -264,7 +264,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.no_light_judged = has_lit(given.layout) && !has_lit(capture.layout);
     leave_untested(capture.layout, kept, pool, result);
     result.illumination = measure_lab_lights(capture);
-    set_illumination(result.illumination, capture.layout);
+    // What a hypothesis may be there to explain is not calibrated away.
+    if (std::all_of(options.hypotheses.begin(), options.hypotheses.end(),
+                    [](const Hypothesis &h) { return h.point == HypothesisPoint::kCodes; }))
+        set_illumination(result.illumination, capture.layout);
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     hold_at_quantities(pool, pattern_quantities(capture, runner.real_calibration(), threads));
