@@ -617,7 +617,7 @@ TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {
         EXPECT_EQ(error.status(), CLSP_ERROR_CANCELLED);
     }
     options.progress = nullptr;
-    clspeckle::Hypothesis hypothesis{"mine", "sensor", "", CLSP_HYPOTHESIS_CODES, {{"a", "DN", 0, 9, 1, 3}}, nullptr};
+    clspeckle::Hypothesis hypothesis{"mine", "sensor", "", CLSP_HYPOTHESIS_INTENSITY, {{"a", "DN", 0, 9, 1, 3}}, nullptr};
     hypothesis.apply = [](const ClspHypothesisFrame &) { throw std::length_error("too long"); };
     options.hypotheses = {hypothesis};
     EXPECT_THROW(clspeckle::diagnose(context, capture, options), std::length_error);
