@@ -17,17 +17,19 @@ import time
 from pathlib import Path
 from typing import Any
 
-# Of set and EMVA 1288 quantity: what another program or the source gives, and who.
-PUBLISHED: dict[str, list[tuple[str, str, str]]] = {
+# Of each set: a number of the report's `emva1288`, its path there, and what another program or the source gives.
+_CROP, _FULL = "`emva1288` 1.0.2, the same crop", "`emva1288` 1.0.2, full frames"
+PUBLISHED: dict[str, list[tuple[str, tuple[str, ...], str, str]]] = {
     "emva_ccd": [
-        ("system_gain", "0.2801 DN/e", "`emva1288` 1.0.2, full frames"),
-        ("dark_noise", "3.07 DN", "`emva1288` 1.0.2, full frames"),
-        ("prnu_pixel", "0.265 %", "`emva1288` 1.0.2, full frames"),
-        ("prnu_row", "0.323 %", "`emva1288` 1.0.2, full frames"),
-        ("prnu_column", "0.111 %", "`emva1288` 1.0.2, full frames"),
-        ("dsnu", "0.155 DN", "`emva1288` 1.0.2, full frames"),
+        ("system gain", ("values", "system_gain"), "0.2801 DN/e", _FULL),
+        ("dark noise", ("values", "dark_noise"), "3.07 DN", _FULL),
+        ("PRNU of pixels, without light", ("values", "prnu_pixel"), "0.265 % with it", _FULL),
+        ("PRNU of pixels, section 8", ("section_8", "as_recorded", "prnu_percent", "pixel"), "0.250 %", _CROP),
+        ("PRNU of rows, section 8", ("section_8", "as_recorded", "prnu_percent", "row"), "0.155 %", _CROP),
+        ("PRNU of columns, section 8", ("section_8", "as_recorded", "prnu_percent", "column"), "0.0165 %", _CROP),
+        ("DSNU, section 8", ("section_8", "as_recorded", "dsnu_dn", "total"), "0.027 DN", _CROP),
     ],
-    "laser_board": [("system_gain", "1.32 to 1.47 DN/e", "differences of frames, by hand")],
+    "laser_board": [("system gain", ("values", "system_gain"), "1.32 to 1.47 DN", "differences of frames, by hand")],
 }
 
 
@@ -78,12 +80,16 @@ def section(name: str, report: dict[str, Any], seconds: float) -> str:
             for parameter, value in entry["parameters"].items()
         ],
     )
-    values, rows = report["emva1288"]["values"], []
-    for quantity, published, source in PUBLISHED.get(name, []):
-        entry = values[quantity]
+    rows = []
+    for label, path, published, source in PUBLISHED.get(name, []):
+        entry: Any = report["emva1288"]
+        for key in path:
+            entry = entry[key]
+        if not isinstance(entry, dict):
+            entry = {"value": entry, "unit": "DN" if path[-2] == "dsnu_dn" else "%"}
         found = "unknown: " + entry["unknown"] if "unknown" in entry else f"{number(entry['value'])} {entry['unit']}"
         interval = " to ".join(number(end) for end in entry.get("interval") or [])
-        rows.append([quantity, found, interval or "–", published, source])
+        rows.append([label, found, interval or "–", published, source])
     if rows:
         text += "\n" + table(["EMVA 1288, closed form", "here", "95 % interval", "published", "by"], rows)
     after = sorted(shrink["per_statistic"], key=lambda entry: -abs(entry["z_after"] or 0))[:5]
