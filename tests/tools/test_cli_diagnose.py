@@ -75,7 +75,10 @@ def test_quiet_is_silent(ok, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_gap_is_located(ok, tmp_path: Path) -> None:
-    write_set(tmp_path / "set", 20)
+    write_set(tmp_path / "set", 0)
+    flat = np.load(tmp_path / "set" / "flat.npy")
+    flat[:, :, flat.shape[2] // 2 :] += 20  # an edge, which no lamp has
+    np.save(tmp_path / "set" / "flat.npy", flat)
     run = ok("diagnose", "set", "--json", "report.json", *QUICK)
     report = json.loads((tmp_path / "report.json").read_text())
     measured = {(entry["sequence"], entry["quantity"]): entry for entry in report["measurements"]["quantities"]}
@@ -85,7 +88,7 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     assert 0 < noise["sim_deviation"] < 0.1
     assert ("sim_with_effects" in noise) == bool(report["shrink"]["steps"])
     assert abs(measured[None, "system_gain"]["real"]) < 0.01, "there is no photon noise"
-    assert report["measurements"]["photon_transfer"][0]["points"][1]["signal_dn"] == pytest.approx(300, abs=1)
+    assert report["measurements"]["photon_transfer"][0]["points"][1]["signal_dn"] == pytest.approx(310, abs=1)
     looks = report["cause"]["first_look"]
     assert {"vignetting", "prnu"} <= {look["effect"] for look in looks}, "all that can show, fitted or not"
     assert "defocus" not in {look["effect"] for look in looks}
@@ -93,7 +96,7 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     assert not all(look["fitted"] for look in looks)
     assert report["gap"]["detected"]
     verdict = report["cause"]["verdict"]
-    assert verdict == "unknown", "no effect of the catalogue is a ramp"
+    assert verdict == "unknown", "no effect of the catalogue is an edge"
     assert run.out.startswith("UNKNOWN: a significant part of the gap")
     worst = report["where"][0]
     assert worst["sequence"] == "flat"
