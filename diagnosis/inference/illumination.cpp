@@ -258,13 +258,13 @@ LabLights measure_lab_lights(const Capture &capture) {
     const Grid grid(layout);
     std::vector<Kind> kinds = {{"lamp", {}, {}, {}}, {"laser", {}, {}, {}}};
     Blocks dark = Blocks::Constant(Eigen::Index(grid.rows), Eigen::Index(grid.columns), layout.black_level_dn);
-    double darks = 0.0;
+    Blocks dark_sum = Blocks::Zero(dark.rows(), dark.cols()), dark_count = dark_sum;
     for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
         const CaptureScene scene = layout.sequences[s].scene;
         if (scene == CaptureScene::kDark) {
             const Blocks one = block_means(grid, layout, s, capture.codes[s]);
-            dark = darks == 0.0 ? one : Blocks(dark + one);
-            ++darks;
+            dark_sum += one.isFinite().select(one, 0.0);
+            dark_count += one.isFinite().cast<double>();
             continue;
         }
         Kind &kind = kinds[is_laser(scene) ? 1 : 0];
@@ -273,8 +273,8 @@ LabLights measure_lab_lights(const Capture &capture) {
         if (scene != CaptureScene::kDots)
             kind.measured_on.push_back(s);
     }
-    if (darks > 0.0)
-        dark /= darks;
+    if ((dark_count > 0.0).any())
+        dark = (dark_count > 0.0).select(dark_sum / dark_count, std::numeric_limits<double>::quiet_NaN());
     LabLights result;
     const double black = dark.isFinite().select(dark, 0.0).sum() / std::max(1.0, double(dark.isFinite().count()));
     for (const std::size_t s : kinds[0].sequences)
@@ -284,27 +284,26 @@ LabLights measure_lab_lights(const Capture &capture) {
     std::vector<FallOff> losses;
     std::vector<Slope> slopes;
     for (Kind &kind : kinds) {
-        double weights = 0.0;
-        Blocks light = Blocks::Zero(dark.rows(), dark.cols());
+        // Block by block, as masks may differ; over the light on the axis, which they do not change.
+        Blocks light = Blocks::Zero(dark.rows(), dark.cols()), weights = light;
         for (const std::size_t s : kind.measured_on) {
             Blocks one = block_means(grid, layout, s, capture.codes[s]) - dark;
-            const auto finite = one.isFinite();
-            const double mean = finite.select(one, 0.0).sum() / std::max(1.0, double(finite.count()));
-            if (!(mean > 0.0))
+            const Fit shape = fit(grid, one, kDegree);
+            if (shape.freedom == 0.0 || !(shape.coefficients[0] > 0.0))
                 continue;
-            one /= mean;
+            one /= shape.coefficients[0];
             const Fit smooth = fit(grid, one, kHighDegree);
             if (smooth.freedom == 0.0)
                 continue;
             const double weight = 1.0 / variance_of(smooth);
-            light += weight * one;
-            weights += weight;
+            light += one.isFinite().select(weight * one, 0.0);
+            weights += one.isFinite().select(Blocks::Constant(one.rows(), one.cols(), weight), 0.0);
         }
-        if (weights == 0.0)
+        kind.light = (weights > 0.0).select(light / weights, std::numeric_limits<double>::quiet_NaN());
+        const Fit quadratic = fit(grid, kind.light, kDegree), high = fit(grid, kind.light, kHighDegree);
+        if (quadratic.freedom == 0.0 || high.freedom == 0.0)
             continue;
-        kind.light = light / weights;
-        const Fit quadratic = fit(grid, kind.light, kDegree);
-        const double variance = variance_of(fit(grid, kind.light, kHighDegree));
+        const double variance = variance_of(high);
         losses.push_back(fall_off(quadratic, variance, layout.window.has_value()));
         slopes.push_back(slope_of(quadratic, variance));
         measured.push_back(std::move(kind));
@@ -342,6 +341,12 @@ LabLights measure_lab_lights(const Capture &capture) {
         result.lights.push_back(std::move(found));
     }
     return result;
+}
+
+void leave_uncalibrated(LabLights &found) {
+    for (LabLight &light : found.lights)
+        light.light = {};
+    found.drifts.clear();
 }
 
 void set_illumination(const LabLights &found, CaptureLayout &layout) {

@@ -41,6 +41,8 @@ struct LabLights {
 // what is less. A slope is the camera's only where both are certain and alike. A slope, or what is left of the fall-off, counts where chance makes as much once in 1e4 times; rows and
 // columns of pixels may differ.
 LabLights measure_lab_lights(const Capture &capture);
+// Without what would be calibrated: the numbers stay.
+void leave_uncalibrated(LabLights &found);
 // Lets the sequences have it.
 void set_illumination(const LabLights &found, CaptureLayout &layout);
 

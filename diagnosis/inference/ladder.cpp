@@ -93,8 +93,6 @@ SearchStart climb(const std::shared_ptr<Context> &context, const Capture &captur
     SearchOptions of_rung = options;
     of_rung.level = options.residual_level; // what is no gap of the capture is no effect's either
     of_rung.whole = false;
-    // All that sensors have is there at once, mildly: an effect is worth its parameter or it is not.
-    of_rung.least_share = 0.0;
     std::size_t below = 0;
     for (const unsigned scenes : {unsigned{kInDark}, unsigned{kInDark | kInFlat}}) {
         const Capture part = part_of(capture, scenes);

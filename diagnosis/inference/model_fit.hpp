@@ -38,8 +38,6 @@ struct SearchOptions {
         900.0;           // beside the baseline's, what is asked for before the last step begins (ReplicateRunner::work)
     double level = 0.02; // of a false alarm
     double residual_level = 0.005; // of calling a right model wrong: there are several models to a capture
-    // Where a residual remains, an effect must explain this part of what is beyond chance.
-    double least_share = kLeastShare;
     bool whole = true; // the models of all steps and the intervals of the parameters are wanted, too
 };
 

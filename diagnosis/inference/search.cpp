@@ -518,7 +518,7 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
-    const double asked = fits_.options().least_share, least_share = little ? std::min(kLeastShareOfLittle, asked) : asked;
+    const double least_share = little ? kLeastShareOfLittle : kLeastShare;
     const bool is_large_part =
         excess > kLarge * static_cast<double>(runner_.count()) && finalists[best]->gain > kMostOfLarge * excess;
     if ((gain < kLeastGain && !is_large_part) ||
@@ -666,7 +666,8 @@ void Search::tell_unexplained(FittedModel &fitted) const {
         if (start_.unexplained[k] == 0.0)
             continue;
         const double deviation = fitted.model.full().deviation()[k];
-        const double own = std::sqrt(std::max(1e-300, deviation * deviation - std::pow(start_.unexplained[k], 2)));
+        const double own = std::sqrt(std::max(1e-4 * deviation * deviation, // what cancels is no certainty
+                                              deviation * deviation - std::pow(start_.unexplained[k], 2)));
         GapTest &residual = fitted.residual;
         residual.z[k] *= deviation / own;
         residual.p_adjusted[k] = std::min(residual.p_adjusted[k], start_.p_unexplained[k]);

@@ -265,9 +265,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     leave_untested(capture.layout, kept, pool, result);
     result.illumination = measure_lab_lights(capture);
     // What a hypothesis may be there to explain is not calibrated away.
-    if (std::all_of(options.hypotheses.begin(), options.hypotheses.end(),
-                    [](const Hypothesis &h) { return h.point == HypothesisPoint::kCodes; }))
-        set_illumination(result.illumination, capture.layout);
+    if (std::any_of(options.hypotheses.begin(), options.hypotheses.end(),
+                    [](const Hypothesis &h) { return h.point != HypothesisPoint::kCodes; }))
+        leave_uncalibrated(result.illumination);
+    set_illumination(result.illumination, capture.layout);
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     hold_at_quantities(pool, pattern_quantities(capture, runner.real_calibration(), threads));
@@ -384,7 +385,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             name_effects(found.steps, slight, result);
             if (result.illumination.lens_or_light && std::count(result.effects.begin(), result.effects.end(), kLens)) {
                 result.verdict = Verdict::kAmbiguous;
-                result.equivalent.insert(result.equivalent.end(), {kLens, kLight});
+                for (const char *one : {kLens, kLight})
+                    if (!std::count(result.equivalent.begin(), result.equivalent.end(), one))
+                        result.equivalent.push_back(one);
             }
         }
     }

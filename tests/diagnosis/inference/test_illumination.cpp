@@ -239,6 +239,25 @@ TEST(Illumination, ALampThatDrifts) {
     EXPECT_NEAR(found.drifts[0].frame_light[7] - found.drifts[0].frame_light[0], 3.5 / kSignal, 0.5e-3);
 }
 
+// Two flats, each of half the image: none of the blocks is in both.
+TEST(Illumination, MasksThatShareNoBlock) {
+    Capture capture = capture_of({CaptureScene::kDark, CaptureScene::kFlat, CaptureScene::kFlat}, kSlope, kEven, 8);
+    capture.layout.sequences[2].name = "flat_right";
+    for (std::size_t s = 1; s < 3; ++s)
+        for (std::size_t i = 0; i < capture.layout.pixel_count(); ++i)
+            capture.layout.sequences[s].mask.push_back((i % kWidth < kWidth / 2) == (s == 1));
+    const LabLights found = measure_lab_lights(capture);
+    ASSERT_TRUE(is_uneven(found, "lamp"));
+    EXPECT_NEAR(light_of(found, "lamp").slope[0], 0.1, 0.02);
+    // Nor do the dark frames know any block of the flat.
+    capture.layout.sequences[0].mask = capture.layout.sequences[1].mask;
+    capture.layout.sequences.pop_back();
+    capture.codes.pop_back();
+    for (std::uint8_t &used : capture.layout.sequences[1].mask)
+        used = used ? 0 : 1;
+    EXPECT_TRUE(measure_lab_lights(capture).lights.empty());
+}
+
 // The simulator's frames have the light that a sequence's layout says; their mean stays.
 TEST(Illumination, TheSimulatorHasIt) {
     CaptureLayout layout = layout_of(kAll);
