@@ -2,7 +2,7 @@
 // frames of their own.
 #include "inference/replicate_runner.hpp"
 
-#include <Eigen/Core>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <array>
@@ -27,6 +27,8 @@ constexpr double kCoarse = 2.5;
 // all frames, to a part of what chance leaves open; else to that part of the signal.
 constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;
+// A level that is so many deviations above 0 is cut off by none of the converter's ends: once in 30,000 codes.
+constexpr double kClipping = 4.0;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
@@ -124,6 +126,18 @@ template <typename Function> double root(double low, double high, double toleran
         last = side;
     }
     return at;
+}
+
+// How mean and variance of codes answer to level and variance of a Gaussian that the converter cuts off at 0: of no more
+// than a level far above its noise, each to its own alone.
+Eigen::Matrix2d clipped_response(double level, double deviation) {
+    constexpr double kSqrtTwoPi = 2.5066282746310002;
+    const double at = level / deviation;
+    const double above = 0.5 * std::erfc(-at * M_SQRT1_2), density = std::exp(-0.5 * at * at) / kSqrtTwoPi;
+    const double mean = level * above + deviation * density;
+    Eigen::Matrix2d response;
+    response << above, density / (2.0 * deviation), 2.0 * mean * (1.0 - above), above - mean * density / deviation;
+    return response;
 }
 
 } // namespace
@@ -311,26 +325,36 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
     const bool exact = levels.read_noise_dn < kSmooth * step_dn;
     const double wanted =
         shared_->real_calibration.read_noise_dn * shared_->real_calibration.read_noise_dn + kQuantizationVariance;
+    const double mean = shared_->real_levels[sequence].mean_dn;
+    const bool clips = mean < kClipping * std::sqrt(wanted);
     // Of the codes' variance against that of the read noise: 1 but for coarse steps.
     double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
-    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
+    for (int round = 0; round < (exact || clips ? kExactRounds : kRounds); ++round) {
         // How much pixels that jump add to the robust noise goes by the number of frames.
         const std::uint32_t frame_count = exact || round > 0 ? all : std::min(kTrialFrames, all);
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const SequenceLevel level = sequence_level(shared_->layout, sequence, codes.data(), frame_count);
-        levels.black_level_dn += shared_->real_levels[sequence].mean_dn - level.mean_dn;
-        if (frame_count >= 2) {
-            const double noise = levels.read_noise_dn * levels.read_noise_dn;
-            const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
-            if (exact && round > 0 && noise != last_noise) {
-                const double secant = (variance - last_variance) / (noise - last_noise);
-                slope = secant > kLeastSlope && secant < 1.0 / kLeastSlope ? secant : 1.0;
-            }
-            last_noise = noise;
-            last_variance = variance;
-            levels.read_noise_dn =
-                std::sqrt(std::max(kLeastReadNoise * kLeastReadNoise, noise + (wanted - variance) / slope));
+        const double noise = levels.read_noise_dn * levels.read_noise_dn;
+        Eigen::Matrix2d response = Eigen::Matrix2d::Identity();
+        if (clips)
+            response = clipped_response(levels.black_level_dn, std::sqrt(noise + kQuantizationVariance));
+        if (frame_count < 2) {
+            levels.black_level_dn += (mean - level.mean_dn) / response(0, 0);
+            continue;
         }
+        const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
+        if (exact && round > 0 && noise != last_noise) {
+            const double secant = (variance - last_variance) / (noise - last_noise);
+            slope = secant > kLeastSlope && secant < 1.0 / kLeastSlope ? secant : 1.0;
+        }
+        last_noise = noise;
+        last_variance = variance;
+        const Eigen::Vector2d step =
+            response.inverse() * Eigen::Vector2d(mean - level.mean_dn, (wanted - variance) / slope);
+        levels.black_level_dn += step[0];
+        // At most twice the noise at once: a response is that of where it is.
+        levels.read_noise_dn = std::sqrt(std::clamp(noise + step[1], kLeastReadNoise * kLeastReadNoise,
+                                                    std::max(4.0 * noise, noise + kQuantizationVariance + wanted)));
     }
 }
 

@@ -80,6 +80,8 @@ struct NamedEmvaValue {
 };
 // All values in the order of reports.
 std::vector<NamedEmvaValue> named_values(const Emva1288 &emva);
+// The values point into what they are taken from.
+std::vector<NamedEmvaValue> named_values(Emva1288 &&emva) = delete;
 const char *method_name(EmvaGainMethod method);
 
 Emva1288 measure_emva1288(const Capture &capture);

@@ -446,13 +446,15 @@ TEST(Emva1288, OddCapturesAreAnswered) {
     captures.push_back(captures[3]);
     for (auto &codes : captures.back().codes)
         std::fill(codes.begin(), codes.end(), std::uint16_t{77});
-    for (const clsp::Capture &capture : captures)
-        for (const clsp::NamedEmvaValue &named : clsp::named_values(clsp::measure_emva1288(capture))) {
+    for (const clsp::Capture &capture : captures) {
+        const clsp::Emva1288 measured = clsp::measure_emva1288(capture);
+        for (const clsp::NamedEmvaValue &named : clsp::named_values(measured)) {
             EXPECT_TRUE(named.value->known()
                             ? std::isfinite(named.value->value) && named.value->low <= named.value->high
                             : named.value->unknown.size() > 5)
                 << named.name << ": " << named.value->value << " " << named.value->unknown;
         }
+    }
 }
 
 } // namespace
