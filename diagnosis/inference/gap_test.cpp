@@ -44,7 +44,7 @@ Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const s
 }
 
 GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double level, Eigen::MatrixXd directions,
-                   const Eigen::VectorXd &tolerance)
+                   const Eigen::VectorXd &tolerance, const Eigen::VectorXd &spared)
     : replicates_(std::move(replicates)), level_(level), directions_(std::move(directions)) {
     const auto &draws = replicates_.draws;
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size()), count = static_cast<Eigen::Index>(runner.count());
@@ -60,6 +60,13 @@ GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double 
     second_mean_ = folds.bottomRows(n).colwise().mean();
     full_ = Covariance(full, blocks, least, tolerance);
     fold_ = Covariance(folds, blocks, least, tolerance);
+    fit_full_ = full_;
+    fit_fold_ = fold_;
+    if (spared.size()) {
+        const Eigen::VectorXd of_fit = (tolerance.cwiseAbs2() + spared.cwiseAbs2()).cwiseSqrt();
+        fit_full_ = Covariance(full, blocks, least, of_fit);
+        fit_fold_ = Covariance(folds, blocks, least, of_fit);
+    }
     skewness_ = Eigen::VectorXd::Zero(count);
     for (std::size_t s = 0; s + 1 < blocks.size(); ++s) {
         const auto begin = static_cast<Eigen::Index>(blocks[s]);
@@ -113,7 +120,7 @@ Eigen::MatrixXd GapModel::strays(const ReplicateRunner &runner, Fit fit) const {
 Eigen::VectorXd GapModel::projected(const Eigen::VectorXd &difference) const {
     if (directions_.cols() == 0)
         return difference;
-    return difference - directions_ * coefficients(full_, difference);
+    return difference - directions_ * coefficients(fit_full_, difference);
 }
 
 Eigen::RowVectorXd GapModel::block_squares(const Eigen::VectorXd &whitened) const {

@@ -31,14 +31,17 @@ class GapModel {
   public:
     GapModel() = default;
     // At least 8 replicates. directions: changes of the mean statistics per unit of each fitted parameter (no columns: none were); what
-    // lies along them is no gap. tolerance: standard deviation of the model's own error in each statistic.
+    // lies along them is no gap. tolerance: standard deviation of the model's own error in each statistic. spared: of
+    // what fits do not go by, and the test does; empty: nothing is.
     GapModel(const ReplicateRunner &runner, Replicates replicates, double level, Eigen::MatrixXd directions,
-             const Eigen::VectorXd &tolerance);
+             const Eigen::VectorXd &tolerance, const Eigen::VectorXd &spared = {});
 
     const Replicates &replicates() const { return replicates_; }
     const Eigen::MatrixXd &directions() const { return directions_; }
     const Covariance &full() const { return full_; } // of the mean of both halves
     const Covariance &fold() const { return fold_; } // of one half
+    const Covariance &fit_full() const { return fit_full_; } // the same, as fits go by it
+    const Covariance &fit_fold() const { return fit_fold_; }
     const Eigen::VectorXd &first_mean() const { return first_mean_; } // of the first halves
     const Eigen::VectorXd &second_mean() const { return second_mean_; }
     // The test of the statistics of a whole capture, or of some of its sequences alone (by sequence; empty: of all).
@@ -63,7 +66,7 @@ class GapModel {
     Replicates replicates_;
     double level_ = 0.0;
     Eigen::MatrixXd directions_;
-    Covariance full_, fold_;
+    Covariance full_, fold_, fit_full_, fit_fold_;
     Covariance part_[2];        // of either half of the replicates, which the other half is measured by
     Eigen::VectorXd skewness_;  // of the statistics of few frames, 0 of all others
     std::vector<std::size_t> blocks_; // begins of the sequences' statistics, and their count

@@ -38,35 +38,22 @@ std::vector<const Candidate *> visible_in(const CaptureLayout &layout, const std
 // What a rung leaves.
 struct Left {
     StatisticInfo statistic;
-    double deviation, p;
+    double deviation;
 };
 
-std::vector<Left> left_by(const ReplicateRunner &runner, const FittedModel &last, double level) {
-    std::vector<Left> result;
-    for (std::size_t i = 0; i < runner.count(); ++i) {
-        const auto k = static_cast<Eigen::Index>(i);
-        if (last.residual.p_adjusted[k] <= level)
-            result.push_back({runner.list()[i], std::abs(last.residual.z[k]) * last.model.full().deviation()[k],
-                              last.residual.p_adjusted[k]});
-    }
-    return result;
-}
-
-void set_unexplained(const std::vector<Left> &left, const ReplicateRunner &runner, SearchStart &start) {
-    start.unexplained = start.p_unexplained = {};
+// By the statistics of another runner of the same capture.
+Eigen::VectorXd unexplained_by(const std::vector<Left> &left, const ReplicateRunner &runner) {
     if (left.empty())
-        return;
-    start.unexplained.setZero(static_cast<Eigen::Index>(runner.count()));
-    start.p_unexplained.setOnes(static_cast<Eigen::Index>(runner.count()));
+        return {};
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(runner.count()));
     for (std::size_t i = 0; i < runner.count(); ++i)
         for (const Left &one : left) {
             const StatisticInfo &statistic = runner.list()[i];
-            if (one.statistic.sequence != statistic.sequence || one.statistic.name != statistic.name ||
-                one.statistic.region != statistic.region)
-                continue;
-            start.unexplained[static_cast<Eigen::Index>(i)] = one.deviation;
-            start.p_unexplained[static_cast<Eigen::Index>(i)] = one.p;
+            if (one.statistic.sequence == statistic.sequence && one.statistic.name == statistic.name &&
+                one.statistic.region == statistic.region)
+                result[static_cast<Eigen::Index>(i)] = one.deviation;
         }
+    return result;
 }
 
 } // namespace
@@ -102,16 +89,19 @@ SearchStart climb(const std::shared_ptr<Context> &context, const Capture &captur
         ReplicateRunner own(context, part, hypotheses, threads);
         own.checkpoint = runner.checkpoint;
         const std::vector<const Candidate *> visible = visible_in(part.layout, candidates);
-        set_unexplained(left, own, start);
+        start.unexplained = unexplained_by(left, own);
         SearchResult found = search(own, visible, start, of_rung, progress);
-        const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
-        left = left_by(own, last, options.residual_level);
+        const Eigen::VectorXd deviations = left_by(found, options.residual_level);
+        left.clear();
+        for (Eigen::Index k = 0; k < deviations.size(); ++k)
+            if (deviations[k] > 0.0)
+                left.push_back({own.list()[static_cast<std::size_t>(k)], deviations[k]});
         if (found.models.empty())
             continue;
         start.model = std::move(found.model);
         start.steps = std::move(found.steps);
     }
-    set_unexplained(left, runner, start);
+    start.unexplained = unexplained_by(left, runner);
     return start;
 }
 

@@ -181,10 +181,9 @@ FittedModel ModelFit::fit_baseline(double to) {
     baseline.residual = baseline.model.test(runner_.real());
     baseline.score = held_out(baseline) + 4.0 * baseline.model.fold().deviation().array().log().sum();
     baseline_ = baseline.model;
-    if (unexplained_.size()) {
-        border_error_ = (border_error_.cwiseAbs2() + unexplained_.cwiseAbs2()).cwiseSqrt();
-        baseline_ = GapModel(runner_, baseline.model.replicates(), options_.level, baseline.jacobian, border_error_);
-    }
+    if (unexplained_.size())
+        baseline_ = GapModel(runner_, baseline.model.replicates(), options_.level, baseline.jacobian,
+                             with_unexplained(border_error_));
     if (baseline.residual.detected)
         baseline_pool_ = simulate_pool(runner_, {}, options_.seed, options_.pool_seeds, &levels);
     baseline_work_ = runner_.work();
@@ -333,16 +332,24 @@ void ModelFit::confirm(FittedModel &fitted, double at) {
     fitted.score = score;
 }
 
-void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to) {
-    if (replicates.draws.size() >= count)
-        return;
-    replicate(replicates, count, from, to);
+Eigen::VectorXd ModelFit::model_error(const FittedModel &fitted) const {
     // No simulator has an effect exactly as a camera has it: a part of each change is left to that.
     const Eigen::VectorXd of_effects = simulator_error(runner_.list(), fitted.change).cwiseAbs() +
                                        reading_tolerance(runner_.list(), runner_.layout(), fitted.effects,
                                                          fitted.columns, fitted.change, fitted.jacobian);
-    const Eigen::VectorXd tolerance = (of_effects.cwiseAbs2() + border_error_.cwiseAbs2()).cwiseSqrt();
-    fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian, tolerance);
+    return (of_effects.cwiseAbs2() + border_error_.cwiseAbs2()).cwiseSqrt();
+}
+
+Eigen::VectorXd ModelFit::with_unexplained(const Eigen::VectorXd &error) const {
+    return unexplained_.size() ? Eigen::VectorXd((error.cwiseAbs2() + unexplained_.cwiseAbs2()).cwiseSqrt()) : error;
+}
+
+void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to) {
+    if (replicates.draws.size() >= count)
+        return;
+    replicate(replicates, count, from, to);
+    fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian,
+                            with_unexplained(model_error(fitted)));
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
@@ -350,6 +357,14 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(runner_.real());
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
+}
+
+void ModelFit::judge_by_all(FittedModel &fitted) const {
+    if (!unexplained_.size() || fitted.effects.empty())
+        return;
+    fitted.model = GapModel(runner_, fitted.model.replicates(), options_.residual_level, fitted.jacobian,
+                            model_error(fitted), unexplained_);
+    fitted.residual = fitted.model.test(runner_.real());
 }
 
 Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const EffectModel &model, Eigen::Index strength,

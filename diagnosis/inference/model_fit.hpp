@@ -78,7 +78,8 @@ struct FitOptions {
 
 class ModelFit {
   public:
-    // unexplained: by statistic, what is known to be no model's to explain, a standard deviation; empty: nothing.
+    // unexplained: by statistic, what is known to be no model's to explain, a standard deviation; empty: nothing. Fits
+    // are spared it.
     ModelFit(ReplicateRunner &runner, const SearchOptions &options, const Progress &progress,
              Eigen::VectorXd unexplained = {})
         : runner_(runner), options_(options), progress_(progress), unexplained_(std::move(unexplained)) {}
@@ -114,6 +115,8 @@ class ModelFit {
     void confirm(FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
+    // By all statistics, also those that fits were spared. The fit stays.
+    void judge_by_all(FittedModel &fitted) const;
     // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
     // with. Where an effect is a few draws itself (power that flickers, air, hot pixels), two captures say of some
     // statistics how they answer to these draws, not to the effect. And where a statistic bends sharply (codes of
@@ -163,9 +166,12 @@ class ModelFit {
     Progress progress_;
     double strongest_ = kStrongest;
     Eigen::VectorXd border_error(const Replicates &replicates, double from, double to) const;
+    // Standard deviation of the model's own error in each statistic.
+    Eigen::VectorXd model_error(const FittedModel &fitted) const;
+    Eigen::VectorXd with_unexplained(const Eigen::VectorXd &error) const;
 
     GapModel baseline_; // from which fits go: with the errors of every model
-    Eigen::VectorXd unexplained_, border_error_; // of every model, standard deviations
+    Eigen::VectorXd unexplained_, border_error_; // of every model
     Pool baseline_pool_;
     double baseline_work_ = 0.0;
     bool ended_early_ = false;

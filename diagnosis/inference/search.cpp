@@ -16,6 +16,8 @@ namespace {
 
 // Of the progress: the baseline is simulated; the second search begins, if there is one; the searches end.
 constexpr double kBegin = 0.3, kSecond = 0.7, kEnd = 0.98;
+// Where a second and a third search follow the first.
+constexpr double kFirstSearch = 0.6, kSecondSearch = 0.85;
 constexpr int kFitRounds = 3;
 // Effects whose gain at screening is less than that part of the best one's are not fitted.
 constexpr double kLeastGainPart = 0.2;
@@ -137,7 +139,6 @@ class Search {
     void refine(Refined &refined, const EffectModel &model, const FittedModel &fitted, const Pool &pool);
     // The gain by a straight line from one strength to another, held out, where that is more than at one strength.
     void screen_along_lines(std::vector<Refined> &refined, const SearchState &state, const FittedModel &fitted);
-    void tell_unexplained(FittedModel &fitted) const;
     void remember_screening(const std::vector<Refined> &refined); // the first one
     SearchStep described(const std::vector<Refined> &refined, const std::vector<const Refined *> &finalists,
                          const std::vector<FittedModel> &fits, std::size_t best, const FittedModel &current) const;
@@ -660,26 +661,11 @@ SearchState Search::explain(const FittedModel &baseline) {
     return common_is_better && !is_explained(state) ? common : state;
 }
 
-// What no model was to explain is left all the same.
-void Search::tell_unexplained(FittedModel &fitted) const {
-    for (Eigen::Index k = 0; k < start_.unexplained.size(); ++k) {
-        if (start_.unexplained[k] == 0.0)
-            continue;
-        const double deviation = fitted.model.full().deviation()[k];
-        const double own = std::sqrt(std::max(1e-4 * deviation * deviation, // what cancels is no certainty
-                                              deviation * deviation - std::pow(start_.unexplained[k], 2)));
-        GapTest &residual = fitted.residual;
-        residual.z[k] *= deviation / own;
-        residual.p_adjusted[k] = std::min(residual.p_adjusted[k], start_.p_unexplained[k]);
-        residual.p_value = std::min(residual.p_value, start_.p_unexplained[k]);
-        residual.detected = true;
-    }
-}
-
 SearchResult Search::run() {
     SearchResult result;
     result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
+    result.explained = !baseline.residual.detected;
     if (baseline.residual.detected) {
         const SearchState begin = first_state(kBegin, kSecond);
         begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline : begin.models.back());
@@ -705,7 +691,9 @@ SearchResult Search::run() {
                 fits_.measure_parameters(state.models.back(), state.model, 0.99);
                 include_other_forms(state);
             }
-            tell_unexplained(state.models.back());
+            result.explained = !state.models.back().residual.detected;
+            for (FittedModel &model : state.models)
+                fits_.judge_by_all(model);
         }
         result.model = std::move(state.model);
         result.steps = std::move(state.steps);
@@ -720,10 +708,42 @@ SearchResult Search::run() {
 
 } // namespace
 
-SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates,
-                    const SearchStart &start, const SearchOptions &options, const Progress &progress) {
-    ModelFit fits(runner, options, progress, start.unexplained);
-    return Search(fits, candidates, start).run();
+Eigen::VectorXd left_by(const SearchResult &found, double level) {
+    const FittedModel &last = found.last();
+    const Eigen::ArrayXd left = (last.residual.p_adjusted.array() <= level)
+                                    .select(last.residual.z.array().abs() * last.model.full().deviation().array(), 0.0);
+    return (left > 0.0).any() ? left.matrix() : Eigen::VectorXd();
+}
+
+SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates, const SearchStart &start,
+                    const SearchOptions &options, const Progress &progress) {
+    const auto attempt = [&](const SearchStart &from, double begin, double end) {
+        ModelFit fits(
+            runner, options,
+            [&](const std::string &what, double part) {
+                if (progress)
+                    progress(what, begin + (end - begin) * part);
+            },
+            from.unexplained);
+        return Search(fits, candidates, from).run();
+    };
+    SearchResult found = attempt(start, 0.0, kFirstSearch);
+    const Eigen::VectorXd left = left_by(found, options.residual_level);
+    if (found.explained || found.ended_early || left.size() == 0)
+        return found;
+    const auto take = [&](SearchResult other) {
+        other.screened = std::move(found.screened);
+        other.work += found.work;
+        found = std::move(other);
+    };
+    SearchResult second = attempt({start.model, start.steps, left}, kFirstSearch, kSecondSearch);
+    if (second.models.empty())
+        return found;
+    take(std::move(second));
+    SearchResult third = attempt({found.model, found.steps, start.unexplained}, kSecondSearch, 1.0);
+    if (third.explained)
+        take(std::move(third));
+    return found;
 }
 
 } // namespace clsp

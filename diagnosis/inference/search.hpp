@@ -22,9 +22,8 @@ struct ScreenedEffect {
 struct SearchStart {
     EffectModel model;           // effects that are there already
     std::vector<SearchStep> steps; // how each was found
-    // By statistic: what is known to be no model's to explain, a standard deviation, and how probable that was by
-    // chance. Both empty: nothing is.
-    Eigen::VectorXd unexplained, p_unexplained;
+    // By statistic: what is known to be no model's to explain, a standard deviation; empty: nothing is.
+    Eigen::VectorXd unexplained;
 };
 
 struct SearchResult {
@@ -36,7 +35,18 @@ struct SearchResult {
     EffectModel model;               // of the last one
     double work = 0.0;               // what was asked for beside the baseline's (ReplicateRunner::work)
     bool ended_early = false;        // at the most work, with more to try
+    bool explained = false;          // all but what the search began with as unexplained
+
+    const FittedModel &last() const { return models.empty() ? baseline : models.back(); }
 };
+
+// What a search leaves of each statistic, as a standard deviation; of those that may be chance nothing. Empty: of all.
+Eigen::VectorXd left_by(const SearchResult &found, double level);
+
+// A statistic that no effect explains pulls at all strengths, and lets in effects that only imitate what it shows. So
+// where something is left, a second search begins like the first, but no fit goes by what was left; and a third goes on
+// from there by all statistics, as an effect that the first one missed may be what was left. The third one's result if
+// it explains all, else the second one's.
 
 // candidates: outlive the result.
 SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates,

@@ -23,7 +23,7 @@ double before_square(const Covariance &metric, const FittedModel &baseline, cons
 FoldStatistics after_fit(const FittedModel &fitted, const FoldStatistics &s) {
     const GapModel &model = fitted.model;
     const Eigen::VectorXd first = s.first - model.first_mean(), second = s.second - model.second_mean();
-    const Eigen::VectorXd of_first = model.coefficients(model.fold(), first), of_second = model.coefficients(model.fold(), second);
+    const Eigen::VectorXd of_first = model.coefficients(model.fit_fold(), first), of_second = model.coefficients(model.fit_fold(), second);
     return {first - fitted.jacobian * of_second, second - fitted.jacobian * of_first};
 }
 

@@ -174,31 +174,27 @@ CalibrationResult calibration_of(const ReplicateRunner &runner, const Calibrated
 }
 
 // Each scene by itself: what differs, which effects take away something of it, and what they leave.
-std::vector<RungResult> rung_results(const ReplicateRunner &runner, const SearchResult &found, const SearchStart &start,
+std::vector<RungResult> rung_results(const ReplicateRunner &runner, const SearchResult &found,
                                      const std::vector<bool> &slight, double level, double residual_level) {
     std::vector<RungResult> results;
     std::vector<double> most(found.models.size());
     std::vector<std::size_t> own_rung(found.models.size());
-    const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    const FittedModel &last = found.last();
     const std::vector<Rung> rungs = rungs_of(runner.layout());
-    const double level_of_rung = level / double(rungs.size());
+    const double count = double(rungs.size()); // Bonferroni over them
     for (const Rung &rung : rungs) {
         RungResult result;
         result.scene = rung.scene;
         const GapTest before = found.baseline.model.test(runner.real(), rung.sequences);
         const GapTest after = last.model.test(runner.real(), rung.sequences);
-        result.p_value = before.p_value;
+        result.p_value = std::min(1.0, count * before.p_value);
         result.distance_before = before.distance;
-        result.residual_p_value = after.p_value;
+        result.residual_p_value = std::min(1.0, count * after.p_value);
         result.distance_after = after.distance;
         std::vector<bool> statistics(runner.count());
         for (std::size_t s = 0; s < rung.sequences.size(); ++s)
-            for (std::size_t k = runner.begin(s); rung.sequences[s] && k < runner.end(s); ++k) {
-                statistics[k] = true;
-                if (start.p_unexplained.size())
-                    result.residual_p_value =
-                        std::min(result.residual_p_value, start.p_unexplained[static_cast<Eigen::Index>(k)]);
-            }
+            std::fill(statistics.begin() + std::ptrdiff_t(runner.begin(s)),
+                      statistics.begin() + std::ptrdiff_t(runner.end(s)), bool(rung.sequences[s]));
         // What others' parameters did when the effect came is none of its doing.
         const auto acts_on = [&](const std::string &id) {
             std::vector<bool> result_of = statistics;
@@ -218,7 +214,7 @@ std::vector<RungResult> rung_results(const ReplicateRunner &runner, const Search
                     own_rung[i] = results.size();
                 }
             }
-        if (before.p_value <= level_of_rung || !result.effects.empty())
+        if (result.p_value <= level || !result.effects.empty())
             result.verdict = result.residual_p_value <= residual_level || result.effects.empty() ? Verdict::kUnknown
                                                                                                  : Verdict::kNamed;
         results.push_back(std::move(result));
@@ -321,7 +317,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.p_value = with_changes(reported_p_value(test.p_value));
     result.distance = test.distance;
     result.null_95 = test.null_95;
-    const FittedModel &last = found.models.empty() ? found.baseline : found.models.back();
+    const FittedModel &last = found.last();
     result.calibration = calibration_of(runner, found.baseline.model.replicates().levels);
     if (!found.models.empty())
         result.calibration_after = calibration_of(runner, last.model.replicates().levels);
@@ -344,11 +340,14 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                            search_options.most_work));
     const std::vector<bool> slight = slight_effects(found.steps, last.parameters, pool);
     if (result.detected)
-        result.rungs = rung_results(runner, found, below, slight, options.level,
-                                    search_options.residual_level);
+        result.rungs = rung_results(runner, found, slight, options.level, search_options.residual_level);
     if (result.detected) {
-        result.residual_detected = last.residual.detected || !steady;
-        result.residual_p_value = with_changes(reported_p_value(last.residual.p_value));
+        // What a scene leaves by itself is left of the whole, too.
+        double residual_p_value = last.residual.p_value;
+        for (const RungResult &rung : result.rungs)
+            residual_p_value = std::min(residual_p_value, rung.residual_p_value);
+        result.residual_detected = residual_p_value <= search_options.residual_level || !steady;
+        result.residual_p_value = with_changes(reported_p_value(residual_p_value));
         if (!found.models.empty()) {
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;

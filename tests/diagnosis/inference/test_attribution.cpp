@@ -687,6 +687,18 @@ TEST(GapModel, FewFramesAreNoGap) {
     RecordProperty("alarms", alarms);
 }
 
+// Half of the dark codes, a third and a fiftieth are cut off at 0. Of 36,864 codes a level behind that is uncertain by
+// 1.5 to 2 times the 1/192 of the noise that it is without clipping; four times that is allowed.
+TEST(Diagnosis, LevelAndNoiseBehindTheClippingAreCalibrated) {
+    const std::vector<bool> all(small_layout().sequences.size(), true);
+    for (const auto &[level, noise] : {std::pair(0.6, 9.35), std::pair(4.0, 9.35), std::pair(12.0, 6.0)}) {
+        ReplicateRunner runner(context(), simulated({}, kCaptureSeed + 180, {}, small_layout(), level, noise), {}, 1);
+        const CalibratedLevels levels = runner.calibrate({}, all, nullptr);
+        EXPECT_NEAR(levels.black_level_dn, level, 8.0 * noise / 192.0);
+        EXPECT_NEAR(levels.read_noise_dn, noise, 8.0 * noise / 192.0);
+    }
+}
+
 // Steps of 16 DN at a read noise of 4.3 DN: dark and even frames have two codes, and their mean goes up in stairs with the level. They say
 // nothing of the noise, which the data sheet has 7 % too low: speckle at rest does.
 TEST(Diagnosis, ACoarseConverterIsCalibrated) {
