@@ -15,7 +15,7 @@ namespace {
 constexpr double kNoDoubt = 1e-9;
 // Residuals in doubt are judged by that many times as many replicates as others.
 constexpr std::uint32_t kConfirming = 2;
-constexpr double kBeyondDoubt = 1e-6, kPartOfLevel = 0.1;
+constexpr double kPartOfLevel = 0.1;
 // Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
 // usual ones.
 constexpr double kLeastStep = 0.004, kFine = 0.15;

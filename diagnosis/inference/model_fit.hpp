@@ -21,6 +21,8 @@ constexpr std::uint32_t kSearchSeeds = 1;
 // A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
 // of chance.
 constexpr double kSeldom = 0.05;
+// Nor is one that is less likely than this by chance in any doubt.
+constexpr double kBeyondDoubt = 1e-6;
 
 // Of the squared distance: what a fit of another form of an effect (Candidate::told_by_fit) must be better than that of
 // the catalogue's own to be taken, as a parameter means something else in each.

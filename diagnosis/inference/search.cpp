@@ -665,7 +665,7 @@ SearchResult Search::run() {
     SearchResult result;
     result.baseline = fits_.fit_baseline(kBegin);
     const FittedModel &baseline = result.baseline;
-    result.explained = !baseline.residual.detected;
+    result.p_left = baseline.residual.p_value;
     if (baseline.residual.detected) {
         const SearchState begin = first_state(kBegin, kSecond);
         begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline : begin.models.back());
@@ -691,7 +691,7 @@ SearchResult Search::run() {
                 fits_.measure_parameters(state.models.back(), state.model, 0.99);
                 include_other_forms(state);
             }
-            result.explained = !state.models.back().residual.detected;
+            result.p_left = state.models.back().residual.p_value;
             for (FittedModel &model : state.models)
                 fits_.judge_by_all(model);
         }
@@ -729,7 +729,8 @@ SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *
     };
     SearchResult found = attempt(start, 0.0, kFirstSearch);
     const Eigen::VectorXd left = left_by(found, options.residual_level);
-    if (found.explained || found.ended_early || left.size() == 0)
+    // What may be chance has no pull to speak of.
+    if (found.p_left > kBeyondDoubt || found.ended_early || left.size() == 0)
         return found;
     const auto take = [&](SearchResult other) {
         other.screened = std::move(found.screened);
@@ -741,7 +742,7 @@ SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *
         return found;
     take(std::move(second));
     SearchResult third = attempt({found.model, found.steps, start.unexplained}, kSecondSearch, 1.0);
-    if (third.explained)
+    if (third.p_left > options.residual_level)
         take(std::move(third));
     return found;
 }

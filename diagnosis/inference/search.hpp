@@ -35,7 +35,7 @@ struct SearchResult {
     EffectModel model;               // of the last one
     double work = 0.0;               // what was asked for beside the baseline's (ReplicateRunner::work)
     bool ended_early = false;        // at the most work, with more to try
-    bool explained = false;          // all but what the search began with as unexplained
+    double p_left = 1.0;             // of what is left by chance, beside what the search began with as unexplained
 
     const FittedModel &last() const { return models.empty() ? baseline : models.back(); }
 };
@@ -44,10 +44,9 @@ struct SearchResult {
 Eigen::VectorXd left_by(const SearchResult &found, double level);
 
 // A statistic that no effect explains pulls at all strengths, and lets in effects that only imitate what it shows. So
-// where something is left, a second search begins like the first, but no fit goes by what was left; and a third goes on
-// from there by all statistics, as an effect that the first one missed may be what was left. The third one's result if
-// it explains all, else the second one's.
-
+// where something is left beyond doubt, a second search begins like the first, but no fit goes by what was left; and a
+// third goes on from there by all statistics, as an effect that the first one missed may be what was left. The third
+// one's result if it explains all, else the second one's.
 // candidates: outlive the result.
 SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates,
                     const SearchStart &start, const SearchOptions &options, const Progress &progress);
