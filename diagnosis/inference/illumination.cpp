@@ -164,16 +164,6 @@ struct Kind {
     Blocks light;
 };
 
-// Over a fit.
-Blocks without(const Grid &grid, const Blocks &light, const Fit &fit) {
-    const int degree = fit.coefficients.size() > 6 ? kHighDegree : kDegree;
-    Blocks result = light;
-    for (Eigen::Index r = 0; r < light.rows(); ++r)
-        for (Eigen::Index c = 0; c < light.cols(); ++c)
-            result(r, c) /= std::max(0.05, terms(grid.x(c), grid.y(r), degree).dot(fit.coefficients));
-    return result;
-}
-
 // 1 + sx x + sy y - loss r^2: what lamp and laser share is the camera's.
 struct Shared {
     Eigen::Vector2d slope = Eigen::Vector2d::Zero();
@@ -321,7 +311,7 @@ LabLights measure_lab_lights(const Capture &capture) {
             continue;
         // A flat whose light certainly has another shape has a lamp of its own.
         for (const auto &[s, one] : each) {
-            const Blocks ratio = without(grid, one, high);
+            const Blocks ratio = one / kind.light; // pixels' own gains are in both
             const Fit same = fit(grid, ratio, 0), other = fit(grid, ratio, kDegree);
             if (is_laser(layout.sequences[s].scene) || each.size() < 2 || other.freedom == 0.0 ||
                 p_of_terms(same, other) * double(each.size()) > kCertain)
