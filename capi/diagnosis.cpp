@@ -4,9 +4,11 @@
 #include "capture/capture_validation.hpp"
 #include "capture_handle.hpp"
 #include "fields.hpp"
-#include "run/compare.hpp"
-#include "io/image_io.hpp"
+#include "files.hpp"
+#include "lists.hpp"
+#include "profile_handle.hpp"
 #include "progress.hpp"
+#include "run/compare.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
 #include "simulator/opencl_hypothesis.hpp"
@@ -17,7 +19,6 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <filesystem>
 #include <limits>
 #include <string_view>
 
@@ -89,19 +90,6 @@ template <std::size_t Size> std::string fixed_text(const char (&from)[Size], con
     if (!end)
         throw Error(Status::kInvalidArgument, fmt::format("{} does not end with a 0 within its {} bytes", what, Size));
     return {from, end};
-}
-
-template <typename T> const T &item(const std::vector<T> &list, std::uint32_t index, const char *what) {
-    if (index >= list.size())
-        throw Error(Status::kInvalidArgument, list.empty() ? fmt::format("index is {}, there are no {}", index, what)
-                                                           : fmt::format("index is {}, there are {} {} (numbered from "
-                                                                         "0)",
-                                                                         index, list.size(), what));
-    return list[index];
-}
-
-std::uint32_t count_of(std::size_t size) {
-    return static_cast<std::uint32_t>(size);
 }
 
 // Calls a hypothesis of the C interface.
@@ -225,24 +213,6 @@ const Candidate *find_candidate(const DiagnosisResult &result, const std::string
     const auto found = std::find_if(result.candidates.begin(), result.candidates.end(),
                                     [&](const Candidate &candidate) { return candidate.id == id; });
     return found == result.candidates.end() ? nullptr : &*found;
-}
-
-void write_file(const char *path, const std::string &text) {
-    namespace fs = std::filesystem;
-    if (*path == '\0')
-        throw Error(Status::kInvalidArgument, "path is empty; name a file");
-    std::error_code code;
-    fs::path target(path);
-    // What is put in place by renaming must not take the place of a device, a pipe or a link.
-    if (fs::is_symlink(target, code))
-        target = fs::weakly_canonical(target, code);
-    if (fs::exists(target, code) && !fs::is_regular_file(target, code))
-        throw Error(Status::kIo, fmt::format("{}: is no regular file; name another one", path));
-    try {
-        image_io::write_text(target.string(), text);
-    } catch (const image_io::WriteError &error) {
-        throw Error(Status::kIo, error.what());
-    }
 }
 
 } // namespace
@@ -462,6 +432,17 @@ CLSP_API ClspStatus clspDiagnosisWriteHtml(ClspDiagnosis diagnosis, const char *
     return guarded("clspDiagnosisWriteHtml", [&] {
         const auto d = object(diagnosis);
         write_file(&required(path, "path"), report_html(*d));
+    });
+}
+
+CLSP_API ClspStatus clspDiagnosisGetProfile(ClspDiagnosis diagnosis, ClspProfile *profile) {
+    return guarded("clspDiagnosisGetProfile", [&] {
+        const auto d = object(diagnosis);
+        required(profile, "profile");
+        if (!d->profile)
+            throw Error(Status::kInvalidState, "a comparison has no camera profile: its frames are those of another "
+                                               "simulator; diagnose the real capture for one");
+        give(profile, d->profile);
     });
 }
 

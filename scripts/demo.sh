@@ -19,7 +19,7 @@ echo "== devices"
 echo
 # The laser light that comes back from a desk is not polarized (thesis 2.9).
 echo "== the sequence: ideal images, frames and previews in $output/office"
-"$program" render "$office/sequence.json" -o "$output/office" --degree-of-polarization 0 --exposure-gain auto --save-ideal --profile
+"$program" render "$office/sequence.json" -o "$output/office" --degree-of-polarization 0 --exposure-gain auto --save-ideal --stage-times
 
 echo
 echo "== its first frame without noise or sensor"

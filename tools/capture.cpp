@@ -12,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <random>
 
@@ -164,12 +163,8 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
 
 /** Whether an effect shows with dots alone: a wall ends nowhere near the image's border, so that a lens which distorts
  * it leaves it even. */
-bool changes_dots(const std::string &id) {
-    if (id == "lens_distortion")
-        return true;
-    const auto &all = effect_catalogue();
-    const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return id == e.id; });
-    return std::strstr(info->kernel, "stages/dots.cl") != nullptr;
+bool needs_dots(const std::string &id) {
+    return id == "lens_distortion" || changes_dots(id);
 }
 
 /** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its
@@ -257,7 +252,7 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     }
     const clspeckle::Pipeline pipeline(context, desc);
     for (const EffectSetting &effect : effects) {
-        if (changes_dots(effect.id) && !with_dots)
+        if (needs_dots(effect.id) && !with_dots)
             continue;
         try {
             pipeline.set_effect(effect.id, effect.values);
@@ -417,7 +412,7 @@ void run_capture_make(const CaptureMakeArguments &arguments, Console &console) {
     const bool with_dots =
         std::any_of(plans.begin(), plans.end(), [](const Plan &p) { return p.scene == CLSP_SCENE_DOTS; });
     for (const EffectSetting &effect : effects)
-        if (changes_dots(effect.id) && !with_dots)
+        if (needs_dots(effect.id) && !with_dots)
             throw InputError(
                 fmt::format("--effect {}: it shows with dots alone, and --sequences names none; add dots_static "
                             "or dots_moving",

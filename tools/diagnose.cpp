@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 void check_writable(const std::string &path) {
     std::error_code code;
     if (fs::is_directory(path, code))
-        throw OutputError(fmt::format("{}: is a folder; name a file for the report", path));
+        throw OutputError(fmt::format("{}: is a folder; name a file", path));
     const fs::path parent = fs::path(path).parent_path();
     const std::string folder = parent.empty() ? "." : parent.string();
     if (!fs::is_directory(folder, code))
@@ -132,10 +132,15 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     if (arguments.html == "-")
         throw InputError(
             "--html -: the page is written to a file, for a browser to open; name one, for example --html report.html");
-    if (!arguments.html.empty())
-        check_writable(arguments.html);
-    if (!arguments.emva.empty())
-        check_writable(arguments.emva);
+    if (arguments.profile == "-")
+        throw InputError("--profile -: the profile is written to a file, for render to read; name one, for example "
+                         "--profile camera.json");
+    for (const std::string &other : {arguments.json, arguments.html, arguments.emva})
+        if (!arguments.profile.empty() && arguments.profile == other)
+            throw InputError(fmt::format("--profile {}: another option names the same file; give each its own", other));
+    for (const std::string &path : {arguments.html, arguments.emva, arguments.profile})
+        if (!path.empty())
+            check_writable(path);
     std::vector<clspeckle::Hypothesis> hypotheses;
     for (const std::string &path : arguments.hypotheses)
         hypotheses.push_back(read_hypothesis(path));
@@ -168,6 +173,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
         write_output([&] { diagnosis.write_html(arguments.html); });
     if (!arguments.emva.empty())
         image_io::write_text(arguments.emva, capture.emva1288_xml());
+    if (!arguments.profile.empty())
+        write_output([&] { diagnosis.profile().write(arguments.profile); });
     if (arguments.json == "-")
         console.result(diagnosis.report_json());
     console.print(diagnosis_summary(diagnosis));
@@ -175,6 +182,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
         console.print("\nReport: " + arguments.json);
     if (!arguments.html.empty())
         console.print("For a browser: " + arguments.html);
+    if (!arguments.profile.empty())
+        console.print("Camera profile, for render --profile: " + arguments.profile);
 }
 
 } // namespace tools

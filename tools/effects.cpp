@@ -60,6 +60,10 @@ const std::vector<ClspEffectInfo> &effect_catalogue() {
     return catalogue;
 }
 
+bool changes_dots(const std::string &id) {
+    return std::string(find(id, id).kernel).find("stages/dots.cl") != std::string::npos;
+}
+
 EffectSetting parse_effect(const std::string &text) {
     const std::string where = "--effect " + text;
     const std::size_t colon = std::min(text.find(':'), text.size());

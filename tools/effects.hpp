@@ -24,6 +24,9 @@ struct EffectSetting {
 /** Read from the library once. */
 const std::vector<ClspEffectInfo> &effect_catalogue();
 
+/** Whether an effect changes the dots that the library draws: what brings a pattern of its own cannot have it. */
+bool changes_dots(const std::string &id);
+
 /** From "ID" or "ID:NAME=VALUE,NAME=VALUE"; what is left out takes the middle between weak and strong. */
 EffectSetting parse_effect(const std::string &text);
 /** From an id and an object of numbers, as in a configuration. @param where for messages. */

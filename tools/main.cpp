@@ -74,12 +74,13 @@ Written to the output folder: frame_000000.png ... (or frames.npy for a stack), 
 Examples:
   clspeckle render ideal.png -o out --f-number 4 --seed 7
   clspeckle render ideal.npy -o out --sensor-profile OS04A10 --effect defocus:waves=0.8 --effect dsnu
-  clspeckle render ideal.npy -o out --frames 100 --format npy-stack --no-preview --profile
+  clspeckle render ideal.npy -o out --frames 100 --format npy-stack --no-preview --stage-times
   clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png --pattern-half-extent-x 0.7 \
       --pattern-half-extent-y 0.48 --fx 560 --fy 560 --cx 319.5 --cy 239.5
   clspeckle render examples/office/gbuffers -o out --exposure-gain auto --save-ideal
   clspeckle render ideal.png --f-number 8 --dump-config > camera.json
   clspeckle render ideal.png -o out --config camera.json
+  clspeckle render ideal.npy -o out --profile profile.json --profile-sequence board_moving
 )";
 
 /** The formats, as the registry knows them. */
@@ -448,6 +449,8 @@ struct Arguments {
     tools::InputPaths input;
     std::string output;
     std::string config;
+    std::string profile;
+    std::string profile_sequence;
     bool dump_config = false;
     std::map<std::string, std::string> options;
     std::vector<std::string> effects;
@@ -475,6 +478,12 @@ int render(Arguments &arguments, tools::Console &console) {
     tools::Config config;
     if (!arguments.config.empty())
         config.load(arguments.config);
+    if (!arguments.profile.empty())
+        for (const std::string &text : config.load_profile(arguments.profile, arguments.profile_sequence))
+            console.warn(text);
+    else if (!arguments.profile_sequence.empty())
+        throw tools::InputError(fmt::format("--profile-sequence {}: name the profile, too: --profile FILE",
+                                            arguments.profile_sequence));
     for (const auto &[id, text] : arguments.options) {
         const tools::Option &option = tools::option(id);
         config.set_text(option, text, tools::Layer::command_line, "--" + option.name);
@@ -483,7 +492,7 @@ int render(Arguments &arguments, tools::Console &console) {
         if (effect == "none")
             config.clear_effects();
         else
-            config.set_effect(tools::parse_effect(effect));
+            config.set_effect(tools::parse_effect(effect), tools::Layer::command_line);
     }
     const bool has_input =
         !arguments.input.inputs.empty() || !arguments.input.depth.empty() || !arguments.input.position.empty();
@@ -497,8 +506,10 @@ int render(Arguments &arguments, tools::Console &console) {
     }
     if (arguments.output.empty())
         throw tools::InputError("name the folder for the frames with -o FOLDER");
-    if (!arguments.config.empty())
-        input->files.push_back(arguments.config);
+    config.check_image(input->width, input->height, input->first_name);
+    for (const std::string &file : {arguments.config, arguments.profile})
+        if (!file.empty())
+            input->files.push_back(file);
     tools::run_render(config, *input, arguments.output, console);
     return tools::exit_ok;
 }
@@ -660,6 +671,9 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
                    "Write EMVA 1288's numbers of the dark and flat frames, as the Python package emva1288 does")
         ->type_name("FILE")
         ->check(named());
+    app.add_option("--profile", a.profile, "Write the camera that was found, with its effects, for render --profile")
+        ->type_name("FILE")
+        ->check(named());
     add_diagnose_options(app, a, quiet);
 }
 
@@ -807,6 +821,16 @@ int run(int argc, char **argv) {
         .add_option("--refresh-mask", arguments.input.refresh_mask, "New speckle in each frame where this is not 0")
         ->type_name("IMAGE");
     render_command.add_option("--config", arguments.config, "JSON configuration")->type_name("FILE");
+    render_command
+        .add_option("--profile", arguments.profile,
+                    "Camera profile that diagnose --profile wrote; options of the command line replace its values, which "
+                    "is told, but for bits, pixel pitch and wavelength")
+        ->type_name("FILE")
+        ->check(named());
+    render_command
+        .add_option("--profile-sequence", arguments.profile_sequence,
+                    "With the light, scene and motion of this sequence of the profile: a lab's conditions, not the camera's")
+        ->type_name("NAME");
     render_command
         .add_option(
             "--effect", arguments.effects,

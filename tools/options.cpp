@@ -121,6 +121,8 @@ std::vector<Option> make_table() {
             "f_number)"),
         number("aperture", "degree_of_polarization", aperture.degree_of_polarization, 0, false, 1, "",
                "of the light that the surface returns; below 1 two independent speckle patterns add up"),
+        number("aperture", "fill_factor", aperture.fill_factor, 0, false, 1, "",
+               "light-sensitive part of a pixel's area; 0: the mean over its samples, a point without oversampling"),
         number("aperture", "soft_rim", aperture.soft_rim, 0, false, 1, "",
                "part of the aperture's radius over which it falls from 1 to 0"),
         text("aperture", "pupil_image", Kind::file,
@@ -131,6 +133,9 @@ std::vector<Option> make_table() {
                 "field samples per pixel along each axis; the pixel integrates over them"),
         integer("aperture", "guard_px", aperture.guard_px, 0, 16384, "px",
                 "padding at least this wide against light that wraps around the border"),
+
+        numbers("lens", "principal_point_px", {}, {0, 2}, -65536, false, "px",
+                "where the optical axis meets the image, x, y; none: its centre"),
 
         choice("phase", "field", {"circular_gaussian", "unit_phasor"}, phase.field,
                "scatterers per sample: very many (circular_gaussian) or one (unit_phasor)"),
@@ -151,6 +156,8 @@ std::vector<Option> make_table() {
                "code without light"),
         number("sensor", "read_noise_dn", sensor.read_noise_dn, 0, false, infinity, "dn",
                "standard deviation of the temporal noise"),
+        number("sensor", "exposure_time_s", sensor.exposure_time_s, 0, false, infinity, "s",
+               "for the effect dark_current only: the exposure gain is per exposure"),
         number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, 0, false, 1, "", "share of hot pixels"),
         number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, 0, false, infinity, "dn",
                "mean offset of a hot pixel"),
@@ -221,7 +228,7 @@ std::vector<Option> make_table() {
                "of the frames; 16-bit files hold the codes as they are: 1023 of 10 bits is stored as 1023"),
         boolean("render", "preview", true, "also write 8-bit PNG previews, scaled to the first frame"),
         boolean("render", "save_ideal", false, "also write the ideal images, as float NPY"),
-        boolean("render", "profile", false, "show the time of each stage over all frames"),
+        boolean("render", "stage_times", false, "show the time of each stage over all frames"),
     };
 
     for (Option &o : table) {
@@ -236,7 +243,7 @@ std::vector<Option> make_table() {
             name = o.key == "rule" ? "motion" : "motion_" + o.key;
         else if (o.key == "enabled")
             name = o.section;
-        else if (shared && o.section != "render")
+        else if ((shared && o.section != "render") || o.id() == "sensor.profile") // --profile is a whole camera's
             name = o.section + "_" + o.key;
         std::replace(name.begin(), name.end(), '_', '-');
         o.name = name;
@@ -461,8 +468,29 @@ void Config::set(const Option &o, const Json &value, Layer layer, const std::str
     if (o.kind == Kind::file && kept != "")
         kept = std::filesystem::absolute(kept.get<std::string>()).lexically_normal().string();
     Entry &entry = entries_.at(o.id());
+    if (kept != entry.value)
+        contradict(o, entry, kept, layer, where);
     if (layer >= entry.layer)
         entry = {kept, layer};
+}
+
+void Config::contradict(const Option &o, const Entry &entry, const Json &value, Layer layer, const std::string &where) {
+    // What the effects of a profile were measured with: with another value they mean another camera's.
+    static const std::vector<std::string> fixed = {"sensor.bits", "aperture.pixel_pitch_m", "aperture.wavelength_m"};
+    const bool kept = layer == Layer::profile && entry.layer > Layer::fallback;
+    if (entry.layer == Layer::profile && layer == Layer::command_line) {
+        if (std::find(fixed.begin(), fixed.end(), o.id()) != fixed.end())
+            throw InputError(
+                fmt::format("{} {} contradicts {}, whose camera has {}: its effects were measured with that; "
+                            "leave the option out, or diagnose a capture of the other camera",
+                            where, shown(value), profile_, shown(entry.value)));
+        replaced_.push_back(fmt::format("{} {} replaces {}", where, shown(value), shown(entry.value)));
+    } else if (entry.layer == Layer::profile || kept) {
+        const Json &profiles = kept ? value : entry.value, &others = kept ? entry.value : value;
+        throw InputError(fmt::format("{} is {} {}, but {} in {}; give one of them, as --{} on the command line", o.id(),
+                                     shown(others), kept ? "in the configuration or scene" : "of " + where,
+                                     shown(profiles), profile_, o.name));
+    }
 }
 
 void Config::set_text(const Option &o, const std::string &text, Layer layer, const std::string &where) {
@@ -491,7 +519,7 @@ void Config::load(const std::string &path) {
             throw InputError(fmt::format("{}: section \"{}\" must be an object, got {}", path, section, shown(keys)));
         if (section == "effects") {
             for (const auto &[id, parameters] : keys.items())
-                set_effect(effect_from_json(id, parameters, fmt::format("{}: effects.{}", path, id)));
+                set_effect(effect_from_json(id, parameters, fmt::format("{}: effects.{}", path, id)), Layer::file);
             continue;
         }
         for (const auto &[key, value] : keys.items()) {
@@ -508,15 +536,113 @@ void Config::load(const std::string &path) {
     }
 }
 
-void Config::set_effect(const EffectSetting &setting) {
-    effects_[setting.id] = setting;
+void Config::set_effect(const EffectSetting &setting, Layer layer) {
+    const auto found = effects_.find(setting.id);
+    if (found != effects_.end() && found->second.setting.values != setting.values) {
+        const std::string before = effect_text(found->second.setting);
+        if (layer == Layer::profile)
+            throw InputError(fmt::format("the configuration has the effect {}, but {} has {}; give one of them, with "
+                                         "--effect on the command line",
+                                         before, profile_, effect_text(setting)));
+        if (found->second.layer == Layer::profile)
+            replaced_.push_back(fmt::format("--effect {} replaces {}", effect_text(setting), before));
+    }
+    effects_[setting.id] = {setting, layer};
+}
+
+void Config::clear_effects() {
+    for (const auto &[id, effect] : effects_)
+        if (effect.layer == Layer::profile)
+            replaced_.push_back(fmt::format("--effect none takes {} away", effect_text(effect.setting)));
+    effects_.clear();
+}
+
+std::vector<std::string> Config::load_profile(const std::string &path, const std::string &sequence) {
+    const clspeckle::Profile profile = clspeckle::Profile::open(path);
+    const ClspProfileInfo camera = profile.info();
+    profile_ = path;
+    profile_width_ = camera.width;
+    profile_height_ = camera.height;
+    const auto take = [&](const char *id, const Json &value) { set(option(id), value, Layer::profile, path); };
+    if (!text("sensor.profile").empty())
+        throw InputError(fmt::format("sensor.profile is {}, but {} describes a sensor, too; give one of them",
+                                     text("sensor.profile"), path));
+    take("aperture.f_number", camera.f_number);
+    take("aperture.pixel_pitch_m", camera.pixel_pitch_m);
+    take("aperture.wavelength_m", camera.wavelength_m);
+    take("aperture.relative_diameter", 0.0);
+    take("aperture.degree_of_polarization", camera.degree_of_polarization);
+    take("aperture.normalization", "unit_mean"); // by which gains are meant
+    take("aperture.oversampling", camera.oversampling);
+    take("aperture.fill_factor", camera.fill_factor);
+    take("phase.field", camera.field == CLSP_FIELD_UNIT_PHASOR ? "unit_phasor" : "circular_gaussian");
+    take("sensor.bits", camera.bits);
+    take("sensor.black_level_dn", camera.black_level_dn);
+    take("sensor.read_noise_dn", camera.read_noise_dn);
+    const std::vector<double> axis = {camera.principal_point_x_px, camera.principal_point_y_px};
+    if (axis != std::vector<double>{(camera.width - 1.0) / 2.0, (camera.height - 1.0) / 2.0})
+        take("lens.principal_point_px", axis);
+
+    std::vector<std::string> left_out;
+    for (const ClspProfileEffect &effect : profile.effects()) {
+        const EffectSetting setting{effect.id, {effect.values, effect.values + effect.parameter_count}};
+        if (changes_dots(setting.id))
+            left_out.push_back(
+                fmt::format("{}: the effect {} is left out: it changes the dots that the library draws, and "
+                            "render has an ideal image or a scene's pattern instead",
+                            path, effect_text(setting)));
+        else
+            set_effect(setting, Layer::profile);
+    }
+    const Json root = Json::parse(profile.json());
+    for (const Json &hypothesis : root["hypotheses"])
+        left_out.push_back(fmt::format("{}: {} is left out: it is a hypothesis, which only diagnose can simulate", path,
+                                       hypothesis["effect"].get<std::string>()));
+    if (sequence.empty())
+        return left_out;
+
+    const std::vector<ClspProfileSequence> sequences = profile.sequences();
+    const auto found =
+        std::find_if(sequences.begin(), sequences.end(), [&](const auto &s) { return sequence == s.name; });
+    if (found == sequences.end()) {
+        std::vector<std::string> names;
+        for (const ClspProfileSequence &s : sequences)
+            names.emplace_back(s.name);
+        throw InputError(fmt::format("--profile-sequence {}: {} has no such sequence; the nearest one is \"{}\" of {}",
+                                     sequence, path, nearest(sequence, names), fmt::join(names, ", ")));
+    }
+    entries_.at("aperture.f_number") = {Json(found->f_number), Layer::profile}; // a sequence may have its own
+    take("render.illumination", found->scene == CLSP_SCENE_DARK   ? "dark"
+                                : found->scene == CLSP_SCENE_FLAT ? "incoherent"
+                                                                  : "laser");
+    take("render.refresh", found->moving ? "all" : "none");
+    if (found->scene != CLSP_SCENE_DARK)
+        take("sensor.exposure_gain_dn", found->gain_dn);
+    if (found->exposure_ms > 0)
+        take("sensor.exposure_time_s", 1e-3 * found->exposure_ms);
+    for (const Json &light : root["lab"]["lights"])
+        if (light["uneven"] == true &&
+            std::find(light["sequences"].begin(), light["sequences"].end(), sequence) != light["sequences"].end())
+            left_out.push_back(
+                fmt::format("{}: the {} of {} was uneven; that is the lab's and is left out: bring it in the "
+                            "ideal image",
+                            path, light["light"].get<std::string>(), sequence));
+    return left_out;
+}
+
+void Config::check_image(std::uint32_t width, std::uint32_t height, const std::string &name) const {
+    if (!profile_.empty() && (width != profile_width_ || height != profile_height_))
+        throw InputError(
+            fmt::format("{} has {} x {} pixels, but the camera of {} has {} x {}: its effects were measured in "
+                        "those; bring an image of that size, or diagnose a capture of the other camera",
+                        name, width, height, profile_, profile_width_, profile_height_));
 }
 
 std::vector<EffectSetting> Config::effects() const {
     std::vector<EffectSetting> result;
     for (const ClspEffectInfo &effect : effect_catalogue())
         if (const auto found = effects_.find(effect.id); found != effects_.end())
-            result.push_back(found->second);
+            result.push_back(found->second.setting);
     return result;
 }
 

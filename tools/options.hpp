@@ -57,7 +57,7 @@ const std::vector<Option> &option_table();
 const Option &option(const std::string &id);
 
 /** Where a value comes from; a later one beats an earlier one. */
-enum class Layer { fallback, sequence, file, command_line };
+enum class Layer { fallback, sequence, file, profile, command_line };
 
 /** Effective values of all options. */
 class Config {
@@ -70,9 +70,23 @@ class Config {
     void set_text(const Option &option, const std::string &text, Layer layer, const std::string &where);
     /** Reads a JSON configuration. Throws InputError naming the nearest known key for an unknown one. */
     void load(const std::string &path);
+    /**
+     * Takes a camera profile over. Later values of the command line replace its own, which replaced() tells; but for what its
+     * effects were measured with. What a configuration or a scene says otherwise is refused.
+     * @param sequence whose light, scene and motion are rendered; empty: none's.
+     * @return what of the profile is left out, and why.
+     */
+    std::vector<std::string> load_profile(const std::string &path, const std::string &sequence);
+    /** Refuses an image of another size than the profile's. */
+    void check_image(std::uint32_t width, std::uint32_t height, const std::string &name) const;
+    /** What the command line has in the place of the profile's values, in words. */
+    const std::vector<std::string> &replaced() const { return replaced_; }
+    /** The profile's file; empty without one. */
+    const std::string &profile() const { return profile_; }
+
     /** Switches an effect on, or changes it. */
-    void set_effect(const EffectSetting &setting);
-    void clear_effects() { effects_.clear(); }
+    void set_effect(const EffectSetting &setting, Layer layer);
+    void clear_effects();
     /** Those that are on, in the order of the catalogue. */
     std::vector<EffectSetting> effects() const;
     /** Settles what depends on several options: a later f-number, pixel pitch or wavelength replaces an earlier
@@ -100,9 +114,19 @@ class Config {
         Json value;
         Layer layer = Layer::fallback;
     };
+    struct EffectEntry {
+        EffectSetting setting;
+        Layer layer = Layer::fallback;
+    };
     const Json &value(const std::string &id) const { return entries_.at(id).value; }
+    /** Two values of one setting, one of them the profile's. */
+    void contradict(const Option &option, const Entry &entry, const Json &value, Layer layer, const std::string &where);
     std::map<std::string, Entry> entries_;
-    std::map<std::string, EffectSetting> effects_;
+    std::map<std::string, EffectEntry> effects_;
+    std::string profile_;
+    std::uint32_t profile_width_ = 0;
+    std::uint32_t profile_height_ = 0;
+    std::vector<std::string> replaced_;
 };
 
 } // namespace tools

@@ -190,6 +190,7 @@ class Renderer {
         aperture.f_number = config_.number("aperture.f_number");
         aperture.pixel_pitch_m = config_.number("aperture.pixel_pitch_m");
         aperture.wavelength_m = config_.number("aperture.wavelength_m");
+        aperture.fill_factor = config_.number("aperture.fill_factor");
         aperture.soft_rim = config_.number("aperture.soft_rim");
         aperture.degree_of_polarization = polarization;
         std::vector<float> pupil;
@@ -199,6 +200,16 @@ class Renderer {
             aperture.pupil_image = pupil.data();
         }
         aperture_ = clspeckle::Aperture(*context_, aperture);
+
+        if (const std::vector<double> axis = config_.numbers("lens.principal_point_px"); !axis.empty()) {
+            auto lens = clspeckle::make<ClspLensDesc>();
+            lens.width = width_;
+            lens.height = height_;
+            lens.principal_point_given = 1;
+            lens.principal_point_x_px = axis[0];
+            lens.principal_point_y_px = axis[1];
+            lens_ = clspeckle::Lens(*context_, lens);
+        }
 
         if (has_sensor_) {
             const std::string profile = config_.text("sensor.profile");
@@ -216,6 +227,7 @@ class Renderer {
             sensor.saturation_dn = config_.number("sensor.saturation_dn");
             sensor.black_level_dn = config_.number("sensor.black_level_dn");
             sensor.read_noise_dn = config_.number("sensor.read_noise_dn");
+            sensor.exposure_time_s = config_.number("sensor.exposure_time_s");
             sensor.hot_pixel_fraction = config_.number("sensor.hot_pixel_fraction");
             sensor.hot_pixel_mean_dn = config_.number("sensor.hot_pixel_mean_dn");
             sensor.cold_pixel_fraction = config_.number("sensor.cold_pixel_fraction");
@@ -262,6 +274,7 @@ class Renderer {
         pipeline.phase = phase_;
         pipeline.aperture = aperture_;
         pipeline.sensor = sensor_;
+        pipeline.lens = lens_;
         pipeline.motion = motion_;
         if (uses_materials_)
             pipeline.materials = materials_;
@@ -278,9 +291,7 @@ class Renderer {
             choose_gain();
         // After the gain, which some of them need.
         for (const EffectSetting &effect : config_.effects()) {
-            const auto &all = effect_catalogue();
-            const auto info = std::find_if(all.begin(), all.end(), [&](const auto &e) { return effect.id == e.id; });
-            if (std::string(info->kernel).find("stages/dots.cl") != std::string::npos)
+            if (changes_dots(effect.id))
                 throw InputError(
                     fmt::format("--effect {}: changes the dots that the library draws (dots.h); render has "
                                 "an ideal image or a scene's pattern instead",
@@ -404,6 +415,8 @@ class Renderer {
                 {"warnings", console_.warnings()},
                 {"config", config_.dump()},
             };
+            if (!config_.profile().empty())
+                root["profile"] = {{"file", config_.profile()}, {"replaced", config_.replaced()}};
             if (has_sensor_)
                 root["exposure_gain_dn"] = config_.number("sensor.exposure_gain_dn");
             console_.result(root.dump(2, ' ', false, Json::error_handler_t::replace));
@@ -427,6 +440,10 @@ class Renderer {
             console_.print(fmt::format("exposure    gain {:.9g} dn per unit of intensity{}",
                                        config_.number("sensor.exposure_gain_dn"),
                                        gain_chosen_ ? ", chosen from the first ideal image" : ""));
+        if (!config_.profile().empty())
+            console_.print("profile     " + config_.profile());
+        for (const std::string &text : config_.replaced())
+            console_.print("            " + text);
         for (const EffectSetting &effect : config_.effects())
             console_.print("effect      " + effect_text(effect));
         const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";
@@ -440,8 +457,8 @@ class Renderer {
         console_.print(fmt::format("time, ms    {} (warm-up {:.0f})", times, warm_up_seconds_ * 1e3));
         console_.print(
             fmt::format("speed       {:.1f} frames per second on the device, {:.1f} with files", device_rate(), rate));
-        if (config_.flag("render.profile"))
-            console_.print(profile_table());
+        if (config_.flag("render.stage_times"))
+            console_.print(stage_times_table());
         console_.print(describe_files(files, folder));
     }
 
@@ -650,7 +667,7 @@ class Renderer {
             samples);
     }
 
-    std::string profile_table() const {
+    std::string stage_times_table() const {
         std::vector<std::vector<std::string>> rows = {{"stage", "mean ms", "median", "least", "most", "frames"}};
         const auto add = [&](const StageTimes &stage, const std::string &name) {
             rows.push_back({name, fmt::format("{:.4f}", stage.mean()), fmt::format("{:.4f}", stage.median()),
@@ -694,6 +711,7 @@ class Renderer {
     clspeckle::Pattern pattern_;
     clspeckle::Phase phase_;
     clspeckle::Aperture aperture_;
+    clspeckle::Lens lens_;
     clspeckle::Sensor sensor_;
     clspeckle::MaterialTable materials_;
     clspeckle::Motion motion_;

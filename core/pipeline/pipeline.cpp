@@ -317,6 +317,14 @@ void Pipeline::set_effect(const std::string &id, const double *values, std::uint
     use_effects(std::move(effects));
 }
 
+void Pipeline::set_effects(const Effects &wanted) {
+    Effects effects = effects_;
+    for (const auto &[id, values] : wanted)
+        effects[id] =
+            check_effect_values(find_effect(id), values.data(), static_cast<std::uint32_t>(values.size()));
+    use_effects(std::move(effects));
+}
+
 void Pipeline::clear_effect(const std::string &id) {
     find_effect(id);
     Effects effects = effects_;

@@ -70,6 +70,7 @@ class Pipeline {
 
     const std::shared_ptr<Context> &context() const { return context_; }
 
+    PipelineModel model() const;
     // Takes the parameters; stages whose own stay the same are left alone. After an error all is as it was.
     void configure(const PipelineModel &model);
     // The next frame is the first one: it draws the surface, and no frame was before it.
@@ -78,6 +79,9 @@ class Pipeline {
     // Switches an effect of the catalogue (effects/effects.hpp) on, or changes its parameters; nullptr for their
     // defaults. After an error all is as it was.
     void set_effect(const std::string &id, const double *values, std::uint32_t count);
+    // Several at once, beside those that are on.
+    using Effects = std::map<std::string, std::vector<double>>;
+    void set_effects(const Effects &effects);
     // Off again.
     void clear_effect(const std::string &id);
     void clear_effects() { use_effects({}); }
@@ -98,10 +102,8 @@ class Pipeline {
 
   private:
     struct Images;
-    using Effects = std::map<std::string, std::vector<double>>;
 
     void check_stages() const;
-    PipelineModel model() const;
     // What is the pipeline's own, and the parts of the model that stages have (kSets* of effects.hpp).
     void apply_own(const PipelineModel &model);
     // applied: the parts that have been changed, also if a later one throws.

@@ -116,6 +116,7 @@ struct CaptureWarning {
 struct StoredSequence; // stored_sequence.hpp
 
 struct Capture {
+    std::string name; // of the folder that it was read from; empty: of none
     CaptureLayout layout;
     // By sequence: frame_count * height * width codes; empty of one that is stored.
     std::vector<std::vector<std::uint16_t>> codes;

@@ -36,6 +36,9 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
     // Sizes first: nothing is read before all of it is known to fit.
     std::vector<std::unique_ptr<SequenceFiles>> files;
     Capture capture;
+    capture.name = fs::absolute(root, code).lexically_normal().filename().string();
+    if (capture.name.empty()) // a slash at the end
+        capture.name = fs::absolute(root, code).lexically_normal().parent_path().filename().string();
     capture.layout = std::move(described.layout);
     capture.warnings = std::move(described.warnings);
     std::uint64_t total = 0;

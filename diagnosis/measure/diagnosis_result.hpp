@@ -20,6 +20,7 @@ namespace clsp {
 struct Evidence;
 struct Comparison;
 struct Emva1288;
+struct CameraProfile;
 
 struct DiagnosisOptions {
     std::uint64_t seed = 0;
@@ -112,6 +113,7 @@ struct DiagnosisResult {
     std::shared_ptr<const Emva1288> emva; // of the dark and flat frames alone; null of a comparison
     DatasheetQuantities datasheet; // none of a comparison, whose sets are brought to one light and noise first
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
+    std::shared_ptr<const CameraProfile> profile; // null of a comparison
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why
     // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot

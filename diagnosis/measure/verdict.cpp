@@ -56,6 +56,12 @@ std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std
     return result;
 }
 
+bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs) {
+    return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
+        return rung.verdict == Verdict::kUnknown && std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
+    });
+}
+
 void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result) {
     result.verdict = Verdict::kNamed;
     for (std::size_t i = 0; i < steps.size(); ++i) {

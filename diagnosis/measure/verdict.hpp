@@ -27,6 +27,9 @@ double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statist
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
                                  const std::vector<Candidate> &candidates);
 
+// An effect's parameters rest on the others and on the model of each scene that it acts on.
+bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs);
+
 // The effects of all steps but the slight ones, as the only explanation or as one of several. slight: empty if none is.
 void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result);
 

@@ -139,13 +139,6 @@ Json part_json(const JudgedPart &part) {
     return used;
 }
 
-// An effect's parameters rest on the others and on the model of each scene that it acts on.
-bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs) {
-    return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
-        return rung.verdict == Verdict::kUnknown && std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;
-    });
-}
-
 Json credibility_json(const DatasheetQuantities &datasheet) {
     constexpr const char *kVersions[] = {"sim", "sim_with_effects"};
     Json rows = Json::array();

@@ -29,6 +29,4 @@ add_custom_command(
     COMMENT "Embedding Vega" VERBATIM)
 
 target_sources(clsp_diagnosis PRIVATE "${clsp_vega_source}")
-set_source_files_properties("${CMAKE_CURRENT_LIST_DIR}/report_html.cpp" PROPERTIES
-                            COMPILE_DEFINITIONS "CLSP_PROJECT_VERSION=\"${PROJECT_VERSION}\"")
 target_link_libraries(clsp_diagnosis PRIVATE PkgConfig::SPNG)

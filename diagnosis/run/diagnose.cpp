@@ -6,6 +6,7 @@
 #include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
 #include "capture/frame_changes.hpp"
+#include "measure/camera_profile.hpp"
 #include "measure/downstream.hpp"
 #include "measure/emva1288.hpp"
 #include "measure/evidence.hpp"
@@ -394,6 +395,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
     result.emva = std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
+    result.profile = std::make_shared<const CameraProfile>(
+        camera_profile(runner, given, result, last.effects, last.model.replicates().levels));
     if (options.evidence)
         result.evidence =
             std::make_shared<const Evidence>(collect_evidence(runner, capture, found.baseline, final, first_seed));

@@ -23,12 +23,14 @@ CHANGED: Config = {
         "wavelength_m": 8.5e-7,
         "relative_diameter": 0.75,
         "degree_of_polarization": 0.25,
+        "fill_factor": 0.5,
         "soft_rim": 0.125,
         "pupil_image": "/somewhere/pupil.png",
         "normalization": "unit_mean",
         "oversampling": 2,
         "guard_px": 16,
     },
+    "lens": {"principal_point_px": [31.5, -4.0]},
     "phase": {"field": "unit_phasor", "seed": 18446744073709551615},
     "sensor": {
         "profile": "OS04A10",
@@ -38,6 +40,7 @@ CHANGED: Config = {
         "saturation_dn": 900.5,
         "black_level_dn": -3.0,
         "read_noise_dn": 0.0,
+        "exposure_time_s": 0.02,
         "hot_pixel_fraction": 0.001,
         "hot_pixel_mean_dn": 77.0,
         "cold_pixel_fraction": 0.002,
@@ -71,7 +74,7 @@ CHANGED: Config = {
         "format": "tiff16",
         "preview": False,
         "save_ideal": True,
-        "profile": True,
+        "stage_times": True,
     },
     "effects": {},  # see test_cli_effects.py
 }

@@ -190,7 +190,7 @@ def test_too_large_an_aperture(refused, ok, ideal: Path) -> None:
 
 def test_json_summary(ok, ideal: Path, tmp_path: Path) -> None:
     """Standard output is one JSON document that agrees with the frames."""
-    run = ok("render", ideal, "-o", "out", "--frames", 3, "--profile", "--exposure-gain", 4000, "--json")
+    run = ok("render", ideal, "-o", "out", "--frames", 3, "--stage-times", "--exposure-gain", 4000, "--json")
     summary = run.json()
     assert summary["frames"] == 3
     assert summary["image"] == {"width": 64, "height": 48}
@@ -222,7 +222,7 @@ def test_saturated_share_of_float_frames(ok, ideal: Path) -> None:
 
 
 def test_summary_for_eyes_and_quiet(ok, ideal: Path) -> None:
-    text = ok("render", ideal, "-o", "out", "--profile").out
+    text = ok("render", ideal, "-o", "out", "--stage-times").out
     for word in (
         "device",
         "field grid",

@@ -21,6 +21,7 @@
 #include "phase.h"
 #include "philox.h"
 #include "pipeline.h"
+#include "profile.h"
 #include "runtime.h"
 #include "sensor.h"
 #include "statistics.h"

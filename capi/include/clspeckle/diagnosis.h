@@ -292,6 +292,9 @@ CLSP_API ClspStatus clspDiagnosisWriteReport(ClspDiagnosis diagnosis, const char
 /** Writes the report for eyes: one HTML file with its pictures and plots, which needs no network.
  *  Otherwise as clspDiagnosisWriteReport(). */
 CLSP_API ClspStatus clspDiagnosisWriteHtml(ClspDiagnosis diagnosis, const char *path);
+/** The camera that was found, with the effects of the last model (profile.h); *profile gets one reference.
+ *  @return CLSP_ERROR_INVALID_STATE for a comparison, whose simulator is not the library's. */
+CLSP_API ClspStatus clspDiagnosisGetProfile(ClspDiagnosis diagnosis, ClspProfile *profile);
 
 #ifdef __cplusplus
 }

@@ -128,6 +128,7 @@ typedef struct ClspSensor_ *ClspSensor;     /**< A sensor (sensor.h). */
 typedef struct ClspPipeline_ *ClspPipeline; /**< A whole frame (pipeline.h). */
 typedef struct ClspCapture_ *ClspCapture;   /**< What a real camera recorded (capture.h). */
 typedef struct ClspDiagnosis_ *ClspDiagnosis; /**< What a diagnosis found (diagnosis.h). */
+typedef struct ClspProfile_ *ClspProfile;     /**< A camera as a diagnosis found it (profile.h). */
 typedef struct ClspDoeDesign_ *ClspDoeDesign; /**< A designed diffractive element (doe_design.h). */
 typedef struct ClspDepth_ *ClspDepth;       /**< Depth from frames of dots (depth.h). */
 typedef struct ClspTuning_ *ClspTuning;     /**< What a measurement of the engines found (tuning.h). */

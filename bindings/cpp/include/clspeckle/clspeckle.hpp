@@ -790,6 +790,57 @@ inline std::vector<ClspEffectInfo> effects() {
     return result;
 }
 
+namespace detail {
+
+/** Entries of a list that a handle gives out one by one. */
+template <typename Handle, typename Struct>
+std::vector<Struct> list_of(ClspStatus (*get)(Handle, std::uint32_t, Struct *), Handle handle, std::uint32_t count) {
+    std::vector<Struct> result(count);
+    for (std::uint32_t i = 0; i < count; ++i) {
+        init(result[i]);
+        check(get(handle, i, &result[i]));
+    }
+    return result;
+}
+
+} // namespace detail
+
+/** A camera as a diagnosis found it, see profile.h; made by Diagnosis::profile() or open(). May be used by any number
+ * of threads at once. */
+class Profile : public detail::Shared<Profile, ClspProfile, clspProfileRetain, clspProfileRelease> {
+  public:
+    Profile() noexcept = default;
+    /** Reads a file that write() wrote. */
+    static Profile open(const std::string &path) {
+        ClspProfile handle = nullptr;
+        check(clspProfileOpen(path.c_str(), &handle));
+        return adopt(handle);
+    }
+
+    ClspProfileInfo info() const {
+        auto result = make<ClspProfileInfo>();
+        check(clspProfileGetInfo(handle_, &result));
+        return result;
+    }
+    /** Of the catalogue, in the order in which they were found. */
+    std::vector<ClspProfileEffect> effects() const {
+        return detail::list_of(clspProfileGetEffect, handle_, info().effect_count);
+    }
+    /** The light of the capture's sequences. */
+    std::vector<ClspProfileSequence> sequences() const {
+        return detail::list_of(clspProfileGetSequence, handle_, info().sequence_count);
+    }
+    std::string json() const { return detail::text_of(clspProfileGetJson, handle_); }
+    void write(const std::string &path) const { check(clspProfileWrite(handle_, path.c_str())); }
+    /** Writes the camera's settings into descriptions, which keep all else; null: not wanted.
+     *  @param sequence whose gain, exposure time and f-number are written, too; empty: the gain stays. */
+    void describe(ClspPhaseDesc *phase, ClspApertureDesc *aperture, ClspLensDesc *lens, ClspSensorDesc *sensor,
+                  const std::string &sequence = {}) const {
+        check(
+            clspProfileDescribe(handle_, sequence.empty() ? nullptr : sequence.c_str(), phase, aperture, lens, sensor));
+    }
+};
+
 /** A whole frame as one command, see pipeline.h. */
 class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
   public:
@@ -832,6 +883,8 @@ class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetai
         clspeckle::check(clspPipelineSetEffect(handle_, id.c_str(), values.empty() ? nullptr : values.data(),
                                                static_cast<std::uint32_t>(values.size())));
     }
+    /** Switches a profile's effects on; not for the per-frame path. */
+    void set_profile(const Profile &profile) const { clspeckle::check(clspPipelineSetProfile(handle_, profile)); }
     /** Switches an effect off; one that is off stays off. */
     void clear_effect(const std::string &id) const { clspeckle::check(clspPipelineClearEffect(handle_, id.c_str())); }
     /** Switches all effects off. */
@@ -860,10 +913,10 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
         Capture capture;
         std::exception_ptr thrown;
         detail::Carried<Progress> carried{&progress, &thrown};
-        const ClspStatus status =
-            progress ? clspCaptureOpenWithProgress(path.c_str(), detail::clspeckle_detail_progress, &carried,
-                                                   &capture.handle_)
-                     : clspCaptureOpen(path.c_str(), &capture.handle_);
+        const ClspStatus status = progress
+                                      ? clspCaptureOpenWithProgress(path.c_str(), detail::clspeckle_detail_progress,
+                                                                    &carried, &capture.handle_)
+                                      : clspCaptureOpen(path.c_str(), &capture.handle_);
         if (thrown && status != CLSP_SUCCESS)
             std::rethrow_exception(thrown);
         check(status);
@@ -961,25 +1014,31 @@ class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisR
     std::vector<std::string> notes() const { return texts<clspDiagnosisGetNote>(summary().note_count); }
     /** Best first; behind them the effects found later. */
     std::vector<ClspDiagnosisRanked> ranking() const {
-        return list<ClspDiagnosisRanked, clspDiagnosisGetRanked>(summary().ranked_count);
+        return detail::list_of(clspDiagnosisGetRanked, handle_, summary().ranked_count);
     }
     /** Fitted parameters of the effects found. */
     std::vector<ClspDiagnosisParameter> parameters() const {
-        return list<ClspDiagnosisParameter, clspDiagnosisGetParameter>(summary().parameter_count);
+        return detail::list_of(clspDiagnosisGetParameter, handle_, summary().parameter_count);
     }
     /** All statistics, worst first. */
     std::vector<ClspDiagnosisPlace> places() const {
-        return list<ClspDiagnosisPlace, clspDiagnosisGetPlace>(summary().place_count);
+        return detail::list_of(clspDiagnosisGetPlace, handle_, summary().place_count);
     }
     /** The waterfall. */
     std::vector<ClspDiagnosisStep> steps() const {
-        return list<ClspDiagnosisStep, clspDiagnosisGetStep>(summary().step_count);
+        return detail::list_of(clspDiagnosisGetStep, handle_, summary().step_count);
     }
     std::string report_json() const { return detail::text_of(clspDiagnosisGetReportJson, handle_); }
     /** Writes the JSON report. */
     void write_report(const std::string &path) const { check(clspDiagnosisWriteReport(handle_, path.c_str())); }
     /** Writes the report for eyes, one HTML file. */
     void write_html(const std::string &path) const { check(clspDiagnosisWriteHtml(handle_, path.c_str())); }
+    /** The camera that was found, with the effects of the last model; not of a comparison. */
+    Profile profile() const {
+        ClspProfile handle = nullptr;
+        check(clspDiagnosisGetProfile(handle_, &handle));
+        return Profile::adopt(handle);
+    }
 
   private:
     template <ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, std::uint64_t, char *, std::uint64_t *)>
@@ -987,15 +1046,6 @@ class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisR
         std::vector<std::string> result(count);
         for (std::uint32_t i = 0; i < count; ++i)
             result[i] = detail::text_of(Get, handle_, i);
-        return result;
-    }
-    template <typename Struct, ClspStatus (*Get)(ClspDiagnosis, std::uint32_t, Struct *)>
-    std::vector<Struct> list(std::uint32_t count) const {
-        std::vector<Struct> result(count);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            detail::init(result[i]);
-            check(Get(handle_, i, &result[i]));
-        }
         return result;
     }
 };
@@ -1024,7 +1074,7 @@ struct DiagnoseOptions {
     std::uint32_t max_effects = make<ClspDiagnoseDesc>().max_effects;
     std::uint32_t threads = 0;
     double level = make<ClspDiagnoseDesc>().level;
-    bool evidence = true; /**< Pictures and curves for Diagnosis::write_html() are collected. */
+    bool evidence = true;     /**< Pictures and curves for Diagnosis::write_html() are collected. */
     bool whole_image = false; /**< The whole image is judged, however large. */
     /** x, y, width, height of what is judged; without whole_image. */
     std::optional<std::array<std::uint32_t, 4>> window;

@@ -49,6 +49,9 @@ inline void init(ClspPhiloxDesc &value) { check(clspPhiloxDescInit(&value, sizeo
 inline void init(ClspSensorDesc &value) { check(clspSensorDescInit(&value, sizeof(value))); }
 inline void init(ClspPipelineDesc &value) { check(clspPipelineDescInit(&value, sizeof(value))); }
 inline void init(ClspFrame &value) { check(clspFrameInit(&value, sizeof(value))); }
+inline void init(ClspProfileInfo &value) { value.struct_size = sizeof(value); }
+inline void init(ClspProfileEffect &value) { value.struct_size = sizeof(value); }
+inline void init(ClspProfileSequence &value) { value.struct_size = sizeof(value); }
 inline void init(ClspDeviceInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspContextDesc &value) { check(clspContextDescInit(&value, sizeof(value))); }
 inline void init(ClspContextInfo &value) { value.struct_size = sizeof(value); }

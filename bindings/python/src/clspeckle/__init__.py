@@ -49,6 +49,7 @@ from .motion import Motion, MotionInput
 from .pattern import Geometry, Pattern
 from .phase import FieldGrid, Phase, field_grid
 from .pipeline import Frame, Pipeline, PipelineParameters, simulate
+from .profile import Profile, ProfileEffect, ProfileSequence
 from .runtime import (
     Buffer,
     Context,
@@ -113,6 +114,9 @@ __all__ = [
     "Phase",
     "Pipeline",
     "PipelineParameters",
+    "Profile",
+    "ProfileEffect",
+    "ProfileSequence",
     "Queue",
     "RankedEffect",
     "Sensor",

@@ -490,6 +490,31 @@ class ClspStageTiming(Structure):
     ]
 
 
+class ClspProfileInfo(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("width", _u32), ("height", _u32), ("bits", _u32), ("field", _u32),
+        ("oversampling", _u32), ("effect_count", _u32), ("hypothesis_count", _u32), ("sequence_count", _u32),
+        ("verdict", _u32), ("residual_detected", _u32), ("reserved", _u32), ("seed", _u64), ("pixel_pitch_m", _f64),
+        ("f_number", _f64), ("wavelength_m", _f64), ("degree_of_polarization", _f64), ("principal_point_x_px", _f64),
+        ("principal_point_y_px", _f64), ("black_level_dn", _f64), ("read_noise_dn", _f64), ("fill_factor", _f64),
+        ("level", _f64), ("version", _char * 16), ("capture", _char * 256),
+    ]
+
+
+class ClspProfileEffect(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("parameter_count", _u32), ("named", _u32), ("conditional", _u32), ("id", _char * 32),
+        ("values", _f64 * 4), ("low", _f64 * 4), ("high", _f64 * 4),
+    ]
+
+
+class ClspProfileSequence(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("scene", _u32), ("moving", _u32), ("reserved", _u32), ("f_number", _f64),
+        ("exposure_ms", _f64), ("mean_dn", _f64), ("light_dn", _f64), ("gain_dn", _f64), ("name", _char * 64),
+    ]
+
+
 class ClspDeviceInfo(Structure):
     _fields_ = [
         ("struct_size", _u32), ("usable", _u32), ("type", _u64), ("global_memory_bytes", _u64),
@@ -595,6 +620,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspDiagnosisGetReportJson": (_void, _u64, _P(_char), _P(_u64)),
     "clspDiagnosisWriteReport": (_void, _text),
     "clspDiagnosisWriteHtml": (_void, _text),
+    "clspDiagnosisGetProfile": (_void, _P(_void)),
     "clspBeamProfileInit": (_P(ClspBeamProfile), _u32),
     "clspDoeDefectsInit": (_P(ClspDoeDefects), _u32),
     "clspDoePatternDescInit": (_P(ClspDoePatternDesc), _u32),
@@ -692,6 +718,18 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPipelineWarmUp": (_void, _void, _P(ClspFrame)),
     "clspPipelineCheck": (_void, _void),
     "clspPipelineGetTimings": (_void, _u32, _P(ClspStageTiming), _P(_u32)),
+    "clspProfileOpen": (_text, _P(_void)),
+    "clspProfileRetain": (_void,),
+    "clspProfileRelease": (_void,),
+    "clspProfileGetInfo": (_void, _P(ClspProfileInfo)),
+    "clspProfileGetEffect": (_void, _u32, _P(ClspProfileEffect)),
+    "clspProfileGetSequence": (_void, _u32, _P(ClspProfileSequence)),
+    "clspProfileGetJson": (_void, _u64, _P(_char), _P(_u64)),
+    "clspProfileWrite": (_void, _text),
+    "clspProfileDescribe": (
+        _void, _text, _P(ClspPhaseDesc), _P(ClspApertureDesc), _P(ClspLensDesc), _P(ClspSensorDesc),
+    ),
+    "clspPipelineSetProfile": (_void, _void),
     "clspDeviceList": (_u32, _P(ClspDeviceInfo), _P(_u32)),
     "clspDeviceExplain": (_text, _u64, _P(_char), _P(_u64)),
     "clspContextDescInit": (_P(ClspContextDesc), _u32),
@@ -738,6 +776,6 @@ STRUCTS: tuple[type[Structure], ...] = (
     ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder, ClspDoeDesignDesc, ClspDoeDesignReport,
     ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspLensDesc, ClspMaterial, ClspPatternDesc, ClspGeometry,
     ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc,
-    ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspDeviceInfo, ClspContextDesc, ClspContextInfo,
-    ClspMoments, ClspTuningSize, ClspTuningDesc,
+    ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspProfileInfo, ClspProfileEffect,
+    ClspProfileSequence, ClspDeviceInfo, ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize, ClspTuningDesc,
 )

@@ -21,7 +21,9 @@ from ._generated import *  # noqa: F403
 from ._generated import ABI_VERSION, CLSP_SUCCESS, FUNCTIONS, OTHER_FUNCTIONS, ClspErrorInfo
 
 # These touch no OpenCL object; all others start the OpenCL runtime of this process.
-_HOST_ONLY = {name for name in FUNCTIONS if name.endswith("Init") or name.startswith("clspCapture")} | {
+_HOST_ONLY = {
+    name for name in FUNCTIONS if name.endswith("Init") or name.startswith(("clspCapture", "clspProfile"))
+} | {
     "clspGetLastError",
     "clspGetVersion",
     "clspFieldGridCompute",

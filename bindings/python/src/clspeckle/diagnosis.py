@@ -26,6 +26,7 @@ from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
 from ._progress import Call, Progress
 from .capture import Capture, CaptureSequence
+from .profile import Profile
 from .runtime import Context, resolve_context
 
 __all__ = [
@@ -460,6 +461,15 @@ class Diagnosis(Handle):
         """Writes the report for eyes: one HTML file with its pictures and plots, which needs no network."""
         with exclusive(self):
             _library.call("clspDiagnosisWriteHtml", self._get(), _check.path(path, "path"))
+
+    def profile(self) -> Profile:
+        """The camera that was found, with the effects of the last model.
+
+        Raises:
+            InvalidStateError: of a comparison, whose simulator is not the library's.
+        """
+        with exclusive(self):
+            return Profile._of(create("clspDiagnosisGetProfile", self._get()))
 
     def _sentence(self) -> str:
         if self.verdict == "none":

@@ -36,6 +36,7 @@ from .material import Material, MaterialTable
 from .motion import Motion, MotionInput, material_plane, motion_struct
 from .pattern import Geometry, Pattern, Scene, geometry_struct
 from .phase import Phase
+from .profile import Profile
 from .runtime import FLOAT32, UINT8, UINT16, Context, Event, QueueLike, queue_pointer, resolve_context
 from .sensor import OUTPUT_DTYPES, Sensor
 
@@ -379,6 +380,48 @@ class Pipeline(Stage):
             undo.pop_all()
             return made
 
+    @classmethod
+    def from_profile(
+        cls,
+        profile: Profile,
+        *,
+        sequence: str | None = None,
+        pattern: Pattern | None = None,
+        dots: Dots | None = None,
+        materials: MaterialTable | Iterable[Material] | None = None,
+        motion: Motion | Mapping[str, Any] | None = None,
+        context: Context | None = None,
+        **parameters: Unpack[PipelineParameters],
+    ) -> Pipeline:
+        """A pipeline that is a profile's camera, with its effects.
+
+        Args:
+            profile: the camera.
+            sequence: name of one of the profile's, whose light it gets; None: the default exposure.
+            pattern, dots, materials, motion, context: as for :meth:`from_parameters`. Effects on dots are left out of
+                a camera that draws none.
+            **parameters: :class:`PipelineParameters` beside the profile's or in their place; `effects` likewise.
+
+        Raises:
+            InvalidArgumentError: no such sequence; or parameters of another camera: bits, pixel pitch or wavelength.
+        """
+        if not isinstance(profile, Profile):
+            raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
+        _check.known_names(parameters, PipelineParameters.__annotations__, "a pipeline")
+        given: dict[str, Any] = {**profile.parameters(sequence), **parameters}
+        wanted = _effects(given.pop("effects", None))
+        made = cls.from_parameters(
+            profile.shape, pattern=pattern, dots=dots, materials=materials, motion=motion, context=context, **given
+        )
+        try:
+            made.set_profile(profile)
+            for effect, values in wanted:
+                made.set_effect(effect, **values)
+        except BaseException:
+            made.close()
+            raise
+        return made
+
     def _forget(self) -> None:
         super()._forget()
         for staging in self._spare:
@@ -629,6 +672,25 @@ class Pipeline(Stage):
             self._settle()
             _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
             self._effects[found.id] = values
+            self._after_effects()
+
+    def set_profile(self, profile: Profile) -> None:
+        """Switches a profile's effects on, beside those that are on. Blocks, and builds programs.
+
+        Effects on dots are left out of a pipeline that draws none, as its frames bring their own pattern.
+
+        Raises:
+            InvalidArgumentError: the pipeline is another camera: size, bits, pixel pitch or wavelength differ, or it
+                has no sensor.
+        """
+        if not isinstance(profile, Profile):
+            raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
+        with exclusive(self, profile, also=self._stages):
+            self._settle()
+            _library.call("clspPipelineSetProfile", self._get(), profile._get())
+            for effect in profile.effects:
+                if self.dots is not None or "stages/dots.cl" not in find_effect(effect.effect).kernel:
+                    self._effects[effect.effect] = dict(effect.parameters)
             self._after_effects()
 
     def clear_effect(self, effect: str | Effect | None = None) -> None:

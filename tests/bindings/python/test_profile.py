@@ -1,0 +1,188 @@
+"""clspeckle.Profile: what a file says is what Python has, and what its cameras render."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clspeckle
+from clspeckle import errors
+
+SHAPE = (40, 48)
+EFFECTS = {
+    "row_noise": {"sigma_dn": 3.5},
+    "vignetting": {"corner_loss": 0.25},
+    "zero_order": {"relative_intensity": 8.0},
+}
+PROFILE: dict[str, Any] = {
+    "format": "clspeckle-camera-profile",
+    "version": 1,
+    "camera": {
+        "width": 48,
+        "height": 40,
+        "bits": 10,
+        "pixel_pitch_m": 2.9e-6,
+        "f_number": 5.6,
+        "wavelength_m": 940e-9,
+        "degree_of_polarization": 1.0,
+        "field": "circular_gaussian",
+        "principal_point_px": [20.5, 19.0],
+        "black_level_dn": 60.5,
+        "read_noise_dn": 3.25,
+        "oversampling": 1,
+        "fill_factor": 0.0,
+    },
+    "effects": [
+        {"effect": name, "parameters": values, "intervals": {}, "named": True, "conditional": False}
+        for name, values in EFFECTS.items()
+    ],
+    "hypotheses": [],
+    "lab": {
+        "sequences": [
+            {
+                "name": "dark",
+                "scene": "dark",
+                "moving": False,
+                "f_number": 5.6,
+                "mean_dn": 60.5,
+                "light_dn": 0.0,
+                "gain_dn": 0.0,
+            },
+            {
+                "name": "board",
+                "scene": "board",
+                "moving": True,
+                "f_number": 8.0,
+                "exposure_ms": 20.0,
+                "mean_dn": 260.5,
+                "light_dn": 200.0,
+                "gain_dn": 210.0,
+            },
+        ],
+        "lights": [],
+        "lamp_drifts": [],
+        "lens_or_light": False,
+    },
+    "provenance": {
+        "capture": "bench",
+        "clspeckle": "0.1.0",
+        "verdict": "named",
+        "equivalent": [],
+        "residual_detected": False,
+        "level": 0.02,
+        "seed": 7,
+    },
+}
+PROFILE["effects"][0]["intervals"] = {"sigma_dn": [3.0, 4.0]}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(PROFILE))
+    return path
+
+
+def test_attributes(path: Path) -> None:
+    with clspeckle.Profile.open(path) as profile:
+        assert profile.data == PROFILE
+        assert (profile.shape, profile.bits, profile.capture, profile.verdict) == (SHAPE, 10, "bench", "named")
+        assert (profile.black_level_dn, profile.read_noise_dn) == (60.5, 3.25)
+        assert {effect.effect: effect.parameters for effect in profile.effects} == EFFECTS
+        assert profile.effects[0].intervals == {"sigma_dn": (3.0, 4.0)}
+        assert profile.sequences[0].exposure_ms is None
+        assert profile.sequences[1] == clspeckle.ProfileSequence("board", "board", True, 8.0, 20.0, 260.5, 200.0, 210.0)
+        assert "of 'bench'" in repr(profile)
+        profile.write(path.with_name("other.json"))
+    assert json.loads(path.with_name("other.json").read_text()) == PROFILE
+    with pytest.raises(errors.InvalidHandleError):
+        profile.write(path)
+    with pytest.raises(TypeError, match=r"Diagnosis\.profile\(\) or Profile\.open"):
+        clspeckle.Profile()
+
+
+def test_parameters(path: Path) -> None:
+    profile = clspeckle.Profile.open(path)
+    camera = {
+        name: PROFILE["camera"][name]
+        for name in ("bits", "pixel_pitch_m", "wavelength_m", "degree_of_polarization", "field")
+    }
+    settings = profile.parameters()
+    assert (
+        settings.items()
+        >= {**camera, "f_number": 5.6, "principal_point_px": (20.5, 19.0), "normalization": "unit_mean"}.items()
+    )
+    assert not {"exposure_gain_dn", "fill_factor"} & set(settings)
+    lit = profile.parameters("board")
+    assert lit == {**settings, "f_number": 8.0, "exposure_gain_dn": 210.0, "exposure_time_s": 0.02}
+    with pytest.raises(errors.InvalidArgumentError, match='no sequence "bord"; name one of dark, board'):
+        profile.parameters("bord")
+    with pytest.raises(TypeError, match="sequence must be the name"):
+        profile.parameters(3)  # type: ignore[arg-type]
+
+
+def test_cameras(path: Path, context: clspeckle.Context) -> None:
+    profile = clspeckle.Profile.open(path)
+    ideal = np.ones(SHAPE, np.float32)
+    with clspeckle.Pipeline.from_profile(profile, sequence="board", seed=4, context=context) as camera:
+        frame = camera.render(ideal)
+    without_dots = {name: values for name, values in EFFECTS.items() if name != "zero_order"}
+    settings = profile.parameters("board")
+    with clspeckle.Pipeline.from_parameters(
+        SHAPE, seed=4, effects=without_dots, context=context, **settings
+    ) as by_hand:
+        np.testing.assert_array_equal(frame, by_hand.render(ideal))
+    changed = {"black_level_dn": 80.0, "effects": {"row_noise": {"sigma_dn": 0.0}}}
+    with clspeckle.Pipeline.from_profile(profile, seed=4, context=context, **changed) as other:  # type: ignore[arg-type]
+        assert other.effects["row_noise"] == {"sigma_dn": 0.0}
+        assert other.effects["vignetting"] == EFFECTS["vignetting"]
+        assert other.render(illumination="dark").mean() == pytest.approx(80, abs=0.5)
+    dots = clspeckle.Dots(SHAPE, [(20.0, 20.0)], sigma_px=2.0, context=context)
+    with clspeckle.Pipeline.from_profile(profile, dots=dots, context=context) as projector:
+        assert set(projector.effects) == set(EFFECTS)
+
+
+def test_other_cameras_are_refused(path: Path, context: clspeckle.Context) -> None:
+    profile = clspeckle.Profile.open(path)
+    with pytest.raises(
+        errors.InvalidArgumentError, match="another camera: bits is 12 of the pipeline, 10 of the profile"
+    ):
+        clspeckle.Pipeline.from_profile(profile, bits=12, context=context)
+    with clspeckle.Pipeline.from_parameters((32, 32), context=context) as small:
+        with pytest.raises(errors.InvalidArgumentError, match="width is 32 of the pipeline, 48"):
+            small.set_profile(profile)
+        assert small.effects == {}
+        with pytest.raises(TypeError, match=r"profile must be a clspeckle\.Profile, got str"):
+            small.set_profile("camera.json")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="bitts"):
+        clspeckle.Pipeline.from_profile(profile, bitts=12, context=context)  # type: ignore[call-arg]
+
+
+def test_files(path: Path) -> None:
+    path.write_text(path.read_text().replace("row_noise", "row_nose"))
+    with pytest.raises(errors.InvalidArgumentError, match='/effects/0/effect is "row_nose"'):
+        clspeckle.Profile.open(path)
+    with pytest.raises(errors.InputOutputError, match=r"none\.json"):
+        clspeckle.Profile.open(path.with_name("none.json"))
+
+
+def test_of_a_diagnosis(context: clspeckle.Context) -> None:
+    random = np.random.default_rng(7)
+    codes = {
+        name: np.rint(64 + level + random.normal(0, 4, (8, 48, 64))).astype(np.uint16)
+        for name, level in (("dark", 0), ("flat", 300))
+    }
+    with clspeckle.diagnose(codes, null_replicates=12, max_effects=1, evidence=False, context=context) as found:
+        profile = found.profile()
+    assert profile.verdict == found.verdict
+    assert profile.data["provenance"]["capture"] == ""
+    assert profile.sequences[1].gain_dn == pytest.approx(300, abs=1)
+    with (
+        clspeckle.compare(codes, codes, null_replicates=12, evidence=False, context=context) as comparison,
+        pytest.raises(errors.InvalidStateError, match="comparison"),
+    ):
+        comparison.profile()
