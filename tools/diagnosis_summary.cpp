@@ -400,6 +400,9 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         text += fmt::format("  {} would be told apart by: {}\n", joined(separates, "and"),
                             advice["capture"].get<std::string>());
     }
+    if (report.contains("paste") && summary.step_count > 0)
+        for (const auto &[name, key] : {std::pair{"command line", "command_line"}, {"Python", "python"}, {"C", "c"}})
+            text += fmt::format("\nTo paste, {}\n\n{}", name, report["paste"][key].get<std::string>());
     const std::vector<std::string> notes = diagnosis.notes();
     if (!notes.empty())
         text += "\nNotes\n";

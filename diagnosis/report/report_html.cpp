@@ -3,6 +3,7 @@
 #include "report/comparison_report.hpp"
 #include "report/emva_report.hpp"
 #include "report/html_page.hpp"
+#include "report/paste.hpp"
 #include "report/report_json.hpp"
 #include "report/report_script.hpp"
 #include "report/report_sections.hpp"
@@ -30,7 +31,7 @@ th, td { text-align: left; vertical-align: top; padding: 0.25em 0.7em 0.25em 0; 
 th { border-bottom: 2px solid #999; } .number { text-align: right; font-variant-numeric: tabular-nums; white-space:
     nowrap; }
 figure { margin: 1.2em 0; } figcaption { font-size: 0.88em; color: #555; max-width: 62em; }
-.plot { overflow-x: auto; } .failed { color: #a00; } .plots { display: flex; flex-wrap: wrap; gap: 0 2em; } .plots
+.plot, pre { overflow-x: auto; } .failed { color: #a00; } .plots { display: flex; flex-wrap: wrap; gap: 0 2em; } .plots
     figure { max-width: 540px; }
 .pictures { display: flex; flex-wrap: wrap; gap: 1em; } .pictures span { display: block; font-size: 0.85em; }
 img { image-rendering: pixelated; border: 1px solid #ddd; }
@@ -57,6 +58,7 @@ std::string report_html(const DiagnosisResult &result) {
              "<a href=\"#downstream\">Downstream</a>");
     page.raw(result.datasheet.quantities.empty() ? "" : "<a href=\"#measurements\">Measurements</a>");
     page.raw(result.emva ? "<a href=\"#emva1288\">EMVA 1288</a>" : "");
+    page.raw(result.profile ? "<a href=\"#paste\">To paste</a>" : "");
     page.raw("<a href=\"#advice\">Advice</a>");
     page.raw(result.evidence ? "<a href=\"#evidence\">Evidence</a>" : "");
     page.raw("<a href=\"#notes\">Notes</a><a href=\"#reading\">How to read this</a></nav>\n");
@@ -69,6 +71,8 @@ std::string report_html(const DiagnosisResult &result) {
     write_downstream(result, page);
     write_datasheet(result, page);
     write_emva(result, page);
+    if (result.profile)
+        write_paste(*result.profile, page);
     write_advice(result, page);
     write_comparison(result, page);
     write_evidence(result, page);

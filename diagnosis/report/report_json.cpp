@@ -4,6 +4,7 @@
 #include "report/advice.hpp"
 #include "report/emva_report.hpp"
 #include "report/explanations.hpp"
+#include "report/paste.hpp"
 #include "measure/credibility.hpp"
 #include "measure/verdict.hpp"
 
@@ -315,6 +316,10 @@ std::string report_json(const DiagnosisResult &result) {
         report["emva1288"] = emva_json(*result.emva);
     if (!result.comparison)
         report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
+    if (result.profile) {
+        const PasteTexts paste = paste_texts(*result.profile);
+        report["paste"] = {{"command_line", paste.command_line}, {"python", paste.python}, {"c", paste.c}};
+    }
     report["scales"] = scales();
     if (result.comparison)
         report["compare"] = comparison_json(*result.comparison);
