@@ -195,6 +195,8 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
         required(d.hypotheses, "desc->hypotheses");
     for (std::uint32_t i = 0; i < d.hypothesis_count; ++i)
         options.hypotheses.push_back(checked_hypothesis(d.hypotheses[i], i));
+    if (d.profile)
+        options.profile = object(d.profile);
     options.progress = progress_function(d.progress, d.progress_data);
     return options;
 }
@@ -230,6 +232,9 @@ CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const
         const auto real = object(capture);
         required(diagnosis, "diagnosis");
         const DiagnosisOptions options = diagnosis_options(desc);
+        if (options.profile)
+            throw Error(Status::kInvalidArgument,
+                        "desc->profile is not NULL; a diagnosis makes a profile, it takes none: leave it at NULL");
         validate_capture(*real);
         give(diagnosis, std::make_shared<const DiagnosisResult>(diagnose(device, *real, options)));
     });

@@ -19,6 +19,7 @@ template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
 template <> inline constexpr std::uint32_t kFirstSize<ClspContextDesc> = 48;
+template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnoseDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnosisPlace> = 256;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnosisSummary> = 152;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDoePatternDesc> = 200;

@@ -153,6 +153,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     clspeckle::Capture sim;
     if (!arguments.sim.empty()) {
         sim = clspeckle::Capture::open(arguments.sim, progress_on(console));
+        if (!arguments.camera.empty())
+            options.profile = clspeckle::Profile::open(arguments.camera);
         warn_of_capture(sim, console);
     }
     check_interrupt();

@@ -683,6 +683,10 @@ void add_gap_compare(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
         ->required()
         ->type_name("");
     app.add_option("SIM", a.sim, "Folder of the simulator's set, or its capture.json")->required()->type_name("");
+    app.add_option("--profile", a.camera,
+                   "Camera profile of REAL, that SIM was drawn with: its effects make both scatter, which is no gap")
+        ->type_name("FILE")
+        ->check(named());
     add_diagnose_options(app, a, quiet);
 }
 

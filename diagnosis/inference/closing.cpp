@@ -253,11 +253,16 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     std::string label;
     for (const EffectSetting &effect : result.effects)
         label += (label.empty() ? "" : " + ") + effect.id;
+    EffectSettings scattering = options_.camera.effects;
+    for (const EffectSetting &effect : result.effects)
+        if (std::none_of(scattering.begin(), scattering.end(),
+                         [&](const EffectSetting &other) { return other.id == effect.id; }))
+            scattering.push_back(effect);
     Replicates replicates;
     // Effects that our simulator does not take at these values leave the scatter of the camera without them.
     if (!possible([&] {
             replicates =
-                draw_differences(runner_, result.effects, options_.model_replicates, options_.seed, [&](double part) {
+                draw_differences(runner_, scattering, options_.camera.gain_dn, options_.model_replicates, options_.seed, [&](double part) {
                     tell("drawing differences with " + label, from + (to - from) * part);
                 });
         }))
@@ -369,10 +374,11 @@ ClosingResult Closing::run() {
 
 } // namespace
 
-Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, std::uint32_t count,
-                            std::uint64_t seed, const std::function<void(double fraction)> &progress) {
+Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, const std::vector<double> &gain_dn,
+                            std::uint32_t count, std::uint64_t seed, const std::function<void(double fraction)> &progress) {
     const std::vector<bool> all(runner.layout().sequences.size(), true);
     Replicates result{effects, runner.calibrate(effects, all, nullptr), {}};
+    result.levels.gain_dn = gain_dn;
     std::vector<std::uint64_t> seeds(2 * std::size_t{count});
     std::iota(seeds.begin(), seeds.end(), seed + 1);
     const std::vector<FoldStatistics> draws = runner.replicates(

@@ -25,10 +25,16 @@ struct SurplusEffect {
         0.0; // by which its removal would lower the squared distance, by a straight line through its own answer
 };
 
+// A camera that both sets are of: its effects and its light make them scatter.
+struct KnownCamera {
+    EffectSettings effects;
+    std::vector<double> gain_dn; // by sequence; empty: not known
+};
+
 // Differences of two independent draws of our simulator with these effects: what real and simulated frames of one
-// camera differ by.
-Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, std::uint32_t count,
-                            std::uint64_t seed, const std::function<void(double fraction)> &progress);
+// camera differ by. gain_dn: as KnownCamera.
+Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, const std::vector<double> &gain_dn,
+                            std::uint32_t count, std::uint64_t seed, const std::function<void(double fraction)> &progress);
 
 // Effects on the simulated frames, fitted and tested.
 struct ClosedGap {
@@ -52,6 +58,7 @@ struct ClosingOptions {
     std::uint32_t model_replicates = 24; // differences
     std::uint32_t refined = 7;           // effects whose strength is fitted in each step
     double residual_level = 0.005;
+    KnownCamera camera;
 };
 
 // difference: real less simulated statistics. null: of differences without effects.

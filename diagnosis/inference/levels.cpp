@@ -94,7 +94,7 @@ CameraLevels camera_levels(const Capture &capture) {
 }
 
 ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels &real, const CameraLevels &sim,
-                                   std::uint64_t seed) {
+                                   bool same_light, std::uint64_t seed) {
     ReadNoiseComparison result;
     result.real = real;
     result.sim = sim;
@@ -139,7 +139,8 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
                 captures.pairs.erase(captures.pairs.begin() + at);
                 continue;
             }
-            const double ratio = pair.real_signal_dn / pair.sim_signal_dn; // above 1: the camera had more light
+            // Above 1: the camera had more light.
+            const double ratio = same_light ? 1.0 : pair.real_signal_dn / pair.sim_signal_dn;
             const double real_scale = std::min(1.0, 1.0 / ratio), sim_scale = std::min(1.0, ratio);
             const double real_missing = missing_variance(real.read_noise_dn, real.read_noise_dn, real_scale);
             if (real_scale < 1.0 && real_missing >= kLeastAddedVariance) {

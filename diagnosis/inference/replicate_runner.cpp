@@ -201,6 +201,10 @@ SimulationLevels ReplicateRunner::levels(Simulator &simulator, const CalibratedL
     result.read_noise_dn = calibrated.read_noise_dn * calibrated.read_noise_ratio;
     if (shared_->layout.sequences[sequence].scene == CaptureScene::kDark)
         return result;
+    if (!calibrated.gain_dn.empty()) {
+        result.gain_dn = calibrated.gain_dn[sequence];
+        return result;
+    }
     // The mean is the real one's, whatever part of it is light.
     const double signal = std::max(0.0, shared_->real_levels[sequence].mean_dn -
                                             shared_->real_calibration.black_level_dn - calibrated.black_level_error_dn);
@@ -276,7 +280,7 @@ MemoKey ReplicateRunner::key_of(const Simulator &simulator, const EffectSettings
     key.add(simulator.concerning(effects, sequence));
     key.add(levels.black_level_dn + levels.black_level_error_dn).add(levels.read_noise_dn * levels.read_noise_ratio);
     if (shared_->layout.sequences[sequence].scene != CaptureScene::kDark)
-        key.add(levels.signal_share[sequence]);
+        key.add(levels.gain_dn.empty() ? levels.signal_share[sequence] : -levels.gain_dn[sequence]);
     for (std::size_t s = 0; s < shared_->layout.sequences.size(); ++s) // flats are measured beside dark frames
         if (shared_->layout.sequences[sequence].scene == CaptureScene::kFlat &&
             shared_->layout.sequences[s].scene == CaptureScene::kDark)

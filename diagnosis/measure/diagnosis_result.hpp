@@ -20,6 +20,7 @@ namespace clsp {
 struct Evidence;
 struct Comparison;
 struct Emva1288;
+
 struct CameraProfile;
 
 struct DiagnosisOptions {
@@ -32,6 +33,8 @@ struct DiagnosisOptions {
     unsigned threads = 0;             // of the statistics; 0: as many as the machine has
     PartChoice part;                  // of the capture that is judged
     ProgressFunction progress;
+    // Of a comparison: the camera that both sets are of, by whose effects they scatter; null: of one without effects.
+    std::shared_ptr<const CameraProfile> profile;
     bool evidence = true;             // pictures and curves for the HTML report are collected
 };
 

@@ -2,8 +2,10 @@
 
 #include "capture/capture_check.hpp"
 #include "capture/frame_changes.hpp"
+#include "capture/json_file.hpp"
 #include "inference/closing.hpp"
 #include "inference/shrinkage.hpp"
+#include "measure/camera_profile.hpp"
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"
 #include "measure/verdict.hpp"
@@ -56,7 +58,8 @@ void measure_shrinkage(const ClosingResult &closed, const FoldStatistics &differ
     const double chance_after = after.mean();
     result.distance_before = beyond_chance(mean_square(difference.second), chance_before);
     for (std::size_t i = 0; i < closed.models.size(); ++i) {
-        const double left = beyond_chance(mean_square(difference.second - closed.models[i].change.second), chance_after);
+        const double left =
+            beyond_chance(mean_square(difference.second - closed.models[i].change.second), chance_after);
         result.steps.push_back({closed.steps[i].added, left, gone(result.distance_before, left)});
     }
     result.distance_after = result.steps.back().distance_after;
@@ -174,10 +177,11 @@ void check_dark(const CaptureLayout &layout, const std::vector<SequenceScan> &sc
         const double counted = double(scans[s].pixels) * sequence.frame_count;
         const double share = counted > 0.0 ? double(scans[s].saturated) / counted : 0.0;
         if (sequence.scene == CaptureScene::kDark && share > kMostClipped)
-            throw Error(Status::kInvalidData,
-                        fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
-                                    "record it with the lens covered, correct camera.bits, or leave it out",
-                                    sequence.name, set, 100.0 * share));
+            throw Error(
+                Status::kInvalidData,
+                fmt::format("{} of the {} set: {:.0f} % of its pixels are at the top code, so it is no dark sequence; "
+                            "record it with the lens covered, correct camera.bits, or leave it out",
+                            sequence.name, set, 100.0 * share));
     }
 }
 
@@ -194,6 +198,66 @@ Capture darks_of(const Capture &capture, PartChoice choice, const PixelWindow &w
     choice.whole_image = false;
     choice.window = window;
     return take_part(capture, numbers, darks.sequences, choose_part(darks, choice));
+}
+
+// The profile's camera, which took these frames.
+KnownCamera known_camera(const CameraProfile &profile, const CaptureLayout &layout) {
+    const auto check = [](const char *what, double real, double profiles) {
+        if (rounded(real) != rounded(profiles))
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the profile is of another camera: {} is {} of the real set, {} of the profile; give "
+                            "the profile that a diagnosis of the real set wrote",
+                            what, real, profiles));
+    };
+    check("width", layout.width, profile.width);
+    check("height", layout.height, profile.height);
+    check("bits", layout.bits, profile.bits);
+    check("pixel_pitch_m", layout.pixel_pitch_m, profile.pixel_pitch_m);
+    check("wavelength_m", layout.wavelength_m, profile.wavelength_m);
+    KnownCamera camera;
+    for (const ProfileEffect &effect : profile.effects) {
+        camera.effects.push_back({effect.id, {}});
+        for (const ProfileParameter &parameter : effect.parameters)
+            camera.effects.back().values.push_back(parameter.value);
+    }
+    return camera;
+}
+
+// Of the sequences that are compared.
+std::vector<double> gains_of(const CameraProfile &profile, const CaptureLayout &layout) {
+    std::vector<double> gains;
+    for (const SequenceLayout &sequence : layout.sequences) {
+        const auto found = std::find_if(profile.sequences.begin(), profile.sequences.end(),
+                                        [&](const ProfileSequence &s) { return s.name == sequence.name; });
+        if (found == profile.sequences.end())
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the profile has no sequence \"{}\", which the real set has; give the profile that a "
+                            "diagnosis of the real set wrote",
+                            sequence.name));
+        gains.push_back(found->gain_dn);
+    }
+    return gains;
+}
+
+// By how much the read noise that dark frames show is another by chance, relative: rows that jump make it so as well as
+// pixels do.
+double noise_scatter(const std::shared_ptr<Context> &context, const Capture &darks, const EffectSettings &effects,
+                     std::uint64_t seed, unsigned threads) {
+    constexpr std::uint64_t kDraws = 64;
+    ReplicateRunner runner(context, darks, {}, threads);
+    const CalibratedLevels levels = runner.calibrate(effects, std::vector<bool>(darks.codes.size(), true), nullptr);
+    double sum = 0.0, squares = 0.0;
+    Capture drawn = darks;
+    for (std::uint64_t i = 0; i < kDraws; ++i) {
+        for (std::size_t s = 0; s < drawn.codes.size(); ++s)
+            drawn.codes[s] = runner.frames(effects, levels, s, seed + i, drawn.layout.sequences[s].frame_count);
+        const double noise = std::log(std::max(1e-3, camera_levels(drawn).read_noise_dn));
+        sum += noise;
+        squares += noise * noise;
+    }
+    return std::sqrt(std::max(0.0, (squares - sum * sum / kDraws) / (kDraws - 1)));
 }
 
 std::size_t number_of(const CaptureLayout &layout, const std::string &name) {
@@ -221,7 +285,20 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const auto levels_of = [&](const Capture &capture) {
         return camera_levels(darks_of(capture, options.part, captures.part.window));
     };
-    comparison->read_noise = level_captures(captures, levels_of(real), levels_of(sim), first_seed);
+    KnownCamera camera = options.profile ? known_camera(*options.profile, real.layout) : KnownCamera{};
+    CameraLevels real_levels = levels_of(real), sim_levels = levels_of(sim);
+    const CameraLevels recorded = sim_levels;
+    if (!camera.effects.empty() && real_levels.noise_measured && sim_levels.noise_measured) {
+        real_levels.noise_error = sim_levels.noise_error = noise_scatter(
+            context, darks_of(real, options.part, captures.part.window), camera.effects, first_seed, threads);
+        const double z =
+            std::log(real_levels.read_noise_dn / sim_levels.read_noise_dn) / (std::sqrt(2.0) * real_levels.noise_error);
+        // No noise is added to frames whose noise is that of the same camera.
+        if (std::erfc(std::abs(z) / std::sqrt(2.0)) > (1.0 - kStatisticsShare) * options.level)
+            sim_levels.read_noise_dn = real_levels.read_noise_dn;
+    }
+    comparison->read_noise = level_captures(captures, real_levels, sim_levels, bool(options.profile), first_seed);
+    comparison->read_noise.sim = recorded;
     scale_to_camera(all, real.layout, comparison->read_noise.real.read_noise_dn);
     comparison->pairs = captures.pairs;
     comparison->real_alone = captures.real_alone;
@@ -231,8 +308,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     result.level = options.level;
     if (!captures.part.is_whole()) {
         result.part = captures.part;
-        captures.notes.push_back(fmt::format("compared were {}: --window and --frames choose otherwise",
-                                             part_text(captures.part)));
+        captures.notes.push_back(
+            fmt::format("compared were {}: --window and --frames choose otherwise", part_text(captures.part)));
     }
     for (const SequencePair &pair : captures.pairs)
         result.judged.push_back(pair.real);
@@ -262,6 +339,8 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     };
     ReplicateRunner runner(context, captures.real, {}, threads);
     runner.checkpoint = [&] { tell(doing, fraction); };
+    if (options.profile)
+        camera.gain_dn = gains_of(*options.profile, runner.layout());
     // Statistics of dots are relative to where dots are meant to be, which each set says for itself. Their width is the
     // real set's: a simulator that is told another one has a gap.
     CaptureDots sim_dots = captures.sim.layout.dots.value_or(CaptureDots{});
@@ -293,7 +372,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     }
     const FoldStatistics difference{runner.real().first - simulated.first, runner.real().second - simulated.second};
     const GapModel null(runner,
-                        draw_differences(runner, {}, options.null_replicates, first_seed,
+                        draw_differences(runner, camera.effects, camera.gain_dn, options.null_replicates, first_seed,
                                          [&](double part) { tell("drawing differences by chance", 0.5 * part); }),
                         kStatisticsShare * options.level, Eigen::MatrixXd(count, 0), Eigen::VectorXd::Zero(count));
     const GapTest test = null.test(difference);
@@ -341,6 +420,7 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         closing.seed = first_seed;
         closing.max_effects = options.max_effects;
         closing.residual_level = 0.25 * options.level;
+        closing.camera = camera;
         closed = close_gap(runner, finished, tried, difference, null, closing,
                            [&](const std::string &what, double part) { tell(what, 0.5 + 0.5 * part); });
         comparison->surplus = closed.surplus;

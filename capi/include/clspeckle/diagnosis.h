@@ -122,6 +122,8 @@ typedef struct ClspDiagnoseDesc {
     uint32_t window_y;         /**< The first row, even; 0 otherwise, and by default. */
     uint32_t window_width;     /**< 16 or more; 0 otherwise, and by default. */
     uint32_t window_height;    /**< 16 or more; 0 otherwise, and by default. */
+    ClspProfile profile;       /**< Of clspCompare(): the camera that both sets are of (profile.h). Its effects make both scatter, which is no
+                                    gap; retained while the call runs. NULL (default): a camera without effects. Of clspDiagnose(): NULL. */
 } ClspDiagnoseDesc;
 
 /** The numbers of a diagnosis. */

@@ -186,3 +186,7 @@ def test_of_a_diagnosis(context: clspeckle.Context) -> None:
         pytest.raises(errors.InvalidStateError, match="comparison"),
     ):
         comparison.profile()
+    with clspeckle.compare(codes, codes, profile=profile, null_replicates=12, evidence=False, context=context) as same:
+        assert same.verdict == "none"
+    with pytest.raises(TypeError, match=r"profile must be a clspeckle\.Profile, got str"):
+        clspeckle.compare(codes, codes, profile="camera.json", context=context)  # type: ignore[arg-type]

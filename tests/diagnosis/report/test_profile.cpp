@@ -262,7 +262,26 @@ TEST_F(Profile, OfADiagnosisAndNotOfAComparison) {
     EXPECT_NEAR(profile.sequences()[1].gain_dn, 300.0, 1.0);
     EXPECT_NO_THROW(profile.write(path));
     EXPECT_EQ(clspeckle::Profile::open(path).json(), diagnosis.profile().json());
+    options.profile = profile;
+    EXPECT_THROW(clspeckle::diagnose(context, capture, options), clspeckle::Error) << "it makes one";
     const auto comparison = clspeckle::compare(context, capture, capture, options);
+    EXPECT_EQ(comparison.summary().verdict, CLSP_VERDICT_NONE);
+    std::ofstream(path) << kText;
+    options.profile = clspeckle::Profile::open(path);
+    try {
+        clspeckle::compare(context, capture, capture, options);
+        ADD_FAILURE() << "no exception";
+    } catch (const clspeckle::Error &error) {
+        EXPECT_NE(error.message().find("another camera: bits is 10 of the real set, 12 of the profile"),
+                  std::string::npos)
+            << error.message();
+    }
+    ClspDiagnosis other = nullptr;
+    auto desc_of_two = clspeckle::make<ClspDiagnoseDesc>();
+    EXPECT_EQ(desc_of_two.profile, nullptr);
+    desc_of_two.profile = reinterpret_cast<ClspProfile>(1);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "profile is not a live handle",
+                      clspCompare(context, capture, capture, &desc_of_two, &other));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "comparison", clspDiagnosisGetProfile(comparison, &handle));
 }
 

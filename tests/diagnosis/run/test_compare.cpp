@@ -184,7 +184,7 @@ TEST_F(ComparisonTest, BrighterFramesAreDimmedAndKeepTheirReadNoise) {
     const Capture real = make({}, 3, 8, {kDark, kFlat});
     const Capture sim = make({}, 9, 8, {kDark, kFlat}, {160.0, 64.0, 4.0});
     PairedCaptures paired = pair_captures(real, sim);
-    const ReadNoiseComparison noise = level_captures(paired, camera_levels(real), camera_levels(sim), 0);
+    const ReadNoiseComparison noise = level_captures(paired, camera_levels(real), camera_levels(sim), false, 0);
     EXPECT_EQ(noise.added_dn, 0.0);
     EXPECT_FALSE(noise.excess);
     // 8 frames of 3072 pixels: the noise is known to 1 / sqrt(2 x 7 x 3072) = 0.5 %.
@@ -203,12 +203,12 @@ TEST_F(ComparisonTest, BrighterFramesAreDimmedAndKeepTheirReadNoise) {
 TEST_F(ComparisonTest, ReadNoiseIsAddedNeverTakenAway) {
     const Capture quiet = make({}, 3, 8, {kDark, kFlat}, {100.0, 64.0, 2.0}), loud = make({}, 4, 8, {kDark, kFlat});
     PairedCaptures up = pair_captures(loud, quiet);
-    const ReadNoiseComparison added = level_captures(up, camera_levels(loud), camera_levels(quiet), 0);
+    const ReadNoiseComparison added = level_captures(up, camera_levels(loud), camera_levels(quiet), false, 0);
     EXPECT_NEAR(added.added_dn, std::sqrt(16.0 - 4.0), 0.1);
     EXPECT_FALSE(added.excess);
     EXPECT_NEAR(camera_levels(up.sim).read_noise_dn, 4.0, 0.08);
     PairedCaptures down = pair_captures(quiet, loud);
-    const ReadNoiseComparison more = level_captures(down, camera_levels(quiet), camera_levels(loud), 0);
+    const ReadNoiseComparison more = level_captures(down, camera_levels(quiet), camera_levels(loud), false, 0);
     EXPECT_EQ(more.added_dn, 0.0);
     EXPECT_TRUE(more.excess);
     EXPECT_LT(more.p_value, 1e-12);

@@ -1081,6 +1081,7 @@ struct DiagnoseOptions {
     std::optional<std::uint32_t> frames; /**< Of each sequence at most; 0: all. */
     std::vector<std::string> without;
     std::vector<Hypothesis> hypotheses;
+    Profile profile; /**< Of compare(): the camera that both sets are of; none: one without effects. */
     Progress progress;
 };
 
@@ -1149,6 +1150,7 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
     desc.threads = options.threads;
     desc.level = options.level;
     desc.evidence = options.evidence ? 1 : 0;
+    desc.profile = options.profile;
     desc.window = options.whole_image ? CLSP_WINDOW_WHOLE : CLSP_WINDOW_AUTO;
     if (options.window) {
         desc.window = CLSP_WINDOW_GIVEN;

@@ -206,7 +206,7 @@ class ClspDiagnoseDesc(Structure):
         ("level", _f64), ("without", _P(_text)), ("without_count", _u32), ("hypothesis_count", _u32),
         ("hypotheses", _P(_P(ClspHypothesis))), ("progress", PROGRESS_FUNCTION), ("progress_data", _void),
         ("evidence", _u32), ("reserved", _u32), ("window", _u32), ("frames", _u32), ("window_x", _u32),
-        ("window_y", _u32), ("window_width", _u32), ("window_height", _u32),
+        ("window_y", _u32), ("window_width", _u32), ("window_height", _u32), ("profile", _void),
     ]
 
 

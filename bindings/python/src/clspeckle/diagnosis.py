@@ -762,6 +762,7 @@ def compare(
     real: CaptureLike,
     sim: CaptureLike,
     *,
+    profile: Profile | None = None,
     seed: int | None = None,
     without: Iterable[str] = (),
     level: float | None = None,
@@ -788,6 +789,8 @@ def compare(
     Args:
         real: what the camera recorded: a :class:`Capture`, the folder of a capture set, or a dict of name to codes.
         sim: what the simulator drew of the same scenes, likewise; frames of the same size and bits.
+        profile: the camera that both sets are of: its effects make both scatter, which is no gap; None: one without
+            effects.
         seed, without, level, null_replicates, max_effects, threads, evidence, window, frames, progress, context: as
             for :func:`diagnose`; window and frames are the same in both sets.
         camera, dots_px, dots_sigma_px: of dicts of codes, as for :meth:`Capture.from_arrays`; the same for both.
@@ -804,7 +807,7 @@ def compare(
         for capture in (real, sim):
             of_arrays = (camera, dots_px, dots_sigma_px) if isinstance(capture, Mapping) else (None, None, None)
             opened.append(_capture(capture, *of_arrays, progress))
-        return _run("clspCompare", opened, hypotheses=(), **given)
+        return _run("clspCompare", opened, hypotheses=(), profile=profile, **given)
     finally:
         for capture, argument in zip(opened, (real, sim)):
             if capture is not argument:
@@ -835,12 +838,17 @@ def _run(
     window: str | Sequence[int] | None,
     progress: bool | Progress | None,
     context: Context | None,
+    profile: Profile | None = None,
     **numbers: Any,
 ) -> Diagnosis:
     """clspDiagnose() or clspCompare()."""
     call = _DiagnosisCall()
     desc = _ARGUMENTS.describe(numbers)
     _set_window(desc, window)
+    if profile is not None:
+        if not isinstance(profile, Profile):
+            raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
+        desc.profile = profile._get()
     level = numbers["level"]
     if level is not None and not _LEAST_LEVEL <= desc.level <= _MOST_LEVEL:
         raise _check.range_error("level", level, f"{_LEAST_LEVEL:g} to {_MOST_LEVEL:g}")
