@@ -57,8 +57,9 @@ struct CaptureMakeArguments {
 struct CaptureInitArguments {
     std::string folder;
     std::optional<double> pixel_pitch_um, f_number, wavelength_nm;
-    std::uint32_t bits = 0; ///< 0: as the codes say.
-    std::string dots_file;  ///< Empty: dots are looked for in the frames.
+    std::optional<double> read_noise_dn; ///< None: that of the frames.
+    std::uint32_t bits = 0;              ///< 0: as the codes say.
+    std::string dots_file;               ///< Empty: dots are looked for in the frames.
     bool force = false;
 };
 

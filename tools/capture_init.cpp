@@ -1,5 +1,6 @@
 #include "capture.hpp"
 
+#include "context.hpp"
 #include "dot_finder.hpp"
 #include "errors.hpp"
 #include "interrupt.hpp"
@@ -13,6 +14,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <numeric>
@@ -362,7 +364,8 @@ double middle_mean(std::vector<double> values) {
 }
 
 /** Black level and read noise of the darkest dark frames: /camera's members. */
-void describe_dark(const std::vector<Found> &sequences, Json &camera, Notes &notes) {
+void describe_dark(const std::vector<Found> &sequences, const std::optional<double> &given_noise_dn, Json &camera,
+                   Notes &notes) {
     const auto darkest = [&](const auto &fits) {
         const Found *least = nullptr;
         for (const Found &found : sequences)
@@ -382,7 +385,6 @@ void describe_dark(const std::vector<Found> &sequences, Json &camera, Notes &not
     };
     const Found *dark = darkest([](const Found &f) { return f.scene == "dark"; });
     double level = 0.0;
-    double noise = 0.0;
     if (dark) {
         level = middle_mean(pixel_means(*dark));
         if (dark->at_zero > kClipped)
@@ -400,11 +402,12 @@ void describe_dark(const std::vector<Found> &sequences, Json &camera, Notes &not
     const Found *still = dark && dark->frames > 1
                              ? dark
                              : darkest([](const Found &f) { return f.frames > 1 && !(f.laser() && f.moving); });
-    if (still)
-        noise = std::sqrt(std::max(0.0, still->variance() - kQuantizationVariance));
-    if (!still)
-        note("read_noise_dn", noise, "no two frames of a scene at rest: take the data sheet's");
-    else if (still != dark)
+    if (!still && !given_noise_dn)
+        throw InputError("no two frames are of a scene at rest, so that frames tell no read noise; record two dark frames "
+                         "or more, or give the data sheet's (--read-noise-dn)");
+    const double noise =
+        given_noise_dn ? *given_noise_dn : std::sqrt(std::max(0.0, still->variance() - kQuantizationVariance));
+    if (!given_noise_dn && still != dark)
         note("read_noise_dn", noise,
              fmt::format("no two dark frames: the noise of {}, which has photon noise, too", still->name));
     camera["black_level_dn"] = rounded(level);
@@ -459,6 +462,25 @@ Json dots_of_file(const std::string &file) {
     return {{"sigma_px", pattern.sigma_px}, {"positions_px", positions}};
 }
 
+/** Refuses what the check would refuse, in its words. */
+void check_description(image_io::AtomicFile &file, const std::string &path, Console &console) {
+    struct Copy {
+        std::string path;
+        ~Copy() { std::remove(path.c_str()); }
+    };
+    const Copy copy{file.temporary_path() + ".json"}; // by this ending the reader knows a description
+    file.close();
+    fs::copy_file(file.temporary_path(), copy.path, fs::copy_options::overwrite_existing);
+    try {
+        (void)clspeckle::Capture::open(copy.path, progress_on(console));
+    } catch (const clspeckle::Error &error) {
+        std::string message = error.message();
+        for (std::size_t at = message.find(copy.path); at != std::string::npos; at = message.find(copy.path))
+            message.replace(at, copy.path.size(), path);
+        throw clspeckle::Error(error.status(), error.opencl_code(), error.function(), message, error.build_log());
+    }
+}
+
 } // namespace
 
 void run_capture_init(const CaptureInitArguments &a, Console &console) {
@@ -503,7 +525,7 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     camera["pixel_pitch_um"] =
         given(a.pixel_pitch_um, usual.pixel_pitch_um, "/camera/pixel_pitch_um", "--pixel-pitch-um");
     camera["f_number"] = given(a.f_number, usual.f_number, "/camera/f_number", "--f-number");
-    describe_dark(sequences, camera, notes);
+    describe_dark(sequences, a.read_noise_dn, camera, notes);
     const bool laser = std::any_of(sequences.begin(), sequences.end(), [](const Found &f) { return f.laser(); });
     Json root = {{"format", "clspeckle-capture"}, {"version", 1}, {"camera", camera}};
     root["laser"] = {{"wavelength_nm", a.wavelength_nm.value_or(usual.wavelength_nm)}, {"degree_of_polarization", 1.0}};
@@ -536,6 +558,7 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     }
     const std::string text = root.dump(1) + "\n";
     file.write(text.data(), text.size());
+    check_description(file, path, console);
     file.commit();
     console.print(table(rows) + "\n" + notes.found);
     for (const std::string &other : folder.ignored)

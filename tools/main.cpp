@@ -535,6 +535,7 @@ void add_capture_init(CLI::App &app, tools::CaptureInitArguments &a, bool &quiet
     number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um", 0.01, 1000.0);
     number("--f-number", a.f_number, "f-number of the lens", 0.1, 1000.0);
     number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm", 100.0, 20000.0);
+    number("--read-noise-dn", a.read_noise_dn, "Read noise in DN (default: as the frames say)", 0.0, 65535.0);
     app.add_option("--bits", a.bits, "Bits of a code, 8 to 16 (default: as the codes say)")
         ->type_name("INTEGER")
         ->take_last()

@@ -347,7 +347,7 @@ void Measurement::measure_saturation() {
     }
     const std::size_t last = lit.size() - 1;
     const auto peak = std::size_t(std::max_element(variances.begin(), variances.end()) - variances.begin());
-    if (variances[last] > 0.5 * variances[peak]) {
+    if (variances[last] >= 0.5 * variances[peak]) {
         result_.saturation = unknown(
             fmt::format("not reached: the variance over time does not fall toward the brightest flat, {} at {:.5g} DN",
                         lit[last]->layout->name, lit[last]->stack.unmasked_level));
@@ -381,6 +381,8 @@ void Measurement::measure_gain() {
             const Sequence *its_dark = dark ? nullptr : dark_of(sequence);
             if (stack.frames < 2)
                 point.unused = "a single frame has no noise over time";
+            else if (!dark && sequence.variance == 0.0)
+                point.unused = "its codes do not change: no camera records light without noise";
             else if (!sequence.usable)
                 point.unused = sequence.clipped && !sequence.clipped->unknown.empty()
                                    ? sequence.clipped->unknown
@@ -611,7 +613,8 @@ Spread spread_of(double variance, double square, double degrees, double other_er
 
 EmvaValue deviation_of(const Spread &spread, double scale) {
     if (!(spread.high > 0.0))
-        return unknown("the temporal noise explains more than all of it");
+        return unknown(spread.high < 0.0 ? "the temporal noise explains more than all of it"
+                                         : "no pixel differs from a smooth field: no camera records without noise");
     EmvaValue result;
     result.value = scale * std::sqrt(std::max(0.0, spread.variance));
     result.low = scale * std::sqrt(std::max(0.0, spread.low));

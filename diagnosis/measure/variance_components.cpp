@@ -35,23 +35,38 @@ template <std::size_t Degree> TermsOf<Degree> terms_at(const ImageShape &shape, 
     return terms;
 }
 
-// Products of the terms, and by them the least squares of the image.
+// What is less than that part of a pixel's value is rounding, no pattern.
+double beyond_rounding(double part, double value) {
+    constexpr double kRounding = 1e-9;
+    return std::abs(part) > kRounding * std::abs(value) ? part : 0.0;
+}
+
+// Products of the terms, and by them the least squares of the image less its first value: what is even is so exactly.
 template <std::size_t Degree> struct TrendFit {
     SquareOf<Degree> products = SquareOf<Degree>::Zero();
     TermsOf<Degree> solution = TermsOf<Degree>::Zero();
     Eigen::CompleteOrthogonalDecomposition<SquareOf<Degree>> solver;
+    double first = 0.0;
 
     TrendFit(const ImageShape &shape, const std::vector<double> &image, const std::vector<std::uint8_t> &counts) {
         TermsOf<Degree> sums = TermsOf<Degree>::Zero();
+        const auto counted = std::find_if(counts.begin(), counts.end(), [](std::uint8_t c) { return c != 0; });
+        if (counted != counts.end())
+            first = image[std::size_t(counted - counts.begin())];
         for (std::size_t i = 0; i < shape.size(); ++i) {
             if (!counts[i])
                 continue;
             const TermsOf<Degree> terms = terms_at<Degree>(shape, i);
             products += terms * terms.transpose();
-            sums += image[i] * terms;
+            sums += (image[i] - first) * terms;
         }
         solver.compute(products);
         solution = solver.solve(sums);
+        for (double &term : solution)
+            term = beyond_rounding(term, first);
+    }
+    double rest(double value, const TermsOf<Degree> &terms) const {
+        return beyond_rounding(value - first - terms.dot(solution), value);
     }
 };
 
@@ -145,24 +160,25 @@ std::vector<double> without_trend(const ImageShape &shape, std::vector<double> i
                                   const std::vector<std::uint8_t> &counts) {
     const TrendFit<kPatternTrend> fit(shape, image, counts);
     for (std::size_t i = 0; i < shape.size(); ++i)
-        image[i] -= terms_at<kPatternTrend>(shape, i).dot(fit.solution);
+        image[i] = fit.rest(image[i], terms_at<kPatternTrend>(shape, i));
     return image;
 }
 
 SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
                       const std::vector<std::uint8_t> &counts) {
     const TrendFit<2> fit(shape, image, counts);
-    const Terms &solution = fit.solution;
     SmoothTrend result;
-    Eigen::Map<Terms>(result.terms.data()) = solution;
+    Eigen::Map<Terms>(result.terms.data()) = fit.solution;
+    result.terms[0] += fit.first;
     // Clusters in two ways (Cameron, Gelbach and Miller): strips of rows and of columns, less what both have.
     const std::size_t across = (shape.width + kStrip - 1) / kStrip, down = (shape.height + kStrip - 1) / kStrip;
     std::vector<Terms> tiles(across * down, Terms::Zero());
+    std::vector<double> rest(image.size());
     for (std::size_t i = 0; i < shape.size(); ++i)
         if (counts[i]) {
             const Terms terms = terms_at<2>(shape, i);
-            tiles[i / shape.width / kStrip * across + i % shape.width / kStrip] +=
-                (image[i] - terms.dot(solution)) * terms;
+            rest[i] = fit.rest(image[i], terms);
+            tiles[i / shape.width / kStrip * across + i % shape.width / kStrip] += rest[i] * terms;
         }
     Square rows = Square::Zero(), columns = Square::Zero(), both = Square::Zero();
     for (std::size_t y = 0; y < down; ++y) {
@@ -179,13 +195,19 @@ SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
             strip += tiles[y * across + x];
         columns += strip * strip.transpose();
     }
+    // The fit has taken its part of their scatter: three terms along strips, six of all tiles.
+    const auto widened = [](Square &scores, std::size_t clusters, double lost) {
+        const double n = double(clusters);
+        scores *= n > lost ? n / (n - lost) : 0.0;
+    };
+    widened(both, across * down, 6.0);
+    widened(rows, down, 3.0);
+    widened(columns, across, 3.0);
     // Few strips tell too little of rows and columns that know nothing of each other: of these the components do.
-    std::vector<double> rest = image;
     std::vector<Terms> row_sums(shape.height, Terms::Zero()), column_sums(shape.width, Terms::Zero());
     for (std::size_t i = 0; i < shape.size(); ++i)
         if (counts[i]) {
             const Terms terms = terms_at<2>(shape, i);
-            rest[i] -= terms.dot(solution);
             row_sums[i / shape.width] += terms;
             column_sums[i % shape.width] += terms;
         }

@@ -139,8 +139,9 @@ void put_stray_light(const StatisticInput &in, const DotShape &shape, double bac
             spread +=
                 (double(mean[pixel]) - background) * (double(mean[pixel]) - background) / double(dots.between.size());
         sink.put("doe", "light_between_dots", "1", background / in.frames.light);
-        sink.put("doe", "light_between_dots_spread", "log",
-                 log_ratio(spread, in.frames.pixel_variance / double(geometry.frames)));
+        if (geometry.frames > 1) // of one frame the noise is not known
+            sink.put("doe", "light_between_dots_spread", "log",
+                     log_ratio(spread, in.frames.pixel_variance / double(geometry.frames)));
     }
     const auto put_peak = [&](const char *stage, const char *name, const std::vector<Point> &points) {
         if (points.size() >= 4)

@@ -108,11 +108,14 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const double deviation = bulk_deviation(geometry, pattern);
     const std::vector<float> bulk = without_far_out(pattern, deviation);
     const double variance = square_sum(bulk) / used;
-    const double temporal = in.frames.pixel_variance / double(geometry.frames);
+    // Of one frame pattern and noise are one, whose amount is no gap: photon noise would pass for a pattern.
+    const bool told = geometry.frames > 1;
+    const double temporal = told ? in.frames.pixel_variance / double(geometry.frames) : variance;
 
-    if (geometry.frames > 1 && is_flat)
+    if (told && is_flat)
         sink.put("sensor", "temporal_variance", "log", log_ratio(independent_variance(in), in.frames.read_variance));
-    sink.put("sensor", "fixed_pattern", "log", log_ratio(variance, temporal));
+    if (told)
+        sink.put("sensor", "fixed_pattern", "log", log_ratio(variance, temporal));
     sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, bulk, false), variance));
     sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, bulk, true), variance));
     sink.put("sensor", "fixed_pattern_skewness", "asinh",

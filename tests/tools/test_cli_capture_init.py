@@ -175,6 +175,45 @@ def test_without_dark_frames(ok, tmp_path: Path) -> None:
     assert "% of dark are clipped at 0" in ok("capture", "init", "set", "--force").out
 
 
+def test_one_frame_tells_no_noise(ok, refused, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1, frames=1))
+    shown = refused("capture", "init", "set")
+    assert "frames tell no read noise; record two dark frames" in shown and "--read-noise-dn" in shown
+    assert [path.name for path in folder.iterdir()] == ["dark.npy"]
+    ok("capture", "init", "set", "--read-noise-dn", 3.5)
+    assert described(folder)["camera"]["read_noise_dn"] == 3.5
+    ok("capture", "check", "set")
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "words"),
+    [
+        ("flat_1ms", (1, 1), "/camera/width is 1; expected 8 to 16384 pixels"),
+        ("flat_1ms", (40, 7), "/camera/width is 7; expected 8 to 16384 pixels"),
+        ("flat_0ms", (40, 48), "/sequences/1/exposure_ms is 0; expected a time above 0 ms"),
+        ("flat_mask", (40, 48), "dark_mask.png"),
+    ],
+)
+def test_what_the_check_refuses_is_not_written(
+    refused, tmp_path: Path, name: str, shape: tuple[int, int], words: str
+) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1, shape=shape))
+    if name == "flat_mask":  # of another size
+        with (folder / "dark_mask.png").open("wb") as stream:
+            png.Writer(9, 9, greyscale=True, bitdepth=8).write(stream, np.full((9, 9), 255, np.uint8))
+    else:
+        np.save(folder / f"{name}.npy", dark(2, shape=shape))
+    before = sorted(path.name for path in folder.iterdir())
+    shown = refused("capture", "init", "set")
+    assert words in shown
+    assert "set/capture.json" in shown and ".part" not in shown
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
 def test_a_real_camera(ok, tmp_path: Path) -> None:
     if not EMVA_CCD.is_dir():
         pytest.skip(f"{EMVA_CCD} is not there")

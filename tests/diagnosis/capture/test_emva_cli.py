@@ -99,6 +99,52 @@ def test_numbers_of_a_known_camera(cli: Cli, tmp_path: Path) -> None:
     assert results["spatial"]["prnu1288_pixel"] == pytest.approx(100 * PRNU, rel=0.05)
 
 
+@pytest.mark.parametrize("ramp", [0, 1])
+def test_codes_without_noise_tell_no_pattern(cli: Cli, tmp_path: Path, ramp: int) -> None:
+    """Neither dust of the arithmetic nor a gain: what does not change in time, and over the image only smoothly."""
+    field = ramp * np.arange(96)
+    recorded = {
+        scene: clspeckle.CaptureSequence(
+            np.broadcast_to(levels, (4, 64, 96)).astype(np.uint16), scene=scene, motion="static"
+        )
+        for scene, levels in (("dark", 64), ("flat", 301 + field), ("board", 617 + field))
+    }
+    clspeckle.Capture.from_arrays(recorded, camera={"bits": 10}).write(tmp_path / "set")
+    printed = cli("capture", "emva", "set", "--json", "emva.json", "--xml", "emva.xml")
+    assert printed.returncode == 0 and "inf" not in printed.stdout + printed.stderr
+    emva = json.loads((tmp_path / "emva.json").read_text())
+    for name, entry in emva["values"].items():
+        assert "unknown" in entry or name in ("dark_level", "dark_noise"), (name, entry)
+    assert "no camera records without noise" in emva["values"]["dsnu"]["unknown"]
+    assert "flat: its codes do not change" in emva["values"]["system_gain"]["unknown"]
+    for light in emva["illumination"]:
+        numbers = [value for value in light.values() if not isinstance(value, str)]
+        assert all(value == 0 or abs(value) > 1e-6 for value in numbers), light
+    values = package_results((tmp_path / "emva.xml").read_text())
+    for section in values.values():
+        for name, value in section.items():
+            assert not value or abs(value) > 1e-9, (name, value)
+
+
+def test_slopes_of_strips_have_honest_errors() -> None:
+    """Speckle with grains of 2 pixels in strips of 8 rows: 80 draws of 5 terms; their scatter by their errors is 1."""
+    draw = np.random.default_rng(5)
+    pupil = np.hypot(np.fft.fftfreq(8)[:, None], np.fft.fftfreq(96)[None, :]) < 0.25
+    deviations = []
+    for _ in range(80):
+        field = draw.normal(size=(4, 8, 96)) + 1j * draw.normal(size=(4, 8, 96))
+        light = np.abs(np.fft.ifft2(np.fft.fft2(field) * pupil)) ** 2
+        codes = np.rint(np.clip(64 + 150 * light / light.mean(), 0, 1023)).astype(np.uint16)
+        recorded = {"board": clspeckle.CaptureSequence(codes, scene="board", motion="moving")}
+        capture = clspeckle.Capture.from_arrays(recorded, camera={"bits": 10, "black_level_dn": 64.0})
+        [light_shape] = capture.emva1288()["illumination"]
+        deviations += [
+            light_shape[term] / light_shape[term + "_error"]
+            for term in ("slope_x", "slope_y", "curvature_x", "twist", "curvature_y")
+        ]
+    assert 0.8 < np.sqrt(np.mean(np.square(deviations))) < 1.15
+
+
 def test_a_diagnosis_repeats_them(cli: Cli, tmp_path: Path) -> None:
     camera(tmp_path / "set")
     printed = cli("diagnose", "set", "--json", "report.json", "--html", "report.html", "--emva", "emva.xml",
