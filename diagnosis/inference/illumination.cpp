@@ -8,12 +8,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 namespace clsp {
 namespace {
@@ -159,7 +155,7 @@ FallOff fall_off(const Fit &quadratic, double variance, bool in_window) {
 
 // A kind of light: its sequences, and the light of the blocks over its mean.
 struct Kind {
-    std::string name;
+    const char *name;
     std::vector<std::size_t> sequences, measured_on;
     Blocks light;
 };
@@ -284,13 +280,12 @@ LabLights measure_lab_lights(const Capture &capture) {
     for (const std::size_t s : kinds[0].sequences)
         if (std::optional<LampDrift> drift = drift_of(layout, s, capture.codes[s], black))
             result.drifts.push_back(std::move(*drift));
-    std::vector<Kind> measured, of_their_own;
+    std::vector<Kind> measured;
     std::vector<FallOff> losses;
     std::vector<Slope> slopes;
     for (Kind &kind : kinds) {
         // Block by block, as masks may differ; over the light on the axis, which they do not change.
         Blocks light = Blocks::Zero(dark.rows(), dark.cols()), weights = light;
-        std::vector<std::pair<std::size_t, Blocks>> each;
         for (const std::size_t s : kind.measured_on) {
             Blocks one = block_means(grid, layout, s, capture.codes[s]) - dark;
             const Fit shape = fit(grid, one, kDegree);
@@ -303,22 +298,11 @@ LabLights measure_lab_lights(const Capture &capture) {
             const double weight = 1.0 / variance_of(smooth);
             light += one.isFinite().select(weight * one, 0.0);
             weights += one.isFinite().select(Blocks::Constant(one.rows(), one.cols(), weight), 0.0);
-            each.emplace_back(s, one);
         }
         kind.light = (weights > 0.0).select(light / weights, std::numeric_limits<double>::quiet_NaN());
         const Fit quadratic = fit(grid, kind.light, kDegree), high = fit(grid, kind.light, kHighDegree);
         if (quadratic.freedom == 0.0 || high.freedom == 0.0)
             continue;
-        // A flat whose light certainly has another shape has a lamp of its own.
-        for (const auto &[s, one] : each) {
-            const Blocks ratio = one / kind.light; // pixels' own gains are in both
-            const Fit same = fit(grid, ratio, 0), other = fit(grid, ratio, kDegree);
-            if (is_laser(layout.sequences[s].scene) || each.size() < 2 || other.freedom == 0.0 ||
-                p_of_terms(same, other) * double(each.size()) > kCertain)
-                continue;
-            kind.sequences.erase(std::find(kind.sequences.begin(), kind.sequences.end(), s));
-            of_their_own.push_back({"lamp of " + layout.sequences[s].name, {s}, {s}, one});
-        }
         const double variance = variance_of(high);
         losses.push_back(fall_off(quadratic, variance, layout.window.has_value()));
         slopes.push_back(slope_of(quadratic, variance));
@@ -330,10 +314,7 @@ LabLights measure_lab_lights(const Capture &capture) {
     const Shared shared{shared_slope(slopes), shared_loss(losses)};
     result.shared_corner_loss = shared.loss;
     result.shared_slope = {shared.slope[0], shared.slope[1]};
-    std::move(of_their_own.begin(), of_their_own.end(), std::back_inserter(measured));
     for (const Kind &kind : measured) {
-        if (kind.sequences.empty())
-            continue;
         const Blocks light = without_shared(grid, kind.light, shared);
         const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kDegree),
                   high = fit(grid, light, kHighDegree);

@@ -10,8 +10,7 @@
 namespace clsp {
 
 struct LabLight {
-    std::string name;                   // "lamp" (flats), "lamp of NAME" (a flat that differs from the others) or
-                                        // "laser" (boards; dots where there is no board)
+    std::string name;                   // "lamp" (flats) or "laser" (boards; dots where there is no board)
     std::vector<std::string> sequences; // it falls on
     SmoothLight light;                  // 1 on the optical axis; even where no unevenness is certain
     double p_value = 1.0;               // of so much unevenness by chance

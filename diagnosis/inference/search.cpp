@@ -2,6 +2,7 @@
 
 #include "inference/least_squares.hpp"
 #include "inference/swap.hpp"
+#include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -710,9 +711,14 @@ SearchResult Search::run() {
 
 Eigen::VectorXd left_by(const SearchResult &found, double level) {
     const FittedModel &last = found.last();
-    const Eigen::ArrayXd left = (last.residual.p_adjusted.array() <= level)
-                                    .select(last.residual.z.array().abs() * last.model.full().deviation().array(), 0.0);
-    return (left > 0.0).any() ? left.matrix() : Eigen::VectorXd();
+    if (last.residual.p_value > level)
+        return {};
+    const double freedom = static_cast<double>(last.model.replicates().draws.size()) - 1.0;
+    Eigen::VectorXd left = last.residual.z.cwiseAbs().cwiseProduct(last.model.full().deviation());
+    for (Eigen::Index k = 0; k < left.size(); ++k)
+        if (student_two_sided(last.residual.z[k], freedom) > level)
+            left[k] = 0.0;
+    return left;
 }
 
 SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates, const SearchStart &start,
@@ -730,7 +736,7 @@ SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *
     SearchResult found = attempt(start, 0.0, kFirstSearch);
     const Eigen::VectorXd left = left_by(found, options.residual_level);
     // What may be chance has no pull to speak of.
-    if (found.p_left > kBeyondDoubt || found.ended_early || left.size() == 0)
+    if (found.p_left > kBeyondDoubt || found.ended_early)
         return found;
     const auto take = [&](SearchResult other) {
         other.screened = std::move(found.screened);

@@ -40,7 +40,8 @@ struct SearchResult {
     const FittedModel &last() const { return models.empty() ? baseline : models.back(); }
 };
 
-// What a search leaves of each statistic, as a standard deviation; of those that may be chance nothing. Empty: of all.
+// What a search leaves of each statistic, as a standard deviation; nothing of those that chance makes as large more often
+// than `level`. Empty where all are explained.
 Eigen::VectorXd left_by(const SearchResult &found, double level);
 
 // A statistic that no effect explains pulls at all strengths, and lets in effects that only imitate what it shows. So

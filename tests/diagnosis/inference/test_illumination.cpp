@@ -221,30 +221,6 @@ TEST(Illumination, AMaskedCornerIsLeftOut) {
     EXPECT_FALSE(is_uneven(measure_lab_lights(capture), "lamp"));
 }
 
-// Two flats of each camera. Of 100 cameras with one lamp, two alarms of 1e-4 come once in 20,000 runs of other seeds; a
-// slope that differs by 1 % of the light is 12 of its standard errors.
-TEST(Illumination, AFlatMayHaveALampOfItsOwn) {
-    const std::vector<CaptureScene> scenes = {CaptureScene::kDark, CaptureScene::kFlat, CaptureScene::kFlat,
-                                              CaptureScene::kBoard};
-    const auto with_second = [&](const Field &lamp, std::uint64_t seed) {
-        Capture capture = capture_of(scenes, kSlope, kEven, seed, 0.01);
-        capture.codes[2] = capture_of(scenes, lamp, kEven, seed, 0.01).codes[2];
-        capture.layout.sequences[2].name = "flat_1";
-        return capture;
-    };
-    int of_its_own = 0;
-    for (std::uint64_t seed = 1; seed <= 100; ++seed)
-        of_its_own += measure_lab_lights(with_second(kSlope, seed)).lights.size() > 2;
-    EXPECT_LE(of_its_own, 1);
-    const auto other = [](double x, double y) { return 1.0 + 0.11 * x - 0.05 * y; };
-    const LabLights found = measure_lab_lights(with_second(other, 1));
-    for (const auto &[name, slope] : {std::pair("lamp of flat", 0.1), std::pair("lamp of flat_1", 0.11)}) {
-        const LabLight &light = light_of(found, name);
-        EXPECT_NEAR(light.slope[0], slope, 4.0 * light.slope_error[0]) << name;
-        EXPECT_TRUE(is_uneven(found, name));
-    }
-}
-
 // 300 flats at a size of 1e-4: an alarm comes once in 33 runs of other seeds, two once in 2,000.
 TEST(Illumination, ALampThatDrifts) {
     int drifting = 0;
