@@ -185,6 +185,10 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
     auto options = from_c<DiagnosisOptions>(kOptionFields, d);
     check_reserved(d.reserved, "desc->reserved");
     options.part = part_choice(d);
+    if (d.tolerance_file)
+        options.tolerance_file = d.tolerance_file;
+    if (d.tolerance_file && options.tolerance_file.empty())
+        throw Error(Status::kInvalidArgument, "desc->tolerance_file is empty; name a file, or leave it NULL");
     if (d.without_count > 0)
         required(d.without, "desc->without");
     for (std::uint32_t i = 0; i < d.without_count; ++i)
@@ -253,6 +257,11 @@ CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCaptu
                         fmt::format("desc->hypothesis_count is {}, a comparison takes none: hypotheses are functions on "
                                     "frames that the library's own simulator draws",
                                     options.hypotheses.size()));
+        if (!options.tolerance_file.empty())
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("desc->tolerance_file is \"{}\", a comparison takes none: its sets are brought to one "
+                                    "light and one noise before they are measured",
+                                    options.tolerance_file));
         const auto validate = [](const Capture &capture, const char *what) {
             try {
                 validate_capture(capture);

@@ -164,6 +164,7 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     options.max_effects = arguments.max_effects;
     options.threads = arguments.threads;
     options.evidence = !arguments.html.empty();
+    options.tolerance_file = arguments.tolerances;
     options.without = std::move(without);
     options.hypotheses = std::move(hypotheses);
     options.progress = progress_on(console);

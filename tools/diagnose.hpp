@@ -24,6 +24,7 @@ struct DiagnoseArguments {
     std::string profile; ///< File for the camera profile; empty: none.
     std::string emva; ///< File for EMVA 1288's numbers as XML; empty: none.
     std::string html; ///< File for the report for eyes; empty: none.
+    std::string tolerances; ///< File with what is accepted of the simulator's error; empty: none.
     std::vector<std::string> without;
     std::vector<std::string> hypotheses; ///< Files that describe effects of the user's own.
     std::uint64_t seed = 0;

@@ -292,6 +292,33 @@ std::string measurements_text(const Json &report) {
     return "Measured, as a data sheet has it: what differs most, beyond chance (all of it: --json, --html)\n" + table(rows, "  ") + "\n";
 }
 
+/** Differences from the camera by the user's tolerances. */
+std::string acceptance_text(const Json &rows) {
+    const bool with_effects = rows.front().contains("sim_with_effects");
+    std::vector<std::vector<std::string>> lines = {
+        {"sequence", "quantity", "unit", "tolerance", "simulator less camera", "simulator"}};
+    if (with_effects)
+        lines.front().insert(lines.front().end(), {"with the effects less camera", "with the effects"});
+    const auto figure = [](const Json &value) {
+        return value.is_number() ? fmt::format("{:.3g}", value.get<double>()) : std::string("-");
+    };
+    for (const Json &row : rows) {
+        const std::string region = row.value("region", "all");
+        lines.push_back({row["sequence"].is_string() ? row["sequence"].get<std::string>() : "dark and flat",
+                         row.value("quantity", row.value("statistic", "")) + (region == "all" ? "" : ", " + region),
+                         unit_text(row["unit"].get<std::string>().c_str()), figure(row["tolerance"])});
+        for (const char *version : {"sim", "sim_with_effects"})
+            if (row.contains(version)) {
+                const Json &judged = row[version];
+                lines.back().push_back(fmt::format("{} ({} to {})", figure(judged["difference"]),
+                                                   figure(judged["ci95"][0]), figure(judged["ci95"][1])));
+                lines.back().push_back(judged["acceptance"].get<std::string>());
+            }
+    }
+    return "Accepted by your tolerances: differences with 95 % intervals, undecided where these reach beyond\n" +
+           table(lines, "  ") + "\n";
+}
+
 /** One line of EMVA 1288's best-known numbers, and what contradicts itself. */
 std::string emva_text(const Json &emva) {
     std::vector<std::string> parts;
@@ -389,6 +416,8 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
     text += downstream_text(report);
     if (const std::string measured = summary.detected ? measurements_text(report) : ""; !measured.empty())
         text += "\n" + measured;
+    if (report.contains("acceptance"))
+        text += "\n" + acceptance_text(report["acceptance"]);
     if (report.contains("compare"))
         text += "\n" + comparison_text(report["compare"]);
     if (!report["advice"].empty())

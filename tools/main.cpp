@@ -668,6 +668,10 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
         ->allow_extra_args(false)
         ->type_name("FILE")
         ->check(named());
+    app.add_option("--tolerance", a.tolerances,
+                   "What you accept of the simulator's error, as JSON (docs/gap-report.md): the report says whether it is")
+        ->type_name("FILE")
+        ->check(named());
     app.add_option("--emva", a.emva,
                    "Write EMVA 1288's numbers of the dark and flat frames, as the Python package emva1288 does")
         ->type_name("FILE")

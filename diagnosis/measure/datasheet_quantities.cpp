@@ -104,7 +104,45 @@ QuantityMean mean_of(const std::vector<double> &values) {
     return result;
 }
 
+// By version: its captures.
+using MeasuredVersions = std::vector<std::vector<CaptureQuantities>>;
+
+std::vector<DatasheetQuantity> of_sequences(const CaptureLayout &layout, const MeasuredVersions &measured) {
+    std::vector<DatasheetQuantity> result;
+    const auto add = [&](const std::string &sequence, const char *name, const char *unit, const auto &value_of_capture) {
+        DatasheetQuantity quantity{sequence, name, unit, {}};
+        for (const std::vector<CaptureQuantities> &version : measured) {
+            std::vector<double> values;
+            for (const CaptureQuantities &capture : version)
+                values.push_back(value_of_capture(capture));
+            quantity.versions.push_back(mean_of(values));
+        }
+        result.push_back(std::move(quantity));
+    };
+    for (std::size_t s = 0; s < layout.sequences.size(); ++s)
+        for (std::size_t q = 0; q < measured[0][0].sequences[s].size(); ++q) {
+            const Quantity &first = measured[0][0].sequences[s][q];
+            add(layout.sequences[s].name, first.name.c_str(), first.unit.c_str(),
+                [&](const CaptureQuantities &capture) { return capture.sequences[s][q].value; });
+        }
+    if (measured[0][0].transfer.points.empty())
+        return result;
+    const auto fitted = [](double PhotonTransfer::*member) {
+        return [member](const CaptureQuantities &capture) {
+            return capture.transfer.fitted ? capture.transfer.*member : kNotTold;
+        };
+    };
+    add("", "system_gain", "DN/electron", fitted(&PhotonTransfer::gain_dn_per_electron));
+    add("", "transfer_intercept", "DN^2", fitted(&PhotonTransfer::intercept_dn2));
+    return result;
+}
+
 } // namespace
+
+std::vector<DatasheetQuantity> camera_quantities(const ReplicateRunner &runner, const Capture &real) {
+    const CaptureQuantities measured = measured_capture(runner, [&](std::size_t s) { return real.codes[s]; });
+    return of_sequences(runner.layout(), {{measured}});
+}
 
 PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double full_signal_dn) {
     PhotonTransfer result;
@@ -156,8 +194,7 @@ DatasheetQuantities measure_datasheet(ReplicateRunner &runner, const Capture &re
         return of.frames(replicates.effects, of.drawn_levels(replicates.levels, draw), s, draw,
                          of.layout().sequences[s].frame_count);
     };
-    // By version: its captures.
-    std::vector<std::vector<CaptureQuantities>> measured(versions);
+    MeasuredVersions measured(versions);
     std::vector<std::pair<std::size_t, std::size_t>> draws;
     for (std::size_t v = 0; v < versions; ++v) {
         measured[v].resize(v == 0 ? 1 : kMeasuredCaptures);
@@ -172,34 +209,10 @@ DatasheetQuantities measure_datasheet(ReplicateRunner &runner, const Capture &re
 
     DatasheetQuantities result;
     result.simulated_captures = kMeasuredCaptures;
-    const CaptureLayout &layout = runner.layout();
-    for (std::size_t s = 0; s < layout.sequences.size(); ++s)
-        for (std::size_t q = 0; q < measured[0][0].sequences[s].size(); ++q) {
-            const Quantity &first = measured[0][0].sequences[s][q];
-            DatasheetQuantity quantity{layout.sequences[s].name, first.name, first.unit, {}};
-            for (const std::vector<CaptureQuantities> &version : measured) {
-                std::vector<double> values;
-                for (const CaptureQuantities &capture : version)
-                    values.push_back(capture.sequences[s][q].value);
-                quantity.versions.push_back(mean_of(values));
-            }
-            result.quantities.push_back(std::move(quantity));
-        }
-    if (measured[0][0].transfer.points.empty())
-        return result;
-    DatasheetQuantity gain{"", "system_gain", "DN/electron", {}}, read{"", "transfer_intercept", "DN^2", {}};
-    for (const std::vector<CaptureQuantities> &version : measured) {
-        std::vector<double> gains, reads;
-        for (const CaptureQuantities &capture : version) {
-            gains.push_back(capture.transfer.fitted ? capture.transfer.gain_dn_per_electron : kNotTold);
-            reads.push_back(capture.transfer.fitted ? capture.transfer.intercept_dn2 : kNotTold);
-        }
-        gain.versions.push_back(mean_of(gains));
-        read.versions.push_back(mean_of(reads));
-        result.transfer.push_back(version.front().transfer);
-    }
-    result.quantities.push_back(std::move(gain));
-    result.quantities.push_back(std::move(read));
+    result.quantities = of_sequences(runner.layout(), measured);
+    for (const std::vector<CaptureQuantities> &version : measured)
+        if (!version.front().transfer.points.empty())
+            result.transfer.push_back(version.front().transfer);
     return result;
 }
 

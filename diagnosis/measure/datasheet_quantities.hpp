@@ -53,6 +53,9 @@ struct DatasheetQuantities {
 // Weighted least squares over the points below 70 % of the full signal, as EMVA 1288 has it.
 PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double full_signal_dn);
 
+// Of the camera's frames alone, in the order of measure_datasheet().
+std::vector<DatasheetQuantity> camera_quantities(const ReplicateRunner &runner, const Capture &real);
+
 // final: nullptr if no effect was found. seed: of the diagnosis; the captures are apart from those of any fit.
 DatasheetQuantities measure_datasheet(ReplicateRunner &runner, const Capture &real, const FittedModel &baseline,
                                       const FittedModel *final, std::uint64_t seed);

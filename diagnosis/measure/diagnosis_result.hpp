@@ -5,6 +5,7 @@
 #include "inference/illumination.hpp"
 #include "inference/search.hpp"
 #include "inference/shrinkage.hpp"
+#include "measure/acceptance.hpp"
 #include "measure/datasheet_quantities.hpp"
 #include "runtime/progress.hpp"
 
@@ -32,6 +33,7 @@ struct DiagnosisOptions {
     std::uint32_t max_effects = 16;
     unsigned threads = 0;             // of the statistics; 0: as many as the machine has
     PartChoice part;                  // of the capture that is judged
+    std::string tolerance_file;       // acceptance.hpp; empty: nothing is to be accepted
     ProgressFunction progress;
     // Of a comparison: the camera that both sets are of, by whose effects they scatter; null: of one without effects.
     std::shared_ptr<const CameraProfile> profile;
@@ -115,6 +117,7 @@ struct DiagnosisResult {
     Downstream downstream;
     std::shared_ptr<const Emva1288> emva; // of the dark and flat frames alone; null of a comparison
     DatasheetQuantities datasheet; // none of a comparison, whose sets are brought to one light and noise first
+    std::vector<AcceptanceRow> acceptance; // by the options' tolerances
     std::shared_ptr<const Evidence> evidence; // null unless the options ask for it
     std::shared_ptr<const CameraProfile> profile; // null of a comparison
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis

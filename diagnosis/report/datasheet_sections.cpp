@@ -71,6 +71,39 @@ void write_credibility(const DiagnosisResult &result, HtmlPage &page) {
     page.table(head, table, numbers);
 }
 
+void write_acceptance(const DiagnosisResult &result, HtmlPage &page) {
+    if (result.acceptance.empty())
+        return;
+    page.heading(3, "Accepted by your tolerances");
+    page.paragraph("Simulator less camera, with its 95 % interval. It is accepted where the whole interval lies within "
+                   "the tolerance, not accepted where all of it lies outside, and undecided between: more frames make "
+                   "the interval narrower.");
+    std::vector<std::string> head = {"sequence", "quantity", "unit", "camera", "tolerance"};
+    std::vector<std::size_t> numbers = {3, 4};
+    for (std::size_t v = 0; v < result.acceptance.front().versions.size(); ++v) {
+        const char *version = version_name(static_cast<Version>(v + 1));
+        numbers.push_back(head.size());
+        head.push_back(fmt::format("difference, {}", version));
+        head.push_back(fmt::format("95 % interval, {}", version));
+        head.emplace_back(version);
+    }
+    std::vector<std::vector<std::string>> table;
+    for (const AcceptanceRow &row : result.acceptance) {
+        const Measurable &of = row.of;
+        table.push_back({of.sequence.empty() ? "dark and flat" : of.sequence,
+                         of.region.empty() || of.region == "all" ? of.name : of.name + ", " + of.region,
+                         explain_unit(of.unit), figure(of.real), "± " + figure(row.tolerance)});
+        for (const JudgedDifference &judged : row.versions) {
+            table.back().push_back(figure(judged.difference));
+            table.back().push_back(std::isfinite(judged.interval_95[0])
+                                       ? fmt::format("{} to {}", figure(judged.interval_95[0]), figure(judged.interval_95[1]))
+                                       : "–");
+            table.back().emplace_back(acceptance_name(judged.acceptance));
+        }
+    }
+    page.table(head, table, numbers);
+}
+
 } // namespace
 
 void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
@@ -103,6 +136,7 @@ void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
     page.table(head, rows, numbers);
     write_photon_transfer(datasheet.transfer, page);
     write_credibility(result, page);
+    write_acceptance(result, page);
     page.raw("</section>\n");
 }
 

@@ -156,6 +156,29 @@ Json credibility_json(const DatasheetQuantities &datasheet) {
     return rows;
 }
 
+Json acceptance_json(const std::vector<AcceptanceRow> &rows) {
+    constexpr const char *kVersions[] = {"sim", "sim_with_effects"};
+    Json result = Json::array();
+    for (const AcceptanceRow &row : rows) {
+        const Measurable &of = row.of;
+        Json entry = {{"sequence", of.sequence.empty() ? Json(nullptr) : Json(of.sequence)},
+                      {of.is_statistic ? "statistic" : "quantity", of.name}};
+        if (of.is_statistic)
+            entry["region"] = of.region;
+        entry["unit"] = of.unit;
+        entry["real"] = number(of.real);
+        entry["tolerance"] = number(row.tolerance);
+        for (std::size_t v = 0; v < row.versions.size(); ++v) {
+            const JudgedDifference &judged = row.versions[v];
+            entry[kVersions[v]] = {{"difference", number(judged.difference)},
+                                   {"ci95", {number(judged.interval_95[0]), number(judged.interval_95[1])}},
+                                   {"acceptance", acceptance_name(judged.acceptance)}};
+        }
+        result.push_back(std::move(entry));
+    }
+    return result;
+}
+
 Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
     Json parameters = Json::object(), intervals = Json::object();
     const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
@@ -311,6 +334,8 @@ std::string report_json(const DiagnosisResult &result) {
     if (!result.comparison) {
         report["measurements"] = datasheet_json(result.datasheet);
         report["credibility"] = credibility_json(result.datasheet);
+        if (!result.acceptance.empty())
+            report["acceptance"] = acceptance_json(result.acceptance);
     }
     if (result.emva)
         report["emva1288"] = emva_json(*result.emva);

@@ -226,6 +226,42 @@ std::vector<RungResult> rung_results(const ReplicateRunner &runner, const Search
     return results;
 }
 
+// What a tolerance may be for.
+std::vector<Measurable> measurables(const ReplicateRunner &runner, const Capture &capture) {
+    std::vector<Measurable> result;
+    const std::vector<DatasheetQuantity> quantities = camera_quantities(runner, capture);
+    for (std::size_t q = 0; q < quantities.size(); ++q)
+        if (const double real = quantities[q].versions.front().mean; std::isfinite(real))
+            result.push_back({false, quantities[q].sequence, quantities[q].name, "", quantities[q].unit, real, q});
+    const Eigen::VectorXd real = runner.real().mean();
+    for (std::size_t k = 0; k < runner.count(); ++k) {
+        const StatisticInfo &of = runner.list()[k];
+        result.push_back({true, of.sequence, of.name, of.region, of.unit, real[static_cast<Eigen::Index>(k)], k});
+    }
+    return result;
+}
+
+// models: of the baseline, and with effects if there are any.
+void judge(std::vector<AcceptanceRow> &rows, const DatasheetQuantities &datasheet,
+           const std::vector<const GapModel *> &models, double null_replicates) {
+    for (AcceptanceRow &row : rows)
+        for (std::size_t v = 0; v < models.size(); ++v) {
+            const auto k = static_cast<Eigen::Index>(row.of.index);
+            QuantityMean simulated;
+            if (row.of.is_statistic) {
+                const Covariance &full = models[v]->full(); // without the model's own error, which is what is judged
+                const double own = full.tolerance()[k], all = full.deviation()[k];
+                simulated = {full.mean()[k], std::sqrt(std::max(0.0, all * all - own * own))};
+            } else {
+                simulated = datasheet.quantities[row.of.index].versions[v + 1];
+            }
+            row.versions.push_back(judge_difference(row.of.real, simulated.mean, simulated.deviation,
+                                                    row.of.is_statistic ? null_replicates
+                                                                        : double(datasheet.simulated_captures),
+                                                    row.tolerance));
+        }
+}
+
 // Of the progress.
 constexpr double kOfRungsBelow = 0.15;
 
@@ -235,6 +271,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const auto start = std::chrono::steady_clock::now();
     const unsigned threads = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     std::vector<Candidate> pool = candidates(options.hypotheses, options.without);
+    const Tolerances tolerances =
+        options.tolerance_file.empty() ? Tolerances() : read_tolerances(options.tolerance_file);
     const CaptureSummary summary = summarize_capture(given);
     DiagnosisResult result;
     for (const CaptureWarning &warning : summary.warnings)
@@ -267,6 +305,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         leave_uncalibrated(result.illumination);
     set_illumination(result.illumination, capture.layout);
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
+    if (!tolerances.entries.empty())
+        result.acceptance = acceptance_rows(tolerances, measurables(runner, capture));
     scale_to_camera(pool, capture.layout, runner.real_calibration().read_noise_dn);
     hold_at_quantities(pool, pattern_quantities(capture, runner.real_calibration(), threads));
     std::string doing;
@@ -397,6 +437,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
     result.profile = std::make_shared<const CameraProfile>(
         camera_profile(runner, given, result, last.effects, last.model.replicates().levels));
+    std::vector<const GapModel *> models = {&found.baseline.model};
+    if (final)
+        models.push_back(&final->model);
+    judge(result.acceptance, result.datasheet, models, double(options.null_replicates));
     if (options.evidence)
         result.evidence =
             std::make_shared<const Evidence>(collect_evidence(runner, capture, found.baseline, final, first_seed));

@@ -124,6 +124,8 @@ typedef struct ClspDiagnoseDesc {
     uint32_t window_height;    /**< 16 or more; 0 otherwise, and by default. */
     ClspProfile profile;       /**< Of clspCompare(): the camera that both sets are of (profile.h). Its effects make both scatter, which is no
                                     gap; retained while the call runs. NULL (default): a camera without effects. Of clspDiagnose(): NULL. */
+    const char *tolerance_file; /**< What the caller accepts of the simulator's error, as JSON (docs/gap-report.md): the report gets the key
+                                    "acceptance". NULL (default): none. Not for clspCompare(). */
 } ClspDiagnoseDesc;
 
 /** The numbers of a diagnosis. */
@@ -247,7 +249,7 @@ CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const
  * @param context whose device draws what differs by chance, and puts effects on frames.
  * @param real what the camera recorded; complete and in order, as for clspDiagnose().
  * @param sim  what the simulator drew of the same scenes; as `real`.
- * @param desc NULL: the defaults. hypothesis_count must be 0.
+ * @param desc NULL: the defaults. hypothesis_count must be 0, tolerance_file NULL.
  * @return CLSP_ERROR_INVALID_ARGUMENT for captures of different size or bits, and where no sequence has a partner;
  *         CLSP_ERROR_CANCELLED when the progress function returned 0; CLSP_ERROR_INVALID_DATA where no pair has light or is dark.
  */

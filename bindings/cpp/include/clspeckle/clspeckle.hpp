@@ -1079,6 +1079,7 @@ struct DiagnoseOptions {
     /** x, y, width, height of what is judged; without whole_image. */
     std::optional<std::array<std::uint32_t, 4>> window;
     std::optional<std::uint32_t> frames; /**< Of each sequence at most; 0: all. */
+    std::string tolerance_file; /**< What is accepted of the simulator's error, as JSON; empty: none. */
     std::vector<std::string> without;
     std::vector<Hypothesis> hypotheses;
     Profile profile; /**< Of compare(): the camera that both sets are of; none: one without effects. */
@@ -1160,6 +1161,7 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
         desc.window_height = (*options.window)[3];
     }
     desc.frames = options.frames.value_or(CLSP_FRAMES_AUTO);
+    desc.tolerance_file = options.tolerance_file.empty() ? nullptr : options.tolerance_file.c_str();
     desc.without = without.data();
     desc.without_count = static_cast<std::uint32_t>(without.size());
     desc.hypotheses = pointers.data();

@@ -207,6 +207,7 @@ class ClspDiagnoseDesc(Structure):
         ("hypotheses", _P(_P(ClspHypothesis))), ("progress", PROGRESS_FUNCTION), ("progress_data", _void),
         ("evidence", _u32), ("reserved", _u32), ("window", _u32), ("frames", _u32), ("window_x", _u32),
         ("window_y", _u32), ("window_width", _u32), ("window_height", _u32), ("profile", _void),
+        ("tolerance_file", _text),
     ]
 
 

@@ -712,6 +712,7 @@ def diagnose(
     evidence: bool | None = None,
     window: str | Sequence[int] | None = None,
     frames: int | None = None,
+    tolerances: str | os.PathLike[str] | None = None,
     progress: bool | Progress | None = None,
     camera: Mapping[str, Any] | None = None,
     dots_px: npt.ArrayLike | None = None,
@@ -738,6 +739,8 @@ def diagnose(
         window: the part of the image that is judged, (x, y, width, height) with even x and y, or "whole"; None: all of
             a small capture, a strip through the optical axis of a large one.
         frames: of each sequence at most, from the middle of each half; 0: all; None: what takes minutes.
+        tolerances: a JSON file with what is accepted of the simulator's error; ``report["acceptance"]`` says whether it
+            is (``docs/gap-report.md``).
         progress: True: a bar on standard error; or a function of (what is being done, fraction done), which cancels by
             returning False. It is called often, on this thread.
         camera, dots_px, dots_sigma_px: of a dict of codes, as for :meth:`Capture.from_arrays`.
@@ -752,7 +755,7 @@ def diagnose(
     given = {name: value for name, value in locals().items() if name in _OPTIONS}
     opened = _capture(capture, camera, dots_px, dots_sigma_px, progress)
     try:
-        return _run("clspDiagnose", [opened], hypotheses=hypotheses, **given)
+        return _run("clspDiagnose", [opened], hypotheses=hypotheses, tolerances=tolerances, **given)
     finally:
         if opened is not capture:
             opened.close()
@@ -839,6 +842,7 @@ def _run(
     progress: bool | Progress | None,
     context: Context | None,
     profile: Profile | None = None,
+    tolerances: str | os.PathLike[str] | None = None,
     **numbers: Any,
 ) -> Diagnosis:
     """clspDiagnose() or clspCompare()."""
@@ -849,6 +853,8 @@ def _run(
         if not isinstance(profile, Profile):
             raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
         desc.profile = profile._get()
+    if tolerances is not None:
+        desc.tolerance_file = _check.path(tolerances, "tolerances")
     level = numbers["level"]
     if level is not None and not _LEAST_LEVEL <= desc.level <= _MOST_LEVEL:
         raise _check.range_error("level", level, f"{_LEAST_LEVEL:g} to {_MOST_LEVEL:g}")
