@@ -1,7 +1,5 @@
 #include "capture/capture_check.hpp"
 
-#include "capture/frame_changes.hpp"
-
 #include "capture/capture_validation.hpp"
 
 #include <algorithm>
@@ -76,7 +74,7 @@ CaptureSummary summarize_capture(const Capture &capture) {
     summary.abilities = capture_abilities(capture.layout, summary.sequences);
     summary.effects = effect_visibilities(capture.layout);
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i)
-        for (CaptureWarning &change : frame_changes(capture.layout, i, scans[i], summary.dark.level_dn))
+        for (SequenceChange &change : frame_changes(capture.layout, i, scans[i], summary.dark.level_dn))
             summary.frame_changes.push_back(std::move(change));
     summary.warnings = capture_warnings(capture, scans, summary.dark, summary.sequences, summary.frame_changes);
     return summary;

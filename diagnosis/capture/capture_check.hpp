@@ -2,6 +2,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "capture/frame_changes.hpp"
 #include "capture/sequence_scan.hpp"
 
 #include <cstdint>
@@ -67,7 +68,7 @@ struct CaptureSummary {
     DarkLevel dark;
     std::vector<CaptureAbility> abilities;
     std::vector<EffectVisibility> effects; // in the catalogue's order
-    std::vector<CaptureWarning> frame_changes; // frame_changes.hpp; among the warnings, too
+    std::vector<SequenceChange> frame_changes;    // frame_changes.hpp; among the warnings, too
     std::vector<CaptureWarning> warnings;
 };
 CaptureSummary summarize_capture(const Capture &capture);
@@ -77,7 +78,7 @@ CaptureSummary summarize_capture(const Capture &capture);
 // its description (metadata_warnings.hpp). The reader's own warnings come first. scans, summaries: by sequence.
 std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
                                              const DarkLevel &dark, const std::vector<SequenceSummary> &summaries,
-                                             const std::vector<CaptureWarning> &frame_changes);
+                                             const std::vector<SequenceChange> &frame_changes);
 
 // Of the layout alone.
 std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,

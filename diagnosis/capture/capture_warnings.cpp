@@ -114,7 +114,7 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
 
 std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
                                              const DarkLevel &dark, const std::vector<SequenceSummary> &summaries,
-                                             const std::vector<CaptureWarning> &frame_changes) {
+                                             const std::vector<SequenceChange> &frame_changes) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
     // A data sheet may say 0, or the noise of another gain.

@@ -207,11 +207,13 @@ std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
 
 } // namespace
 
-std::vector<CaptureWarning> frame_changes(const CaptureLayout &capture, std::size_t sequence, const SequenceScan &scan,
-                                          double dark_level_dn) {
+std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::size_t sequence, const SequenceScan &scan,
+                                       double dark_level_dn) {
     const SequenceLayout &layout = capture.sequences[sequence];
-    std::vector<CaptureWarning> result;
-    const auto say = [&](std::string text) { result.push_back({layout.name, std::move(text)}); };
+    std::vector<SequenceChange> result;
+    const auto say = [&](std::string text, bool level_drifts = false) {
+        result.push_back({{layout.name, std::move(text)}, level_drifts});
+    };
     const bool lit = layout.scene != CaptureScene::kDark;
     if (layout.frame_count < kLeastFrames || scan.pixels == 0)
         return result;
@@ -241,7 +243,8 @@ std::vector<CaptureWarning> frame_changes(const CaptureLayout &capture, std::siz
                 ? fmt::format("the level drifts from {:.1f} to {:.1f} DN over {} frames: {}", change->before,
                               change->after, seen.levels.size(), meant)
                 : fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", change->before, change->after,
-                              change->frame, meant));
+                              change->frame, meant),
+            change->drifts);
     }
     if (!result.empty())
         return result; // what follows goes with the level

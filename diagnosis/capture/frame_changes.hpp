@@ -10,6 +10,11 @@
 
 namespace clsp {
 
+// What changes between the frames of a sequence.
+struct SequenceChange : CaptureWarning {
+    bool level_drifts = false; // little by little, as a lamp does: not from one frame to the next
+};
+
 // Steps, drifts and odd frames of the level, of the contrast, of the correlation of neighbours, and of what a resting
 // scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without light.
 //
@@ -19,7 +24,7 @@ namespace clsp {
 // levels, and frames that differ from the one before by more than the others do, count where the gap is as wide as a t
 // of 1e-6, and 8 times the scatter within.
 constexpr double kChanceOfFrameChange = 1e-6;
-std::vector<CaptureWarning> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
-                                          double dark_level_dn);
+std::vector<SequenceChange> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
+                                       double dark_level_dn);
 
 } // namespace clsp

@@ -387,9 +387,9 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
         auto of_sim = frame_changes(sim.layout, of, sim_scans[of], dark_level(sim.layout, sim_scans).level_dn);
         if (of_real.empty() == of_sim.empty())
             continue;
-        for (CaptureWarning &change : of_sim)
+        for (SequenceChange &change : of_sim)
             change.text = "of the simulator, " + change.text;
-        for (CaptureWarning &change : of_real.empty() ? of_sim : of_real) {
+        for (SequenceChange &change : of_real.empty() ? of_sim : of_real) {
             captures.notes.push_back(change.sequence + ": " + change.text);
             result.frame_changes.push_back(std::move(change));
         }

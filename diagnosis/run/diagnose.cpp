@@ -303,6 +303,13 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     if (std::any_of(options.hypotheses.begin(), options.hypotheses.end(),
                     [](const Hypothesis &h) { return h.point != HypothesisPoint::kCodes; }))
         leave_uncalibrated(result.illumination);
+    // A lamp drifts in a lab; one that steps makes another scene.
+    std::vector<LampDrift> &lamp = result.illumination.drifts;
+    for (const SequenceChange &change : summary.frame_changes)
+        if (!change.level_drifts)
+            lamp.erase(std::remove_if(lamp.begin(), lamp.end(),
+                                      [&](const LampDrift &drift) { return drift.sequence == change.sequence; }),
+                       lamp.end());
     set_illumination(result.illumination, capture.layout);
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     if (!tolerances.entries.empty())
@@ -349,9 +356,13 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.candidates = pool;
     const GapTest &test = found.baseline.residual;
     // Halves of a sequence that changes half way are alike; its frames are not.
-    for (const CaptureWarning &change : summary.frame_changes)
-        if (std::count(result.judged.begin(), result.judged.end(), change.sequence))
+    for (const SequenceChange &change : summary.frame_changes) {
+        const bool calibrated = change.level_drifts && std::any_of(lamp.begin(), lamp.end(), [&](const LampDrift &drift) {
+                                    return drift.sequence == change.sequence;
+                                });
+        if (!calibrated && std::count(result.judged.begin(), result.judged.end(), change.sequence))
             result.frame_changes.push_back(change);
+    }
     const bool steady = result.frame_changes.empty();
     const auto with_changes = [&](double p) { return steady ? p : std::min(p, kChanceOfFrameChange); };
     result.detected = test.detected || !steady;

@@ -53,6 +53,30 @@ def test_a_scene_that_changes_half_way_is_a_gap(tmp_path: Path, change: str) -> 
     assert report["cause"]["verdict"] == "unknown" and report["shrink"]["residual_detected"]
 
 
+@pytest.mark.parametrize("change", ["drift", "step"])
+def test_a_lamp_drifts_in_a_lab_and_steps_in_none(tmp_path: Path, change: str) -> None:
+    """Both by 20 % of the light: a drift is calibrated and told, a step is another scene."""
+    folder = tmp_path / "set"
+    write_capture(folder, draw_camera(903, 96, 80), {}, FRAMES, 95)
+    codes = np.load(folder / "flat.npy")
+    times = np.arange(FRAMES)
+    factors = 1 - 0.2 * (times / (FRAMES - 1) if change == "drift" else times >= FRAMES // 2)
+    dark = np.load(folder / "dark.npy").astype(float)
+    deviation = np.sqrt(dark.var(axis=0, ddof=1).mean() - 1 / 12)  # rounding comes again
+    noise = np.random.default_rng(96).normal(0, deviation, codes.shape)
+    signal = (codes.mean() - dark.mean()) * factors[:, None, None]
+    codes = np.clip(np.rint(dark.mean() + signal + noise), 0, 1023).astype(np.uint16)
+    np.save(folder / "flat.npy", codes)
+    report = diagnosed(folder)
+    drifts = [d["sequence"] for d in report["calibration"]["illumination"]["lamp_drifts"]]
+    if change == "drift":
+        assert drifts == ["flat"] and report["gap"]["frame_changes"] == []
+        assert report["cause"]["verdict"] == "none"
+    else:
+        assert drifts == [] and [c["sequence"] for c in report["gap"]["frame_changes"]] == ["flat"]
+        assert report["cause"]["verdict"] == "unknown"
+
+
 def test_a_comparison_tells_which_set_changes(tmp_path: Path) -> None:
     camera = draw_camera(902, 96, 80)
     steady, stepping = tmp_path / "steady", tmp_path / "stepping"
