@@ -1,5 +1,6 @@
 // Frames against frames: what changes in the middle of a sequence is told, with its frame; what only fluctuates is not.
 #include "capture/frame_changes.hpp"
+#include "capture_support.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,15 +24,8 @@ using Image = std::vector<double>; // light, 1 on average
 Capture capture_of(CaptureScene scene, bool moving, std::uint32_t frames, std::mt19937_64 &random,
                    const std::function<Image(std::uint32_t)> &light) {
     Capture capture;
-    capture.layout.width = kWidth;
-    capture.layout.height = kHeight;
-    capture.layout.bits = 10;
-    SequenceLayout sequence;
-    sequence.name = "it";
-    sequence.scene = scene;
-    sequence.moving = moving;
-    sequence.frame_count = frames;
-    capture.layout.sequences.push_back(sequence);
+    capture.layout = camera_layout(kWidth, kHeight);
+    add_sequence(capture.layout, "it", scene, moving, frames);
     capture.codes.emplace_back();
     std::normal_distribution<double> noise(0.0, kNoise);
     for (std::uint32_t t = 0; t < frames; ++t)

@@ -5,6 +5,7 @@
 #include "capture/capture_reader.hpp"
 #include "capture/capture_writer.hpp"
 #include "capture/stored_sequence.hpp"
+#include "capture_support.hpp"
 #include "runtime/error.hpp"
 #include "simulator/sequence_model.hpp"
 
@@ -29,28 +30,13 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t kBudget = 1'000'000;
 
 CaptureLayout layout_of(std::uint32_t width, std::uint32_t height, const std::vector<std::uint32_t> &frames) {
-    CaptureLayout layout;
-    layout.width = width;
-    layout.height = height;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 5.6;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = 64.0;
-    layout.read_noise_dn = 4.0;
-    layout.principal_point_px = {(width - 1.0) / 2.0, (height - 1.0) / 2.0};
+    CaptureLayout layout = camera_layout(width, height);
     const std::pair<CaptureScene, bool> kinds[] = {{CaptureScene::kDark, false},
                                                    {CaptureScene::kFlat, false},
                                                    {CaptureScene::kBoard, true},
                                                    {CaptureScene::kDots, true}};
-    for (std::size_t s = 0; s < frames.size(); ++s) {
-        SequenceLayout sequence;
-        sequence.name = "s" + std::to_string(s);
-        std::tie(sequence.scene, sequence.moving) = kinds[s % 4];
-        sequence.frame_count = frames[s];
-        sequence.f_number = 5.6;
-        layout.sequences.push_back(sequence);
-    }
+    for (std::size_t s = 0; s < frames.size(); ++s)
+        add_sequence(layout, "s" + std::to_string(s), kinds[s % 4].first, kinds[s % 4].second, frames[s]);
     if (frames.size() >= 4)
         layout.dots = CaptureDots{2.0, {{10.0, 10.0}, {width / 2.0, height / 2.0}, {width / 2.0, height / 2.0 + 30.0}}};
     return layout;

@@ -1,6 +1,7 @@
 // A small camera and captures of the simulator's own, for tests of the attribution.
 #pragma once
 
+#include "capture_support.hpp"
 #include "inference/replicate_runner.hpp"
 #include "simulator/simulator.hpp"
 
@@ -20,24 +21,10 @@ inline std::shared_ptr<Context> context() {
 }
 
 inline CaptureLayout small_layout() {
-    CaptureLayout layout;
-    layout.width = 64;
-    layout.height = 48;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
+    CaptureLayout layout = camera_layout(64, 48);
     layout.f_number = 8.0;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = 64.0;
-    layout.read_noise_dn = 4.0;
-    layout.principal_point_px = {31.5, 23.5};
     const auto add = [&](const char *name, CaptureScene scene, bool moving) {
-        SequenceLayout sequence;
-        sequence.name = name;
-        sequence.scene = scene;
-        sequence.moving = moving;
-        sequence.frame_count = 12;
-        sequence.f_number = 8.0;
-        layout.sequences.push_back(sequence);
+        add_sequence(layout, name, scene, moving, 12);
     };
     add("dark", CaptureScene::kDark, false);
     add("flat", CaptureScene::kFlat, false);

@@ -1,5 +1,6 @@
 // Lamp and laser whose light is not even, told from what the lens does. Captures are made here, by formula.
 #include "inference/illumination.hpp"
+#include "capture_support.hpp"
 #include "simulator/host_noise.hpp"
 #include "simulator/simulator.hpp"
 #include "diagnosis/inference/attribution_support.hpp"
@@ -25,24 +26,9 @@ const auto kVignetting = [](double x, double y) { return 1.0 - 0.2 * (x * x + y 
 const auto kSlope = [](double x, double y) { return 1.0 + 0.1 * x - 0.05 * y; };
 
 CaptureLayout layout_of(const std::vector<CaptureScene> &scenes) {
-    CaptureLayout layout;
-    layout.width = kWidth;
-    layout.height = kHeight;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 5.6;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = kBlack;
-    layout.read_noise_dn = 4.0;
-    layout.principal_point_px = {0.5 * (kWidth - 1), 0.5 * (kHeight - 1)};
-    for (const CaptureScene scene : scenes) {
-        SequenceLayout sequence;
-        sequence.name = scene_name(scene);
-        sequence.scene = scene;
-        sequence.frame_count = kFrames;
-        sequence.moving = is_laser(scene);
-        layout.sequences.push_back(sequence);
-    }
+    CaptureLayout layout = camera_layout(kWidth, kHeight);
+    for (const CaptureScene scene : scenes)
+        add_sequence(layout, scene_name(scene), scene, is_laser(scene), kFrames);
     return layout;
 }
 

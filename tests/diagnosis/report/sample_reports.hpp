@@ -2,6 +2,7 @@
 #ifndef CLSPECKLE_TESTS_SAMPLE_REPORTS_HPP
 #define CLSPECKLE_TESTS_SAMPLE_REPORTS_HPP
 
+#include "capture_support.hpp"
 #include "run/diagnose.hpp"
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"
@@ -25,24 +26,9 @@ struct Sequence {
 };
 
 inline clsp::CaptureLayout layout(const std::vector<Sequence> &sequences) {
-    clsp::CaptureLayout result;
-    result.width = 72;
-    result.height = 60;
-    result.bits = 10;
-    result.pixel_pitch_m = 2.9e-6;
-    result.f_number = 5.6;
-    result.wavelength_m = 940e-9;
-    result.black_level_dn = 64.0;
-    result.read_noise_dn = 4.0;
-    result.principal_point_px = {35.5, 29.5};
+    clsp::CaptureLayout result = clsp::camera_layout(72, 60);
     for (const Sequence &s : sequences) {
-        clsp::SequenceLayout sequence;
-        sequence.name = s.name;
-        sequence.scene = s.scene;
-        sequence.moving = s.moving;
-        sequence.frame_count = s.frames;
-        sequence.f_number = result.f_number;
-        result.sequences.push_back(sequence);
+        clsp::add_sequence(result, s.name, s.scene, s.moving, s.frames);
         if (s.scene == clsp::CaptureScene::kDots && !result.dots) {
             result.dots = clsp::CaptureDots{2.2, {}};
             for (int y = 6; y < 60; y += 12)

@@ -1,6 +1,7 @@
 // A small camera with all kinds of sequences, and moments of what the simulator draws of it.
 #pragma once
 
+#include "capture_support.hpp"
 #include "runtime/error.hpp"
 #include "simulator/simulator.hpp"
 
@@ -21,16 +22,7 @@ inline const char *const kNames[kSequenceCount] = {"dark",         "flat",      
 
 // 64 x 48 pixels at f/5.6: D = 0.551 cycles per pixel. 12 dots.
 inline CaptureLayout small_layout() {
-    CaptureLayout layout;
-    layout.width = 64;
-    layout.height = 48;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 5.6;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = 64.0;
-    layout.read_noise_dn = 4.0;
-    layout.principal_point_px = {31.5, 23.5};
+    CaptureLayout layout = camera_layout(64, 48);
     CaptureDots dots;
     dots.sigma_px = 2.2;
     for (int y = 0; y < 3; ++y)
@@ -39,14 +31,8 @@ inline CaptureLayout small_layout() {
     layout.dots = dots;
     const CaptureScene scenes[] = {CaptureScene::kDark,  CaptureScene::kFlat, CaptureScene::kBoard,
                                    CaptureScene::kBoard, CaptureScene::kDots, CaptureScene::kDots};
-    for (std::size_t i = 0; i < kSequenceCount; ++i) {
-        SequenceLayout sequence;
-        sequence.name = kNames[i];
-        sequence.scene = scenes[i];
-        sequence.moving = i == kBoardMoving || i == kDotsMoving;
-        sequence.frame_count = 4;
-        layout.sequences.push_back(sequence);
-    }
+    for (std::size_t i = 0; i < kSequenceCount; ++i)
+        add_sequence(layout, kNames[i], scenes[i], i == kBoardMoving || i == kDotsMoving, 4);
     return layout;
 }
 

@@ -1,6 +1,7 @@
 // The sums over pixels on the device: every statistic of every kind of sequence has the bits that the host's sums give.
 #include "statistics/device_sums.hpp"
 
+#include "capture_support.hpp"
 #include "runtime/error.hpp"
 #include "statistics/geometry.hpp"
 #include "statistics/sequence_statistics.hpp"
@@ -32,32 +33,21 @@ struct Kind {
 };
 
 CaptureLayout layout_of(const Kind &kind) {
-    CaptureLayout layout;
-    layout.width = kind.width;
-    layout.height = kind.height;
+    CaptureLayout layout = clsp::camera_layout(kind.width, kind.height);
     layout.bits = kind.bits;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 5.6;
-    layout.wavelength_m = 940e-9;
-    layout.principal_point_px = {0.5 * (kind.width - 1), 0.5 * (kind.height - 1)};
     clsp::CaptureDots dots;
     dots.sigma_px = 2.1;
     for (double y = 9.2; y < kind.height - 2.0; y += 15.3)
         for (double x = 8.7; x < kind.width - 2.0; x += 14.9)
             dots.positions_px.push_back({x + std::sin(y), y + std::cos(2.0 * x)});
     layout.dots = dots;
-    clsp::SequenceLayout sequence;
-    sequence.name = "frames";
-    sequence.scene = kind.scene;
-    sequence.moving = kind.moving;
-    sequence.frame_count = kind.frames;
+    clsp::SequenceLayout &sequence = clsp::add_sequence(layout, "frames", kind.scene, kind.moving, kind.frames);
     if (kind.masked) {
         sequence.mask.assign(layout.pixel_count(), 1);
         for (std::size_t i = 0; i < sequence.mask.size(); ++i)
             if (i % kind.width < 5 || i / kind.width == 11 || i * 2654435761u % 23 == 0)
                 sequence.mask[i] = 0;
     }
-    layout.sequences.push_back(sequence);
     return layout;
 }
 

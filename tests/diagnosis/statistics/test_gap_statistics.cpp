@@ -1,5 +1,6 @@
 // Statistics of a capture's sequences: always finite, the same for any number of threads, blind to masked pixels, and
 // each of them moved by what it is named after.
+#include "capture_support.hpp"
 #include "runtime/error.hpp"
 #include "statistics/sequence_level.hpp"
 #include "statistics/sequence_statistics.hpp"
@@ -32,16 +33,7 @@ constexpr double kBlack = 64.0, kRead = 4.0, kSigma = 2.2;
 constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
 
 CaptureLayout make_layout(CaptureScene scene, bool moving, std::uint32_t frames = kFrames) {
-    CaptureLayout layout;
-    layout.width = kWidth;
-    layout.height = kHeight;
-    layout.bits = 10;
-    layout.pixel_pitch_m = 2.9e-6;
-    layout.f_number = 5.6;
-    layout.wavelength_m = 940e-9;
-    layout.black_level_dn = kBlack;
-    layout.read_noise_dn = kRead;
-    layout.principal_point_px = {0.5 * (kWidth - 1), 0.5 * (kHeight - 1)};
+    CaptureLayout layout = clsp::camera_layout(kWidth, kHeight);
     clsp::CaptureDots dots;
     dots.sigma_px = kSigma;
     for (int j = 0; j < 5; ++j)
@@ -49,12 +41,7 @@ CaptureLayout make_layout(CaptureScene scene, bool moving, std::uint32_t frames 
             dots.positions_px.push_back({9.3 + 15.1 * i + 1.3 * std::sin(3.0 * i + 5.0 * j),
                                          8.8 + 15.2 * j + 1.3 * std::cos(4.0 * i + 2.0 * j)});
     layout.dots = dots;
-    clsp::SequenceLayout sequence;
-    sequence.name = "frames";
-    sequence.scene = scene;
-    sequence.moving = moving;
-    sequence.frame_count = frames;
-    layout.sequences.push_back(sequence);
+    clsp::add_sequence(layout, "frames", scene, moving, frames);
     return layout;
 }
 

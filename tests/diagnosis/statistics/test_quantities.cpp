@@ -2,6 +2,7 @@
 // library, whose normal law has nothing to do with the simulator's. Seeds are fixed; tolerances are five standard
 // errors, so that a right program fails once in 1.7 million checks, and what they would miss is said beside each.
 #include "measure/datasheet_quantities.hpp"
+#include "capture_support.hpp"
 #include "statistics/quantities.hpp"
 
 #include "runtime/error.hpp"
@@ -23,23 +24,8 @@ constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
 constexpr double kBlack = 64.0, kRead = 4.0;
 
 clsp::CaptureLayout layout(clsp::CaptureScene scene, bool moving, std::uint32_t frames = kFrames) {
-    clsp::CaptureLayout result;
-    result.width = kWidth;
-    result.height = kHeight;
-    result.bits = 10;
-    result.pixel_pitch_m = 2.9e-6;
-    result.f_number = 5.6;
-    result.wavelength_m = 940e-9;
-    result.black_level_dn = kBlack;
-    result.read_noise_dn = kRead;
-    result.principal_point_px = {0.5 * (kWidth - 1), 0.5 * (kHeight - 1)};
-    clsp::SequenceLayout sequence;
-    sequence.name = "sequence";
-    sequence.scene = scene;
-    sequence.moving = moving;
-    sequence.frame_count = frames;
-    sequence.f_number = result.f_number;
-    result.sequences.push_back(sequence);
+    clsp::CaptureLayout result = clsp::camera_layout(kWidth, kHeight);
+    clsp::add_sequence(result, "sequence", scene, moving, frames);
     return result;
 }
 
