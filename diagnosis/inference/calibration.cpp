@@ -29,6 +29,8 @@ constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;
 // A level that is so many deviations above 0 is cut off by none of the converter's ends: once in 30,000 codes.
 constexpr double kClipping = 4.0;
+// So many deviations below 0 a level shows once in 44 codes.
+constexpr double kLeastShown = -2.0;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
@@ -132,9 +134,9 @@ template <typename Function> double root(double low, double high, double toleran
 // than a level far above its noise, each to its own alone.
 Eigen::Matrix2d clipped_response(double level, double deviation) {
     constexpr double kSqrtTwoPi = 2.5066282746310002;
-    const double at = level / deviation;
+    const double at = std::max(level / deviation, kLeastShown); // of what never shows nothing is to be told
     const double above = 0.5 * std::erfc(-at * M_SQRT1_2), density = std::exp(-0.5 * at * at) / kSqrtTwoPi;
-    const double mean = level * above + deviation * density;
+    const double mean = deviation * (at * above + density);
     Eigen::Matrix2d response;
     response << above, density / (2.0 * deviation), 2.0 * mean * (1.0 - above), above - mean * density / deviation;
     return response;
@@ -351,8 +353,9 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
         last_variance = variance;
         const Eigen::Vector2d step =
             response.inverse() * Eigen::Vector2d(mean - level.mean_dn, (wanted - variance) / slope);
-        levels.black_level_dn += step[0];
         // At most twice the noise at once: a response is that of where it is.
+        const double most = clips ? 2.0 * std::sqrt(noise + wanted) : std::abs(step[0]);
+        levels.black_level_dn += std::clamp(step[0], -most, most);
         levels.read_noise_dn = std::sqrt(std::clamp(noise + step[1], kLeastReadNoise * kLeastReadNoise,
                                                     std::max(4.0 * noise, noise + kQuantizationVariance + wanted)));
     }
