@@ -32,7 +32,7 @@ inline CaptureLayout small_layout() {
     const CaptureScene scenes[] = {CaptureScene::kDark,  CaptureScene::kFlat, CaptureScene::kBoard,
                                    CaptureScene::kBoard, CaptureScene::kDots, CaptureScene::kDots};
     for (std::size_t i = 0; i < kSequenceCount; ++i)
-        add_sequence(layout, kNames[i], scenes[i], i == kBoardMoving || i == kDotsMoving, 4);
+        add_sequence(layout, kNames[i], scenes[i], i == kBoardMoving || i == kDotsMoving, 4).f_number = 0.0; // camera's
     return layout;
 }
 
