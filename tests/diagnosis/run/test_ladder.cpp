@@ -87,6 +87,30 @@ TEST(Ladder, AnUnknownBelowStays) {
     EXPECT_EQ(rung_of(result, CaptureScene::kDark).verdict, Verdict::kUnknown);
 }
 
+// A converter whose multiples of four take half of the codes above them: in no catalogue, and dozens of deviations off in
+// dark and flat. The gain is what it was, within its interval and 3 %.
+TEST(Ladder, WhatNothingExplainsHasNoPull) {
+    constexpr double kGain = 0.28;
+    CaptureLayout layout = small_layout();
+    layout.sequences.pop_back();
+    for (const char *name : {"flat_1", "flat_2"}) {
+        layout.sequences.push_back(layout.sequences[1]);
+        layout.sequences.back().name = name;
+    }
+    Capture capture = simulated({{"shot_noise", {kGain}}, {"prnu", {0.01}}}, kCaptureSeed + 35, {}, layout);
+    for (auto &codes : capture.codes)
+        for (std::size_t i = 0; i < codes.size(); ++i)
+            codes[i] = static_cast<std::uint16_t>(codes[i] - (codes[i] % 4 == 1 && i % 2));
+    const DiagnosisResult result = diagnosed(capture);
+    EXPECT_EQ(result.verdict, Verdict::kUnknown);
+    const auto gain = std::find_if(result.parameters.begin(), result.parameters.end(),
+                                   [](const FittedParameter &p) { return p.effect == "shot_noise"; });
+    ASSERT_NE(gain, result.parameters.end());
+    EXPECT_NEAR(gain->value, kGain, 0.03 * kGain);
+    EXPECT_LE(gain->low, kGain);
+    EXPECT_GE(gain->high, kGain);
+}
+
 TEST(Ladder, NoGapNoRungs) {
     const DiagnosisResult result = diagnosed(simulated({}, kCaptureSeed + 34));
     EXPECT_EQ(result.verdict, Verdict::kNone);
