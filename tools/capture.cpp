@@ -3,6 +3,7 @@
 #include "context.hpp"
 #include "effects.hpp"
 #include "errors.hpp"
+#include "files.hpp"
 #include "interrupt.hpp"
 #include "io/image_io.hpp"
 #include "json.hpp"
@@ -331,6 +332,7 @@ DotPattern read_dots(const std::string &file, double sigma_px) {
 }
 
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console) {
+    check_report_file(arguments.json, arguments.folder);
     const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     const Json summary = Json::parse(capture.summary_json());
     for (const Json &warning : summary["warnings"]) {
@@ -347,6 +349,8 @@ void run_capture_check(const CaptureCheckArguments &arguments, Console &console)
 }
 
 void run_capture_emva(const CaptureEmvaArguments &arguments, Console &console) {
+    for (const std::string &path : {arguments.json, arguments.xml})
+        check_report_file(path, arguments.folder);
     const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     const Json emva = Json::parse(capture.emva1288_json());
     const auto named = [](const Json &note) {

@@ -3,6 +3,7 @@
 #include "context.hpp"
 #include "effects.hpp"
 #include "errors.hpp"
+#include "files.hpp"
 #include "hypothesis_file.hpp"
 #include "interrupt.hpp"
 #include "io/image_io.hpp"
@@ -125,8 +126,6 @@ clspeckle::Diagnosis diagnose_or_compare(const clspeckle::Context &context, cons
 
 void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     const bool to_file = !arguments.json.empty() && arguments.json != "-";
-    if (to_file)
-        check_writable(arguments.json);
     if (!arguments.html.empty() && arguments.html == arguments.json)
         throw InputError("--json and --html name the same file; give each its own");
     if (arguments.html == "-")
@@ -138,6 +137,12 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     for (const std::string &other : {arguments.json, arguments.html, arguments.emva})
         if (!arguments.profile.empty() && arguments.profile == other)
             throw InputError(fmt::format("--profile {}: another option names the same file; give each its own", other));
+    for (const std::string &path : {arguments.json, arguments.html, arguments.emva, arguments.profile})
+        for (const std::string &set : {arguments.folder, arguments.sim})
+            if (!set.empty())
+                check_report_file(path, set);
+    if (to_file)
+        check_writable(arguments.json);
     for (const std::string &path : {arguments.html, arguments.emva, arguments.profile})
         if (!path.empty())
             check_writable(path);

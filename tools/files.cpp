@@ -147,6 +147,21 @@ void check_output_file(const std::string &path, bool overwrite, const std::vecto
     const image_io::AtomicFile probe(path);
 }
 
+void check_report_file(const std::string &path, const std::string &set) {
+    if (path.empty() || path == "-")
+        return;
+    std::error_code code;
+    const bool is_folder = fs::is_directory(set, code);
+    for (const fs::directory_entry &entry :
+         fs::directory_iterator(is_folder ? fs::path(set) : fs::absolute(set, code).parent_path(), code)) {
+        const std::string extension = entry.path().extension().string();
+        const bool is_report = extension == ".json" || extension == ".html" || extension == ".xml";
+        const bool is_set = entry.path().filename() == "capture.json" || same_file(entry.path().string(), set);
+        if ((is_set || !is_report) && same_file(path, entry.path().string()))
+            throw InputError(fmt::format("{}: belongs to the capture set; choose another file for the output", path));
+    }
+}
+
 std::vector<std::string> make_output_folder(const std::string &path, const char *option) {
     std::vector<std::string> created;
     std::error_code code;

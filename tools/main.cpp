@@ -669,7 +669,7 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
         ->type_name("FILE")
         ->check(named());
     app.add_option("--tolerance", a.tolerances,
-                   "What you accept of the simulator's error, as JSON (docs/gap-report.md): the report says whether it is")
+                   "What you accept of the simulator's error, as JSON (docs/diagnosis.md): the report says whether it is")
         ->type_name("FILE")
         ->check(named());
     app.add_option("--emva", a.emva,

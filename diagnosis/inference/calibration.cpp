@@ -29,8 +29,9 @@ constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
 constexpr int kExactRounds = 6;
 // A level that is so many deviations above 0 is cut off by none of the converter's ends: once in 30,000 codes.
 constexpr double kClipping = 4.0;
-// So many deviations below 0 a level shows once in 44 codes.
-constexpr double kLeastShown = -2.0;
+// So many deviations below 0 a level shows once in 44 codes, and the codes' mean is that part of their deviation. Of less
+// there is nothing to be told.
+constexpr double kLeastShown = -2.0, kLeastMeanShown = 0.11;
 constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
 // The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
 constexpr double kNoiseRange = 0.3;
@@ -328,7 +329,7 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
     const double wanted =
         shared_->real_calibration.read_noise_dn * shared_->real_calibration.read_noise_dn + kQuantizationVariance;
     const double mean = shared_->real_levels[sequence].mean_dn;
-    const bool clips = mean < kClipping * std::sqrt(wanted);
+    const bool clips = mean < kClipping * std::sqrt(wanted) && mean > kLeastMeanShown * std::sqrt(wanted);
     // Of the codes' variance against that of the read noise: 1 but for coarse steps.
     double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
     for (int round = 0; round < (exact || clips ? kExactRounds : kRounds); ++round) {

@@ -251,6 +251,18 @@ def test_bad_usage(refused, tmp_path: Path, arguments: list[object], words: str)
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
 
 
+@pytest.mark.parametrize(
+    "command",
+    [f"diagnose set {option} set/{name}" for option in ("--json", "--html", "--emva", "--profile") for name in ("capture.json", "flat.npy")]
+    + ["capture emva set --json set/capture.json", "capture emva set --xml set/flat.npy", "capture check set/capture.json --json set/flat.npy"],
+)
+def test_no_output_replaces_a_file_of_the_set(refused, tmp_path: Path, command: str) -> None:
+    write_set(tmp_path / "set", 0)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()}
+    assert "belongs to the capture set; choose another file" in refused(*command.split())
+    assert {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()} == before
+
+
 def test_names_of_effects_may_have_blanks(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 20)
     plain = ok("diagnose", "set", "--json", "-", "--without", "gamma,vignetting", *QUICK).json()
