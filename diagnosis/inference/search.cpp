@@ -738,18 +738,22 @@ SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *
     // What may be chance has no pull to speak of.
     if (found.p_left > kBeyondDoubt || found.ended_early)
         return found;
-    const auto take = [&](SearchResult other) {
+    const auto take = [&](SearchResult &other) {
         other.screened = std::move(found.screened);
-        other.work += found.work;
         found = std::move(other);
     };
+    const double work = found.work;
     SearchResult second = attempt({start.model, start.steps, left}, kFirstSearch, kSecondSearch);
-    if (second.models.empty())
+    if (second.models.empty()) {
+        found.work = work + second.work;
         return found;
-    take(std::move(second));
+    }
+    take(second);
     SearchResult third = attempt({found.model, found.steps, start.unexplained}, kSecondSearch, 1.0);
+    const double all_work = work + found.work + third.work;
     if (third.p_left > options.residual_level)
-        take(std::move(third));
+        take(third);
+    found.work = all_work;
     return found;
 }
 
