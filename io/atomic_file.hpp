@@ -1,7 +1,7 @@
 /**
  * @file atomic_file.hpp
- * @brief Files that are never seen half-written: everything goes to a temporary name in the same folder, which is renamed
- * when it is complete.
+ * @brief Files that are never seen half-written: everything goes to a temporary name in the same folder, which is
+ * renamed when it is complete.
  */
 #ifndef CLSPECKLE_IO_ATOMIC_FILE_HPP
 #define CLSPECKLE_IO_ATOMIC_FILE_HPP

@@ -40,6 +40,9 @@ const Format *recognized(const std::string &path) {
         for (const std::string &magic : format.magic)
             if (start.compare(0, magic.size(), magic) == 0)
                 return &format;
+    for (const Format &format : formats())
+        if (format.recognizes && format.recognizes(file))
+            return &format;
     return nullptr;
 }
 
@@ -89,9 +92,11 @@ std::string listed(const char *word, const std::function<bool(const Format &)> &
 }
 
 std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request) {
-    const Format *format = recognized(path);
+    const Format *format = request.raw ? &format_named("raw") : recognized(path);
     if (!format)
-        throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name)", listed("or")));
+        throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name); raw frames must be "
+                                          "described: {} (--raw, or \"raw\" in capture.json)",
+                                          listed("or"), raw_form));
     if (!format->open)
         throw ReadError(path, fmt::format("is an image of the format {}, which is not read here; {} are", format->name,
                                           listed("and", &Format::is_read)));
@@ -99,7 +104,7 @@ std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request
         throw ReadError(path, fmt::format("a channel (\"{}\") can be named for {} files only", request.channel,
                                           listed("and", &Format::has_named_channels)));
     auto reader = format->open(path, request);
-    reader->set_format(*format);
+    reader->opened_as(*format);
     return reader;
 }
 

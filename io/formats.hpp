@@ -9,9 +9,11 @@
 #define CLSPECKLE_IO_FORMATS_HPP
 
 #include "io/image_io.hpp"
+#include "io/raw.hpp"
 
 #include <functional>
 #include <list>
+#include <optional>
 #include <type_traits>
 
 namespace image_io {
@@ -20,6 +22,8 @@ namespace image_io {
 struct ReadRequest {
     /** One of named channels; empty: the only one, or those that make a picture. */
     std::string channel;
+    /** Of raw frames: how they lie in the file, whatever it looks like. */
+    std::optional<RawLayout> raw = {};
 };
 
 /** Types of samples that are written. */
@@ -65,6 +69,9 @@ struct Format {
     std::unique_ptr<Writer> (*create)(const std::string &path, const WriteRequest &request) = nullptr;
     std::vector<Sample> writes;        ///< What create() takes.
     std::vector<FrameStorage> storage; ///< What render offers.
+    /** Of a format without magic bytes: whether a file is one, once no magic bytes fit. */
+    bool (*recognizes)(detail::InputFile &file) = nullptr;
+    std::string no_codes_because; ///< Of Codes::none, for a refusal: what frames in it would lack, and what to do.
 
     const std::string &extension() const { return extensions.front(); }
     bool is_read() const { return open != nullptr; }

@@ -20,6 +20,14 @@ std::string error_text(int code) {
 
 } // namespace
 
+void Reader::opened_as(const Format &format) {
+    info_.format = &format;
+    if (info_.surplus_bytes > 0)
+        info_.warnings.push_back(fmt::format("{} bytes follow the array of {} frames and are not read; was a second "
+                                             "array, or something else, appended?",
+                                             info_.surplus_bytes, info_.frame_count));
+}
+
 void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
     if (width == 0 || height == 0)
         fail(fmt::format("the image is empty ({} x {} pixels)", width, height));

@@ -39,7 +39,7 @@ struct Format;
 /** What a file holds. */
 struct Info {
     const Format *format = nullptr; ///< Of the registry.
-    std::string sample; ///< For example "uint16" or "float32".
+    std::string sample;             ///< For example "uint16" or "float32".
     std::uint32_t width = 0;
     std::uint32_t height = 0;
     std::uint32_t channels = 1;        ///< Interleaved samples per pixel, alpha included.
@@ -47,7 +47,7 @@ struct Info {
     std::uint64_t frame_count = 1;     ///< Pages of a TIFF, frames of an NPY stack.
     double full_scale = 0;             ///< Top code of an unsigned integer format; 0: the values are what they are.
     std::uint32_t axes = 2;            ///< Of an NPY array, before they are told apart as frames and channels.
-    std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; they are not read.
+    std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; not read, which is a warning.
     std::vector<std::string> warnings; ///< What was ignored.
 };
 
@@ -62,7 +62,8 @@ class Reader {
     Reader &operator=(const Reader &) = delete;
 
     const Info &info() const { return info_; }
-    void set_format(const Format &format) { info_.format = &format; }
+    /** Of the registry: what it says of every file that it opens. */
+    void opened_as(const Format &format);
     const std::string &path() const { return path_; }
     /** Calls the sink once per row, top to bottom. Throws ReadError for damaged data. */
     virtual void read_rows(std::uint64_t frame, const RowSink &sink) = 0;

@@ -7,7 +7,7 @@ level="${1:-build}"
 
 packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers
           pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega libspng-dev libtiff-dev
-          libopenexr-dev python3 python3-venv)
+          libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
 if [ "$level" = test ]; then
     packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang git ccache)
 fi

@@ -60,6 +60,7 @@ struct CaptureInitArguments {
     std::optional<double> read_noise_dn; ///< None: that of the frames.
     std::uint32_t bits = 0;              ///< 0: as the codes say.
     std::string dots_file;               ///< Empty: dots are looked for in the frames.
+    std::string raw;                     ///< How the pixels of .raw files lie.
     bool force = false;
 };
 

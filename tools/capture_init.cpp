@@ -3,6 +3,7 @@
 #include "context.hpp"
 #include "dot_finder.hpp"
 #include "errors.hpp"
+#include "files.hpp"
 #include "interrupt.hpp"
 #include "io/formats.hpp"
 #include "json.hpp"
@@ -118,13 +119,19 @@ std::string sequence_name(std::string text) {
     return text.substr(0, text.find_last_not_of("_-. ") + 1);
 }
 
-std::uint64_t frames_in(const std::string &path) {
-    return image_io::open(path)->info().frame_count;
+bool is_raw(const std::string &path) {
+    const image_io::Format *format = image_io::format_of_extension(path);
+    return format && format->name == "raw";
+}
+
+/** @param raw of .raw files. */
+std::unique_ptr<image_io::Reader> open_frames(const std::string &path, const std::string &raw) {
+    return image_io::open(path, request_of("", is_raw(path) ? raw : ""));
 }
 
 class Folder {
   public:
-    explicit Folder(std::string folder) : folder_(std::move(folder)) {
+    Folder(std::string folder, const std::string &raw) : folder_(std::move(folder)) {
         std::error_code code;
         if (!fs::is_directory(folder_, code))
             throw InputError(fmt::format("{}: {}; name the folder that holds the frames: {}", folder_,
@@ -150,7 +157,7 @@ class Folder {
                 masks[sequence_name(stem.substr(0, stem.size() - 5))] = path;
             else if (without_number(stem) == stem ||
                      image_io::format_of_extension(file)->codes == image_io::Codes::stacks ||
-                     frames_in(path.string()) > 1)
+                     open_frames(path.string(), raw)->info().frame_count > 1)
                 add(stem, file, {path.string()});
             else
                 numbered[without_number(stem) + '/' + path.extension().string()].push_back(path);
@@ -237,10 +244,10 @@ class Folder {
 };
 
 /** Sums over all frames of a sequence. */
-void read_frames(Found &found, Codes &codes, const std::function<void()> &frame_done) {
+void read_frames(Found &found, const std::string &raw, Codes &codes, const std::function<void()> &frame_done) {
     std::vector<float> first;
     for (const std::string &path : found.paths) {
-        const auto reader = image_io::open(path);
+        const auto reader = open_frames(path, raw);
         const image_io::Info &info = reader->info();
         if (info.channels != 1 || (info.sample != "uint8" && info.sample != "uint16"))
             throw InputError(fmt::format("{}: has {} channel{} of {}; expected raw codes, one uint8 or uint16 for each "
@@ -484,7 +491,7 @@ void check_description(image_io::AtomicFile &file, const std::string &path, Cons
 } // namespace
 
 void run_capture_init(const CaptureInitArguments &a, Console &console) {
-    Folder folder(a.folder);
+    Folder folder(a.folder, a.raw);
     std::vector<Found> &sequences = folder.sequences;
     const std::string path = (fs::path(a.folder) / "capture.json").string();
     std::error_code code;
@@ -494,11 +501,11 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     std::uint64_t total = 0;
     for (const Found &found : sequences)
         for (const std::string &one : found.paths)
-            total += frames_in(one);
+            total += open_frames(one, a.raw)->info().frame_count;
     Codes codes;
     std::uint64_t done = 0;
     for (Found &found : sequences)
-        read_frames(found, codes, [&] { console.progress(++done, total); });
+        read_frames(found, a.raw, codes, [&] { console.progress(++done, total); });
 
     Notes notes;
     Json camera;
@@ -549,6 +556,8 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
             entry["exposure_ms"] = *found.exposure_ms;
         if (!found.mask.empty())
             entry["mask"] = found.mask;
+        if (is_raw(found.paths.front()))
+            entry["raw"] = a.raw;
         if (found.laser() && !found.motion_named)
             notes.add(fmt::format("/sequences/{}/motion", root["sequences"].size()), motion,
                       fmt::format("the name {} says neither static nor moving: its frames look so", found.name));

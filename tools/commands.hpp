@@ -34,6 +34,7 @@ struct StatisticsArguments {
     std::uint32_t histogram_bins = 0;    ///< 0: none.
     std::vector<double> histogram_range; ///< low, high; or empty.
     std::string channel;
+    std::string raw;
     bool temporal = false;
 };
 

@@ -168,7 +168,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
             const image_io::AtomicFile probe(output); // fails before the work, not after it
     std::uint64_t total = 0, done = 0;
     for (const std::string &file : files) {
-        const auto reader = image_io::open(file, {arguments.channel});
+        const auto reader = image_io::open(file, request_of(arguments.channel, arguments.raw));
         const image_io::Info &info = reader->info();
         if (total == 0) {
             desc.width = info.width;
@@ -190,7 +190,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
     std::vector<DepthFrame> frames;
     std::vector<std::string> warnings;
     for (const std::string &file : files) {
-        const auto reader = image_io::open(file, {arguments.channel});
+        const auto reader = image_io::open(file, request_of(arguments.channel, arguments.raw));
         for (std::uint64_t index = 0; index < reader->info().frame_count; ++index) {
             check_interrupt();
             DepthFrame frame;

@@ -28,6 +28,7 @@ struct DepthArguments {
     std::string pictures; ///< Folder for overlays and depth maps; empty: none.
     std::string device;
     std::string channel;
+    std::string raw;
     ClspDepthDesc desc =
         clspeckle::make<ClspDepthDesc>(); ///< What the options say; sizes, dots and geometry come from files.
     std::optional<double> near_m;         ///< Over what the geometry file says.

@@ -97,6 +97,21 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
 
 } // namespace
 
+image_io::ReadRequest request_of(const std::string &channel, const std::string &raw) {
+    image_io::ReadRequest request;
+    request.channel = channel;
+    if (raw.empty())
+        return request;
+    if (!channel.empty())
+        throw InputError("give either --channel or --raw: raw frames have one channel");
+    try {
+        request.raw = image_io::parse_raw(raw);
+    } catch (const std::invalid_argument &error) {
+        throw InputError(fmt::format("--raw {}", error.what()));
+    }
+    return request;
+}
+
 std::vector<std::string> expand(const std::string &argument, Purpose purpose) {
     std::error_code code;
     const fs::file_status status = fs::status(argument, code);

@@ -5,10 +5,15 @@
 #ifndef CLSPECKLE_TOOLS_FILES_HPP
 #define CLSPECKLE_TOOLS_FILES_HPP
 
+#include "io/formats.hpp"
+
 #include <string>
 #include <vector>
 
 namespace tools {
+
+/** What is wanted of images. @param raw describes raw frames; empty: files tell what they are. */
+image_io::ReadRequest request_of(const std::string &channel, const std::string &raw);
 
 /** What images are wanted for. */
 enum class Purpose { ideal_images, measurement };

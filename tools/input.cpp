@@ -222,7 +222,7 @@ class Planes {
 class IdealInput final : public Input {
   public:
     IdealInput(const std::vector<std::string> &names, const InputPaths &paths, const Config &config)
-        : series_(names, {config.text("render.channel")}), planes_(paths),
+        : series_(names, request_of(config.text("render.channel"), paths.raw)), planes_(paths),
           scale_(config.number("render.irradiance_scale")) {
         kind = names.size() > 1 ? fmt::format("{} ideal images", names.size()) : "ideal image";
         width = series_.width;
@@ -677,6 +677,8 @@ namespace {
 
 std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::string> &files, Config &config) {
     if (paths.inputs.empty()) {
+        if (!paths.raw.empty())
+            throw InputError("--raw describes the ideal images: name them, or leave it out");
         if (paths.depth.empty() && paths.position.empty())
             throw InputError("nothing to render: give an ideal image, a scene, or --depth or --position");
         if (!paths.depth.empty() && !paths.position.empty())
@@ -688,7 +690,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
     for (const std::string &input : paths.inputs)
         for (std::string &file : expand(input, Purpose::ideal_images))
             files.push_back(std::move(file));
-    if (std::filesystem::path(files.front()).extension() == ".json") {
+    if (paths.raw.empty() && std::filesystem::path(files.front()).extension() == ".json") {
         if (files.size() > 1)
             throw InputError(
                 fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
@@ -699,7 +701,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
                                          image_io::listed("or", &image_io::Format::has_named_channels)));
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
     }
-    if (is_scene(files.front())) {
+    if (paths.raw.empty() && is_scene(files.front())) {
         Sequence sequence;
         sequence.files = files;
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);

@@ -21,6 +21,7 @@ namespace tools {
 /** The files that the command line names. */
 struct InputPaths {
     std::vector<std::string> inputs;
+    std::string raw; ///< How the pixels of raw inputs lie; empty: they are no raw files.
     std::string depth;
     std::string position;
     std::string normal;

@@ -542,6 +542,8 @@ void add_capture_init(CLI::App &app, tools::CaptureInitArguments &a, bool &quiet
         ->check(within(8u, 16u));
     app.add_option("--dots", a.dots_file, "JSON with sigma_px and positions_px, or a capture.json: the dots are not looked for")
         ->type_name("FILE");
+    app.add_option("--raw", a.raw, fmt::format("How frames lie in the .raw files: {} (docs/guide/files.md)", image_io::raw_form))
+        ->type_name("LAYOUT");
     app.add_flag("--force", a.force, "Replace a capture.json");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
@@ -809,6 +811,7 @@ int run(int argc, char **argv) {
     render_command
         .add_option("INPUT", arguments.input.inputs, "Ideal image, scene, folder, glob pattern or sequence.json")
         ->type_name("");
+    render_command.add_option("--raw", arguments.input.raw, tools::raw_help())->type_name("LAYOUT");
     render_command.add_option("-o,--output", arguments.output, "Folder for the frames; made if it does not exist")
         ->type_name("FOLDER");
     render_command
@@ -877,6 +880,7 @@ int run(int argc, char **argv) {
         ->type_name("LOW,HIGH");
     statistics.add_flag("--temporal", stats.temporal, "Also tell each pixel's standard deviation over all frames");
     statistics.add_option("--channel", stats.channel, tools::channel_help())->type_name("TEXT");
+    statistics.add_option("--raw", stats.raw, tools::raw_help())->type_name("LAYOUT");
     statistics.add_option("--device", stats.device, "OpenCL device, as for render")->type_name("TEXT");
     add_json(statistics, "Print JSON");
 

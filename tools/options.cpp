@@ -442,6 +442,10 @@ std::string Option::range() const {
     }
 }
 
+std::string raw_help() {
+    return fmt::format("Read the files as raw frames: {}; packings unpacked, msb, mipi, genicam, gige", image_io::raw_form);
+}
+
 std::string channel_help() {
     return fmt::format("Channel of {} files", image_io::listed("and", &image_io::Format::has_named_channels));
 }

@@ -50,6 +50,8 @@ struct Option {
 
 /** Of the option --channel of commands that measure images. */
 std::string channel_help();
+/** Of their option --raw. */
+std::string raw_help();
 
 /** All options, in the order in which they are shown. */
 const std::vector<Option> &option_table();

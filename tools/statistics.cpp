@@ -307,7 +307,7 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
     Temporal temporal;
     std::vector<std::uint8_t> mask;
     for (const std::string &file : files) {
-        const auto reader = image_io::open(file, {arguments.channel});
+        const auto reader = image_io::open(file, request_of(arguments.channel, arguments.raw));
         const image_io::Info &info = reader->info();
         Region region{0, 0, info.width, info.height};
         if (!arguments.region.empty()) {

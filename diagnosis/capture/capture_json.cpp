@@ -10,6 +10,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <stdexcept>
 
 namespace clsp {
 namespace {
@@ -120,7 +121,15 @@ void read_sequence(const Parser &parser, const Json &entry, std::size_t index, C
     result.files.push_back(parser.relative_path(entry, "file", where, frames.c_str()));
     result.masks.push_back(
         entry.contains("mask") ? parser.relative_path(entry, "mask", where, "the path of an 8-bit image") : "");
-    parser.note_unknown(entry, where, {"name", "file", "scene", "motion", "exposure_ms", "f_number", "mask"},
+    result.raws.emplace_back();
+    if (entry.contains("raw")) {
+        try {
+            result.raws.back() = image_io::parse_raw(parser.text(entry, "raw", where, image_io::raw_form));
+        } catch (const std::invalid_argument &error) {
+            parser.refuse(where + "/raw", fmt::format("is {}", error.what()));
+        }
+    }
+    parser.note_unknown(entry, where, {"name", "file", "scene", "motion", "exposure_ms", "f_number", "mask", "raw"},
                         sequence.name, result.warnings);
     result.layout.sequences.push_back(std::move(sequence));
 }

@@ -2,7 +2,9 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "io/raw.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,7 @@ struct CaptureDescription {
     std::vector<std::string> files; // by sequence: a path, folder or glob pattern within the folder of the description
     bool msb_aligned = false;       // codes stand in the upper bits of 16-bit words
     std::vector<std::string> masks; // by sequence; empty: none
+    std::vector<std::optional<image_io::RawLayout>> raws; // by sequence: of raw frames
     std::vector<CaptureWarning> warnings;
 };
 

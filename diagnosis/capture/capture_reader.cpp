@@ -51,7 +51,8 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
     }
     for (std::size_t i = 0; i < described.files.size(); ++i) {
         files.push_back(std::make_unique<SequenceFiles>(root.string(), described.files[i], origin.description,
-                                                        fmt::format("/sequences/{}/file", i), described.msb_aligned));
+                                                        fmt::format("/sequences/{}/file", i), described.msb_aligned,
+                                                        described.raws[i]));
         const std::uint64_t frames = files.back()->check(capture.layout);
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
         origin.files.push_back(files.back()->name());

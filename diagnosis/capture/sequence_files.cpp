@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <glob.h>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -151,8 +152,10 @@ bool natural_less(const std::string &a, const std::string &b) {
 }
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
-                             const std::string &field, bool msb_aligned)
+                             const std::string &field, bool msb_aligned,
+                             const std::optional<image_io::RawLayout> &raw)
     : name_((fs::path(folder) / file).lexically_normal().string()), msb_aligned_(msb_aligned) {
+    request_.raw = raw;
     const std::string path = (fs::path(folder) / file).string();
     std::vector<std::string> files;
     std::error_code code;
@@ -184,7 +187,7 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
 SequenceFiles::Part SequenceFiles::part_of(const std::string &path) const {
     Part part;
     part.path = path;
-    part.info = image_io::open(path)->info();
+    part.info = image_io::open(path, request_)->info();
     std::error_code ignored; // it could be opened
     part.size_bytes = fs::file_size(path, ignored);
     part.changed = fs::last_write_time(path, ignored);
@@ -206,8 +209,9 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
                                "name the {0} stack itself",
                                info.format->extension(), frame_formats("or")));
         if (info.format->codes == image_io::Codes::none)
-            refuse(fmt::format("is a {} file; expected an .npy stack, or {} frames", info.format->name,
-                               frame_formats("or")));
+            refuse(fmt::format("is a {} file; expected an .npy stack, or {} frames{}", info.format->name,
+                               frame_formats("or"),
+                               info.format->no_codes_because.empty() ? "" : ": " + info.format->no_codes_because));
         if (info.channels != 1)
             refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
                                stack ? ": an array of (frames, height, width)" : " (a gray image)"));
@@ -239,13 +243,14 @@ std::vector<std::string> SequenceFiles::oddities() const {
     if (const std::string missing = missing_numbers(parts_); !missing.empty())
         result.push_back(
             fmt::format("{}: {}; the frames before and after are taken as neighbours in time", name_, missing));
-    for (const Part &part : parts_) {
-        if (part.info.surplus_bytes > 0)
-            result.push_back(
-                fmt::format("{}: {} bytes follow the array of {} frames and are not read; was a second array, or "
-                            "something else, appended?",
-                            part.path, part.info.surplus_bytes, part.info.frame_count));
-    }
+    std::map<std::string, std::vector<std::string>> files; // by what is said of them
+    for (const Part &part : parts_)
+        for (const std::string &warning : part.info.warnings)
+            files[warning].push_back(part.path);
+    for (const auto &[warning, paths] : files)
+        result.push_back(fmt::format(
+            "{}{}: {}", paths.front(),
+            paths.size() == 1 ? "" : fmt::format(" and {} more of the sequence", paths.size() - 1), warning));
     return result;
 }
 
@@ -259,7 +264,7 @@ image_io::Reader &SequenceFiles::reader_of(std::size_t part) const {
         throw Error(Status::kIo,
                     fmt::format("{}: changed after the capture was opened; open it again once its files are complete",
                                 was.path));
-    reader_ = reading([&] { return image_io::open(was.path); });
+    reader_ = reading([&] { return image_io::open(was.path, request_); });
     open_part_ = part;
     return *reader_;
 }
@@ -273,7 +278,8 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
     const Part &part = *std::prev(next);
     image_io::Reader &reader = reader_of(static_cast<std::size_t>(&part - parts_.data()));
     const std::uint32_t maximum = (1u << bits_) - 1;
-    const bool shifted = msb_aligned_ && part.info.sample == "uint16";
+    // Files that tell fewer bits have their codes in the lower ones.
+    const bool shifted = msb_aligned_ && part.info.full_scale == 65535.0;
     const auto step = static_cast<float>(shifted ? 1u << (kMaxCaptureBits - bits_) : 1u);
     std::uint32_t y = 0;
     const auto take = [&](const float *row) {

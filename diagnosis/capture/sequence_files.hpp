@@ -23,9 +23,11 @@ bool natural_less(const std::string &a, const std::string &b);
 class SequenceFiles final : public CodeFiles {
   public:
     // folder: of capture.json; file: what it says for the sequence, a path that stays in the folder. Throws kIo if
-    // nothing is there. field: for messages. msb_aligned: codes stand in the upper bits of 16-bit words.
+    // nothing is there. field: for messages. msb_aligned: codes stand in the upper bits of 16-bit words. raw: how raw
+    // frames lie in the files.
     SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
-                  const std::string &field, bool msb_aligned = false);
+                  const std::string &field, bool msb_aligned = false,
+                  const std::optional<image_io::RawLayout> &raw = {});
 
     // What messages call it: the file itself, or the folder or pattern.
     const std::string &name() const { return name_; }
@@ -48,6 +50,7 @@ class SequenceFiles final : public CodeFiles {
 
     std::string name_;
     bool msb_aligned_;
+    image_io::ReadRequest request_;
     bool single_ = true; // one file that was named itself
     std::vector<Part> parts_;
     std::uint32_t width_ = 0, bits_ = 0; // of check()

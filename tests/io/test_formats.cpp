@@ -71,9 +71,10 @@ TEST_F(Formats, EveryFileOfTheFolderIsAFormatWithAWholeRecord) {
 
 TEST_F(Formats, ErrorsNameWhatIsReadHere) {
     const std::string text = file("a.png", "no image"), exr = file("a.exr", "\x76\x2f\x31\x01 and more");
-    EXPECT_NE(refused(text).find("is not a PNG, TIFF, EXR, Radiance HDR, NPY or PGM file (the content decides"),
+    EXPECT_NE(refused(text).find("is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw file (the content decides"),
               std::string::npos);
-    EXPECT_NE(refused(exr).find("of the format EXR, which is not read here; PNG, TIFF, Radiance HDR, NPY and PGM are"),
+    EXPECT_NE(refused(exr).find("of the format EXR, which is not read here; PNG, TIFF, Radiance HDR, NPY, PNM, "
+                               "JPEG, BMP, TGA and raw are"),
               std::string::npos);
     image_io::add_openexr();
     EXPECT_NE(refused(exr).find("is not a readable EXR file"), std::string::npos);
@@ -89,7 +90,7 @@ TEST_F(Formats, TheRecipeAddsAFormat) {
     const Format &toy = image_io::format_named("TOY");
     EXPECT_EQ(image_io::format_of_extension("image.Toy"), &toy);
     EXPECT_EQ(image_io::listed("or", [](const Format &f) { return f.codes == image_io::Codes::frames; }),
-              "PNG, TIFF, PGM or TOY");
+              "PNG, TIFF, PNM, BMP, TGA, raw or TOY");
     const std::vector<std::uint8_t> codes = {0, 1, 2, 253, 254, 255};
     const std::string path = (folder_ / "named_wrongly.png").string();
     image_io::write(path, toy, 3, 2, codes.data());
@@ -99,7 +100,7 @@ TEST_F(Formats, TheRecipeAddsAFormat) {
     const image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
     EXPECT_EQ(std::vector<std::uint8_t>(plane.values.begin(), plane.values.end()), codes);
     EXPECT_NE(refused(file("b.toy", "TOY\x03")).find("is truncated"), std::string::npos);
-    EXPECT_NE(refused(file("c.toy", "another")).find("NPY, PGM or TOY file"), std::string::npos);
+    EXPECT_NE(refused(file("c.toy", "another")).find("TGA, raw or TOY file"), std::string::npos);
 }
 
 } // namespace

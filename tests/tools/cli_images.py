@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import OpenEXR
 import png
 import tifffile
+from PIL import Image
 
 Array = np.ndarray
 WIDTH, HEIGHT = 40, 28
@@ -91,6 +93,22 @@ def pgm(path: Path, codes: Array, maximum: int, comment: str = "") -> None:
 def pgm_text(path: Path, codes: Array, maximum: int) -> None:
     rows = "\n".join(" ".join(map(str, row)) for row in codes.tolist())
     path.write_text(f"P2\n# a comment\n{codes.shape[1]} {codes.shape[0]} {maximum}\n{rows}\n")
+
+
+def jpeg() -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(gray8()).save(stream, "JPEG", quality=95)
+    return stream.getvalue()
+
+
+def jpeg_values() -> Array:
+    return scaled(np.asarray(Image.open(io.BytesIO(jpeg()))), 255)
+
+
+def tga(path: Path, runs: bool) -> None:
+    """Without the footer: a file that is cut there is whole."""
+    Image.fromarray(gray8() & 0xF0).save(path, compression="tga_rle" if runs else None)
+    path.write_bytes(path.read_bytes().removesuffix(b"TRUEVISION-XFILE.\0")[:-8])
 
 
 def _runs(values: list[int]) -> bytes:
@@ -199,6 +217,9 @@ def npy_version(path: Path, array: Array, version: tuple[int, int]) -> None:
 
 Writer = Callable[[Path], None]
 
+# What is said of every file of a kind.
+WARNINGS = {".jpg": "JPEG values are sRGB-encoded"}
+
 # Name with extension -> how it is written, and the float32 values that the program must see.
 FORMATS: dict[str, tuple[Writer, Callable[[], Array]]] = {
     "gray8.png": (lambda p: iio.imwrite(p, gray8()), lambda: scaled(gray8(), 255)),
@@ -265,4 +286,11 @@ FORMATS: dict[str, tuple[Writer, Callable[[], Array]]] = {
     "binary10.pgm": (lambda p: pgm(p, gray10(), 1023), lambda: scaled(gray10(), 1023)),
     "binary16.pgm": (lambda p: pgm(p, gray16(), 65535), lambda: scaled(gray16(), 65535)),
     "text.pgm": (lambda p: pgm_text(p, gray10(), 1023), lambda: scaled(gray10(), 1023)),
+    "rgb.ppm": (lambda p: iio.imwrite(p, rgb(gray8())), lambda: scaled(gray8(), 255)),
+    "any.pnm": (lambda p: pgm(p, gray10(), 1023), lambda: scaled(gray10(), 1023)),
+    "gray.jpg": (lambda p: p.write_bytes(jpeg()), jpeg_values),
+    "gray8.bmp": (lambda p: Image.fromarray(gray8()).save(p), lambda: scaled(gray8(), 255)),
+    "rgb8.bmp": (lambda p: Image.fromarray(rgb(gray8())).save(p), lambda: scaled(gray8(), 255)),
+    "plain.tga": (lambda p: tga(p, False), lambda: scaled(gray8() & 0xF0, 255)),
+    "runs.tga": (lambda p: tga(p, True), lambda: scaled(gray8() & 0xF0, 255)),
 }

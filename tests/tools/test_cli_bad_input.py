@@ -26,6 +26,9 @@ EXAMPLES = {
     "HDR": "runs.hdr",
     "NPY": "f8.npy",
     "PGM": "binary16.pgm",
+    "JPEG": "gray.jpg",
+    "BMP": "gray8.bmp",
+    "TGA": "runs.tga",
 }
 
 
@@ -171,8 +174,9 @@ def apart_exr(path: Path) -> None:
 
 
 WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
-    "text.txt": (lambda p: p.write_text("not an image"), "is not a PNG, TIFF, EXR, Radiance HDR, NPY or PGM"),
-    "jpeg.jpg": (lambda p: iio.imwrite(p, images.gray8()), "is not a PNG"),
+    "text.txt": (lambda p: p.write_text("not an image"), "is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw"),
+    "webp.webp": (lambda p: iio.imwrite(p, images.gray8()), "is not a PNG"),
+    "frame.raw": (lambda p: p.write_bytes(bytes(100)), "raw frames must be described: WIDTHxHEIGHT,BITS"),
     "named_wrongly.npy": (lambda p: p.write_text("a text with the name of an array"), "is not a PNG"),
     "empty.png": (lambda p: p.write_bytes(b""), "is empty (0 bytes)"),
     "folder.png": (lambda p: p.mkdir(), "neither sequence.json nor PNG"),

@@ -252,7 +252,7 @@ def test_bad_input(refused, ok, tmp_path: Path) -> None:
     (folder / "flat.npy").unlink()
     assert "--bits 8: codes reach" in refused("capture", "init", "set", "--bits", 8)
     (folder / "dark").mkdir()
-    assert "dark: holds no PNG, TIFF or PGM frames" in refused("capture", "init", "set")
+    assert "dark: holds no PNG, TIFF, PNM, BMP, TGA or raw frames" in refused("capture", "init", "set")
     shutil.copy(folder / "dark.npy", folder / "dark" / "x.npy")
     assert "would both be the sequence \"dark\"; rename or move one" in refused("capture", "init", "set")
     pgm(folder / "dark" / "1.pgm", dark(1)[0], 1023)

@@ -468,7 +468,7 @@ TEST_F(CaptureFolder, RefusesArraysThatCannotBe) {
     expect_open_refused(CLSP_ERROR_INVALID_DATA, {".npy array among the frames"});
     written_with("\"file\": \"dark.npy\"", "\"file\": \"frames\"");
     fs::create_directory(path("set/frames"));
-    expect_open_refused(CLSP_ERROR_IO, {"frames", "no PNG, TIFF or PGM"});
+    expect_open_refused(CLSP_ERROR_IO, {"frames", "no PNG, TIFF, PNM"});
     fs::remove_all(path("set"));
     expect_open_refused(CLSP_ERROR_IO, {"does not exist", "capture.json"});
     fs::create_directory(path("set"));

@@ -55,7 +55,7 @@ Format toy();
 Format toy() {
     Format format;
     format.name = "TOY";
-    format.place = 9;
+    format.place = 99;
     format.extensions = {".toy"};
     format.magic = {"TOY"};
     format.codes = Codes::frames;

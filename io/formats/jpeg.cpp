@@ -1,0 +1,182 @@
+// JPEG by libjpeg-turbo, which libtiff brings along: stb_image 2.27 reads outside of its Huffman tables for damaged
+// files.
+#include "io/formats.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <csetjmp>
+#include <cstdio>
+#include <cstring>
+
+#include <jpeglib.h>
+
+namespace image_io::format_files {
+
+namespace {
+
+/** libjpeg's state, whose errors jump out of it: what runs in guarded() must own nothing. */
+class Decoder {
+  public:
+    explicit Decoder(std::FILE *stream) {
+        info_.err = jpeg_std_error(&errors_);
+        errors_.error_exit = [](j_common_ptr info) {
+            auto *self = static_cast<Decoder *>(info->client_data);
+            info->err->format_message(info, self->message_);
+            std::longjmp(self->jump_, 1);
+        };
+        errors_.emit_message = [](j_common_ptr info, int level) {
+            auto *self = static_cast<Decoder *>(info->client_data);
+            // A warning is damage; libjpeg goes on with pixels of chance.
+            if (level < 0 && self->message_[0] == '\0')
+                info->err->format_message(info, self->message_);
+        };
+        progress_.progress_monitor = [](j_common_ptr info) {
+            auto *self = static_cast<Decoder *>(info->client_data);
+            if (self->info_.input_scan_number <= most_scans)
+                return;
+            std::snprintf(self->message_, sizeof self->message_, "it has more than %d scans", most_scans);
+            std::longjmp(self->jump_, 1);
+        };
+        info_.client_data = this;
+        guarded([&] {
+            jpeg_create_decompress(&info_);
+            info_.progress = &progress_;
+            info_.mem->max_memory_to_use = most_memory_bytes;
+            jpeg_stdio_src(&info_, stream);
+            jpeg_save_markers(&info_, JPEG_APP0 + 1, 0xffff);
+            jpeg_read_header(&info_, TRUE);
+        });
+    }
+    ~Decoder() { jpeg_destroy_decompress(&info_); }
+    Decoder(const Decoder &) = delete;
+    Decoder &operator=(const Decoder &) = delete;
+
+    const jpeg_decompress_struct &info() const { return info_; }
+    const char *message() const { return message_; } ///< Empty: all is well.
+
+    void start(J_COLOR_SPACE colors) {
+        guarded([&] {
+            info_.out_color_space = colors;
+            info_.dct_method = JDCT_ISLOW;
+            jpeg_start_decompress(&info_);
+        });
+    }
+    void read_row(unsigned char *row) {
+        guarded([&] { jpeg_read_scanlines(&info_, &row, 1); });
+    }
+    void finish() {
+        guarded([&] { jpeg_finish_decompress(&info_); });
+    }
+
+  private:
+    // A progressive file has about ten; each costs a walk over the whole image.
+    static constexpr int most_scans = 64;
+    // Coefficients of progressive files; rows of the others take next to nothing.
+    static constexpr long most_memory_bytes = 1L << 30;
+
+    template <typename Body> void guarded(Body &&body) {
+        if (setjmp(jump_) == 0)
+            body();
+    }
+
+    jpeg_decompress_struct info_{};
+    jpeg_error_mgr errors_{};
+    jpeg_progress_mgr progress_{};
+    std::jmp_buf jump_;
+    char message_[JMSG_LENGTH_MAX] = {};
+};
+
+/** The orientation that EXIF data tell: 1 as stored; 0: none. */
+unsigned orientation_of(const jpeg_decompress_struct &info) {
+    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next) {
+        const unsigned char *data = marker->data;
+        const std::size_t size = marker->data_length;
+        if (size < 14 || std::memcmp(data, "Exif\0", 6) != 0)
+            continue;
+        const unsigned char *tiff = data + 6;
+        const std::size_t length = size - 6;
+        const bool big = tiff[0] == 'M';
+        const auto word = [&](std::size_t at) -> std::size_t {
+            return at + 2 > length ? 0 : big ? tiff[at] << 8 | tiff[at + 1] : tiff[at + 1] << 8 | tiff[at];
+        };
+        const std::size_t directory = big ? word(4) << 16 | word(6) : word(6) << 16 | word(4);
+        for (std::size_t i = 0; i < word(directory) && directory + 2 + 12 * (i + 1) <= length; ++i)
+            if (const std::size_t entry = directory + 2 + 12 * i; word(entry) == 0x0112)
+                return static_cast<unsigned>(word(entry + 8));
+    }
+    return 0;
+}
+
+class JpegReader final : public Reader {
+  public:
+    explicit JpegReader(const std::string &path) : Reader(path), file_(path) {
+        const Decoder decoder(file_.stream());
+        check(decoder, "");
+        const jpeg_decompress_struct &info = decoder.info();
+        check_size(info.image_width, info.image_height);
+        const bool gray = info.num_components == 1;
+        if (!gray &&
+            !(info.num_components == 3 && (info.jpeg_color_space == JCS_YCbCr || info.jpeg_color_space == JCS_RGB)))
+            fail(fmt::format("has {} components, as for print (CMYK); gray and RGB are taken. Convert it to PNG",
+                             info.num_components));
+        info_.sample = "uint8";
+        info_.width = info.image_width;
+        info_.height = info.image_height;
+        info_.channels = gray ? 1 : 3;
+        info_.full_scale = 255;
+        info_.warnings.push_back("JPEG values are sRGB-encoded, and taken as linear light; its compression is lossy. "
+                                 "Where intensities matter use linear PNG, TIFF or EXR files");
+        if (const unsigned orientation = orientation_of(info); orientation > 1)
+            info_.warnings.push_back(fmt::format("its EXIF data say that it shall be turned or mirrored (orientation "
+                                                 "{}); the pixels are taken as stored",
+                                                 orientation));
+    }
+
+    void read_rows(std::uint64_t, const RowSink &sink) override {
+        file_.seek(0);
+        Decoder decoder(file_.stream());
+        check(decoder, "");
+        if (decoder.info().image_width != info_.width || decoder.info().image_height != info_.height)
+            fail("changed while it was read");
+        decoder.start(info_.channels == 1 ? JCS_GRAYSCALE : JCS_RGB);
+        check(decoder, "");
+        std::vector<unsigned char> bytes(std::size_t{info_.width} * info_.channels);
+        std::vector<float> row(bytes.size());
+        for (std::uint32_t y = 0; y < info_.height; ++y) {
+            decoder.read_row(bytes.data());
+            check(decoder, fmt::format(" near row {}", y));
+            std::copy(bytes.begin(), bytes.end(), row.begin());
+            sink(row.data());
+        }
+        decoder.finish();
+        check(decoder, " behind its last row");
+    }
+
+  private:
+    void check(const Decoder &decoder, const std::string &where) const {
+        if (decoder.message()[0] != '\0')
+            fail(fmt::format("is truncated, damaged or of a kind that is not read{}: {}; write or copy it again", where,
+                             decoder.message()));
+    }
+
+    detail::InputFile file_;
+};
+
+} // namespace
+
+Format jpeg() {
+    Format format;
+    format.name = "JPEG";
+    format.place = 7;
+    format.extensions = {".jpg", ".jpeg"};
+    format.magic = {"\xff\xd8\xff"};
+    format.no_codes_because = "its compression changes codes and their noise; let the camera store raw frames, PNG, "
+                              "TIFF or PGM, which keep them";
+    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
+        return std::make_unique<JpegReader>(path);
+    };
+    return format;
+}
+
+} // namespace image_io::format_files
