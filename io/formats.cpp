@@ -1,9 +1,12 @@
 #include "io/formats.hpp"
 
+#include "io/channels.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <stdexcept>
 
 namespace image_io {
@@ -91,7 +94,25 @@ std::string listed(const char *word, const std::function<bool(const Format &)> &
     return text;
 }
 
-std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request) {
+ImageName split_name(const std::string &name) {
+    std::error_code ignored;
+    if (std::filesystem::exists(name, ignored))
+        return {name, ""};
+    for (std::size_t colon = name.rfind(':'); colon != std::string::npos && colon > 0;
+         colon = name.rfind(':', colon - 1))
+        if (const std::string path = name.substr(0, colon); std::filesystem::is_regular_file(path, ignored))
+            return {path, name.substr(colon + 1)};
+    return {name, ""};
+}
+
+std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted) {
+    const auto [path, channel] = split_name(name);
+    ReadRequest request = wanted;
+    if (!channel.empty() && !wanted.channel.empty() && channel != wanted.channel)
+        throw ReadError(path,
+                        fmt::format("two channels are named, \"{}\" and \"{}\"; name one", channel, wanted.channel));
+    if (!channel.empty())
+        request.channel = channel;
     const Format *format = request.raw ? &format_named("raw") : recognized(path);
     if (!format)
         throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name); raw frames must be "
@@ -100,11 +121,10 @@ std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request
     if (!format->open)
         throw ReadError(path, fmt::format("is an image of the format {}, which is not read here; {} are", format->name,
                                           listed("and", &Format::is_read)));
-    if (!request.channel.empty() && !format->open_channels)
-        throw ReadError(path, fmt::format("a channel (\"{}\") can be named for {} files only", request.channel,
-                                          listed("and", &Format::has_named_channels)));
     auto reader = format->open(path, request);
     reader->opened_as(*format);
+    if (!request.channel.empty() && !format->open_channels)
+        reader = select_samples(std::move(reader), request);
     return reader;
 }
 

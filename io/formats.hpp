@@ -18,13 +18,26 @@
 
 namespace image_io {
 
+/** What a plane is: it tells which of a file's channels are meant where none is named. */
+enum class Role { image, depth, position, normal, albedo, visibility, mask, material };
+
 /** What is wanted of a file. */
 struct ReadRequest {
-    /** One of named channels; empty: the only one, or those that make a picture. */
+    /** A channel, three with commas between them, or a layer; empty: what fits the role. */
     std::string channel;
+    Role role = Role::image;
     /** Of raw frames: how they lie in the file, whatever it looks like. */
     std::optional<RawLayout> raw = {};
 };
+
+/** An image as users name it: a file, or FILE:CHANNEL. */
+struct ImageName {
+    std::string path;
+    std::string channel;
+};
+
+/** A file that there is goes by its whole name, whatever colons stand in it. */
+ImageName split_name(const std::string &name);
 
 /** Types of samples that are written. */
 enum class Sample { uint8, uint16, float32 };
@@ -91,8 +104,8 @@ const Format *format_of_extension(const std::string &path);
 /** Names of the formats that fit, or of all, for sentences: "PNG, TIFF or NPY". */
 std::string listed(const char *word, const std::function<bool(const Format &)> &fits = {});
 
-/** Opens an image; its content tells the format. */
-std::unique_ptr<Reader> open(const std::string &path, const ReadRequest &request = {});
+/** Opens an image; its content tells the format. @param name as split_name() takes it. */
+std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &request = {});
 /** Opens a file for its named channels; null if its format has none. Throws ReadError if it cannot be read at all. */
 std::unique_ptr<ChannelFile> open_channels(const std::string &path);
 

@@ -35,8 +35,13 @@ void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
         fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side, max_side));
 }
 
-bool ChannelFile::has(const std::string &channel) const {
-    return std::find(channels_.begin(), channels_.end(), channel) != channels_.end();
+std::string ChannelFile::name_of(const std::string &channel) const {
+    if (std::find(channels_.begin(), channels_.end(), channel) != channels_.end())
+        return channel;
+    const auto found = std::find(short_names_.begin(), short_names_.end(), channel);
+    if (found == short_names_.end() || std::find(found + 1, short_names_.end(), channel) != short_names_.end())
+        return "";
+    return channels_[static_cast<std::size_t>(found - short_names_.begin())];
 }
 
 void Plane::normalize() {
@@ -47,7 +52,7 @@ void Plane::normalize() {
     full_scale = 0;
 }
 
-Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings) {
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors differing) {
     const Info &info = reader.info();
     for (const std::string &warning : info.warnings)
         warnings.push_back(reader.path() + ": " + warning);
@@ -77,6 +82,12 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
             out[x] = static_cast<float>(sum / colors);
         }
     });
+    if (colored && differing == Colors::refused)
+        throw ReadError(
+            reader.path(),
+            fmt::format("its {} color channels differ, one number for each pixel is needed; name the channel "
+                        "behind the file's name: {}:R",
+                        colors, reader.path()));
     if (colored)
         warnings.push_back(fmt::format("{}: the {} color channels differ; their mean is taken (luminance weights mean "
                                        "nothing in the infrared)",

@@ -100,9 +100,12 @@ struct VectorPlane {
     bool empty() const { return values.empty(); }
 };
 
-/** Reads a frame as one value per pixel: the only channel; equal R, G and B; else their mean, with a warning. Opacity
- * is ignored, with a warning where it is not full. */
-Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings);
+/** What becomes of R, G and B that differ: their mean is taken, with a warning, or they are refused. */
+enum class Colors { mean, refused };
+
+/** Reads a frame as one value per pixel: the only channel; equal R, G and B; else what `colors` says. Opacity is
+ * ignored, with a warning where it is not full. */
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors colors = Colors::mean);
 
 /** Reads a frame of three channels. */
 VectorPlane read_vectors(Reader &reader, std::uint64_t frame);
@@ -117,8 +120,12 @@ class ChannelFile {
     const std::string &path() const { return path_; }
     std::uint32_t width() const { return width_; }
     std::uint32_t height() const { return height_; }
+    /** In a file of several parts PART.CHANNEL, unless the channel's own name begins with that of its part. */
     const std::vector<std::string> &channels() const { return channels_; }
-    bool has(const std::string &channel) const;
+    /** By its name, or in a file of several parts by that within its part, where only one has it. */
+    bool has(const std::string &channel) const { return !name_of(channel).empty(); }
+    /** The whole name of a channel; empty if there is none. */
+    std::string name_of(const std::string &channel) const;
     /** Type of a channel, for example "float16". */
     virtual std::string sample(const std::string &channel) const = 0;
     /** Reads some channels, interleaved in the order given, row by row. */
@@ -132,6 +139,7 @@ class ChannelFile {
     std::uint32_t width_ = 0;
     std::uint32_t height_ = 0;
     std::vector<std::string> channels_;
+    std::vector<std::string> short_names_; ///< Within the part, of each of channels_.
 };
 
 /** An image file that is being written, frame by frame; without commit() it never appears. */

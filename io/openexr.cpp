@@ -1,20 +1,21 @@
-// OpenEXR: scanline and tiled files, half, float and uint channels. The image is the display window; what lies outside
-// the data window is 0, as the format defines.
+// OpenEXR: scanline and tiled files of one part or several, half, float and uint channels. The image is the display
+// window; what lies outside the data window is 0, as the format defines.
 #include "io/openexr.hpp"
 
-#include "io/formats.hpp"
+#include "io/channels.hpp"
 
 #include <fmt/format.h>
 
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
-#include <ImfInputFile.h>
-#include <ImfVersion.h>
+#include <ImfInputPart.h>
+#include <ImfMultiPartInputFile.h>
+#include <ImfPartType.h>
 
 #include <algorithm>
+#include <map>
 #include <mutex>
-#include <set>
 
 namespace image_io {
 
@@ -24,12 +25,13 @@ const char *sample_name(Imf::PixelType type) {
     return type == Imf::HALF ? "float16" : type == Imf::FLOAT ? "float32" : "uint32";
 }
 
-std::string listed(const std::vector<std::string> &names) {
-    std::string text;
-    for (const std::string &name : names)
-        text += (text.empty() ? "" : ", ") + name;
-    return text.empty() ? "none" : text;
-}
+/** One part's pixels of a plain file, or of one with several parts. */
+struct Part {
+    std::unique_ptr<Imf::InputPart> pixels;
+    std::string name;
+    Imath::Box2i data;
+    Imath::Box2i display;
+};
 
 class ExrFile final : public ChannelFile {
   public:
@@ -40,122 +42,176 @@ class ExrFile final : public ChannelFile {
             Imf::Header::setMaxTileSize(static_cast<int>(max_side), static_cast<int>(max_side));
         });
         try {
-            file_ = std::make_unique<Imf::InputFile>(path_.c_str(), 0);
+            file_ = std::make_unique<Imf::MultiPartInputFile>(path_.c_str(), 0);
+            open_parts();
         } catch (const std::bad_alloc &) {
+            throw;
+        } catch (const ReadError &) {
             throw;
         } catch (const std::exception &error) {
             fail(fmt::format("is not a readable EXR file: {}", error.what()));
         }
-        const Imf::Header &header = file_->header();
-        data_ = header.dataWindow();
-        display_ = header.displayWindow();
-        const auto side = [](int low, int high) { return std::int64_t{high} - low + 1; };
-        for (const Imath::Box2i &window : {display_, data_}) {
-            const std::int64_t width = side(window.min.x, window.max.x);
-            const std::int64_t height = side(window.min.y, window.max.y);
-            if (width < 1 || height < 1)
-                fail("the image is empty");
-            if (width > max_side || height > max_side)
-                fail(fmt::format("the image has {} x {} pixels; at most {} x {} are taken", width, height, max_side,
-                                 max_side));
-        }
-        if (!data_.intersects(display_))
-            fail("the stored pixels (data window) lie outside the image (display window)");
-        if (!file_->isComplete())
-            fail("is truncated: parts of the image are missing; write or copy it again");
-        width_ = static_cast<std::uint32_t>(side(display_.min.x, display_.max.x));
-        height_ = static_cast<std::uint32_t>(side(display_.min.y, display_.max.y));
-        for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel)
-            channels_.emplace_back(channel.name());
+        const Imath::Box2i &first = parts_.front().display;
+        width_ = static_cast<std::uint32_t>(side(first.min.x, first.max.x));
+        height_ = static_cast<std::uint32_t>(side(first.min.y, first.max.y));
     }
 
     std::string sample(const std::string &channel) const override {
-        const Imf::Channel *found = file_->header().channels().findChannel(channel);
-        return found ? sample_name(found->type) : "";
+        const Place *place = find(channel);
+        return place ? sample_name(place->type) : "";
     }
 
     void read_rows(const std::vector<std::string> &names, const RowSink &sink) const override;
 
   private:
-    std::unique_ptr<Imf::InputFile> file_;
-    Imath::Box2i data_;
-    Imath::Box2i display_;
+    /** Where a channel is. */
+    struct Place {
+        std::size_t part = 0;
+        std::string name; ///< Within the part.
+        Imf::PixelType type = Imf::FLOAT;
+        bool subsampled = false;
+    };
+
+    static std::int64_t side(int low, int high) { return std::int64_t{high} - low + 1; }
+
+    void open_parts() {
+        bool deep = false;
+        for (int i = 0; i < file_->parts(); ++i) {
+            const Imf::Header &header = file_->header(i);
+            if (header.hasType() && Imf::isDeepData(header.type())) {
+                deep = true;
+                continue;
+            }
+            Part part;
+            part.data = header.dataWindow();
+            part.display = header.displayWindow();
+            part.name = file_->parts() > 1 && header.hasName() ? header.name() : "";
+            const std::string of = part.name.empty() ? "" : fmt::format("part \"{}\": ", part.name);
+            for (const Imath::Box2i &window : {part.display, part.data}) {
+                const std::int64_t width = side(window.min.x, window.max.x);
+                const std::int64_t height = side(window.min.y, window.max.y);
+                if (width < 1 || height < 1)
+                    fail(of + "the image is empty");
+                if (width > max_side || height > max_side)
+                    fail(fmt::format("{}the image has {} x {} pixels; at most {} x {} are taken", of, width, height,
+                                     max_side, max_side));
+            }
+            if (!part.data.intersects(part.display))
+                fail(of + "the stored pixels (data window) lie outside the image (display window)");
+            if (!file_->partComplete(i))
+                fail(of + "is truncated: parts of the image are missing; write or copy it again");
+            part.pixels = std::make_unique<Imf::InputPart>(*file_, i);
+            const std::string prefix = part.name.empty() ? "" : part.name + ".";
+            for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
+                const std::string name = channel.name();
+                channels_.push_back(name.rfind(prefix, 0) == 0 ? name : prefix + name);
+                short_names_.push_back(name);
+                places_.push_back({parts_.size(), name, channel.channel().type,
+                                   channel.channel().xSampling != 1 || channel.channel().ySampling != 1});
+            }
+            parts_.push_back(std::move(part));
+        }
+        if (parts_.empty())
+            fail(deep ? "is not a readable EXR file: its pixels are deep (several values for each); flatten them"
+                      : "is not a readable EXR file: it has no parts");
+    }
+
+    const Place *find(const std::string &channel) const {
+        const auto found = std::find(channels_.begin(), channels_.end(), name_of(channel));
+        return found == channels_.end() ? nullptr : &places_[static_cast<std::size_t>(found - channels_.begin())];
+    }
+
+    /** Reads rows of the image from one part; those outside of its data window stay. @param columns where each channel
+     * goes. */
+    void read_band(const Part &part, const std::vector<std::pair<std::string, std::size_t>> &columns, int y, int y_end,
+                   std::size_t count, std::vector<float> &band) const;
+
+    std::unique_ptr<Imf::MultiPartInputFile> file_;
+    std::vector<Part> parts_;
+    std::vector<Place> places_; ///< Of each of channels_.
 };
 
-void ExrFile::read_rows(const std::vector<std::string> &names, const RowSink &sink) const {
-    for (const std::string &name : names) {
-        const Imf::Channel *channel = file_->header().channels().findChannel(name);
-        if (!channel)
-            fail(fmt::format("has no channel \"{}\"; its channels are: {}", name, listed(channels_)));
-        if (channel->xSampling != 1 || channel->ySampling != 1)
-            fail(fmt::format("channel \"{}\" is subsampled, which is not supported", name));
+void ExrFile::read_band(const Part &part, const std::vector<std::pair<std::string, std::size_t>> &columns, int y,
+                        int y_end, std::size_t count, std::vector<float> &band) const {
+    const int first_row = std::max(y, part.data.min.y), last_row = std::min(y_end, part.data.max.y);
+    if (first_row > last_row)
+        return;
+    const auto stored_width = static_cast<std::size_t>(side(part.data.min.x, part.data.max.x));
+    const std::size_t stored = columns.size();
+    std::vector<float> pixels(stored_width * static_cast<std::size_t>(last_row - first_row + 1) * stored);
+    Imf::FrameBuffer buffer;
+    for (std::size_t c = 0; c < stored; ++c)
+        buffer.insert(columns[c].first,
+                      Imf::Slice::Make(Imf::FLOAT, pixels.data() + c, Imath::V2i(part.data.min.x, first_row),
+                                       static_cast<std::int64_t>(stored_width), std::int64_t{last_row} - first_row + 1,
+                                       stored * sizeof(float), stored_width * stored * sizeof(float)));
+    try {
+        part.pixels->setFrameBuffer(buffer);
+        part.pixels->readPixels(first_row, last_row);
+    } catch (const std::bad_alloc &) {
+        throw;
+    } catch (const std::exception &error) {
+        fail(fmt::format("is truncated or damaged, write or copy it again: {}", error.what()));
     }
-    const std::size_t count = names.size();
-    const std::int64_t stored_width = std::int64_t{data_.max.x} - data_.min.x + 1;
-    const std::size_t image_width = width();
+    const int first = std::max(part.display.min.x, part.data.min.x);
+    const int last = std::min(part.display.max.x, part.data.max.x);
+    for (int row = first_row; row <= last_row; ++row) {
+        const float *from = pixels.data() + (static_cast<std::size_t>(row - first_row) * stored_width +
+                                             static_cast<std::size_t>(first - part.data.min.x)) *
+                                                stored;
+        float *to = band.data() + (static_cast<std::size_t>(row - y) * width() +
+                                   static_cast<std::size_t>(first - part.display.min.x)) *
+                                      count;
+        for (int x = first; x <= last; ++x, from += stored, to += count)
+            for (std::size_t c = 0; c < stored; ++c)
+                to[columns[c].second] = from[c];
+    }
+}
+
+void ExrFile::read_rows(const std::vector<std::string> &names, const RowSink &sink) const {
+    std::map<std::size_t, std::vector<std::pair<std::string, std::size_t>>> columns; // of each part
+    for (std::size_t c = 0; c < names.size(); ++c) {
+        const Place *place = find(names[c]);
+        if (!place)
+            fail(fmt::format("has no channel \"{}\"; its channels are: {}", names[c], fmt::join(channels(), ", ")));
+        if (place->subsampled)
+            fail(fmt::format("channel \"{}\" is subsampled, which is not supported; store it in full", names[c]));
+        const Imath::Box2i &display = parts_[place->part].display;
+        if (side(display.min.x, display.max.x) != width() || side(display.min.y, display.max.y) != height())
+            fail(fmt::format("channel \"{}\" has {} x {} pixels, the first part {} x {}; store it in a file of its own",
+                             names[c], side(display.min.x, display.max.x), side(display.min.y, display.max.y), width(),
+                             height()));
+        // A channel that is asked for twice is read once: a frame buffer holds each name once.
+        auto &of_part = columns[place->part];
+        for (const auto &[name, at] : of_part)
+            if (name == place->name)
+                fail(fmt::format("channel \"{}\" is named twice", names[c]));
+        of_part.emplace_back(place->name, c);
+    }
     // Enough rows for every compression's block, few enough to cost nothing.
     constexpr int band_rows = 32;
-    std::vector<float> band(static_cast<std::size_t>(stored_width) * band_rows * count);
-    std::vector<float> row(image_width * count);
-    const int first = std::max(display_.min.x, data_.min.x);
-    const int last = std::min(display_.max.x, data_.max.x);
-    for (int y = display_.min.y; y <= display_.max.y;) {
-        if (y < data_.min.y || y > data_.max.y) {
-            std::fill(row.begin(), row.end(), 0.0f);
-            sink(row.data());
-            ++y;
-            continue;
+    const std::size_t row_samples = std::size_t{width()} * names.size();
+    std::vector<float> band;
+    const int rows = static_cast<int>(height());
+    for (int y = 0; y < rows; y += band_rows) {
+        const int count = std::min(band_rows, rows - y);
+        band.assign(row_samples * static_cast<std::size_t>(count), 0.0f);
+        for (const auto &[part, of_part] : columns) {
+            const int top = parts_[part].display.min.y + y;
+            read_band(parts_[part], of_part, top, top + count - 1, names.size(), band);
         }
-        const int y_end = std::min({y + band_rows - 1, data_.max.y, display_.max.y});
-        Imf::FrameBuffer buffer;
-        const std::size_t x_stride = count * sizeof(float);
-        const std::size_t y_stride = static_cast<std::size_t>(stored_width) * x_stride;
-        for (std::size_t c = 0; c < count; ++c)
-            buffer.insert(names[c], Imf::Slice::Make(Imf::FLOAT, band.data() + c, Imath::V2i(data_.min.x, y),
-                                                     stored_width, std::int64_t{y_end} - y + 1, x_stride, y_stride));
-        try {
-            file_->setFrameBuffer(buffer);
-            file_->readPixels(y, y_end);
-        } catch (const std::bad_alloc &) {
-            throw;
-        } catch (const std::exception &error) {
-            fail(fmt::format("is truncated or damaged, write or copy it again: {}", error.what()));
-        }
-        for (int band_y = y; band_y <= y_end; ++band_y) {
-            std::fill(row.begin(), row.end(), 0.0f);
-            const float *from =
-                band.data() + (static_cast<std::size_t>(band_y - y) * static_cast<std::size_t>(stored_width) +
-                               static_cast<std::size_t>(first - data_.min.x)) *
-                                  count;
-            std::copy(from, from + static_cast<std::size_t>(last - first + 1) * count,
-                      row.begin() +
-                          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(first - display_.min.x) * count));
-            sink(row.data());
-        }
-        y = y_end + 1;
+        for (int row = 0; row < count; ++row)
+            sink(band.data() + static_cast<std::size_t>(row) * row_samples);
     }
 }
 
 class ExrReader final : public Reader {
   public:
-    ExrReader(const std::string &path, const std::string &channel) : Reader(path), file_(path) {
-        std::vector<std::string> colors;
-        for (const std::string &name : file_.channels())
-            if (name != "A")
-                colors.push_back(name);
-        if (!channel.empty())
-            names_ = {channel};
-        else if (colors.size() == 1)
-            names_ = colors;
-        else if (file_.has("Y"))
-            names_ = {"Y"};
-        else if (file_.has("R") && file_.has("G") && file_.has("B"))
-            names_ = {"R", "G", "B"};
-        else
-            fail(fmt::format("name the channel to read (--channel); its channels are: {}", listed(file_.channels())));
-        for (const std::string &name : names_)
-            if (!file_.has(name))
-                fail(fmt::format("has no channel \"{}\"; its channels are: {}", name, listed(file_.channels())));
+    ExrReader(const std::string &path, const ReadRequest &request) : Reader(path), file_(path) {
+        ReadRequest known = request;
+        if (const std::string name = file_.name_of(request.channel); !request.channel.empty() && !name.empty())
+            known.channel = name;
+        names_ = select_channels(path, file_.channels(), known);
         info_.sample = file_.sample(names_[0]);
         info_.width = file_.width();
         info_.height = file_.height();
@@ -174,7 +230,7 @@ class ExrReader final : public Reader {
 void add_openexr() {
     Format format = format_named("EXR");
     format.open = [](const std::string &path, const ReadRequest &request) -> std::unique_ptr<Reader> {
-        return std::make_unique<ExrReader>(path, request.channel);
+        return std::make_unique<ExrReader>(path, request);
     };
     format.open_channels = [](const std::string &path) -> std::unique_ptr<ChannelFile> {
         return std::make_unique<ExrFile>(path);

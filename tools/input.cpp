@@ -2,7 +2,7 @@
 
 #include "errors.hpp"
 #include "files.hpp"
-#include "io/formats.hpp"
+#include "io/channels.hpp"
 #include "json.hpp"
 #include "text.hpp"
 
@@ -18,6 +18,7 @@ namespace tools {
 
 using image_io::Plane;
 using image_io::Reader;
+using image_io::Role;
 using image_io::VectorPlane;
 
 namespace {
@@ -51,7 +52,10 @@ class FileSeries {
         return end - first_frames_[file] > 1 ? fmt::format("{}[{}]", paths_[file], inside) : paths_[file];
     }
     Plane gray(std::uint64_t frame, std::vector<std::string> &warnings) {
-        return image_io::read_gray(reader(frame), locate(frame).second, warnings);
+        // Colors may make a picture or an albedo, but no number.
+        const bool picture = request_.role == Role::image || request_.role == Role::albedo;
+        return image_io::read_gray(reader(frame), locate(frame).second, warnings,
+                                   picture ? image_io::Colors::mean : image_io::Colors::refused);
     }
     VectorPlane vectors(std::uint64_t frame) { return image_io::read_vectors(reader(frame), locate(frame).second); }
 
@@ -142,13 +146,13 @@ std::vector<std::uint8_t> to_ids(const Plane &plane, const std::string &name) {
 class Planes {
   public:
     explicit Planes(const InputPaths &paths) {
-        add("depth", paths.depth);
-        add("position", paths.position);
-        add("normal", paths.normal);
-        add("albedo", paths.albedo);
-        add("visibility", paths.visibility);
-        add("refresh-mask", paths.refresh_mask);
-        add("material", paths.material);
+        add("depth", paths.depth, Role::depth);
+        add("position", paths.position, Role::position);
+        add("normal", paths.normal, Role::normal);
+        add("albedo", paths.albedo, Role::albedo);
+        add("visibility", paths.visibility, Role::visibility);
+        add("refresh-mask", paths.refresh_mask, Role::mask);
+        add("material", paths.material, Role::material);
     }
 
     bool empty() const { return planes_.empty(); }
@@ -212,18 +216,18 @@ class Planes {
     }
 
   private:
-    void add(const char *name, const std::string &path) {
+    void add(const char *name, const std::string &path, Role role) {
         if (!path.empty())
-            planes_.emplace(name, FileSeries({path}, {}));
+            planes_.emplace(name, FileSeries({path}, {"", role, {}}));
     }
     std::map<std::string, FileSeries> planes_;
 };
 
 class IdealInput final : public Input {
   public:
-    IdealInput(const std::vector<std::string> &names, const InputPaths &paths, const Config &config)
+    IdealInput(const std::vector<std::string> &names, const InputPaths &paths, const Config &config, bool has_depth)
         : series_(names, request_of(config.text("render.channel"), paths.raw)), planes_(paths),
-          scale_(config.number("render.irradiance_scale")) {
+          scale_(config.number("render.irradiance_scale")), has_depth_(has_depth) {
         kind = names.size() > 1 ? fmt::format("{} ideal images", names.size()) : "ideal image";
         width = series_.width;
         height = series_.height;
@@ -234,6 +238,10 @@ class IdealInput final : public Input {
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
         FrameData data;
+        if (has_depth_ && frame == 0)
+            warnings.push_back(fmt::format("{0}: holds a picture and a depth, and is taken as an ideal image; name it "
+                                           "with --depth {0} to make a scene of it, which needs a --pattern",
+                                           series_.first_path()));
         data.name = series_.name(frame);
         data.irradiance = series_.gray(frame, warnings);
         check_values(data.irradiance, data.name, "ideal image", no_limit);
@@ -251,11 +259,24 @@ class IdealInput final : public Input {
     FileSeries series_;
     Planes planes_;
     double scale_;
+    bool has_depth_;
 };
 
-bool is_scene(const std::string &path) {
-    const auto file = image_io::open_channels(path);
-    return file && (file->has("Z") || file->has("P.X") || file->has("P.Y") || file->has("P.Z"));
+/** What a file with named channels is as an input. */
+enum class Holds { image, scene, picture_with_depth };
+
+Holds held(const std::string &name) {
+    const auto [path, channel] = image_io::split_name(name);
+    const auto file = channel.empty() ? image_io::open_channels(path) : nullptr;
+    const auto any = [&](std::initializer_list<const char *> channels) {
+        return std::any_of(channels.begin(), channels.end(), [&](const char *one) { return file->has(one); });
+    };
+    if (!file || !any({"Z", "P.X", "P.Y", "P.Z"}))
+        return Holds::image;
+    // Renderers add a depth to their pictures; what else a scene has no picture has.
+    const bool scene = any({"P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "albedo", "visibility", "refresh", "material",
+                            "motion.X", "motion.Y"});
+    return !scene && image_io::has_picture(file->channels()) ? Holds::picture_with_depth : Holds::scene;
 }
 
 /** An object that moves as a whole. */
@@ -683,6 +704,13 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
             throw InputError("nothing to render: give an ideal image, a scene, or --depth or --position");
         if (!paths.depth.empty() && !paths.position.empty())
             throw InputError("give either --depth or --position, not both");
+        const std::string channel = config.text("render.channel");
+        if (!channel.empty() && config.layer("render.channel") == Layer::command_line)
+            throw InputError(
+                fmt::format("--channel names a channel of an ideal image; name that of a plane behind its file: "
+                            "--{} {}:{}",
+                            paths.depth.empty() ? "position" : "depth",
+                            image_io::split_name(paths.depth + paths.position).path, channel));
         return std::make_unique<PlaneSceneInput>(paths);
     }
     if (!paths.depth.empty() || !paths.position.empty())
@@ -696,12 +724,14 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
                 fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
         Sequence sequence = load_sequence(files.front(), config);
         files = sequence.files;
-        if (!is_scene(files.front()))
+        if (held(files.front()) == Holds::image)
             throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(),
                                          image_io::listed("or", &image_io::Format::has_named_channels)));
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
     }
-    if (paths.raw.empty() && is_scene(files.front())) {
+    const Holds holds = config.text("render.channel").empty() && paths.raw.empty() ? held(files.front()) : Holds::image;
+    const bool patterned = !config.text("pattern.image").empty();
+    if (holds == Holds::scene || (holds == Holds::picture_with_depth && patterned)) {
         Sequence sequence;
         sequence.files = files;
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
@@ -709,7 +739,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
     if (paths.any_plane())
         throw InputError(
             fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
-    return std::make_unique<IdealInput>(files, paths, config);
+    return std::make_unique<IdealInput>(files, paths, config, holds == Holds::picture_with_depth);
 }
 
 } // namespace
@@ -732,6 +762,8 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
         if (!plane.empty())
             files.push_back(plane);
     files.insert(files.end(), paths.inputs.begin(), paths.inputs.end());
+    for (std::string &file : files)
+        file = image_io::split_name(file).path;
     input->files = std::move(files);
     return input;
 }

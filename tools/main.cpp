@@ -50,7 +50,9 @@ constexpr const char *render_examples =
     R"(A scene has the channels Z (depth in m) or P.X P.Y P.Z (position in m), and optionally N.X N.Y N.Z (normal), albedo,
 visibility, refresh, material (ids) and motion.X motion.Y (where a point was in the frame before, minus where it is, in
 pixels). Without INPUT a scene comes from planes: --depth or --position, and --normal, --albedo, --visibility,
---material. Values are linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern
+--material. Any image may be named as FILE:CHANNEL, by a channel, three with commas, or a layer: --depth
+render.exr:ViewLayer.Depth.Z. Without, the channels' names tell which are meant; where several may, they are listed.
+Values are linear; integer images are divided by their top code, so 1 is full scale. A scene needs --pattern
 IMAGE. Of a folder, what render itself wrote is left out: previews, and the frames of the run whose config.json lies
 there; not ideal_*.npy.
 

@@ -221,9 +221,10 @@ std::vector<Option> make_table() {
                "speckled laser light, a lamp's light from an ideal image without speckle, or none: a covered lens"),
         number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
                "factor on an ideal image; integer images are divided by their top code first"),
-        text("render", "channel", Kind::text,
-             fmt::format("channel of an ideal image, of {} files; empty: its only one, Y, or R, G, B",
-                         image_io::listed("and", &image_io::Format::has_named_channels))),
+        text(
+            "render", "channel", Kind::text,
+            "channel of an ideal image, three of them with commas, or a layer, as behind a file's name (FILE:CHANNEL); "
+            "empty: its only one, Y, or R, G, B"),
         choice("render", "format", FrameFormat::words(), 0,
                "of the frames; 16-bit files hold the codes as they are: 1023 of 10 bits is stored as 1023"),
         boolean("render", "preview", true, "also write 8-bit PNG previews, scaled to the first frame"),
@@ -447,7 +448,7 @@ std::string raw_help() {
 }
 
 std::string channel_help() {
-    return fmt::format("Channel of {} files", image_io::listed("and", &image_io::Format::has_named_channels));
+    return "Channel or layer of the files, as behind a file's name (FILE:CHANNEL)";
 }
 
 const std::vector<Option> &option_table() {

@@ -78,8 +78,11 @@ TEST_F(Formats, ErrorsNameWhatIsReadHere) {
               std::string::npos);
     image_io::add_openexr();
     EXPECT_NE(refused(exr).find("is not a readable EXR file"), std::string::npos);
-    EXPECT_NE(refused(file("b.pgm", "P5 1 1 255 x"), {"Y"}).find("(\"Y\") can be named for EXR files only"),
-              std::string::npos);
+    const std::string pgm = file("b.pgm", "P5 1 1 255 x");
+    EXPECT_EQ(refused(pgm, {"Y"}), "");
+    EXPECT_EQ(refused(pgm + ":Y"), "");
+    EXPECT_NE(refused(pgm + ":Z").find("b.pgm: has no channel \"Z\"; its channels are: Y"), std::string::npos);
+    EXPECT_NE(refused(pgm + ":Y", {"Z"}).find("two channels are named"), std::string::npos);
     EXPECT_THROW(image_io::create((folder_ / "c.hdr").string(), image_io::format_named("Radiance HDR"), {}),
                  image_io::WriteError);
 }

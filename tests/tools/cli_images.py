@@ -169,6 +169,11 @@ def exr(path: Path, channels: dict[str, Array], **header: object) -> None:
     OpenEXR.File(settings, dict(channels)).write(str(path))
 
 
+def exr_parts(path: Path, **parts: dict[str, Array]) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File([OpenEXR.Part(dict(header), dict(planes), name) for name, planes in parts.items()]).write(str(path))
+
+
 def exr_tiled(path: Path, channels: dict[str, Array]) -> None:
     tiles = OpenEXR.TileDescription()
     tiles.xSize = 16
@@ -264,6 +269,10 @@ FORMATS: dict[str, tuple[Writer, Callable[[], Array]]] = {
     "one_channel.exr": (lambda p: exr(p, {"infrared": real()}), real),
     "rgb.exr": (lambda p: exr(p, {"R": real(), "G": real(), "B": real()}), real),
     "tiles.exr": (lambda p: exr_tiled(p, {"Y": real()}), real),
+    "parts.exr": (
+        lambda p: exr_parts(p, rgba={"R": half(), "G": half(), "B": half()}, noise={"V": real()}),
+        lambda: half().astype(np.float32),
+    ),
     "piz.exr": (lambda p: exr(p, {"Y": real()}, compression=OpenEXR.PIZ_COMPRESSION), real),
     "offset.exr": (exr_offset, real),
     "crop.exr": (exr_crop, cropped),

@@ -84,7 +84,7 @@ def test_a_channel_of_an_exr_can_be_named(ok, refused, tmp_path: Path) -> None:
     images.exr(tmp_path / "layers.exr", {"direct": images.real(), "indirect": 2 * images.real()})
     np.save(tmp_path / "twice.npy", 2 * images.real())
     message = refused("render", "layers.exr", "-o", "out")
-    assert "--channel" in message and "direct, indirect" in message
+    assert "for example layers.exr:direct" in message and "direct, indirect" in message
     assert 'no channel "indrect"' in refused("render", "layers.exr", "-o", "out", "--channel", "indrect")
     settings = ["--format", "npy", "--no-preview"]
     ok("render", "layers.exr", "-o", "given", "--channel", "indirect", *settings)

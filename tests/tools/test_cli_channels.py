@@ -1,0 +1,312 @@
+"""One rule for every image that is named: FILE:CHANNEL, and names that tell which channels are meant."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cli_images as images
+import imageio.v3 as iio
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from test_cli_scene import (
+    CAMERA,
+    LASER,
+    PATTERN,
+    albedo,
+    depth,
+    normal,
+    position,
+    rendered,
+    scene,
+    visibility,
+)
+
+__all__ = ["scene"]
+
+ARGUMENTS = ["-o", "out", *CAMERA, *PATTERN, *LASER]
+COLORS = {c: np.random.default_rng(i).random(depth().shape, dtype=np.float32) for i, c in enumerate("RGB")}
+
+
+def vector(layer: str, plane: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray]:
+    return {f"{layer}.{axis}": np.ascontiguousarray(plane[..., i]) for i, axis in enumerate(axes)}
+
+
+def colors(layer: str = "") -> dict[str, np.ndarray]:
+    return {layer + name: plane for name, plane in COLORS.items()}
+
+
+def options(**names: str) -> list[str]:
+    return [word for name, file in names.items() for word in (f"--{name.replace('_', '-')}", file)]
+
+
+@pytest.fixture
+def expected(ok, scene: Path) -> np.ndarray:
+    return rendered(ok, scene, "--depth", "z.npy", "--normal", "n.npy", *CAMERA)
+
+
+BLENDER = {
+    **colors("ViewLayer.Combined."),
+    "ViewLayer.Combined.A": np.ones_like(depth()),
+    "ViewLayer.Depth.Z": depth(),
+    "ViewLayer.Mist.Z": visibility(),
+    **vector("ViewLayer.Normal", normal()),
+    **vector("ViewLayer.Position", position()),
+}
+
+
+@pytest.mark.parametrize(
+    "planes",
+    [
+        BLENDER,
+        {"Z": depth(), **colors(), **vector("N", normal())},
+        {"Depth.V": depth(), **vector("Normal", normal()), **vector("P", position())},
+        {"depth.Z": depth(), **colors("beauty."), **vector("normals", normal())},
+        {"depth": depth(), **colors(), **vector("normals", normal(), "RGB")},
+        {"VRayZDepth.Y": depth(), **vector("Normals", normal())},
+        {"left.Z": depth(), **vector("N", normal())},
+    ],
+)
+def test_names_tell_depth_and_normals(ok, scene: Path, expected: np.ndarray, planes: dict) -> None:
+    images.exr(scene / "all.exr", planes)
+    np.testing.assert_array_equal(
+        rendered(ok, scene, *options(depth="all.exr", normal="all.exr"), *CAMERA),
+        expected,
+    )
+
+
+def test_parts_of_one_file(ok, scene: Path, expected: np.ndarray) -> None:
+    xyz = {axis: np.ascontiguousarray(normal()[..., i]) for i, axis in enumerate("XYZ")}
+    images.exr_parts(scene / "parts.exr", rgba=colors(), depth={"Z": depth()}, normal=xyz)
+    both = options(depth="parts.exr", normal="parts.exr")
+    np.testing.assert_array_equal(rendered(ok, scene, *both, *CAMERA), expected)
+    named = options(depth="parts.exr:depth.Z", normal="parts.exr:normal")
+    np.testing.assert_array_equal(rendered(ok, scene, *named, *CAMERA), expected)
+    ok(
+        "render",
+        "parts.exr",
+        "-o",
+        "red",
+        "--channel",
+        "R",
+        "--save-ideal",
+        "--no-preview",
+    )
+    np.testing.assert_array_equal(np.load(scene / "red" / "ideal_000000.npy"), COLORS["R"])
+    ok("render", "parts.exr", "-o", "mean", "--save-ideal", "--no-preview")
+    mean = np.mean([plane.astype(float) for plane in COLORS.values()], axis=0).astype(np.float32)
+    np.testing.assert_array_equal(np.load(scene / "mean" / "ideal_000000.npy"), mean)
+
+
+def test_blender_names_its_parts_in_its_channels(ok, scene: Path, expected: np.ndarray) -> None:
+    layers: dict[str, dict[str, np.ndarray]] = {}
+    for name, plane in BLENDER.items():
+        layers.setdefault(name.rsplit(".", 1)[0], {})[name] = plane
+    images.exr_parts(scene / "parts.exr", **layers)
+    np.testing.assert_array_equal(
+        rendered(ok, scene, *options(depth="parts.exr", normal="parts.exr"), *CAMERA),
+        expected,
+    )
+
+
+def test_parts_with_windows_of_their_own(ok, scene: Path, expected: np.ndarray) -> None:
+    """A renderer stores of each part what is not empty; the rest of the depth is 0, no surface."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    display = (
+        np.array([0, 0], np.int32),
+        np.array([depth().shape[1] - 1, depth().shape[0] - 1], np.int32),
+    )
+    window = {
+        "dataWindow": (np.array([12, 10], np.int32), np.array([23, 19], np.int32)),
+        "displayWindow": display,
+    }
+    box = np.ascontiguousarray(depth()[10:20, 12:24])
+    OpenEXR.File(
+        [
+            OpenEXR.Part(dict(header), colors(), "rgba"),
+            OpenEXR.Part({**header, **window}, {"Z": box}, "depth"),
+        ]
+    ).write(str(scene / "box.exr"))
+    alone = np.zeros_like(depth())
+    alone[10:20, 12:24] = box
+    np.save(scene / "alone.npy", alone)
+    np.testing.assert_array_equal(
+        rendered(ok, scene, "--depth", "box.exr", *CAMERA),
+        rendered(ok, scene, "--depth", "alone.npy", *CAMERA),
+    )
+
+
+def advice(message: str) -> str:
+    """The name that a refusal gives as an example."""
+    found = re.search(r"for example (\S+?)\. Its channels", message)
+    assert found, message
+    return found[1]
+
+
+REFUSED = {
+    "depth": (colors(), "none of its channels is named as a depth"),
+    "normal": (colors(), "none of its channels is named as a normal"),
+    "position": (
+        {**colors(), **vector("N", normal())},
+        "none of its channels is named as a position",
+    ),
+    "albedo": (
+        {"direct": albedo(), "indirect": albedo()},
+        "none of its channels is named as an albedo",
+    ),
+    "material": (
+        {"a": visibility(), "b": visibility()},
+        "none of its channels is named as materials",
+    ),
+}
+
+
+@pytest.mark.parametrize("plane", REFUSED)
+def test_what_no_name_tells_is_refused_with_a_name_that_works(ok, refused, scene: Path, plane: str) -> None:
+    channels, words = REFUSED[plane]
+    images.exr(scene / "given.exr", channels)
+    others = [] if plane in ("depth", "position") else ["--depth", "z.npy"]
+    message = refused("render", f"--{plane}", "given.exr", *others, *ARGUMENTS)
+    assert words in message and all(name in message for name in channels)
+    ok("render", f"--{plane}", advice(message), *others, *ARGUMENTS)
+
+
+def test_several_that_fit_are_listed(ok, refused, scene: Path, expected: np.ndarray) -> None:
+    images.exr(
+        scene / "two.exr",
+        {"A.Depth.Z": depth(), "B.Depth.Z": depth() * 2, **vector("A.N", normal())},
+    )
+    message = refused("render", *options(depth="two.exr", normal="two.exr"), *ARGUMENTS)
+    assert "several of its channels may be a depth" in message and "A.Depth.Z, B.Depth.Z" in message
+    named = options(depth=advice(message), normal="two.exr:A.N")
+    np.testing.assert_array_equal(rendered(ok, scene, *named, *CAMERA), expected)
+    images.exr(scene / "pictures.exr", {**colors("one."), **colors("two.")})
+    message = refused("render", "pictures.exr", "-o", "out")
+    assert "several of its channels may be a picture" in message
+    ok("render", advice(message), "-o", "out")
+
+
+def test_a_picture_with_depth_is_an_image_or_a_scene(ok, refused, scene: Path) -> None:
+    images.exr(scene / "beauty.exr", {**colors(), "A": np.ones_like(depth()), "Z": depth()})
+    images.exr(scene / "colors.exr", colors())
+    image = ok("render", "beauty.exr", "-o", "image", "--save-ideal", "--no-preview")
+    assert "taken as an ideal image; name it with --depth beauty.exr to make a scene of it" in image.err
+    ok("render", "colors.exr", "-o", "colors", "--save-ideal", "--no-preview")
+    ideal = [np.load(scene / folder / "ideal_000000.npy") for folder in ("image", "colors")]
+    np.testing.assert_array_equal(*ideal)
+    expected = rendered(ok, scene, "--depth", "z.npy", *CAMERA)
+    np.testing.assert_array_equal(rendered(ok, scene, "--depth", "beauty.exr", *CAMERA), expected)
+    np.testing.assert_array_equal(rendered(ok, scene, "beauty.exr", *CAMERA), expected)  # a pattern asks for a scene
+    ok("render", "beauty.exr:G", "-o", "green", "--save-ideal", "--no-preview")
+    np.testing.assert_array_equal(np.load(scene / "green" / "ideal_000000.npy"), COLORS["G"])
+    ok(
+        "render",
+        "beauty.exr",
+        "--channel",
+        "Z",
+        "-o",
+        "z",
+        "--save-ideal",
+        "--no-preview",
+    )
+    np.testing.assert_array_equal(np.load(scene / "z" / "ideal_000000.npy"), depth())
+    assert "two channels are named" in refused("render", "beauty.exr:G", "--channel", "R", "-o", "out")
+
+
+def test_channel_is_of_an_ideal_image(refused, ok, scene: Path, expected: np.ndarray) -> None:
+    images.exr(scene / "all.exr", BLENDER)
+    message = refused("render", *options(depth="all.exr"), "--channel", "ViewLayer.Depth.Z", *ARGUMENTS)
+    named = re.search(r"behind its file: --depth (\S+)", message)
+    assert named
+    np.testing.assert_array_equal(rendered(ok, scene, *options(depth=named[1], normal="all.exr"), *CAMERA), expected)
+
+
+def test_layers_of_a_picture(ok, tmp_path: Path) -> None:
+    images.exr(tmp_path / "layers.exr", {**BLENDER, **colors("ViewLayer.DiffCol.")})
+    result = ok("render", "layers.exr", "-o", "out", "--save-ideal", "--no-preview")
+    mean = np.mean([plane.astype(float) for plane in COLORS.values()], axis=0).astype(np.float32)
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "ideal_000000.npy"), mean)
+    assert "color channels differ" in result.err
+
+
+WRITE = {
+    "plane.png": lambda path, codes: iio.imwrite(path, codes.astype(np.uint8)),
+    "plane.tiff": lambda path, codes: tifffile.imwrite(path, codes.astype(np.uint8), photometric="rgb"),
+    "plane.npy": lambda path, codes: np.save(path, codes),
+}
+
+
+@pytest.mark.parametrize("name", WRITE)
+def test_numbers_in_colors_are_refused_until_one_is_named(ok, refused, scene: Path, name: str) -> None:
+    """Ids in three colors that differ have no mean."""
+    ids = np.zeros((*depth().shape, 3))
+    ids[:, 20:, 0] = 1
+    ids[:, 30:, 1] = 4
+    WRITE[name](scene / name, ids)
+    np.save(scene / "ids.npy", ids[..., 0].astype(np.uint8))
+    given = ["--depth", "z.npy", "--refresh-mask"]
+    message = refused("render", *given, name, *ARGUMENTS)
+    assert f"{name}: its 3 color channels differ" in message
+    named = re.search(r"name: (\S+)$", message.strip())
+    assert named and named[1] == f"{name}:R"
+    np.testing.assert_array_equal(
+        rendered(ok, scene, *given, named[1], *CAMERA),
+        rendered(ok, scene, *given, "ids.npy", *CAMERA),
+    )
+    assert f'{name}: has no channel "Z"; its channels are: R, G, B' in refused(
+        "render", *given, f"{name}:Z", *ARGUMENTS
+    )
+    WRITE[name](scene / name, np.repeat(ids[..., :1], 3, axis=-1))
+    rendered(ok, scene, *given, name, *CAMERA)
+
+
+def test_masks_and_patterns_are_named_likewise(ok, refused, scene: Path) -> None:
+    images.exr(scene / "all.exr", {"dots": albedo(), "mask": visibility(), "other": albedo()})
+    np.save(scene / "mask.npy", visibility())
+    given = ok("statistics", "a.npy", "--mask", "all.exr:mask", "--json").json()["frames"][0]["count"]
+    assert given == ok("statistics", "a.npy", "--mask", "mask.npy", "--json").json()["frames"][0]["count"]
+    one = ok("statistics", "all.exr:dots", "--json").json()["frames"][0]["mean"]
+    assert one == ok("statistics", "a.npy", "--json").json()["frames"][0]["mean"]
+    assert "Its channels are: dots, mask, other" in refused("statistics", "all.exr")
+    arguments = [*CAMERA, *LASER, *PATTERN[2:]]
+    ok(
+        "render",
+        "--depth",
+        "z.npy",
+        "--pattern",
+        "all.exr:dots",
+        "-o",
+        "one",
+        "--format",
+        "npy",
+        *arguments,
+    )
+    ok(
+        "render",
+        "--depth",
+        "z.npy",
+        "--pattern",
+        "a.npy",
+        "-o",
+        "two",
+        "--format",
+        "npy",
+        *arguments,
+    )
+    frames = [np.load(scene / folder / "frame_000000.npy") for folder in ("one", "two")]
+    np.testing.assert_array_equal(*frames)
+
+
+def test_a_colon_in_a_name_is_no_channel(ok, tmp_path: Path) -> None:
+    images.exr(tmp_path / "at 12:30.exr", {"Y": images.real(), "Z": images.real()})
+    ok("statistics", "at 12:30.exr")
+    ok("statistics", "at 12:30.exr:Z")
+
+
+def test_an_input_that_is_named_by_its_channel_is_not_overwritten(refused, tmp_path: Path) -> None:
+    images.exr(tmp_path / "frame_000000.exr", colors())
+    (tmp_path / "frame_000000.exr").rename(tmp_path / "frame_000000.npy")  # the content decides
+    message = refused("render", "frame_000000.npy:R", "-o", ".", "--format", "npy", "--no-preview")
+    assert "overwrite" in message
