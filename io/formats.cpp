@@ -130,7 +130,13 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
 
 std::unique_ptr<ChannelFile> open_channels(const std::string &path) {
     const Format *format = recognized(path);
-    return format && format->open_channels ? format->open_channels(path) : nullptr;
+    if (!format || !format->open_channels)
+        return nullptr;
+    auto file = format->open_channels(path);
+    const std::size_t channels = file->channels().size(); // unpacked together, whichever are wanted
+    check_work(path, std::uint64_t{file->width()} * file->height() * channels,
+               fmt::format("an image of {} x {} pixels and {} channels", file->width(), file->height(), channels));
+    return file;
 }
 
 std::unique_ptr<Writer> create(const std::string &path, const Format &format, const WriteRequest &request) {

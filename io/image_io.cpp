@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 
 namespace image_io {
 
@@ -20,8 +21,23 @@ std::string error_text(int code) {
 
 } // namespace
 
+void check_work(const std::string &path, std::uint64_t samples, const std::string &size) {
+    std::error_code code;
+    const std::uint64_t bytes = std::filesystem::file_size(path, code);
+    if (code || samples <= free_samples || samples / samples_per_byte <= bytes)
+        return;
+    throw ReadError(path, fmt::format("holds {} in {} bytes: more than {} million samples must take a byte for {} of "
+                                      "them, so that no small file keeps the program busy. If it is meant, store it "
+                                      "uncompressed, for example as NPY",
+                                      size, bytes, free_samples / 1000000, samples_per_byte));
+}
+
 void Reader::opened_as(const Format &format) {
     info_.format = &format;
+    check_work(path_, std::uint64_t{info_.width} * info_.height * info_.channels * info_.frame_count,
+               fmt::format("{} image{} of {} x {} pixels and {} channel{}", info_.frame_count,
+                           info_.frame_count == 1 ? "" : "s", info_.width, info_.height, info_.channels,
+                           info_.channels == 1 ? "" : "s"));
     if (info_.surplus_bytes > 0)
         info_.warnings.push_back(fmt::format("{} bytes follow the array of {} frames and are not read; was a second "
                                              "array, or something else, appended?",

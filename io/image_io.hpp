@@ -28,11 +28,18 @@ constexpr std::uint32_t max_side = 16384;
 /** Frames of a stack; only to keep damaged headers from looping for hours. */
 constexpr std::uint64_t max_frames = 1000000;
 
+/** So many samples a file may hold whatever its size; of more, each byte may hold so many. */
+constexpr std::uint64_t free_samples = 67108864; // 8192 x 8192
+constexpr std::uint64_t samples_per_byte = 64;
+
 /** A file that cannot be read: the message begins with its name. */
 class ReadError : public std::runtime_error {
   public:
     ReadError(const std::string &path, const std::string &what) : std::runtime_error(path + ": " + what) {}
 };
+
+/** Refuses a small file of very many samples. @param size in words. */
+void check_work(const std::string &path, std::uint64_t samples, const std::string &size);
 
 struct Format;
 

@@ -12,6 +12,7 @@
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
 #include <ImfPartType.h>
+#include <openexr.h>
 
 #include <algorithm>
 #include <map>
@@ -33,6 +34,68 @@ struct Part {
     Imath::Box2i display;
 };
 
+/** Lets the C library look at the header first: the C++ library does not hold the sizes of attributes against their
+ * types, and loses its place. */
+void check_header(const std::string &path) {
+    exr_result_t told = EXR_ERR_SUCCESS;
+    exr_context_initializer_t settings = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    settings.user_data = &told;
+    // Some faults are told, and passed over.
+    settings.error_handler_fn = [](exr_const_context_t context, exr_result_t code, const char *) {
+        void *user = nullptr;
+        if (exr_get_user_data(context, &user) == EXR_ERR_SUCCESS)
+            *static_cast<exr_result_t *>(user) = code;
+    };
+    exr_context_t context = nullptr;
+    const exr_result_t result = exr_start_read(&context, path.c_str(), &settings);
+    (void)exr_finish(&context);
+    if (result != EXR_ERR_SUCCESS || told != EXR_ERR_SUCCESS)
+        throw ReadError(path, fmt::format("is not a readable EXR file, write or copy it again: {}",
+                                          exr_get_default_error_message(result != EXR_ERR_SUCCESS ? result : told)));
+}
+
+/** Holds the sizes of attributes against that of the file: the C++ library takes the memory before it reads. */
+void check_attributes(const std::string &path) {
+    detail::InputFile file(path);
+    const auto word = [&] {
+        unsigned char bytes[4];
+        file.read(bytes, sizeof bytes);
+        return bytes[0] | std::uint32_t{bytes[1]} << 8 | std::uint32_t{bytes[2]} << 16 | std::uint32_t{bytes[3]} << 24;
+    };
+    const auto text = [&] {
+        std::string read;
+        for (int c = file.get(); c > 0; c = file.get())
+            read += static_cast<char>(c);
+        return read;
+    };
+    const auto position = [&] { return static_cast<std::uint64_t>(::ftello(file.stream())); };
+    (void)word();
+    const bool several = (word() & 0x1000) != 0;
+    for (;;) {
+        // An empty name ends a header; behind those of several parts there is one more.
+        if (text().empty() && (!several || text().empty()))
+            return;
+        const bool list = text() == "chlist";
+        const std::uint32_t size = word();
+        const std::uint64_t end = position() + size;
+        if (end > file.size())
+            throw ReadError(path,
+                            fmt::format("is truncated or damaged: an attribute of its header claims {} bytes, the "
+                                        "file has {}; write or copy it again",
+                                        size, file.size()));
+        // The library reads the list of channels up to an empty name, whatever its size.
+        bool ended = !list;
+        while (!ended && position() < end) {
+            ended = text().empty();
+            file.seek(position() + (ended ? 0 : 16));
+        }
+        if (list && !(ended && position() == end))
+            throw ReadError(path, "is damaged: its list of channels has another size than it claims; write or copy it "
+                                  "again");
+        file.seek(end);
+    }
+}
+
 class ExrFile final : public ChannelFile {
   public:
     explicit ExrFile(const std::string &path) : ChannelFile(path) {
@@ -41,6 +104,8 @@ class ExrFile final : public ChannelFile {
             Imf::Header::setMaxImageSize(static_cast<int>(max_side), static_cast<int>(max_side));
             Imf::Header::setMaxTileSize(static_cast<int>(max_side), static_cast<int>(max_side));
         });
+        check_header(path_);
+        check_attributes(path_);
         try {
             file_ = std::make_unique<Imf::MultiPartInputFile>(path_.c_str(), 0);
             open_parts();

@@ -9,7 +9,7 @@ packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl
           pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega libspng-dev libtiff-dev
           libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
 if [ "$level" = test ]; then
-    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang git ccache)
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache)
 fi
 
 missing=()

@@ -17,7 +17,7 @@ results="$PWD/build/test-results"
 rm -rf "$results"
 mkdir -p "$results"
 export CLSP_TEST_RESULTS="$results"
-# CLSP_NIGHTLY=1 adds what takes long: a thousand contexts, ThreadSanitizer.
+# CLSP_NIGHTLY=1 adds what takes long: a thousand contexts, ThreadSanitizer, fuzzers.
 levels=(--label-exclude nightly)
 [ "${CLSP_NIGHTLY:-0}" = 0 ] || levels=()
 status=0

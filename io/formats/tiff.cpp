@@ -52,6 +52,8 @@ template <typename T> float to_float(const unsigned char *bytes) {
     return static_cast<float>(value);
 }
 
+constexpr std::uint64_t most_padding_bytes = std::uint64_t{64} << 20;
+
 /** What one page holds. */
 struct Layout {
     std::uint32_t width = 0;
@@ -93,7 +95,9 @@ class TiffReader final : public Reader {
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
         messages_.first_error.clear();
-        if (!TIFFSetDirectory(tiff_.get(), static_cast<tdir_t>(frame)))
+        // From the first page on libtiff would go through all before.
+        const bool next = frame == std::uint64_t{TIFFCurrentDirectory(tiff_.get())} + 1;
+        if (!(next ? TIFFReadDirectory(tiff_.get()) : TIFFSetDirectory(tiff_.get(), static_cast<tdir_t>(frame))))
             broken(fmt::format("page {} cannot be read", frame));
         const Layout layout = read_layout();
         if (layout.width != info_.width || layout.height != info_.height || layout.channels != info_.channels ||
@@ -188,8 +192,11 @@ class TiffReader final : public Reader {
         const bool separate = layout.planar == PLANARCONFIG_SEPARATE && layout.channels > 1;
         const std::size_t block_channels = separate ? 1 : layout.channels;
         const std::size_t block_row_bytes = std::size_t{block_width} * block_channels * sample_bytes;
-        if (block_bytes < block_row_bytes * block_height || block_bytes > std::uint64_t{1} << 31)
-            broken("is damaged: its strips or tiles have no sensible size");
+        // What a strip or tile has beyond the image is read in vain.
+        const std::uint64_t image_bytes = std::uint64_t{layout.width} * layout.height * layout.channels * sample_bytes;
+        if (block_bytes < block_row_bytes * block_height || block_bytes > image_bytes + most_padding_bytes)
+            broken(fmt::format("is damaged: its strips or tiles have no sensible size ({} bytes of an image of {})",
+                               block_bytes, image_bytes));
         // Far above what any of the compressions reaches; it keeps a damaged header from taking gigabytes.
         const std::uint64_t ratio = layout.compression == COMPRESSION_NONE ? 1 : 100000;
         if (block_bytes / ratio > file_size_)

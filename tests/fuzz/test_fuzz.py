@@ -17,9 +17,9 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
 BIN = Path(os.environ.get("CLSPECKLE_BIN", BUILD / "bin"))
-SECONDS = int(os.environ.get("CLSPECKLE_FUZZ_SECONDS", "15"))
+SECONDS = int(os.environ.get("CLSPECKLE_FUZZ_SECONDS", "10"))
 FORMATS = sorted({*make_seeds.FORMATS.values(), "raw"})
-LIMITS = ["-timeout=10", "-rss_limit_mb=2000", "-max_len=4000"]
+LIMITS = ["-timeout=10", "-rss_limit_mb=1500", "-max_len=4000"]
 
 
 @pytest.fixture(scope="session")
