@@ -6,6 +6,7 @@
 #include "files.hpp"
 #include "interrupt.hpp"
 #include "io/formats.hpp"
+#include "io/series.hpp"
 #include "json.hpp"
 #include "text.hpp"
 
@@ -97,14 +98,6 @@ bool holds_frames(const fs::path &path) {
     return format && format->codes != image_io::Codes::none;
 }
 
-/** What a glob pattern takes as it stands. */
-std::string literal(const std::string &text) {
-    std::string result;
-    for (const char c : text)
-        result += std::string("*?[").find(c) == std::string::npos ? std::string(1, c) : fmt::format("[{}]", c);
-    return result;
-}
-
 /** Without the number at its end, which counts frames. */
 std::string without_number(const std::string &stem) {
     const std::size_t end = stem.find_last_not_of("0123456789");
@@ -176,7 +169,7 @@ class Folder {
             std::vector<std::string> files;
             for (const fs::path &path : paths)
                 files.push_back(path.string());
-            add(prefix, literal(prefix) + digits + paths[0].extension().string(), files);
+            add(prefix, image_io::literal_pattern(prefix) + digits + paths[0].extension().string(), files);
         }
         for (Found &found : sequences)
             if (const auto mask = masks.find(found.name); mask != masks.end())
@@ -196,6 +189,13 @@ class Folder {
     std::vector<std::string> ignored;
 
   private:
+    static std::vector<std::string> names_of(const std::vector<std::string> &paths) {
+        std::vector<std::string> names;
+        for (const std::string &path : paths)
+            names.push_back(fs::path(path).filename().string());
+        return names;
+    }
+
     void add_folder(const fs::path &folder) {
         std::set<std::string> kinds;
         std::vector<std::string> files;
@@ -204,7 +204,8 @@ class Folder {
                 kinds.insert(lower(entry.path().extension().string()));
                 files.push_back(entry.path().string());
             }
-        std::sort(files.begin(), files.end());
+        image_io::leave_previews_out(files);
+        std::sort(files.begin(), files.end(), image_io::natural_less);
         if (files.empty())
             throw InputError(fmt::format(
                 "{}: holds no {} frames; put them there, or give the folder another name", folder.string(),
@@ -213,6 +214,15 @@ class Folder {
             throw InputError(fmt::format("{}: holds files of several kinds ({}); leave one there, the frames",
                                          folder.string(), fmt::join(kinds, ", ")));
         const std::string name = folder.filename().string();
+        const std::vector<image_io::Series> series = image_io::series_of(names_of(files));
+        if (kinds.count(".npy") == 0 && series.size() > 1) {
+            std::string list;
+            for (const image_io::Series &one : series)
+                list += (list.empty() ? "" : ", ") + one.pattern;
+            throw InputError(fmt::format("{}: the names in the folder tell {} series: {}; move each into a folder of "
+                                         "its own, such as {}_1: init makes a sequence of each",
+                                         folder.string(), series.size(), list, name));
+        }
         if (kinds.count(".npy") == 0)
             add(name, name, files);
         for (const std::string &file : kinds.count(".npy") ? files : std::vector<std::string>())

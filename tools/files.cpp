@@ -2,6 +2,7 @@
 
 #include "errors.hpp"
 #include "io/formats.hpp"
+#include "io/series.hpp"
 #include "json.hpp"
 #include "output.hpp"
 
@@ -21,10 +22,6 @@ namespace tools {
 namespace fs = std::filesystem;
 
 namespace {
-
-bool natural_less(const std::string &a, const std::string &b) {
-    return ::strverscmp(a.c_str(), b.c_str()) < 0;
-}
 
 /** True for `prefix`, at least six digits, `suffix`: how render names the files of frames. */
 bool is_numbered(const std::string &name, const std::string &prefix, const std::string &suffix) {
@@ -57,7 +54,7 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
     std::error_code code;
     const auto format = purpose == Purpose::ideal_images ? format_of_run(folder) : std::nullopt;
     const auto written_by_render = [&](const std::string &name) {
-        if (is_numbered(name, "preview_", ".png") || is_numbered(name, "ideal_preview_", ".png"))
+        if (image_io::is_preview(name))
             return true;
         if (!format)
             return false;
@@ -92,7 +89,12 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
             fmt::format("{}: the folder holds several kinds of images ({}); say which, for example '{}/*{}'", folder,
                         kinds, folder, by_extension.begin()->first));
     }
-    return by_extension.begin()->second;
+    const std::vector<std::string> &files = by_extension.begin()->second;
+    if (const std::string why =
+            image_io::why_no_series(folder, files, fmt::format("'{}/", image_io::literal_pattern(folder)), "'");
+        !why.empty())
+        throw InputError(why);
+    return files;
 }
 
 } // namespace
@@ -131,8 +133,9 @@ std::vector<std::string> expand(const std::string &argument, Purpose purpose) {
         ::globfree(&matches);
         if (result != 0 || files.empty())
             throw InputError(fmt::format("{}: no file matches", argument));
+        image_io::leave_previews_out(files);
     }
-    std::sort(files.begin(), files.end(), natural_less);
+    std::sort(files.begin(), files.end(), image_io::natural_less);
     return files;
 }
 

@@ -3,6 +3,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "io/channels.hpp"
+#include "io/series.hpp"
 #include "json.hpp"
 #include "text.hpp"
 
@@ -36,8 +37,14 @@ class FileSeries {
             if (first_frames_.empty()) {
                 width = reader->info().width;
                 height = reader->info().height;
+                sample_ = reader->info().sample;
             }
             check_size(*reader);
+            // Whole numbers are parts of their type's full scale: of two types they would be of two scales.
+            if (reader->info().sample != sample_)
+                throw InputError(fmt::format("{}: has samples of {}, the first one ({}) of {}; frames of one series "
+                                             "have one type: convert them alike, or name those of one type",
+                                             path, reader->info().sample, paths_.front(), sample_));
             first_frames_.push_back(frame_count);
             frame_count += reader->info().frame_count;
         }
@@ -87,6 +94,7 @@ class FileSeries {
 
     std::vector<std::string> paths_;
     image_io::ReadRequest request_;
+    std::string sample_;
     std::vector<std::uint64_t> first_frames_;
     std::unique_ptr<Reader> reader_;
     std::size_t open_file_ = 0;
@@ -747,6 +755,9 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
     std::vector<std::string> files;
     std::unique_ptr<Input> input = open_kind(paths, files, config);
+    if (const std::string missing = image_io::missing_numbers(files); paths.inputs.size() == 1 && !missing.empty())
+        input->oddities.push_back(fmt::format("{}: {}; the frames before and after are taken as neighbours in time",
+                                              std::filesystem::path(files.front()).parent_path().string(), missing));
     if (!paths.materials.empty()) {
         const Json root = read_json(paths.materials);
         if (!root.is_object() || !root.contains("materials"))

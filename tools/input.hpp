@@ -61,6 +61,7 @@ class Input {
     std::uint64_t frame_count = 1;
     std::string first_name;
     std::vector<std::string> files;      ///< All that are read, which no output may replace.
+    std::vector<std::string> oddities;   ///< Of the files' names, before any is read.
     std::vector<ClspMaterial> materials; ///< Entry i is id i; empty: one of the defaults.
     bool moves = false;                  ///< Frames tell how the scene moved.
 

@@ -148,6 +148,7 @@ class Renderer {
                             "and motion.Y, or a sequence.json, does",
                             config.text("motion.rule"), input.first_name));
         decide_frames();
+        warnings_ = input.oddities;
         first_ = read(0);
         if (input.scene && first_.position.empty() &&
             (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))

@@ -1,6 +1,7 @@
 #include "capture/sequence_files.hpp"
 
 #include "capture/capture_validation.hpp"
+#include "io/series.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
@@ -17,10 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_digit(char c) {
-    return c >= '0' && c <= '9';
-}
-
 // What image_io says, as an error of the library. advice: what it cannot know, where the file is named and what is
 // needed there.
 template <typename Body> auto reading(Body &&body, const std::string &advice = {}) -> decltype(body()) {
@@ -31,7 +28,11 @@ template <typename Body> auto reading(Body &&body, const std::string &advice = {
     }
 }
 
-std::vector<std::string> frames_of_folder(const std::string &folder) {
+// file: what capture.json says for the folder.
+std::vector<std::string> frames_of_folder(const std::string &folder, std::string file) {
+    while (file.size() > 1 && file.back() == '/')
+        file.pop_back();
+    const std::string advised = fmt::format("\"file\": \"{}/", image_io::literal_pattern(file));
     std::vector<std::string> files;
     std::set<const image_io::Format *> kinds;
     std::error_code code;
@@ -53,48 +54,14 @@ std::vector<std::string> frames_of_folder(const std::string &folder) {
         const auto &all = image_io::formats();
         throw Error(Status::kInvalidData,
                     fmt::format("{}: the folder holds both {} images; say which are the frames, for example "
-                                "\"file\": \"{}/*{}\"",
-                                folder, image_io::listed("and", found), fs::path(folder).filename().string(),
+                                "{}*{}\"",
+                                folder, image_io::listed("and", found), advised,
                                 std::find_if(all.begin(), all.end(), found)->extension()));
     }
+    image_io::leave_previews_out(files);
+    if (const std::string why = image_io::why_no_series(folder, files, advised, "\""); !why.empty())
+        throw Error(Status::kInvalidData, why);
     return files;
-}
-
-// The last number in a file's name.
-std::optional<std::uint64_t> frame_number(const std::string &path) {
-    const std::string stem = fs::path(path).stem().string();
-    std::size_t end = stem.size();
-    while (end > 0 && !is_digit(stem[end - 1]))
-        --end;
-    std::size_t begin = end;
-    while (begin > 0 && is_digit(stem[begin - 1]))
-        --begin;
-    if (begin == end || end - begin > 18)
-        return {};
-    return std::stoull(stem.substr(begin, end - begin));
-}
-
-// Numbers that the files' names skip, in words: a grabber has dropped frames, or a file was lost. Empty where all are
-// there, and where names are no numbering (time stamps skip more than half).
-template <typename Parts> std::string missing_numbers(const Parts &parts) {
-    std::vector<std::uint64_t> numbers;
-    for (const auto &part : parts) {
-        const auto number = frame_number(part.path);
-        if (!number || (!numbers.empty() && *number <= numbers.back()))
-            return {};
-        numbers.push_back(*number);
-    }
-    if (numbers.size() < 2)
-        return {};
-    const std::uint64_t missing = numbers.back() - numbers.front() + 1 - numbers.size();
-    if (missing == 0 || missing > numbers.size())
-        return {};
-    std::uint64_t first = numbers.front();
-    for (const std::uint64_t number : numbers)
-        if (number == first)
-            ++first;
-    return fmt::format("{} of the numbers {} to {} {} missing, the first one is {}", missing, numbers.front(),
-                       numbers.back(), missing == 1 ? "is" : "are", first);
 }
 
 // The folder's own name may hold what a pattern gives a meaning.
@@ -111,6 +78,7 @@ std::vector<std::string> frames_of_pattern(const std::string &folder, const std:
     for (std::size_t i = 0; result == 0 && i < matches.gl_pathc; ++i)
         files.emplace_back(matches.gl_pathv[i]);
     ::globfree(&matches);
+    image_io::leave_previews_out(files);
     return files;
 }
 
@@ -118,37 +86,6 @@ std::vector<std::string> frames_of_pattern(const std::string &folder, const std:
 
 std::string frame_formats(const char *word) {
     return image_io::listed(word, [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
-}
-
-bool natural_less(const std::string &a, const std::string &b) {
-    std::size_t i = 0;
-    std::size_t j = 0;
-    while (i < a.size() && j < b.size()) {
-        if (is_digit(a[i]) && is_digit(b[j])) {
-            const auto run = [](const std::string &text, std::size_t &at) {
-                while (at < text.size() && text[at] == '0')
-                    ++at;
-                const std::size_t start = at;
-                while (at < text.size() && is_digit(text[at]))
-                    ++at;
-                return text.substr(start, at - start);
-            };
-            const std::string x = run(a, i);
-            const std::string y = run(b, j);
-            if (x.size() != y.size())
-                return x.size() < y.size();
-            if (x != y)
-                return x < y;
-            continue;
-        }
-        if (a[i] != b[j])
-            return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
-        ++i;
-        ++j;
-    }
-    if (i < a.size() || j < b.size())
-        return j < b.size();
-    return a < b; // the same but for leading zeros
 }
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
@@ -160,7 +97,7 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
     std::vector<std::string> files;
     std::error_code code;
     if (fs::is_directory(path, code)) {
-        files = frames_of_folder(path);
+        files = frames_of_folder(path, file);
         single_ = false;
     } else if (fs::exists(path, code)) {
         files = {path};
@@ -174,7 +111,7 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
                                     description, field, file, name_, pattern ? "matches no file" : "does not exist"));
         single_ = false;
     }
-    std::sort(files.begin(), files.end(), natural_less);
+    std::sort(files.begin(), files.end(), image_io::natural_less);
     const std::string advice =
         fmt::format(". {}: {} names it; expected there is an .npy stack of (frames, height, width), uint16, or gray "
                     "16-bit {} frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
@@ -240,7 +177,10 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
 
 std::vector<std::string> SequenceFiles::oddities() const {
     std::vector<std::string> result;
-    if (const std::string missing = missing_numbers(parts_); !missing.empty())
+    std::vector<std::string> all;
+    for (const Part &part : parts_)
+        all.push_back(part.path);
+    if (const std::string missing = image_io::missing_numbers(all); !missing.empty())
         result.push_back(
             fmt::format("{}: {}; the frames before and after are taken as neighbours in time", name_, missing));
     std::map<std::string, std::vector<std::string>> files; // by what is said of them

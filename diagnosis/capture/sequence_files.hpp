@@ -16,9 +16,6 @@ namespace clsp {
 // The formats of frames that are a file each: "PNG or TIFF".
 std::string frame_formats(const char *word);
 
-// frame2 before frame10: runs of digits compare as numbers.
-bool natural_less(const std::string &a, const std::string &b);
-
 // Files of a sequence, found and looked at but not read yet, so that sizes can be checked before memory is taken.
 class SequenceFiles final : public CodeFiles {
   public:
