@@ -1,6 +1,7 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
 #include "inference/replicate_runner.hpp"
+#include "inference/thresholds.hpp"
 
 #include <Eigen/LU>
 
@@ -15,35 +16,9 @@ namespace clsp {
 namespace {
 
 constexpr std::uint64_t kCalibrationSeed = 0;
-constexpr std::uint32_t kTrialFrames = 4;
-constexpr int kRounds = 3;
 
-// The mean code of even light follows the light where the converter's steps are finer than that many deviations of the noise: its ripple's slope
-// is 2 exp(-2 (pi sigma / step)^2): 0.09 at 2.5, 0.58 at 4 (Widrow and Kollar, Quantization Noise, 4). Beyond, one sees steps, and no noise at
-// all between them.
-constexpr double kCoarse = 2.5;
-// The share of codes that are multiples of m goes with the level by (2 / pi) sin(pi / m) exp(-2 (pi sigma / m)^2): 0.05 at sigma 2, 0.012 at 3
-// and 1.8e-3 at 4 for the m of 8 that statistics look at (chance: 3e-4). Of less noise, in steps, even light is brought to the real level with
-// all frames, to a part of what chance leaves open; else to that part of the signal.
-constexpr double kSmooth = 3.1, kPartOfError = 0.25, kPartOfSignal = 1e-3;
-constexpr int kExactRounds = 6;
-// A level that is so many deviations above 0 is cut off by none of the converter's ends: once in 30,000 codes.
-constexpr double kClipping = 4.0;
-// So many deviations below 0 a level shows once in 44 codes, and the codes' mean is that part of their deviation. Of less
-// there is nothing to be told.
-constexpr double kLeastShown = -2.0, kLeastMeanShown = 0.11;
-constexpr double kLeastSlope = 0.25; // a secant that says less, or more than one over that, is of the frames' chance
-// The data sheet's read noise is good to 15 %: twice that is looked through. One of 0 is not known.
-constexpr double kNoiseRange = 0.3;
-constexpr int kRootRounds = 20;
-// Dark and even frames are simulated at so many read noises, their means brought to the real ones'. Between them the
-// variance goes as a polynomial, within the sampling error of 500,000 codes. Further draws tell what that error is.
-constexpr std::size_t kNoisePoints = 5, kNoiseSteps = 600;
-constexpr Eigen::Index kScatterDraws = 8;
 // Away from 0, whose neighbours are the replicates of a diagnosis of seed 0.
 constexpr std::uint64_t kScatterSeed = std::uint64_t{1} << 41;
-// Three errors: a flat that no read noise explains so far has an effect that is still missing, and no say.
-constexpr double kMostSquare = 9.0;
 
 struct NoiseRange {
     double stated, low, high;
@@ -52,8 +27,8 @@ struct NoiseRange {
 
 NoiseRange noise_range(double stated, double step_dn) {
     if (stated > 0.0)
-        return {stated, (1.0 - kNoiseRange) * stated, (1.0 + kNoiseRange) * stated};
-    return {0.5 * step_dn / kCoarse, kLeastReadNoise, step_dn / kCoarse};
+        return {stated, (1.0 - kCalibration.noise_range) * stated, (1.0 + kCalibration.noise_range) * stated};
+    return {0.5 * step_dn / kCalibration.coarse, kCalibration.least_read_noise, step_dn / kCalibration.coarse};
 }
 
 // What a scene that stands still shows of the noise at most: that of the camera and of the converter's steps.
@@ -64,27 +39,27 @@ double most_noise_dn(const NoiseRange &range, double step_dn) {
 // What a sequence shows of the read noise.
 struct ShownNoise {
     double wanted = 0.0, error = 0.0; // variance over time, DN^2
-    std::array<double, kNoisePoints> variance{};
+    std::array<double, kCalibration.noise_points> variance{};
     double most_square = std::numeric_limits<double>::infinity(); // of its deviation that counts
 };
 
 // Lagrange's weights of equidistant points from 0 to 1.
-std::array<double, kNoisePoints> lagrange_weights(double at) {
-    std::array<double, kNoisePoints> weights;
-    for (std::size_t i = 0; i < kNoisePoints; ++i) {
+std::array<double, kCalibration.noise_points> lagrange_weights(double at) {
+    std::array<double, kCalibration.noise_points> weights;
+    for (std::size_t i = 0; i < kCalibration.noise_points; ++i) {
         weights[i] = 1.0;
-        for (std::size_t j = 0; j < kNoisePoints; ++j)
+        for (std::size_t j = 0; j < kCalibration.noise_points; ++j)
             if (j != i)
-                weights[i] *= (at * (kNoisePoints - 1) - double(j)) / (double(i) - double(j));
+                weights[i] *= (at * (kCalibration.noise_points - 1) - double(j)) / (double(i) - double(j));
     }
     return weights;
 }
 
 double likely_noise(const NoiseRange &range, const std::vector<ShownNoise> &sequences) {
     double best = range.stated, least = std::numeric_limits<double>::infinity();
-    for (std::size_t k = 0; k <= kNoiseSteps; ++k) {
-        const double at = double(k) / kNoiseSteps, noise = range.low + at * (range.high - range.low);
-        const std::array<double, kNoisePoints> weights = lagrange_weights(at);
+    for (std::size_t k = 0; k <= kCalibration.noise_steps; ++k) {
+        const double at = double(k) / kCalibration.noise_steps, noise = range.low + at * (range.high - range.low);
+        const std::array<double, kCalibration.noise_points> weights = lagrange_weights(at);
         double loss = std::pow((noise - range.stated) / range.deviation(), 2);
         for (const ShownNoise &shown : sequences) {
             const double excess =
@@ -115,7 +90,7 @@ template <typename Function> double root(double low, double high, double toleran
     if (above <= 0.0)
         return high;
     double at = low;
-    for (int round = 0, last = 0; round < kRootRounds; ++round) {
+    for (int round = 0, last = 0; round < kCalibration.root_rounds; ++round) {
         // Every third time in the middle: a staircase has long flat parts.
         at = round % 3 == 2 ? 0.5 * (low + high) : (low * above - high * below) / (above - below);
         const double value = function(at);
@@ -135,7 +110,8 @@ template <typename Function> double root(double low, double high, double toleran
 // than a level far above its noise, each to its own alone.
 Eigen::Matrix2d clipped_response(double level, double deviation) {
     constexpr double kSqrtTwoPi = 2.5066282746310002;
-    const double at = std::max(level / deviation, kLeastShown); // of what never shows nothing is to be told
+    const double at =
+        std::max(level / deviation, kCalibration.least_shown); // of what never shows nothing is to be told
     const double above = 0.5 * std::erfc(-at * M_SQRT1_2), density = std::exp(-0.5 * at * at) / kSqrtTwoPi;
     const double mean = deviation * (at * above + density);
     Eigen::Matrix2d response;
@@ -157,7 +133,7 @@ CalibratedLevels ReplicateRunner::calibrate(const EffectSettings &effects, const
     // Noise of more than a step is not made by codes that flip between two: what was measured holds, whatever the data
     // sheet says. Steps that are an effect's hide it in the real frames, too.
     const bool resolved = step == 1.0 && shared_->real_calibration.read_noise_dn >= step;
-    const bool coarse = !resolved && step > kCoarse * shared_->layout.read_noise_dn;
+    const bool coarse = !resolved && step > kCalibration.coarse * shared_->layout.read_noise_dn;
     // The first dark sequence: black level and noise do not depend on the light.
     std::optional<std::size_t> dark, still;
     std::vector<Task> lit;
@@ -239,19 +215,20 @@ double ReplicateRunner::noise_between_steps(const EffectSettings &effects, std::
             sequences.push_back(task.sequence);
     // Dark frames that are all alike are a damaged recording (as for measured_calibration()).
     const bool dark_tells = shared_->real_levels[dark].temporal_noise_dn > 0.0;
-    std::vector<std::array<SteppedLevel, kNoisePoints>> found(sequences.size());
+    std::vector<std::array<SteppedLevel, kCalibration.noise_points>> found(sequences.size());
     const auto find = [&](std::size_t first, std::size_t last) {
         std::vector<Task> tasks;
         for (std::size_t k = first; k < last; ++k)
-            for (std::size_t i = 0; i < kNoisePoints; ++i)
-                tasks.push_back({k * kNoisePoints + i, sequences[k], kCalibrationSeed});
+            for (std::size_t i = 0; i < kCalibration.noise_points; ++i)
+                tasks.push_back({k * kCalibration.noise_points + i, sequences[k], kCalibrationSeed});
         run_tasks(shared_->simulators, tasks, {}, [&](const Task &task, const Worker &worker) {
-            const std::size_t k = task.seed_index / kNoisePoints, i = task.seed_index % kNoisePoints;
+            const std::size_t k = task.seed_index / kCalibration.noise_points,
+                              i = task.seed_index % kCalibration.noise_points;
             CalibratedLevels levels = begin;
-            levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kNoisePoints - 1);
+            levels.read_noise_dn = range.low + (range.high - range.low) * double(i) / (kCalibration.noise_points - 1);
             if (k > 0)
                 levels.black_level_dn = found[0][i].black_level_dn;
-            const bool scattered = 2 * i + 1 == kNoisePoints;
+            const bool scattered = 2 * i + 1 == kCalibration.noise_points;
             found[k][i] = stepped_level(worker.simulator, effects, task.sequence, step_dn, scattered, levels);
         });
     };
@@ -264,15 +241,15 @@ double ReplicateRunner::noise_between_steps(const EffectSettings &effects, std::
         // One code more or less in all frames is no more than chance.
         const double codes =
             double(shared_->layout.pixel_count()) * shared_->layout.sequences[sequences[k]].frame_count;
-        const SteppedLevel &middle = found[k][kNoisePoints / 2];
+        const SteppedLevel &middle = found[k][kCalibration.noise_points / 2];
         shown[k].error = std::hypot(middle.error, step_dn * step_dn / codes);
-        for (std::size_t i = 0; i < kNoisePoints; ++i) {
+        for (std::size_t i = 0; i < kCalibration.noise_points; ++i) {
             const SteppedLevel &level = found[k][i];
             shown[k].variance[i] =
                 std::max(0.0, level.variance + middle.lack + middle.slope * (real.mean_dn - level.mean_dn));
         }
         if (k > 0)
-            shown[k].most_square = kMostSquare;
+            shown[k].most_square = kCalibration.most_square;
     }
     if (!dark_tells)
         shown.erase(shown.begin());
@@ -293,8 +270,8 @@ ReplicateRunner::SteppedLevel ReplicateRunner::stepped_level(Simulator &simulato
             std::vector<double> result = {levels.black_level_dn, at.mean_dn, variance, 0.0, 0.0, 0.0};
             if (!scattered)
                 return result;
-            Eigen::ArrayXd means(kScatterDraws), variances(kScatterDraws);
-            for (Eigen::Index r = 0; r < kScatterDraws; ++r) {
+            Eigen::ArrayXd means(kCalibration.scatter_draws), variances(kCalibration.scatter_draws);
+            for (Eigen::Index r = 0; r < kCalibration.scatter_draws; ++r) {
                 const SequenceLevel drawn =
                     simulated_level(simulator, effects, levels, sequence, kScatterSeed + static_cast<std::uint64_t>(r));
                 means[r] = drawn.mean_dn;
@@ -308,7 +285,7 @@ ReplicateRunner::SteppedLevel ReplicateRunner::stepped_level(Simulator &simulato
             result[3] = slope;
             result[4] = mean_variance - variance + slope * (at.mean_dn - mean);
             // Of the real frames and of the line.
-            result[5] = std::sqrt(rest / (kScatterDraws - 2) * (1.0 + 1.0 / kScatterDraws));
+            result[5] = std::sqrt(rest / (kCalibration.scatter_draws - 2) * (1.0 + 1.0 / kCalibration.scatter_draws));
             return result;
         });
     return {values[0], values[1], values[2], values[3], values[4], values[5]};
@@ -325,16 +302,17 @@ SequenceLevel ReplicateRunner::simulated_level(Simulator &simulator, const Effec
 void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                      double step_dn, CalibratedLevels &levels) {
     const std::uint32_t all = shared_->layout.sequences[sequence].frame_count;
-    const bool exact = levels.read_noise_dn < kSmooth * step_dn;
+    const bool exact = levels.read_noise_dn < kCalibration.smooth * step_dn;
     const double wanted =
         shared_->real_calibration.read_noise_dn * shared_->real_calibration.read_noise_dn + kQuantizationVariance;
     const double mean = shared_->real_levels[sequence].mean_dn;
-    const bool clips = mean < kClipping * std::sqrt(wanted) && mean > kLeastMeanShown * std::sqrt(wanted);
+    const bool clips =
+        mean < kCalibration.clipping * std::sqrt(wanted) && mean > kCalibration.least_mean_shown * std::sqrt(wanted);
     // Of the codes' variance against that of the read noise: 1 but for coarse steps.
     double slope = 1.0, last_noise = 0.0, last_variance = 0.0;
-    for (int round = 0; round < (exact || clips ? kExactRounds : kRounds); ++round) {
+    for (int round = 0; round < (exact || clips ? kCalibration.exact_rounds : kCalibration.rounds); ++round) {
         // How much pixels that jump add to the robust noise goes by the number of frames.
-        const std::uint32_t frame_count = exact || round > 0 ? all : std::min(kTrialFrames, all);
+        const std::uint32_t frame_count = exact || round > 0 ? all : std::min(kCalibration.trial_frames, all);
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const SequenceLevel level = sequence_level(shared_->layout, sequence, codes.data(), frame_count);
         const double noise = levels.read_noise_dn * levels.read_noise_dn;
@@ -348,7 +326,7 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
         const double variance = level.temporal_noise_dn * level.temporal_noise_dn;
         if (exact && round > 0 && noise != last_noise) {
             const double secant = (variance - last_variance) / (noise - last_noise);
-            slope = secant > kLeastSlope && secant < 1.0 / kLeastSlope ? secant : 1.0;
+            slope = secant > kCalibration.least_slope && secant < 1.0 / kCalibration.least_slope ? secant : 1.0;
         }
         last_noise = noise;
         last_variance = variance;
@@ -357,15 +335,16 @@ void ReplicateRunner::calibrate_dark(Simulator &simulator, const EffectSettings 
         // At most twice the noise at once: a response is that of where it is.
         const double most = clips ? 2.0 * std::sqrt(noise + wanted) : std::abs(step[0]);
         levels.black_level_dn += std::clamp(step[0], -most, most);
-        levels.read_noise_dn = std::sqrt(std::clamp(noise + step[1], kLeastReadNoise * kLeastReadNoise,
-                                                    std::max(4.0 * noise, noise + kQuantizationVariance + wanted)));
+        levels.read_noise_dn =
+            std::sqrt(std::clamp(noise + step[1], kCalibration.least_read_noise * kCalibration.least_read_noise,
+                                 std::max(4.0 * noise, noise + kQuantizationVariance + wanted)));
     }
 }
 
 double ReplicateRunner::mean_tolerance_dn(std::size_t sequence, double step_dn) const {
     const double codes = double(shared_->layout.pixel_count()) * shared_->layout.sequences[sequence].frame_count;
     // Where all codes are one, a quarter of one that is another.
-    return kPartOfError *
+    return kCalibration.part_of_error *
            std::max(shared_->real_levels[sequence].temporal_noise_dn / std::sqrt(codes), step_dn / codes);
 }
 
@@ -386,14 +365,15 @@ void ReplicateRunner::calibrate_signal(Simulator &simulator, const EffectSetting
     const SequenceLevel &real = shared_->real_levels[sequence];
     const double signal = real.mean_dn - shared_->real_calibration.black_level_dn;
     const std::uint32_t all = shared_->layout.sequences[sequence].frame_count;
-    const bool exact =
-        shared_->layout.sequences[sequence].scene == CaptureScene::kFlat && levels.read_noise_dn < kSmooth * step_dn;
-    const std::uint32_t frame_count = exact ? all : std::min(kTrialFrames, all);
-    const double tolerance =
-        exact ? std::min(kPartOfSignal * signal, mean_tolerance_dn(sequence, step_dn)) : kPartOfSignal * signal;
+    const bool exact = shared_->layout.sequences[sequence].scene == CaptureScene::kFlat &&
+                       levels.read_noise_dn < kCalibration.smooth * step_dn;
+    const std::uint32_t frame_count = exact ? all : std::min(kCalibration.trial_frames, all);
+    const double tolerance = exact
+                                 ? std::min(kCalibration.part_of_signal * signal, mean_tolerance_dn(sequence, step_dn))
+                                 : kCalibration.part_of_signal * signal;
     // Secant steps on mean(share) = wanted; the response is monotonic and nearly linear.
     double last_share = 0.0, last_mean = shared_->real_calibration.black_level_dn;
-    for (int round = 0; round < (exact ? kExactRounds : kRounds); ++round) {
+    for (int round = 0; round < (exact ? kCalibration.exact_rounds : kCalibration.rounds); ++round) {
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);
         const double mean = sequence_mean_dn(shared_->layout, sequence, codes.data(), frame_count);
         const double share = levels.signal_share[sequence];
@@ -425,7 +405,8 @@ void ReplicateRunner::calibrate_coarse_noise(Simulator &simulator, const EffectS
                                              double step_dn, CalibratedLevels &levels) {
     const double wanted = shared_->real_levels[sequence].temporal_noise_dn;
     const NoiseRange range = noise_range(shared_->layout.read_noise_dn, step_dn);
-    const std::uint32_t frame_count = std::min(2 * kTrialFrames, shared_->layout.sequences[sequence].frame_count);
+    const std::uint32_t frame_count =
+        std::min(2 * kCalibration.trial_frames, shared_->layout.sequences[sequence].frame_count);
     levels.read_noise_dn = root(range.low, range.high, 1e-3 * wanted, [&](double read_noise_dn) {
         levels.read_noise_dn = read_noise_dn;
         const auto codes = frames(simulator, effects, levels, sequence, kCalibrationSeed, frame_count);

@@ -1,6 +1,7 @@
 #include "inference/candidate.hpp"
 
 #include "effects/effects.hpp"
+#include "inference/thresholds.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
@@ -11,27 +12,10 @@
 namespace clsp {
 namespace {
 
-// A parameter that the catalogue does not vary is given room of its own, so that it can be fitted.
-constexpr double kRoom = 2.0;
-// One whose range lies on both sides of 0 is given that part of it, in equal steps.
-constexpr double kPartOfRange = 0.125;
-// Of the finite differences along a parameter.
-constexpr double kDifference = 0.15;
-
 constexpr double kDeviations95 = 1.96;
-
-// Of the product of the ends of a range of ratios, which decimal numbers need not meet.
-constexpr double kAroundOne = 0.01;
-
-// Strengths of the catalogue are 0 (weak) to 1 (strong); fits scatter by less than that about them. What lies below is slight.
-constexpr double kSlight = -0.25;
-
-// Where a count of none lies on a scale of ratios.
-constexpr double kNoneOfThem = 0.25;
 
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
-constexpr double kSheetFactor = 2.0; // coarse codes, too, show more noise than there is, or none
 constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
 
 struct Scale {
@@ -42,12 +26,12 @@ struct Scale {
 Scale scale_of(const HypothesisParameter &parameter) {
     Scale scale{parameter.weak, parameter.strong, false};
     if (scale.weak == scale.strong && parameter.minimum < 0.0 && parameter.maximum > 0.0) {
-        scale.strong += kPartOfRange * (parameter.maximum - parameter.minimum);
+        scale.strong += kStrengths.room_around_zero * (parameter.maximum - parameter.minimum);
         return scale;
     }
     if (scale.weak == scale.strong) {
-        scale.weak = std::max(parameter.minimum, parameter.weak / kRoom);
-        scale.strong = std::min(parameter.maximum, parameter.strong * kRoom);
+        scale.weak = std::max(parameter.minimum, parameter.weak / kStrengths.room);
+        scale.strong = std::min(parameter.maximum, parameter.strong * kStrengths.room);
         scale.geometric = scale.weak > 0.0;
         return scale;
     }
@@ -79,7 +63,7 @@ double Candidate::strength(std::size_t parameter, double value, double sign) con
         return 0.0;
     value = mirrored(value, sign, parameter);
     if (scale.geometric && p.whole)
-        value = std::max(value, kNoneOfThem);
+        value = std::max(value, kStrengths.count_of_none);
     return scale.geometric ? std::log(value / scale.weak) / std::log(scale.strong / scale.weak)
                            : (value - scale.weak) / (scale.strong - scale.weak);
 }
@@ -94,7 +78,7 @@ double Candidate::snapped(std::size_t parameter, double at, double sign) const {
 double Candidate::difference(std::size_t parameter, double at, double sign) const {
     const HypothesisParameter &p = parameters[parameter];
     if (!p.whole)
-        return at > 0.9 ? -kDifference : kDifference;
+        return at > 0.9 ? -kFit.difference : kFit.difference;
     const double here = value(parameter, at, sign);
     const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter, Direction::kSign) ? -1.0 : 1.0); // more of the effect
     const double more = strength(parameter, here + one, sign) - at, less = strength(parameter, here - one, sign) - at;
@@ -112,14 +96,14 @@ bool Candidate::is_slight(std::size_t parameter, double value) const {
                                      [](const HypothesisParameter &p) { return p.weak != p.strong; });
     if (varied - parameters.begin() != static_cast<std::ptrdiff_t>(parameter))
         return false;
-    return strength(parameter, value, parameter == 0 ? sign_of(value) : 1.0) < kSlight;
+    return strength(parameter, value, parameter == 0 ? sign_of(value) : 1.0) < kStrengths.slight;
 }
 
 Candidate::Direction Candidate::direction() const {
     const HypothesisParameter &p = parameters.front();
     if (p.minimum < 0.0 && p.maximum > 0.0 && p.weak * p.strong >= 0.0 && p.weak + p.strong != 0.0)
         return Direction::kSign;
-    const bool around_one = p.minimum > 0.0 && std::abs(p.minimum * p.maximum - 1.0) <= kAroundOne;
+    const bool around_one = p.minimum > 0.0 && std::abs(p.minimum * p.maximum - 1.0) <= kStrengths.around_one;
     const bool one_side = (p.weak - 1.0) * (p.strong - 1.0) >= 0.0 && (p.weak != 1.0 || p.strong != 1.0);
     return p.unit == "1" && around_one && one_side && !p.whole ? Direction::kRatio : Direction::kNone;
 }
@@ -175,7 +159,8 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
 
 void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn) {
     const double range = camera.dn_of_ten_bits();
-    const double stated = dark_noise_dn > kSheetFactor * camera.read_noise_dn ? dark_noise_dn : camera.read_noise_dn;
+    const double stated =
+        dark_noise_dn > kStrengths.sheet_noise * camera.read_noise_dn ? dark_noise_dn : camera.read_noise_dn;
     const double noise = std::max(stated, kRoundingDn) / kCatalogueReadNoiseDn;
     for (Candidate &candidate : candidates) {
         if (!in_catalogue(candidate.id))

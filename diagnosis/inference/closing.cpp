@@ -3,6 +3,7 @@
 #include "inference/effect_model.hpp"
 #include "inference/least_squares.hpp"
 #include "inference/response.hpp"
+#include "inference/thresholds.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
@@ -12,9 +13,6 @@
 
 namespace clsp {
 namespace {
-
-constexpr int kFitRounds = 2;
-constexpr std::size_t kSurplusTold = 3;
 
 FoldStatistics minus(const FoldStatistics &a, const FoldStatistics &b) {
     return {a.first - b.first, a.second - b.second};
@@ -162,7 +160,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
             if (candidate.has_direction()) {
                 answer.sign = -1.0;
             } else {
-                if (surplus && answer.gain > kLeastGain)
+                if (surplus && answer.gain > kGrowth.least_gain)
                     surplus->push_back({candidate.id, answer.gain});
                 answer.gain = 0.0;
             }
@@ -177,7 +175,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
 double Closing::best_strength(const Answer &answer) const {
     const Eigen::VectorXd target = whitened(rest_.first);
     double best = 1e300, at = 0.5;
-    for (double u = kWeakest; u <= kStrongest; u += kStrengthStep) {
+    for (double u = kStrengths.weakest; u <= kStrengths.strongest; u += kStrengths.grid_step) {
         const double square = (target - whitened(answer.first.at(u))).squaredNorm();
         if (square < best) {
             best = square;
@@ -198,12 +196,12 @@ void Closing::refine(Answer &answer, const EffectModel &model) {
     };
     for (const double asked : {0.0, 0.5, 1.0}) {
         const double strength = answer.candidate->snapped(0, asked, answer.sign);
-        if (answer.first.empty() || answer.first.distance(strength) > kNear)
+        if (answer.first.empty() || answer.first.distance(strength) > kStrengths.near)
             simulate(strength);
     }
     for (int round = 0;; ++round) {
         answer.strength = answer.candidate->snapped(0, best_strength(answer), answer.sign);
-        if (round == kFitRounds || answer.first.distance(answer.strength) < kNear)
+        if (round == kComparison.fit_rounds || answer.first.distance(answer.strength) < kStrengths.near)
             break;
         simulate(answer.strength);
     }
@@ -222,7 +220,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     };
     FoldStatistics moved = change(model.settings());
     result.jacobian.resize(count, parameters);
-    for (int round = 0; round < kGaussNewtonRounds; ++round) {
+    for (int round = 0; round < kFit.rounds; ++round) {
         for (Eigen::Index p = 0; p < parameters; ++p) {
             tell("fitting " + model.id_of(p), from);
             EffectModel other = model;
@@ -235,14 +233,14 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
             }
             result.jacobian.col(p) = (minus(there, moved).mean()) / step;
         }
-        if (round + 1 == kGaussNewtonRounds)
+        if (round + 1 == kFit.rounds)
             break;
         const Eigen::VectorXd step = solve_least_squares(whiten_columns(metric_->fold(), result.jacobian),
                                                          whitened(difference_.first - moved.first));
         EffectModel next = model;
         const double largest = move_strengths(next, step);
         FoldStatistics there;
-        if (largest < 0.5 * kNear || !possible([&] { there = change(next.settings()); }) ||
+        if (largest < 0.5 * kStrengths.near || !possible([&] { there = change(next.settings()); }) ||
             distance(there) >= distance(moved))
             break;
         model = next;
@@ -279,8 +277,8 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     // chance.
     const Covariance &fold = result.model->fold();
     const Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
-                                     .cwiseMax(-kLargestStep)
-                                     .cwiseMin(kLargestStep);
+                                     .cwiseMax(-kFit.largest_step)
+                                     .cwiseMin(kFit.largest_step);
     const EffectModel last = model;
     move_strengths(model, step);
     const Eigen::VectorXd change_of_last = result.jacobian * model.distance_from(last);
@@ -310,9 +308,9 @@ ClosingResult Closing::run() {
         const double share = 0.5 * (1.0 - progress);
         tell("screening", progress);
         std::vector<Answer> answers = screen(model, model.effects.empty() ? &result.surplus : nullptr);
-        answers.erase(
-            std::remove_if(answers.begin(), answers.end(), [](const Answer &a) { return a.gain < 0.5 * kLeastGain; }),
-            answers.end());
+        answers.erase(std::remove_if(answers.begin(), answers.end(),
+                                     [](const Answer &a) { return a.gain < 0.5 * kGrowth.least_gain; }),
+                      answers.end());
         if (answers.size() > options_.refined)
             answers.resize(options_.refined);
         if (answers.empty())
@@ -322,7 +320,8 @@ ClosingResult Closing::run() {
         double explained = 0.0;
         for (std::size_t i = 0; i < answers.size(); ++i) {
             Answer &answer = answers[i];
-            if (explained > kNearlyAll * excess && answer.gain < kLeastScreened * best_screened)
+            if (explained > kScreening.nearly_all * excess &&
+                answer.gain < kScreening.least_beside_that * best_screened)
                 continue;
             tell("fitting " + answer.candidate->id, progress + 0.5 * share * double(i) / double(answers.size()));
             answer.fitted = possible([&] { refine(answer, model); });
@@ -333,10 +332,10 @@ ClosingResult Closing::run() {
                       answers.end());
         std::stable_sort(answers.begin(), answers.end(),
                          [](const Answer &a, const Answer &b) { return a.gain > b.gain; });
-        if (answers.empty() || answers.front().gain < kLeastGain)
+        if (answers.empty() || answers.front().gain < kGrowth.least_gain)
             break;
         // Where a residual remains, an effect must explain a share of what is beyond chance.
-        if (!model.effects.empty() && answers.front().gain < kLeastShare * excess)
+        if (!model.effects.empty() && answers.front().gain < kGrowth.least_share * excess)
             break;
         EffectModel with = model;
         with.add(*answers.front().candidate, answers.front().sign, answers.front().strength);
@@ -367,8 +366,8 @@ ClosingResult Closing::run() {
     }
     std::sort(result.surplus.begin(), result.surplus.end(),
               [](const SurplusEffect &a, const SurplusEffect &b) { return a.gain > b.gain; });
-    if (result.surplus.size() > kSurplusTold)
-        result.surplus.resize(kSurplusTold);
+    if (result.surplus.size() > kComparison.surplus_told)
+        result.surplus.resize(kComparison.surplus_told);
     return result;
 }
 

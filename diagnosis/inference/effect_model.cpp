@@ -1,20 +1,14 @@
 #include "inference/effect_model.hpp"
 
-#include "statistics/distributions.hpp"
 #include "effects/effects.hpp"
+#include "inference/thresholds.hpp"
+#include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace clsp {
 namespace {
-
-// Likelihoods of fits on simulations are trusted by half: their error is of the order of the data's.
-constexpr double kTemperature = 2.0;
-// Of a finite difference: with less room to the end of its range a strength goes the other way.
-constexpr double kLeastWay = 0.5;
-// A whole unit of a strength that moves the statistics by fewer standard deviations says nothing of it; its deviation.
-constexpr double kNothingSaid = 1e-6, kAnyStrength = 1e3;
 
 // OpenReading::kFrameBefore: what had remained in the frame before is there two frames later, f^2 of it.
 void add_lag_readings(const std::vector<StatisticInfo> &list, const CaptureLayout &layout, double fraction,
@@ -138,7 +132,7 @@ double move_one(EffectModel &model, Eigen::Index strength, double part) {
     const double sign = model.effects[s.effect].sign;
     const auto way = [&](double distance) { return candidate.snapped(s.parameter, at + distance, sign) - at; };
     double moved = way(step);
-    if (std::abs(moved) < kLeastWay * std::abs(step)) {
+    if (std::abs(moved) < kFit.least_difference * std::abs(step)) {
         const double back = way(-step);
         moved = std::abs(back) > std::abs(moved) ? back : moved;
     }
@@ -149,12 +143,12 @@ double move_one(EffectModel &model, Eigen::Index strength, double part) {
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
     double largest = 0.0;
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
-        const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kLargestStep, kLargestStep);
+        const double bounded = std::clamp(step[static_cast<Eigen::Index>(p)], -kFit.largest_step, kFit.largest_step);
         Strength &s = model.strengths[p];
         const ModelEffect &effect = model.effects[s.effect];
         const double end = std::max(strongest, s.reach);
-        s.strength =
-            effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kWeakest, end), effect.sign);
+        s.strength = effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kStrengths.weakest, end),
+                                               effect.sign);
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;
@@ -184,10 +178,10 @@ std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const E
 }
 
 Eigen::VectorXd simulator_error(const std::vector<StatisticInfo> &list, const Eigen::VectorXd &change) {
-    Eigen::VectorXd result = kModelError * change;
+    Eigen::VectorXd result = kModelError.of_effects * change;
     for (Eigen::Index k = 0; k < change.size(); ++k)
         if (list[static_cast<std::size_t>(k)].unit == "log")
-            result[k] = std::copysign(kModelError * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
+            result[k] = std::copysign(kModelError.of_effects * (1.0 - std::exp(-std::abs(change[k]))), change[k]);
     return result;
 }
 
@@ -195,18 +189,18 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
                                     const Eigen::VectorXd &error) {
     const Covariance &covariance = model.full();
     Eigen::VectorXd variance = strays.colwise().squaredNorm().transpose() / (static_cast<double>(strays.rows()) - 1.0);
-    variance += model.coefficients(covariance, kPartInIntervals * error).cwiseAbs2();
+    variance += model.coefficients(covariance, kModelError.of_effects_in_intervals * error).cwiseAbs2();
     for (Eigen::Index k = 0; k < error.size(); ++k) {
         // Beside the simulator's error, what a definition's two readings differ by.
         const double readings = std::max(0.0, covariance.tolerance()[k] - std::abs(error[k]));
-        const double tolerance = readings + kPartInIntervals * std::abs(error[k]);
+        const double tolerance = readings + kModelError.of_effects_in_intervals * std::abs(error[k]);
         if (tolerance > 0.0)
             variance += model.coefficients(covariance, tolerance * Eigen::VectorXd::Unit(error.size(), k)).cwiseAbs2();
     }
     Eigen::VectorXd result = variance.cwiseSqrt();
     for (Eigen::Index p = 0; p < result.size(); ++p)
-        if (covariance.whiten(model.directions().col(p)).norm() < kNothingSaid)
-            result[p] = kAnyStrength;
+        if (covariance.whiten(model.directions().col(p)).norm() < kFit.nothing_said)
+            result[p] = kStrengths.unbounded;
     return result;
 }
 
@@ -244,7 +238,7 @@ void weigh(std::vector<RankedEffect> &ranking) {
     for (const RankedEffect &ranked : ranking)
         best = std::max(best, ranked.gain);
     for (RankedEffect &ranked : ranking) {
-        ranked.probability = std::exp(-(best - ranked.gain) / (2.0 * kTemperature));
+        ranked.probability = std::exp(-(best - ranked.gain) / (2.0 * kGrowth.temperature));
         sum += ranked.probability;
     }
     for (RankedEffect &ranked : ranking)

@@ -4,6 +4,7 @@
 
 #include "inference/candidate.hpp"
 #include "inference/gap_test.hpp"
+#include "inference/thresholds.hpp"
 #include "runtime/error.hpp"
 
 #include <Eigen/Core>
@@ -14,32 +15,12 @@
 
 namespace clsp {
 
-// Strengths over which an effect is looked for: beyond the range of common cameras on both sides; up to kCommon once a
-// search went farther.
-constexpr double kWeakest = -0.8, kCommon = 1.3, kStrongest = 2.0, kStrengthStep = 0.02;
-// A strength counts as simulated if one that near was.
-constexpr double kNear = 0.06;
-// A linear step of a fit is trusted that far.
-constexpr double kLargestStep = 0.4;
-constexpr int kGaussNewtonRounds = 2;
-// Once effects explain that part of the excess, those whose gain at screening was below the second number need no
-// fit.
-constexpr double kNearlyAll = 0.97, kLeastScreened = 0.5;
-// -2 log of the likelihood ratio below which an effect is not worth a parameter.
-constexpr double kLeastGain = 14.0;
-// Where a residual remains, an effect must explain this part of what is beyond chance.
-constexpr double kLeastShare = 0.12;
-// Standard deviation of the simulator's error, relative to the change of a statistic that the effects make. What
-// intervals count of it: by none 42 of 45 held what another simulator of the same physics was given, by 0.3 all of
-// these, by which it was chosen, and 86 of 91 others (docs/gap-check.md).
-constexpr double kModelError = 0.025, kPartInIntervals = 0.3;
-
 // A parameter of one of the model's effects and its strength.
 struct Strength {
     std::size_t effect;    // of the model's effects
     std::size_t parameter; // of the effect
     double strength;
-    double reach = kWeakest; // how far it may go where the search ends before (ModelFit::go_on)
+    double reach = kStrengths.weakest; // how far it may go where the search ends before (ModelFit::go_on)
 };
 
 struct ModelEffect {
@@ -71,13 +52,13 @@ struct EffectModel {
 
 // Whether a strength stands where a search ends, or within a step of the grid that it begins with.
 inline bool is_at(double strength, double end) {
-    return strength > end - kStrengthStep;
+    return strength > end - kStrengths.grid_step;
 }
 
 // Moves a strength as far as a finite difference needs, the other way where its range ends; how far that is.
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
 // A step of strengths, each bounded; the largest one.
-double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrongest);
+double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrengths.strongest);
 
 // A fitted parameter of a model.
 struct FittedParameter {

@@ -1,7 +1,8 @@
 #include "inference/gap_test.hpp"
 
-#include "statistics/distributions.hpp"
 #include "inference/least_squares.hpp"
+#include "inference/thresholds.hpp"
+#include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,12 +17,6 @@ std::vector<std::size_t> blocks_of(const ReplicateRunner &runner) {
     blocks.push_back(runner.count());
     return blocks;
 }
-
-// What is rare (a pixel above 95 % of the range) may happen in one part of the replicates and never in another, which is no
-// certainty there: of all replicates' deviation.
-constexpr double kLeastOfPart = 0.3;
-// A fit goes by the covariance of all replicates, so that of most of them says how far it strays.
-constexpr Eigen::Index kStrayFolds = 6;
 
 double excess_distance(double mean_square, double expected) { return std::sqrt(std::max(0.0, mean_square - expected)); }
 
@@ -91,7 +86,7 @@ GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double 
 
 Eigen::VectorXd GapModel::least_of_part(const Eigen::VectorXd &least) const {
     const Eigen::VectorXd spread = (full_.deviation().cwiseAbs2() - full_.tolerance().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
-    return least.cwiseMax(kLeastOfPart * spread);
+    return least.cwiseMax(kModelError.rare * spread);
 }
 
 Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const {
@@ -103,8 +98,8 @@ Eigen::MatrixXd GapModel::strays(const ReplicateRunner &runner, Fit fit) const {
     const Eigen::Index n = static_cast<Eigen::Index>(draws.size());
     const Eigen::VectorXd least = least_of_part(least_deviations(runner.list(), draws));
     Eigen::MatrixXd result(n, directions_.cols());
-    for (Eigen::Index k = 0; k < kStrayFolds; ++k) {
-        const Eigen::Index begin = k * n / kStrayFolds, end = (k + 1) * n / kStrayFolds;
+    for (Eigen::Index k = 0; k < kFit.stray_folds; ++k) {
+        const Eigen::Index begin = k * n / kFit.stray_folds, end = (k + 1) * n / kFit.stray_folds;
         Eigen::MatrixXd others(n - (end - begin), full_.mean().size());
         for (Eigen::Index r = 0; r < others.rows(); ++r)
             others.row(r) = draws[static_cast<std::size_t>(r < begin ? r : r + (end - begin))].mean();

@@ -1,17 +1,13 @@
 #include "inference/gauss_newton.hpp"
 
 #include "inference/least_squares.hpp"
+#include "inference/thresholds.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace clsp {
 namespace {
-
-// A round is taken back where the squared distance grew by that factor.
-constexpr double kMuchWorse = 1.5;
-// So many rounds have a chance, however far they are; and that many that gain nothing.
-constexpr int kRoundsBeforeGivingUp = 2, kIdleRounds = 2;
 
 // Broyden's update: the matrix nearest to the last one that tells what a step did.
 void update_secant(Eigen::MatrixXd &jacobian, const Eigen::VectorXd &moved, const Eigen::VectorXd &changed) {
@@ -84,7 +80,7 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
         }
         solve(now, mean);
         idle = now.square > (1.0 - options.least_gain) * best.square ? idle + 1 : 0;
-        if (now.square > (secant ? 1.0 : kMuchWorse) * best.square) {
+        if (now.square > (secant ? 1.0 : kFit.much_worse) * best.square) {
             // A step too far: what it told goes into the next one.
             if (!secant)
                 update_secant(now.jacobian = best.jacobian, model.distance_from(best.model), mean - best_mean);
@@ -96,8 +92,8 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
             best = std::move(now);
             best_mean = mean;
         }
-        if ((round >= kRoundsBeforeGivingUp && best.square > options.give_up_square) ||
-            (options.least_gain > 0.0 && idle == kIdleRounds))
+        if ((round >= kFit.patience && best.square > options.give_up_square) ||
+            (options.least_gain > 0.0 && idle == kFit.idle_rounds))
             break;
         model = best.model;
         const double moved = move_strengths(model, step, options.strongest);

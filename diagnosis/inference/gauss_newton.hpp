@@ -5,6 +5,7 @@
 #include "inference/effect_model.hpp"
 #include "inference/replicate_runner.hpp"
 #include "inference/response.hpp"
+#include "inference/thresholds.hpp"
 
 #include <Eigen/Core>
 
@@ -30,7 +31,7 @@ struct GaussNewtonOptions {
     double part = 1.0;       // of the usual finite differences
     double near = 0.06;      // a step that is shorter ends it
     double far = 0.06;       // and one that is shorter ends the secant rounds
-    double strongest = kStrongest;
+    double strongest = kStrengths.strongest;
     double give_up_square = 1e300; // so does that squared distance after a few of them
     double least_gain = 0.0; // and two of them in a row that take away less than that part of it
 };

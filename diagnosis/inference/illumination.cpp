@@ -1,5 +1,6 @@
 #include "inference/illumination.hpp"
 
+#include "inference/thresholds.hpp"
 #include "statistics/distributions.hpp"
 
 #include <Eigen/Cholesky>
@@ -14,23 +15,15 @@
 namespace clsp {
 namespace {
 
-// Blocks of pixels across the longer side, and at least across the shorter one: wide against the grain of speckle,
-// narrow against what is smooth.
-constexpr std::size_t kBlocks = 12, kLeastBlocks = 6;
-constexpr std::size_t kLeastBlockPx = 8;
-constexpr int kDegree = 2, kHighDegree = 4;
-constexpr double kCertain = 1e-4; // of chance
-constexpr double kAgree = 3.0;    // standard errors
-constexpr double kAlike = 0.01;   // of two slopes that differ as much by chance
-
 // Means over blocks of the image; NaN where the mask leaves less than half of one.
 using Blocks = Eigen::ArrayXXd; // rows, columns
 
 struct Grid {
     explicit Grid(const CaptureLayout &layout)
         : width(layout.width), height(layout.height),
-          block(std::max(kLeastBlockPx, std::min((std::max(width, height) + kBlocks - 1) / kBlocks,
-                                                 std::min(width, height) / kLeastBlocks))),
+          block(std::max(kIllumination.least_block_px,
+                         std::min((std::max(width, height) + kIllumination.blocks - 1) / kIllumination.blocks,
+                                  std::min(width, height) / kIllumination.least_blocks))),
           columns(width / block), rows(height / block), origin(layout.principal_point_px),
           unit(std::max(1.0, layout.farthest_corner_px())) {}
     std::size_t width, height, block, columns, rows;
@@ -62,7 +55,7 @@ Blocks block_means(const Grid &grid, const CaptureLayout &layout, std::size_t se
 }
 
 // 1, then the terms of SmoothLight.
-constexpr int kMostTerms = (kHighDegree + 1) * (kHighDegree + 2) / 2;
+constexpr int kMostTerms = (kIllumination.high_degree + 1) * (kIllumination.high_degree + 2) / 2;
 using Terms = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, kMostTerms>;
 Terms terms(double x, double y, int degree) {
     Terms result((degree + 1) * (degree + 2) / 2);
@@ -178,7 +171,7 @@ Blocks without_shared(const Grid &grid, const Blocks &light, const Shared &share
 struct Slope {
     Eigen::Vector2d slope;
     Eigen::Matrix2d covariance;
-    bool is_certain() const { return p_of(slope, covariance) <= kCertain; }
+    bool is_certain() const { return p_of(slope, covariance) <= kIllumination.certain; }
     static double p_of(const Eigen::Vector2d &difference, const Eigen::Matrix2d &covariance) {
         return gamma_upper(difference.dot(covariance.inverse() * difference), 2.0, 4.0);
     }
@@ -192,7 +185,8 @@ Slope slope_of(const Fit &quadratic, double variance) {
 // Light that rises to one side: two lights of a lab hardly do so alike.
 Eigen::Vector2d shared_slope(const std::vector<Slope> &slopes) {
     if (slopes.size() < 2 || !slopes[0].is_certain() || !slopes[1].is_certain() ||
-        Slope::p_of(slopes[0].slope - slopes[1].slope, slopes[0].covariance + slopes[1].covariance) < kAlike)
+        Slope::p_of(slopes[0].slope - slopes[1].slope, slopes[0].covariance + slopes[1].covariance) <
+            kIllumination.alike)
         return Eigen::Vector2d::Zero();
     const Eigen::Matrix2d of_a = slopes[0].covariance.inverse(), of_b = slopes[1].covariance.inverse();
     return (of_a + of_b).inverse() * (of_a * slopes[0].slope + of_b * slopes[1].slope);
@@ -202,7 +196,7 @@ double shared_loss(const std::vector<FallOff> &losses) {
     if (losses.size() == 1)
         return std::max(0.0, losses[0].loss);
     const FallOff &a = losses[0], &b = losses[1];
-    if (std::abs(a.loss - b.loss) <= kAgree * std::hypot(a.error, b.error)) {
+    if (std::abs(a.loss - b.loss) <= kIllumination.agree * std::hypot(a.error, b.error)) {
         const double of_a = 1.0 / (a.error * a.error), of_b = 1.0 / (b.error * b.error);
         return std::max(0.0, (of_a * a.loss + of_b * b.loss) / (of_a + of_b));
     }
@@ -243,7 +237,8 @@ std::optional<LampDrift> drift_of(const CaptureLayout &layout, std::size_t seque
     const double freedom = double(frames) - 1.0;
     const double expected = rows_square / freedom * counted / std::max(1.0, counted - 1.0);
     const double found = (frame_mean - mean).square().sum() / freedom;
-    if (!(expected > 0.0) || fisher_upper(found / expected, freedom, freedom * std::max(1.0, counted - 1.0)) > kCertain)
+    if (!(expected > 0.0) ||
+        fisher_upper(found / expected, freedom, freedom * std::max(1.0, counted - 1.0)) > kIllumination.certain)
         return {};
     LampDrift result{of.name, std::sqrt(std::max(0.0, found - expected)) / light, {}};
     for (const double one : frame_mean)
@@ -288,11 +283,11 @@ LabLights measure_lab_lights(const Capture &capture) {
         Blocks light = Blocks::Zero(dark.rows(), dark.cols()), weights = light;
         for (const std::size_t s : kind.measured_on) {
             Blocks one = block_means(grid, layout, s, capture.codes[s]) - dark;
-            const Fit shape = fit(grid, one, kDegree);
+            const Fit shape = fit(grid, one, kIllumination.degree);
             if (shape.freedom == 0.0 || !(shape.coefficients[0] > 0.0))
                 continue;
             one /= shape.coefficients[0];
-            const Fit smooth = fit(grid, one, kHighDegree);
+            const Fit smooth = fit(grid, one, kIllumination.high_degree);
             if (smooth.freedom == 0.0)
                 continue;
             const double weight = 1.0 / variance_of(smooth);
@@ -300,7 +295,8 @@ LabLights measure_lab_lights(const Capture &capture) {
             weights += one.isFinite().select(Blocks::Constant(one.rows(), one.cols(), weight), 0.0);
         }
         kind.light = (weights > 0.0).select(light / weights, std::numeric_limits<double>::quiet_NaN());
-        const Fit quadratic = fit(grid, kind.light, kDegree), high = fit(grid, kind.light, kHighDegree);
+        const Fit quadratic = fit(grid, kind.light, kIllumination.degree),
+                  high = fit(grid, kind.light, kIllumination.high_degree);
         if (quadratic.freedom == 0.0 || high.freedom == 0.0)
             continue;
         const double variance = variance_of(high);
@@ -316,8 +312,8 @@ LabLights measure_lab_lights(const Capture &capture) {
     result.shared_slope = {shared.slope[0], shared.slope[1]};
     for (const Kind &kind : measured) {
         const Blocks light = without_shared(grid, kind.light, shared);
-        const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kDegree),
-                  high = fit(grid, light, kHighDegree);
+        const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kIllumination.degree),
+                  high = fit(grid, light, kIllumination.high_degree);
         const double variance = variance_of(high);
         LabLight found;
         found.name = kind.name;
@@ -331,8 +327,8 @@ LabLights measure_lab_lights(const Capture &capture) {
         found.corner_loss_error = left.error;
         const double p_quadratic = p_of_terms(even, quadratic), p_high = p_of_terms(quadratic, high);
         found.p_value = std::min(1.0, 2.0 * std::min(p_quadratic, p_high)); // of two looks
-        if (found.p_value <= kCertain) {
-            const Fit &best = 2.0 * p_high <= kCertain ? high : quadratic;
+        if (found.p_value <= kIllumination.certain) {
+            const Fit &best = 2.0 * p_high <= kIllumination.certain ? high : quadratic;
             found.light.origin_px = grid.origin;
             found.light.unit_px = grid.unit;
             for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)

@@ -1,5 +1,6 @@
 #include "inference/levels.hpp"
 
+#include "inference/thresholds.hpp"
 #include "runtime/error.hpp"
 #include "simulator/host_noise.hpp"
 #include "statistics/sequence_level.hpp"
@@ -13,13 +14,6 @@ namespace {
 
 // Rounding to codes adds the variance of a uniform law of width 1.
 constexpr double kQuantizationVariance = 1.0 / 12.0;
-// Gaussian noise of that variance (DN^2) hides which codes a multiplication leaves out: of the ripple of the histogram
-// exp(-2 pi^2 / 4) is left.
-constexpr double kLeastAddedVariance = 0.25;
-// A lit sequence without light has no level.
-constexpr double kLeastLightDn = 0.5;
-// Levels that differ by more and stay so are told.
-constexpr double kNotedRatio = 0.02;
 
 double normal_two_sided(double z) {
     return std::erfc(std::abs(z) / std::sqrt(2.0));
@@ -109,11 +103,11 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
         result.p_value = normal_two_sided(result.z);
         const double less = missing_variance(real.read_noise_dn, sim.read_noise_dn, 1.0);
         const double more = missing_variance(sim.read_noise_dn, real.read_noise_dn, 1.0);
-        if (less >= kLeastAddedVariance) {
+        if (less >= kComparison.least_added_variance) {
             sim_noise = real.read_noise_dn;
             result.added_dn = std::sqrt(less);
         }
-        result.excess = more >= kLeastAddedVariance;
+        result.excess = more >= kComparison.least_added_variance;
     }
     for (std::size_t s = captures.pairs.size(); s-- > 0;) {
         SequencePair &pair = captures.pairs[s];
@@ -126,7 +120,7 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
             };
             pair.real_signal_dn = signal(captures.real, real);
             pair.sim_signal_dn = signal(captures.sim, sim);
-            if (pair.real_signal_dn < kLeastLightDn || pair.sim_signal_dn < kLeastLightDn) {
+            if (pair.real_signal_dn < kNaming.least_light_dn || pair.sim_signal_dn < kNaming.least_light_dn) {
                 captures.notes.push_back(
                     fmt::format("{} and {} were left out: their light is {:.2f} DN and {:.2f} DN above the dark level, "
                                 "which is too little to compare",
@@ -143,7 +137,7 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
             const double ratio = same_light ? 1.0 : pair.real_signal_dn / pair.sim_signal_dn;
             const double real_scale = std::min(1.0, 1.0 / ratio), sim_scale = std::min(1.0, ratio);
             const double real_missing = missing_variance(real.read_noise_dn, real.read_noise_dn, real_scale);
-            if (real_scale < 1.0 && real_missing >= kLeastAddedVariance) {
+            if (real_scale < 1.0 && real_missing >= kComparison.least_added_variance) {
                 pair.real_scale = real_scale;
                 digitize_again(captures.real.layout, s, real.black_level_dn, real_scale, std::sqrt(real_missing), seed,
                                HostStream::kReal, a);
@@ -151,10 +145,11 @@ ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels 
                 end_scale(captures.sim.layout, s, sim.black_level_dn + real_scale * (top - real.black_level_dn),
                           std::sqrt(real_missing), seed, HostStream::kSimEnd, b);
             }
-            if (sim_scale < 1.0 && missing_variance(sim_noise, sim.read_noise_dn, sim_scale) >= kLeastAddedVariance)
+            if (sim_scale < 1.0 &&
+                missing_variance(sim_noise, sim.read_noise_dn, sim_scale) >= kComparison.least_added_variance)
                 pair.sim_scale = sim_scale;
             const double left = ratio * pair.real_scale / pair.sim_scale;
-            if (std::abs(left - 1.0) > kNotedRatio)
+            if (std::abs(left - 1.0) > kComparison.noted_ratio)
                 captures.notes.push_back(fmt::format(
                     "{} is compared at {:.1f} DN of light with {} at {:.1f} DN: the read noise is too small to "
                     "hide which codes a multiplication leaves out",

@@ -1,6 +1,7 @@
 #include "inference/model_fit.hpp"
 
 #include "inference/least_squares.hpp"
+#include "inference/thresholds.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,31 +12,6 @@
 namespace clsp {
 namespace {
 
-// Models on the way are judged by some of the replicates, if those leave no doubt that a residual remains.
-constexpr double kNoDoubt = 1e-9;
-// Residuals in doubt are judged by that many times as many replicates as others.
-constexpr std::uint32_t kConfirming = 2;
-constexpr double kPartOfLevel = 0.1;
-// Of a strength: a last step that is smaller needs no other fit; the differences of one that does, as a part of the
-// usual ones.
-constexpr double kLeastStep = 0.004, kFine = 0.15;
-// And one that takes less than that from the squared distance is not judged; nor one that takes less than that part of
-// what is beyond chance: where much is left, an effect is missing, and strengths are to be fitted once more.
-constexpr double kLeastPolish = 2.0, kLeastPolishPart = 0.02;
-// Of the squared distance: what a whole number one further must leave at the most to be tried.
-constexpr double kStepped = 0.8;
-// Rounds beyond those with a Jacobian of their own, where a step is longer than the last, linear one may well be.
-constexpr int kSecantRounds = 4;
-constexpr double kFar = 0.15;
-// A strength at which every parameter's range has ended.
-constexpr double kAnyFar = 1e3;
-// Captures on either side of a strength by which a slope is measured in the end.
-constexpr std::size_t kSlopeSeeds = 4;
-// Captures that tell what the image's border does, if there are as many replicates of the baseline. Means that differ by
-// less than so many of their errors do so by chance, once in eighty times, and variances by less than that ratio, once in
-// a hundred times: an allowance for what is chance would only hide effects.
-constexpr std::size_t kBorderedCaptures = 24;
-constexpr double kChanceOfMean = 2.5, kChanceOfVariance = 2.2;
 // Of the baseline's progress: its replicates.
 constexpr double kOfReplicates = 0.6;
 
@@ -89,7 +65,7 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
         return sum;
     }
     double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    for (double u = kWeakest; u <= strongest_; u += kStrengthStep) {
+    for (double u = kStrengths.weakest; u <= strongest_; u += kStrengths.grid_step) {
         const Eigen::VectorXd change = covariance.whiten(response->at(u));
         for (int h = 0; h < 3; ++h) {
             const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);
@@ -127,7 +103,7 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
     const std::vector<SequenceLayout> &sequences = runner_.layout().sequences;
     if (std::none_of(sequences.begin(), sequences.end(), [](const SequenceLayout &s) { return is_laser(s.scene); }))
         return result;
-    std::vector<std::uint64_t> seeds(std::min(kBorderedCaptures, replicates.draws.size()));
+    std::vector<std::uint64_t> seeds(std::min(kModelError.bordered_captures, replicates.draws.size()));
     std::iota(seeds.begin(), seeds.end(), options_.seed + 1);
     std::vector<FoldStatistics> bordered_draws;
     const auto before_each = [&](std::size_t i) {
@@ -157,9 +133,9 @@ Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from
             const double difference = bordered.mean[k] - baseline.mean[k];
             const double chance = baseline.variance[k] / baseline.count + bordered.variance[k] / bordered.count;
             double square = 0.0;
-            if (difference * difference > kChanceOfMean * kChanceOfMean * chance)
+            if (difference * difference > kModelError.border_mean * kModelError.border_mean * chance)
                 square += difference * difference - chance;
-            if (bordered.variance[k] > kChanceOfVariance * baseline.variance[k])
+            if (bordered.variance[k] > kModelError.border_variance * baseline.variance[k])
                 square += bordered.variance[k] - baseline.variance[k];
             result[k] = std::sqrt(square);
         }
@@ -196,11 +172,11 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     options.seeds = options_.pool_seeds;
     // What is known is of another strength.
     const bool alone = model.strengths.size() == 1 && wanted.known.cols() == 0;
-    options.rounds = wanted.near || alone ? 1 : kGaussNewtonRounds;
-    options.secant_rounds = kSecantRounds;
+    options.rounds = wanted.near || alone ? 1 : kFit.rounds;
+    options.secant_rounds = kFit.secant_rounds;
     options.part = wanted.part;
-    options.near = wanted.part * kNear;
-    options.far = wanted.part * kFar;
+    options.near = wanted.part * kStrengths.near;
+    options.far = wanted.part * kFit.far;
     options.strongest = strongest_;
     std::vector<Eigen::VectorXd> columns;
     for (Eigen::Index p = 0; p < wanted.known.cols(); ++p)
@@ -220,14 +196,14 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     fitted.change = pool.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
     judge(fitted, {fitted.effects, pool.levels, {}}, std::min(wanted.replicates, options_.model_replicates),
           wanted.from, wanted.to);
-    if (fitted.residual.p_value > kNoDoubt)
+    if (fitted.residual.p_value > kFit.no_doubt)
         judge(fitted, fitted.model.replicates(), options_.model_replicates, wanted.from, wanted.to);
     return fitted;
 }
 
 double ModelFit::worth_replacing(const FittedModel &fitted) const {
     const double now = square_by(fitted.model.full(), fitted);
-    return now - kLeastPolish - kLeastPolishPart * std::max(0.0, now - static_cast<double>(runner_.count()));
+    return now - kFit.least_polish - kFit.least_polish_part * std::max(0.0, now - static_cast<double>(runner_.count()));
 }
 
 bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
@@ -236,10 +212,10 @@ bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double
     for (std::size_t p = 0; p < onward.strengths.size(); ++p) {
         Strength &s = onward.strengths[p];
         const ModelEffect &effect = onward.effects[s.effect];
-        if (s.reach > kWeakest || effect.candidate->parameters[s.parameter].whole || !is_at(s.strength, kStrongest) ||
-            fitted.step[static_cast<Eigen::Index>(p)] < kNear)
+        if (s.reach > kStrengths.weakest || effect.candidate->parameters[s.parameter].whole ||
+            !is_at(s.strength, kStrengths.strongest) || fitted.step[static_cast<Eigen::Index>(p)] < kStrengths.near)
             continue;
-        const double end = effect.candidate->snapped(s.parameter, kAnyFar, effect.sign);
+        const double end = effect.candidate->snapped(s.parameter, kStrengths.unbounded, effect.sign);
         if (end > s.strength) {
             s.reach = end;
             goes_on = true;
@@ -254,13 +230,13 @@ bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
     EffectModel moved = model;
-    if (move_strengths(moved, fitted.step, strongest_) < kLeastStep)
+    if (move_strengths(moved, fitted.step, strongest_) < kFit.least_step)
         return;
     FitOptions fine;
     fine.replicates = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
     fine.from = fine.to = at;
     fine.near = true;
-    fine.part = kFine;
+    fine.part = kFit.fine;
     fine.worth = worth_replacing(fitted);
     replace(model, pool, fitted, std::move(moved), fine);
 }
@@ -295,7 +271,7 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
         Eigen::MatrixXd others(fitted.jacobian.rows(), columns - 1);
         others << fitted.jacobian.leftCols(column), fitted.jacobian.rightCols(columns - column - 1);
         const Eigen::VectorXd left = runner_.real().mean() - covariance.mean();
-        double least = kStepped * square_by(covariance, fitted);
+        double least = kFit.whole_step * square_by(covariance, fitted);
         EffectModel best;
         for (const double step : {-1.0, 1.0}) {
             const double value = effect.candidate->value(here.parameter, here.strength, effect.sign) + step;
@@ -305,7 +281,7 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
             moved.strengths[p].strength = effect.candidate->strength(here.parameter, value, effect.sign);
             possible([&] {
                 const Change change = simulate_change(runner_, pool, moved.settings(), concerned(model.id_of(column)),
-                                                      options_.seed, kSearchSeeds);
+                                                      options_.seed, kFit.search_seeds);
                 const double square =
                     residual_square(whiten_columns(covariance, others), covariance.whiten(left - change.mean));
                 if (square < least) {
@@ -324,11 +300,11 @@ void ModelFit::step_whole_numbers(EffectModel &model, Pool &pool, FittedModel &f
 
 void ModelFit::confirm(FittedModel &fitted, double at) {
     const double level = options_.residual_level;
-    if (fitted.residual.p_value > std::max(kSeldom, level) ||
-        fitted.residual.p_value < std::min(kBeyondDoubt, kPartOfLevel * level))
+    if (fitted.residual.p_value > std::max(kFit.seldom, level) ||
+        fitted.residual.p_value < std::min(kFit.beyond_doubt, kFit.part_of_level * level))
         return;
     const double score = fitted.score; // of others, with fewer replicates, that it is compared with
-    judge(fitted, fitted.model.replicates(), kConfirming * options_.model_replicates, at, at);
+    judge(fitted, fitted.model.replicates(), kFit.confirming * options_.model_replicates, at, at);
     fitted.score = score;
 }
 
@@ -352,7 +328,7 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
                             with_unexplained(model_error(fitted)));
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
-    step = step.cwiseMax(-kLargestStep).cwiseMin(kLargestStep);
+    step = step.cwiseMax(-kFit.largest_step).cwiseMin(kFit.largest_step);
     fitted.step = step;
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(runner_.real());
@@ -379,13 +355,13 @@ Eigen::VectorXd ModelFit::measured_slope(const Replicates &replicates, const Eff
         const EffectSettings settings = moved.settings();
         const CalibratedLevels levels =
             runner_.calibrate(settings, concerned(model.id_of(strength)), &replicates.levels);
-        std::vector<std::uint64_t> seeds(kSlopeSeeds); // those of the first replicates, others for each side
-        std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + side * kSlopeSeeds);
+        std::vector<std::uint64_t> seeds(kFit.slope_seeds); // those of the first replicates, others for each side
+        std::iota(seeds.begin(), seeds.end(), options_.seed + 1 + side * kFit.slope_seeds);
         const std::vector<FoldStatistics> draws = runner_.replicates(settings, levels, seeds, {});
-        Eigen::MatrixXd of_side(slopes.rows(), static_cast<Eigen::Index>(kSlopeSeeds));
-        for (std::size_t r = 0; r < kSlopeSeeds; ++r)
+        Eigen::MatrixXd of_side(slopes.rows(), static_cast<Eigen::Index>(kFit.slope_seeds));
+        for (std::size_t r = 0; r < kFit.slope_seeds; ++r)
             of_side.col(static_cast<Eigen::Index>(r)) =
-                (draws[r].mean() - replicates.draws[side * kSlopeSeeds + r].mean()) / step;
+                (draws[r].mean() - replicates.draws[side * kFit.slope_seeds + r].mean()) / step;
         slopes.conservativeResize(Eigen::NoChange, slopes.cols() + of_side.cols());
         slopes.rightCols(of_side.cols()) = of_side;
         sides.conservativeResize(Eigen::NoChange, sides.cols() + 1);
@@ -417,8 +393,8 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
                                     fitted.model.full().tolerance());
     const Covariance &covariance = model_of_changes.full();
     Eigen::VectorXd strengths = model_of_changes.coefficients(covariance, runner_.real().mean() - covariance.mean())
-                                    .cwiseMax(-kLargestStep)
-                                    .cwiseMin(kLargestStep);
+                                    .cwiseMax(-kFit.largest_step)
+                                    .cwiseMin(kFit.largest_step);
     for (Eigen::Index p = 0; p < strengths.size(); ++p) {
         const Strength &s = model.strengths[static_cast<std::size_t>(p)];
         const ModelEffect &effect = model.effects[s.effect];

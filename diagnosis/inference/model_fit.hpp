@@ -4,6 +4,7 @@
 
 #include "inference/gap_test.hpp"
 #include "inference/gauss_newton.hpp"
+#include "inference/thresholds.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -14,19 +15,6 @@
 #include <vector>
 
 namespace clsp {
-
-// Of the pool's seeds, for the search; fits use all.
-constexpr std::uint32_t kSearchSeeds = 1;
-
-// A residual that is seldom by chance, though not too large, comes of an effect that resembles the true one as often as
-// of chance.
-constexpr double kSeldom = 0.05;
-// Nor is one that is less likely than this by chance in any doubt.
-constexpr double kBeyondDoubt = 1e-6;
-
-// Of the squared distance: what a fit of another form of an effect (Candidate::told_by_fit) must be better than that of
-// the catalogue's own to be taken, as a parameter means something else in each.
-constexpr double kFormMargin = 20.0;
 
 struct SearchOptions {
     std::uint64_t seed = 0;
@@ -166,7 +154,7 @@ class ModelFit {
     ReplicateRunner &runner_;
     SearchOptions options_;
     Progress progress_;
-    double strongest_ = kStrongest;
+    double strongest_ = kStrengths.strongest;
     Eigen::VectorXd border_error(const Replicates &replicates, double from, double to) const;
     // Standard deviation of the model's own error in each statistic.
     Eigen::VectorXd model_error(const FittedModel &fitted) const;

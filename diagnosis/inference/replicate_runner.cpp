@@ -1,6 +1,7 @@
 #include "inference/replicate_runner.hpp"
 
 #include "capture/applicability.hpp"
+#include "inference/thresholds.hpp"
 #include "runtime/error.hpp"
 #include "stages/philox.hpp"
 
@@ -23,9 +24,6 @@ constexpr std::size_t kMostWorkers = 8, kWorkersPerThread = 2;
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20; // of all of them
 constexpr std::size_t kMemoBytes = std::size_t{64} << 20;
 
-// What is simulated on each side of an image and cut off: light comes in at the other border from twice as far.
-constexpr std::uint32_t kBorderPx = 24;
-
 [[noreturn]] void refuse_another_runner() {
     throw Error(Status::kInternal,
                 "work side by side is to ask its own runner, not that of all workers; please report this");
@@ -33,22 +31,22 @@ constexpr std::uint32_t kBorderPx = 24;
 
 CaptureLayout with_border(CaptureLayout layout) {
     const std::uint32_t width = layout.width, height = layout.height;
-    layout.width += 2 * kBorderPx;
-    layout.height += 2 * kBorderPx;
+    layout.width += 2 * kModelError.border_px;
+    layout.height += 2 * kModelError.border_px;
     for (double &along : layout.principal_point_px)
-        along += kBorderPx;
+        along += kModelError.border_px;
     if (layout.dots)
         for (std::array<double, 2> &position : layout.dots->positions_px)
             for (double &along : position)
-                along += kBorderPx;
+                along += kModelError.border_px;
     // Means go by what is kept.
     for (SequenceLayout &sequence : layout.sequences) {
         for (double &along : sequence.illumination.origin_px)
-            along += kBorderPx;
+            along += kModelError.border_px;
         std::vector<std::uint8_t> mask(layout.pixel_count(), 0);
         for (std::uint32_t y = 0; y < height; ++y)
             for (std::uint32_t x = 0; x < width; ++x)
-                mask[std::size_t{y + kBorderPx} * layout.width + x + kBorderPx] =
+                mask[std::size_t{y + kModelError.border_px} * layout.width + x + kModelError.border_px] =
                     sequence.mask.empty() ? 1 : sequence.mask[std::size_t{y} * width + x];
         sequence.mask = std::move(mask);
     }
@@ -57,11 +55,12 @@ CaptureLayout with_border(CaptureLayout layout) {
 
 // To the image alone, in place.
 void cut_border(std::uint16_t *codes, std::uint32_t frame_count, const CaptureLayout &whole) {
-    const std::size_t width = whole.width - 2 * kBorderPx;
+    const std::size_t width = whole.width - 2 * kModelError.border_px;
     std::uint16_t *to = codes;
     for (std::uint32_t frame = 0; frame < frame_count; ++frame)
-        for (std::uint32_t y = kBorderPx; y < whole.height - kBorderPx; ++y) {
-            const std::uint16_t *row = codes + (std::size_t{frame} * whole.height + y) * whole.width + kBorderPx;
+        for (std::uint32_t y = kModelError.border_px; y < whole.height - kModelError.border_px; ++y) {
+            const std::uint16_t *row =
+                codes + (std::size_t{frame} * whole.height + y) * whole.width + kModelError.border_px;
             to = std::copy(row, row + width, to);
         }
 }
@@ -183,8 +182,8 @@ Calibration ReplicateRunner::measured_calibration(const std::vector<SequenceLeve
     if (means)
         result.black_level_dn = mean / means;
     if (variances)
-        result.read_noise_dn =
-            std::max(kLeastReadNoise, std::sqrt(std::max(0.0, variance / variances - kQuantizationVariance)));
+        result.read_noise_dn = std::max(kCalibration.least_read_noise,
+                                        std::sqrt(std::max(0.0, variance / variances - kQuantizationVariance)));
     return result;
 }
 
@@ -292,9 +291,10 @@ CalibratedLevels ReplicateRunner::drawn_levels(const CalibratedLevels &calibrate
     CalibratedLevels result = calibrated;
     const std::array<double, 2> normals = host_normals(seed, 0, kStreamCameraLevels);
     if (!shared_->knows_black_level)
-        result.black_level_error_dn = kSheetBlackLevel * std::max(1.0, shared_->layout.dn_of_ten_bits()) * normals[0];
+        result.black_level_error_dn =
+            kCalibration.sheet_black_level * std::max(1.0, shared_->layout.dn_of_ten_bits()) * normals[0];
     if (!shared_->knows_read_noise)
-        result.read_noise_ratio = std::exp(kSheetReadNoise * normals[1]);
+        result.read_noise_ratio = std::exp(kCalibration.sheet_read_noise * normals[1]);
     return result;
 }
 

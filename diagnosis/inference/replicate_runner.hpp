@@ -41,9 +41,6 @@ struct CalibratedLevels {
 
 // Quantization adds the variance of a uniform law of width 1.
 constexpr double kQuantizationVariance = 1.0 / 12.0;
-constexpr double kLeastReadNoise = 0.05;
-// Standard deviations of what a data sheet says, which is good to a few DN and about 15 %.
-constexpr double kSheetBlackLevel = 2.0, kSheetReadNoise = 0.1;
 
 // Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of
 // them.

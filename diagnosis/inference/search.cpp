@@ -2,11 +2,13 @@
 
 #include "inference/least_squares.hpp"
 #include "inference/swap.hpp"
+#include "inference/thresholds.hpp"
 #include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -19,37 +21,6 @@ namespace {
 constexpr double kBegin = 0.3, kSecond = 0.7, kEnd = 0.98;
 // Where a second and a third search follow the first.
 constexpr double kFirstSearch = 0.6, kSecondSearch = 0.85;
-constexpr int kFitRounds = 3;
-// Effects whose gain at screening is less than that part of the best one's are not fitted.
-constexpr double kLeastGainPart = 0.2;
-// That many times as many are fitted as long as no fit bears out the screening.
-constexpr std::uint32_t kMorePatient = 2;
-// Later screenings take the effects whose change at the last one promises most, and those only of which it promises
-// anything.
-constexpr std::size_t kMostScreened = 14;
-constexpr double kLeastPromise = 4.0;
-// Effects whose held-out gain is that near to the best one's are compared by replicates of their own.
-constexpr double kFinalMargin = 20.0, kFinalMarginShare = 0.03;
-// So are those farther behind where the best one explains less than that part: what an effect scatters by itself (power
-// that flickers) counts as not explained until it is simulated.
-constexpr double kDoubtful = 0.25;
-// Where the squared distance fell below that part and is still too large, effects are swapped; that often.
-constexpr double kLittleLeft = 0.02;
-constexpr int kMostSwaps = 3;
-// Of an excess beyond that for each statistic, an effect stays that explains the second part by the present model's
-// covariance, even if it explains nothing by its own: by that, what other effects do may weigh more than before.
-constexpr double kLarge = 200.0, kMostOfLarge = 0.25;
-// Of such an excess, where no effect promises that part of the squared distance by its change at one strength, all are
-// screened again as they answer to their strength: what goes far bends, and a defocus of 1.3 waves has nothing of one
-// of 1.
-constexpr double kPoorScreening = 0.5;
-constexpr double kLineStrengths[] = {0.5, 1.0};
-// A search that explains no such excess is made once more, along those lines in any case and with
-// this part of kLeastGainPart: at f/8 a defocus of 0.77 waves has a tenth of what one of 0.95 changes, which promises
-// too little for a fit by a little.
-constexpr double kPatientGainPart = 0.25;
-// There, the effects that are still missing explain less.
-constexpr double kLeastShareOfLittle = 0.04;
 
 struct Refined {
     const Candidate *candidate;
@@ -100,7 +71,7 @@ void decide_forms(std::vector<Refined> &refined) {
         const auto own =
             std::find_if(refined.begin(), refined.end(), [&](const Refined &other) { return are_forms(form, other); });
         if (own != refined.end())
-            out.push_back(form.fitted && form.gain > own->gain + kFormMargin ? own->candidate : form.candidate);
+            out.push_back(form.fitted && form.gain > own->gain + kFit.form_margin ? own->candidate : form.candidate);
     }
     const auto is_out = [&](const Refined &one) {
         return std::find(out.begin(), out.end(), one.candidate) != out.end();
@@ -130,7 +101,15 @@ class Search {
     Search(ModelFit &fits, const std::vector<const Candidate *> &candidates, const SearchStart &start)
         : fits_(fits), runner_(fits.runner()), candidates_(candidates), start_(start) {}
 
-    SearchResult run();
+    // Looks for what explains the capture; what it comes to, with its parameters measured, is asked for once.
+    void find();
+    SearchResult result();
+
+    double p_left() const { return p_left_; }
+    // By statistic, as SearchStart has it.
+    Eigen::VectorXd left() const;
+    const SearchState &found() const { return state_; }
+    const std::vector<ScreenedEffect> &screened() const { return screened_; }
 
   private:
     // Effects by what they promise at screening. fresh: none is put aside by its last one.
@@ -174,12 +153,13 @@ class Search {
 
     // Little of the excess that the search began with is left, but what is left is seldom by chance.
     bool nearly_explained(const FittedModel &fitted) const {
-        return fitted.residual.p_value <= kSeldom && fits_.excess_square(fitted) <= kLittleLeft * begin_excess_;
+        return fitted.residual.p_value <= kFit.seldom &&
+               fits_.excess_square(fitted) <= kGrowth.little_left * begin_excess_;
     }
 
     ModelFit &fits_;
     // The excess is so large that effects bend on their way to it.
-    bool is_large() const { return begin_excess_ > kLarge * static_cast<double>(runner_.count()); }
+    bool is_large() const { return begin_excess_ > kScreening.large * static_cast<double>(runner_.count()); }
 
     double begin_excess_ = 0.0;
     bool patient_ = false; // first effects are screened along lines in any case, and more of them get a fit
@@ -188,6 +168,9 @@ class Search {
     const std::vector<const Candidate *> &candidates_;
     const SearchStart &start_;
     std::optional<SearchState> begin_; // the start, fitted
+    FittedModel baseline_;
+    SearchState state_;
+    double p_left_ = 1.0; // SearchResult::p_left
 };
 
 std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitted, bool fresh) {
@@ -212,12 +195,12 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
             continue;
         const auto known = state.screened.find(&candidate);
         refined.gain = fresh || known == state.screened.end() ? 1e300 : gain_of(known->second, refined.sign);
-        if (refined.gain > kLeastPromise)
+        if (refined.gain > kScreening.least_promise)
             result.push_back(std::move(refined));
     }
     if (!state.screened.empty() && !fresh) {
         sort_by_gain(result);
-        keep_effects(result, kMostScreened);
+        keep_effects(result, kScreening.most);
     }
     std::vector<Change> changes(result.size()); // of no size where the simulator refuses
     std::vector<double> screened_at(result.size());
@@ -231,7 +214,7 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
             Change change;
             if (!possible([&] {
                     change = simulate_change(runner, state.pool, with.settings(), result[i].concerned,
-                                             fits_.options().seed, kSearchSeeds);
+                                             fits_.options().seed, kFit.search_seeds);
                 }))
                 continue;
             double sign = 1.0;
@@ -270,9 +253,9 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
     }
     const auto promised = [](const Refined &a, const Refined &b) { return a.gain < b.gain; };
     const auto best = std::max_element(result.begin(), result.end(), promised);
-    const bool poor = best != result.end() && best->gain < kPoorScreening * target.squaredNorm();
+    const bool poor = best != result.end() && best->gain < kScreening.poor * target.squaredNorm();
     if ((poor || (patient_ && model.effects.size() == start_.model.effects.size())) &&
-        fits_.excess_square(fitted) > kLarge * static_cast<double>(runner_.count()))
+        fits_.excess_square(fitted) > kScreening.large * static_cast<double>(runner_.count()))
         screen_along_lines(result, state, fitted);
     sort_by_gain(result);
     for (Refined &refined : result)
@@ -300,14 +283,14 @@ void Search::screen_along_lines(std::vector<Refined> &refined, const SearchState
         if (runner.on_callers_thread())
             fits_.report(0.0, "screening " + of.candidate->id);
         possible([&] {
-            for (const double asked : kLineStrengths) {
+            for (const double asked : kScreening.line_strengths) {
                 const double strength = of.candidate->snapped(0, asked, line.sign);
-                if (!line.response.empty() && line.response.distance(strength) <= kNear)
+                if (!line.response.empty() && line.response.distance(strength) <= kStrengths.near)
                     continue;
                 EffectModel with = state.model;
                 with.add(*of.candidate, line.sign, strength);
                 line.response.add(strength, simulate_change(runner, state.pool, with.settings(), of.concerned,
-                                                            fits_.options().seed, kSearchSeeds));
+                                                            fits_.options().seed, kFit.search_seeds));
             }
             line.gain =
                 0.5 * (before - fits_.held_out(fitted, &line.response)); // of two halves, a promise is of their mean
@@ -336,12 +319,13 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
     const auto change_at = [&](ReplicateRunner &runner, double strength) {
         EffectModel with = model;
         with.add(*refined.candidate, refined.sign, strength);
-        return simulate_change(runner, pool, with.settings(), refined.concerned, fits_.options().seed, kSearchSeeds);
+        return simulate_change(runner, pool, with.settings(), refined.concerned, fits_.options().seed,
+                               kFit.search_seeds);
     };
     std::vector<double> strengths;
     for (const double asked : {0.0, 0.5, 1.0}) {
         const double strength = refined.candidate->snapped(0, asked, refined.sign);
-        if ((refined.response.empty() || refined.response.distance(strength) > kNear) &&
+        if ((refined.response.empty() || refined.response.distance(strength) > kStrengths.near) &&
             std::find(strengths.begin(), strengths.end(), strength) == strengths.end())
             strengths.push_back(strength);
     }
@@ -355,7 +339,7 @@ void Search::refine(Refined &refined, const EffectModel &model, const FittedMode
         const double after = fits_.held_out(fitted, &refined.response, &refined.strength);
         refined.strength = refined.candidate->snapped(0, refined.strength, refined.sign);
         refined.gain = before - after;
-        if (round == kFitRounds || refined.response.distance(refined.strength) < kNear)
+        if (round == kGrowth.fit_rounds || refined.response.distance(refined.strength) < kStrengths.near)
             break;
         refined.response.add(refined.strength, change_at(runner_, refined.strength));
     }
@@ -400,7 +384,7 @@ bool Search::refine_all(std::vector<Refined> &refined, const SearchState &state,
     // The best gain of a fit, and at screening the best gain that a fit bore out.
     double explained = 0.0, borne_out = 0.0;
     std::uint32_t tried = 0;
-    const double least_screened = kLeastGainPart * (patient_ ? kPatientGainPart : 1.0);
+    const double least_screened = kScreening.least_gain_part * (patient_ ? kScreening.patient_gain_part : 1.0);
     for (Refined &candidate : refined) {
         const double screened = candidate.gain;
         candidate.gain = 0.0;
@@ -411,9 +395,11 @@ bool Search::refine_all(std::vector<Refined> &refined, const SearchState &state,
         const bool is_form = std::any_of(refined.begin(), refined.end(), [&](const Refined &other) {
             return other.fitted && are_forms(other, candidate);
         });
-        const std::uint32_t most = fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kMorePatient);
-        if (!is_form && (screened < least_screened * borne_out || tried >= most ||
-                         (explained > kNearlyAll * excess && screened < kLeastScreened * best_screened)))
+        const std::uint32_t most =
+            fits_.options().refined * (borne_out > 0.0 && !patient_ ? 1 : kScreening.more_patient);
+        if (!is_form &&
+            (screened < least_screened * borne_out || tried >= most ||
+             (explained > kScreening.nearly_all * excess && screened < kScreening.least_beside_that * best_screened)))
             continue;
         fits_.report(at, "fitting " + candidate.candidate->id);
         candidate.fitted = possible([&] { refine(candidate, state.model, current, state.pool); });
@@ -423,7 +409,7 @@ bool Search::refine_all(std::vector<Refined> &refined, const SearchState &state,
         }
         tried += is_form ? 0 : 1;
         explained = std::max(explained, candidate.gain);
-        if (candidate.gain >= kLeastGain)
+        if (candidate.gain >= kGrowth.least_gain)
             borne_out = std::max(borne_out, screened);
     }
     decide_forms(refined);
@@ -461,7 +447,7 @@ std::size_t Search::best_of(std::vector<FittedModel> &fits, double margin, doubl
 
 bool Search::grow(SearchState &state, const FittedModel &current, double from, double share) {
     const double excess = fits_.excess_square(current);
-    const bool little = excess <= kLittleLeft * begin_excess_, stale = !state.screened.empty();
+    const bool little = excess <= kGrowth.little_left * begin_excess_, stale = !state.screened.empty();
     std::vector<Refined> refined = screen(state, current, false);
     const bool borne_out = refine_all(refined, state, current, from + 0.2 * share);
     remember_screening(refined);
@@ -478,11 +464,11 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
     std::vector<FittedModel> fits;
     std::vector<const Refined *> finalists;
     const double best_gain = refined.empty() ? 0.0 : refined.front().gain;
-    const double margin = std::max(kFinalMargin, kFinalMarginShare * best_gain);
-    const bool doubtful = best_gain < kDoubtful * excess;
+    const double margin = std::max(kGrowth.final_margin, kGrowth.final_margin_share * best_gain);
+    const bool doubtful = best_gain < kGrowth.doubtful * excess;
     const auto is_near = [&](const Refined &candidate) { return candidate.gain >= best_gain - margin; };
     const auto contends = [&](const Refined &candidate) {
-        return candidate.gain >= kLeastGain && (doubtful || is_near(candidate));
+        return candidate.gain >= kGrowth.least_gain && (doubtful || is_near(candidate));
     };
     for (const Refined &candidate : refined) {
         if (models.size() == fits_.options().finalists || !contends(candidate))
@@ -520,10 +506,10 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
     const double gain = current.score - fits[best].score;
     // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
     // very different ones.
-    const double least_share = little ? kLeastShareOfLittle : kLeastShare;
-    const bool is_large_part =
-        excess > kLarge * static_cast<double>(runner_.count()) && finalists[best]->gain > kMostOfLarge * excess;
-    if ((gain < kLeastGain && !is_large_part) ||
+    const double least_share = little ? kGrowth.least_share_of_little : kGrowth.least_share;
+    const bool is_large_part = excess > kScreening.large * static_cast<double>(runner_.count()) &&
+                               finalists[best]->gain > kGrowth.most_of_large * excess;
+    if ((gain < kGrowth.least_gain && !is_large_part) ||
         (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
         return false;
     state.steps.push_back(described(refined, finalists, fits, best, current));
@@ -535,7 +521,7 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
 
 bool is_far(const EffectModel &model, const Strength &s) {
     const HypothesisParameter &p = model.effects[s.effect].candidate->parameters[s.parameter];
-    return p.weak != p.strong && s.strength > kCommon;
+    return p.weak != p.strong && s.strength > kStrengths.common;
 }
 
 bool Search::goes_far(const SearchState &state) const {
@@ -548,7 +534,7 @@ bool Search::leads_out(const SearchState &common, const SearchState &wide) {
     for (std::size_t k = 0; k < common.model.strengths.size(); ++k) {
         const Strength &s = common.model.strengths[k];
         const ModelEffect &effect = common.model.effects[s.effect];
-        if (!is_at(s.strength, kCommon) || common.models.back().step[static_cast<Eigen::Index>(k)] <= 0.0)
+        if (!is_at(s.strength, kStrengths.common) || common.models.back().step[static_cast<Eigen::Index>(k)] <= 0.0)
             continue;
         for (const Strength &other : wide.model.strengths) {
             const ModelEffect &found = wide.model.effects[other.effect];
@@ -601,7 +587,7 @@ SearchState Search::first_state(double from, double to) {
 
 void Search::finish(SearchState &state, const FittedModel &baseline) {
     const auto swap_effects = [&] {
-        for (int swaps = 0; swaps < kMostSwaps; ++swaps) {
+        for (int swaps = 0; swaps < kGrowth.most_swaps; ++swaps) {
             if (state.models.size() < 2 || !nearly_explained(state.models.back()) || !fits_.may_go_on() ||
                 !swap(fits_, state, state.progress))
                 break;
@@ -616,7 +602,7 @@ void Search::finish(SearchState &state, const FittedModel &baseline) {
         grow_all(state, baseline, Until::kDone);
         swap_effects();
     }
-    for (int swaps = 0; swaps < kMostSwaps && state.models.size() > 1 && is_explained(state); ++swaps) {
+    for (int swaps = 0; swaps < kGrowth.most_swaps && state.models.size() > 1 && is_explained(state); ++swaps) {
         SearchState before = state;
         if (!fits_.may_go_on() || !swap_confusable_effects(fits_, state, state.progress))
             break;
@@ -636,11 +622,11 @@ SearchState Search::explain(const FittedModel &baseline) {
     SearchState common;
     bool held_back = false;
     const auto common_explains = [&](const SearchState &wide) {
-        fits_.set_strongest(kCommon);
+        fits_.set_strongest(kStrengths.common);
         common = first_state(kSecond, kEnd);
         grow_all(common, baseline, Until::kDone);
         finish(common, baseline);
-        fits_.set_strongest(kStrongest);
+        fits_.set_strongest(kStrengths.strongest);
         const bool explained = is_explained(common);
         held_back = explained && leads_out(common, wide);
         return explained && !held_back;
@@ -662,55 +648,75 @@ SearchState Search::explain(const FittedModel &baseline) {
     return common_is_better && !is_explained(state) ? common : state;
 }
 
-SearchResult Search::run() {
-    SearchResult result;
-    result.baseline = fits_.fit_baseline(kBegin);
-    const FittedModel &baseline = result.baseline;
-    result.p_left = baseline.residual.p_value;
-    if (baseline.residual.detected) {
-        const SearchState begin = first_state(kBegin, kSecond);
-        begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline : begin.models.back());
-        SearchState state = explain(baseline);
-        if (is_large() && fits_.may_go_on() && !is_explained(state)) {
-            patient_ = true;
-            SearchState first = first_state(kSecond, kEnd);
-            const FittedModel current = first.models.empty() ? baseline : first.models.back();
-            if (grow(first, current, kSecond, kEnd - kSecond) && begins_elsewhere(first, state)) {
-                SearchState again = explain(baseline);
-                if (is_explained(again))
-                    state = std::move(again);
-            }
+void Search::find() {
+    baseline_ = fits_.fit_baseline(kBegin);
+    p_left_ = baseline_.residual.p_value;
+    if (!baseline_.residual.detected)
+        return;
+    const SearchState begin = first_state(kBegin, kSecond);
+    begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline_ : begin.models.back());
+    state_ = explain(baseline_);
+    if (is_large() && fits_.may_go_on() && !is_explained(state_)) {
+        patient_ = true;
+        SearchState first = first_state(kSecond, kEnd);
+        const FittedModel current = first.models.empty() ? baseline_ : first.models.back();
+        if (grow(first, current, kSecond, kEnd - kSecond) && begins_elsewhere(first, state_)) {
+            SearchState again = explain(baseline_);
+            if (is_explained(again))
+                state_ = std::move(again);
         }
-        if (!state.models.empty()) {
-            fits_.set_strongest(state.strongest);
-            if (fits_.options().whole)
-                complete(fits_, state, baseline, state.progress);
-            fits_.judge(state.models.back(), state.models.back().model.replicates(), fits_.options().model_replicates,
-                        0.98, 0.99);
-            fits_.confirm(state.models.back(), 0.99);
-            if (fits_.options().whole) {
-                fits_.measure_parameters(state.models.back(), state.model, 0.99);
-                include_other_forms(state);
-            }
-            result.p_left = state.models.back().residual.p_value;
-            for (FittedModel &model : state.models)
-                fits_.judge_by_all(model);
-        }
-        result.model = std::move(state.model);
-        result.steps = std::move(state.steps);
-        result.models = std::move(state.models);
-        result.screened = std::move(screened_);
-        result.ended_early = fits_.ended_early();
-        result.work = fits_.work();
     }
+    if (state_.models.empty())
+        return;
+    fits_.set_strongest(state_.strongest);
+    fits_.judge(state_.models.back(), state_.models.back().model.replicates(), fits_.options().model_replicates, kEnd,
+                kEnd);
+    fits_.confirm(state_.models.back(), kEnd);
+    p_left_ = state_.models.back().residual.p_value;
+}
+
+SearchResult Search::result() {
+    SearchResult result;
+    if (!state_.models.empty()) {
+        if (fits_.options().whole) {
+            complete(fits_, state_, baseline_, kEnd);
+            fits_.measure_parameters(state_.models.back(), state_.model, kEnd);
+            include_other_forms(state_);
+        }
+        for (FittedModel &model : state_.models)
+            fits_.judge_by_all(model);
+    }
+    result.baseline = std::move(baseline_);
+    result.p_left = p_left_;
+    result.model = std::move(state_.model);
+    result.steps = std::move(state_.steps);
+    result.models = std::move(state_.models);
+    result.ended_early = fits_.ended_early();
     fits_.report(1.0, "done");
     return result;
 }
 
+Eigen::VectorXd Search::left() const {
+    FittedModel last = state_.models.empty() ? baseline_ : state_.models.back();
+    fits_.judge_by_all(last);
+    return left_by(last, fits_.options().residual_level);
+}
+
+// A search from a start that it keeps.
+struct Attempt {
+    Attempt(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates, SearchStart from,
+            const SearchOptions &options, const Progress &progress)
+        : start(std::move(from)), fits(runner, options, progress, start.unexplained), search(fits, candidates, start) {
+        search.find();
+    }
+    SearchStart start;
+    ModelFit fits;
+    Search search;
+};
+
 } // namespace
 
-Eigen::VectorXd left_by(const SearchResult &found, double level) {
-    const FittedModel &last = found.last();
+Eigen::VectorXd left_by(const FittedModel &last, double level) {
     if (last.residual.p_value > level)
         return {};
     const double freedom = static_cast<double>(last.model.replicates().draws.size()) - 1.0;
@@ -723,38 +729,34 @@ Eigen::VectorXd left_by(const SearchResult &found, double level) {
 
 SearchResult search(ReplicateRunner &runner, const std::vector<const Candidate *> &candidates, const SearchStart &start,
                     const SearchOptions &options, const Progress &progress) {
-    const auto attempt = [&](const SearchStart &from, double begin, double end) {
-        ModelFit fits(
-            runner, options,
-            [&](const std::string &what, double part) {
-                if (progress)
-                    progress(what, begin + (end - begin) * part);
-            },
-            from.unexplained);
-        return Search(fits, candidates, from).run();
+    std::vector<ScreenedEffect> screened;
+    const auto attempt = [&](SearchStart from, double begin, double end) {
+        auto made = std::make_unique<Attempt>(runner, candidates, std::move(from), options,
+                                              [&, begin, end](const std::string &what, double part) {
+                                                  if (progress)
+                                                      progress(what, begin + (end - begin) * part);
+                                              });
+        if (screened.empty())
+            screened = made->search.screened();
+        return made;
     };
-    SearchResult found = attempt(start, 0.0, kFirstSearch);
-    const Eigen::VectorXd left = left_by(found, options.residual_level);
+    const auto first = attempt(start, 0.0, kFirstSearch);
+    // The parameters are measured of what is taken alone.
+    const auto taken = [&](Attempt &one) {
+        SearchResult result = one.search.result();
+        result.screened = std::move(screened);
+        result.work = first->fits.work();
+        return result;
+    };
     // What may be chance has no pull to speak of.
-    if (found.p_left > kBeyondDoubt || found.ended_early)
-        return found;
-    const auto take = [&](SearchResult &other) {
-        other.screened = std::move(found.screened);
-        found = std::move(other);
-    };
-    const double work = found.work;
-    SearchResult second = attempt({start.model, start.steps, left}, kFirstSearch, kSecondSearch);
-    if (second.models.empty()) {
-        found.work = work + second.work;
-        return found;
-    }
-    take(second);
-    SearchResult third = attempt({found.model, found.steps, start.unexplained}, kSecondSearch, 1.0);
-    const double all_work = work + found.work + third.work;
-    if (third.p_left > options.residual_level)
-        take(third);
-    found.work = all_work;
-    return found;
+    if (first->search.p_left() > kFit.beyond_doubt || first->fits.ended_early())
+        return taken(*first);
+    const auto second = attempt({start.model, start.steps, first->search.left()}, kFirstSearch, kSecondSearch);
+    if (second->search.found().models.empty())
+        return taken(*first);
+    const SearchState &found = second->search.found();
+    const auto third = attempt({found.model, found.steps, start.unexplained}, kSecondSearch, 1.0);
+    return taken(third->search.p_left() > options.residual_level ? *third : *second);
 }
 
 } // namespace clsp

@@ -40,9 +40,9 @@ struct SearchResult {
     const FittedModel &last() const { return models.empty() ? baseline : models.back(); }
 };
 
-// What a search leaves of each statistic, as a standard deviation; nothing of those that chance makes as large more often
-// than `level`. Empty where all are explained.
-Eigen::VectorXd left_by(const SearchResult &found, double level);
+// What a model leaves of each statistic, as a standard deviation; nothing of those that chance makes as large more
+// often than `level`. Empty where all are explained.
+Eigen::VectorXd left_by(const FittedModel &last, double level);
 
 // A statistic that no effect explains pulls at all strengths, and lets in effects that only imitate what it shows. So
 // where something is left beyond doubt, a second search begins like the first, but no fit goes by what was left; and a

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "inference/model_fit.hpp"
+#include "inference/thresholds.hpp"
 
 #include <Eigen/Core>
 
@@ -23,7 +24,7 @@ struct SearchState {
     // Of effects whose form the capture does not tell (swap_forms): the values of the other one.
     std::map<std::string, std::vector<double>> other_forms;
     double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
-    double strongest = kStrongest;             // how far its strengths may go
+    double strongest = kStrengths.strongest;   // how far its strengths may go
 };
 
 // A model may have that many effects: slight ones, which are not named, take nobody's place.

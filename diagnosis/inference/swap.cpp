@@ -1,6 +1,7 @@
 #include "inference/swap.hpp"
 
 #include "inference/least_squares.hpp"
+#include "inference/thresholds.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,39 +10,6 @@
 
 namespace clsp {
 namespace {
-
-// Effects resemble each other where the cosine of the angle between their whitened changes is above that; so many are
-// tried for each.
-constexpr double kLeastAlike = 0.5;
-constexpr std::size_t kMostAlike = 2;
-// And so many that did nearly as well as the one that was added, by what they gained over what that did.
-constexpr std::size_t kMostRivals = 2;
-constexpr double kLeastRival = 0.5;
-// Where nothing is left to explain, only those that hardly differ may have taken each other's place unseen.
-constexpr double kConfusable = 0.8;
-// Quick fits may differ by that much of a squared distance by chance; replicates of whole fits tell them apart. So many
-// are made.
-constexpr double kQuicklyAlike = 40.0;
-constexpr std::size_t kMostWhole = 2;
-constexpr int kSwapRounds = 8;
-// After some rounds a quick fit ends whose squared distance is still so many times that of the present model.
-constexpr double kGiveUpRatio = 4.0;
-constexpr double kLeastRoundGain = 0.02;
-// Effects that are tried beside all that are there: those whose change promises most once all strengths follow.
-constexpr std::size_t kMostAdded = 5;
-// A quick fit sees few random numbers, not always the same for both models, which may cost it about what chance leaves
-// of a squared distance. And where much more is left, a swap that takes away little of it explains nothing.
-constexpr double kQuickError = 0.9, kLeastExplained = 0.2;
-// What taking an effect out may cost at once, in units of the squared distance, for a fit without it, and after
-// that for replicates.
-constexpr double kLeastNeeded = 60.0;
-// An effect without which no residual is left stays if it is worth that much. More than what an effect must gain to be
-// added: there a residual says that something is missing, here the best of many may have fitted noise.
-constexpr double kLeastWorth = 30.0;
-// A form whose fit is that much worse is not made better by small differences.
-constexpr double kGiveUpForm = 3.0 * kFormMargin;
-// A strength at which most effects do little.
-constexpr double kIdleStrength = -0.4;
 
 // A swap to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
 // at the end. place: the number of effects where none goes.
@@ -71,7 +39,7 @@ void add_rivals(const SearchState &state, std::size_t place, std::vector<Move> &
     for (const RankedEffect &ranked : step.ranking) { // the likeliest first
         const auto known = std::find_if(state.screened.begin(), state.screened.end(),
                                         [&](const auto &entry) { return entry.first->id == ranked.effect; });
-        if (added == kMostRivals || ranked.gain < kLeastRival * best || known == state.screened.end() ||
+        if (added == kSwap.most_rivals || ranked.gain < kSwap.rival * best || known == state.screened.end() ||
             state.model.has(*known->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
                 return move.candidate->id == ranked.effect;
             }))
@@ -104,7 +72,7 @@ std::vector<Move> moves_of(const SearchState &state, bool share, std::size_t max
                     best.sign = cosine < 0.0 ? -1.0 : 1.0;
                 }
             }
-            if (best.alike > kLeastAlike &&
+            if (best.alike > kSwap.alike &&
                 removed_effect(state, best, max_effects) != (share ? place : state.model.effects.size()))
                 alike.push_back(best);
         }
@@ -113,7 +81,7 @@ std::vector<Move> moves_of(const SearchState &state, bool share, std::size_t max
         });
         keep_one_of_each(alike, [](const Move &move) { return move.candidate->id; });
         std::vector<Move> tried(alike.begin(),
-                                alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kMostAlike)));
+                                alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kSwap.most_alike)));
         if (!share)
             add_rivals(state, place, tried);
         result.insert(result.end(), tried.begin(), tried.end());
@@ -134,7 +102,7 @@ std::vector<Move> additions_of(const ModelFit &fits, const SearchState &state) {
             continue;
         const Promise promise = promise_of(covariance.whiten(screened), jacobian, target);
         const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
-        if (promise.gain >= kLeastGain && (sign > 0.0 || candidate->has_direction()))
+        if (promise.gain >= kGrowth.least_gain && (sign > 0.0 || candidate->has_direction()))
             promising.push_back({promise.gain, {state.model.effects.size(), candidate, sign, 0.0, false}});
     }
     std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
@@ -142,14 +110,14 @@ std::vector<Move> additions_of(const ModelFit &fits, const SearchState &state) {
     });
     keep_one_of_each(promising, [](const auto &entry) { return entry.second.candidate->id; });
     std::vector<Move> result;
-    for (std::size_t i = 0; i < std::min(promising.size(), kMostAdded); ++i)
+    for (std::size_t i = 0; i < std::min(promising.size(), kSwap.most_added); ++i)
         result.push_back(promising[i].second);
     return result;
 }
 
 // What a swap must leave to be worth a fit, where the squared distance is `now`.
 double worth_of(const ModelFit &fits, double now) {
-    return (1.0 - kLeastExplained) * now + kQuickError * static_cast<double>(fits.runner().count());
+    return (1.0 - kSwap.least_explained) * now + kSwap.quick_error * static_cast<double>(fits.runner().count());
 }
 
 // What a few rounds of a fit reach, by common random numbers from the state's model, whose squared distance is `now`.
@@ -165,12 +133,12 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
                 known[p] = start.jacobian.col(static_cast<Eigen::Index>(q));
     GaussNewtonOptions options;
     options.seed = fits.options().seed;
-    options.seeds = kSearchSeeds;
-    options.secant_rounds = kSwapRounds;
-    options.near = options.far = kNear;
+    options.seeds = kFit.search_seeds;
+    options.secant_rounds = kSwap.quick_rounds;
+    options.near = options.far = kStrengths.near;
     options.strongest = fits.strongest();
-    options.give_up_square = kGiveUpRatio * now;
-    options.least_gain = kLeastRoundGain;
+    options.give_up_square = kSwap.give_up * now;
+    options.least_gain = kSwap.least_round_gain;
     return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
 }
 
@@ -191,8 +159,8 @@ void halve(EffectModel &model, std::size_t effect) {
         const double value = candidate.value(s.parameter, s.strength, sign);
         const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
                             : parameter.weak < parameter.strong ? candidate.strength(s.parameter, 0.5 * value, sign)
-                                                                : 0.5 * (s.strength + kIdleStrength);
-        s.strength = std::max(kWeakest, half);
+                                                                : 0.5 * (s.strength + kStrengths.idle);
+        s.strength = std::max(kStrengths.weakest, half);
         s.strength = candidate.snapped(s.parameter, s.strength, sign);
     }
 }
@@ -225,7 +193,7 @@ std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, cons
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         possible([&] {
             reached[i] = quick_fit(runner, fits, model, state, now);
-            reached[i].square += adds ? kLeastGain : 0.0;
+            reached[i].square += adds ? kGrowth.least_gain : 0.0;
         });
     });
     std::vector<Promising> result;
@@ -236,11 +204,11 @@ std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, cons
                      [](const Promising &a, const Promising &b) { return a.square < b.square; });
     result.erase(std::remove_if(result.begin(), result.end(),
                                 [best = result.empty() ? 0.0 : result.front().square](const Promising &one) {
-                                    return one.square > best + kQuicklyAlike;
+                                    return one.square > best + kSwap.quickly_alike;
                                 }),
                  result.end());
-    if (result.size() > kMostWhole)
-        result.erase(result.begin() + kMostWhole, result.end());
+    if (result.size() > kSwap.most_whole)
+        result.erase(result.begin() + kSwap.most_whole, result.end());
     return result;
 }
 
@@ -291,9 +259,9 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
     if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
         return {};
-    if (fitted.residual.p_value <= kSeldom)
+    if (fitted.residual.p_value <= kFit.seldom)
         fits.polish(other.model, other.pool, fitted, at);
-    if (fitted.score > whole.score - kLeastGain) {
+    if (fitted.score > whole.score - kGrowth.least_gain) {
         if (!move.shares && move.place < state.steps.size())
             note_rival(state.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
         return {};
@@ -384,8 +352,9 @@ bool swap(ModelFit &fits, SearchState &state, double at) {
 
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     std::vector<Move> tried = moves_of(state, false, most_effects(fits, state));
-    tried.erase(std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kConfusable; }),
-                tried.end());
+    tried.erase(
+        std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kSwap.confusable; }),
+        tried.end());
     if (tried.empty())
         return false;
     // Beside what the same few random numbers leave of the effects that are there.
@@ -394,7 +363,7 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     double least = now;
     if (!possible([&] { least = quick_fit(fits.runner(), fits, state.model, state, now).square; }))
         return false;
-    return make_best(fits, state, best_moves(fits, state, tried, least + kQuicklyAlike, at), at);
+    return make_best(fits, state, best_moves(fits, state, tried, least + kSwap.quickly_alike, at), at);
 }
 
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {
@@ -421,14 +390,15 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             // A score depends on how many replicates there are.
             const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
             fits.judge(whole, whole.model.replicates(), count, at, at);
-            if (fitted.score > whole.score + kGiveUpForm)
+            if (fitted.score > whole.score + kSwap.give_up_form)
                 continue;
-            if (fitted.residual.p_value <= kSeldom)
+            if (fitted.residual.p_value <= kFit.seldom)
                 fits.polish(model, pool, fitted, at);
             // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
             state.other_forms.erase(form.id);
-            const bool is_taken = fitted.score <= whole.score - (form.told_by_fit ? kFormMargin : -kFormMargin);
-            if (std::abs(fitted.score - whole.score) < kFormMargin)
+            const bool is_taken =
+                fitted.score <= whole.score - (form.told_by_fit ? kFit.form_margin : -kFit.form_margin);
+            if (std::abs(fitted.score - whole.score) < kFit.form_margin)
                 state.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
             if (!is_taken)
                 continue;
@@ -460,15 +430,15 @@ void prune(ModelFit &fits, SearchState &state, double at) {
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
             options.known = columns_without(state, out);
-            options.worth = now + kLeastNeeded;
+            options.worth = now + kSwap.least_needed;
             fitted = fits.fit(others, pool, options, &origin);
             if (!fitted.effects.empty())
                 fits.confirm(fitted, at);
             return !fitted.effects.empty() && !fitted.residual.detected &&
-                   fits.square_by(covariance, fitted) <= now + kLeastWorth;
+                   fits.square_by(covariance, fitted) <= now + kSwap.least_worth;
         };
         bool needless = false;
-        possible([&] { needless = loss_without(fits, state, out, others) <= kLeastNeeded && explains(); });
+        possible([&] { needless = loss_without(fits, state, out, others) <= kSwap.least_needed && explains(); });
         if (!needless) {
             ++out;
             continue;

@@ -1,4 +1,5 @@
 #include "measure/verdict.hpp"
+#include "inference/thresholds.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +8,6 @@ namespace clsp {
 namespace {
 
 constexpr double kLeastPValue = 1e-300;
-// Effects at least that probable are named among the equivalent ones.
-constexpr double kLeastProbability = 0.05;
-// An effect's own statistics are those that it moves by that many standard deviations.
-constexpr double kOwnDeviations = 4.0;
-// Beside an unknown cause an effect counts as found if its own statistics are explained: at most that mean square of z.
-constexpr double kExplained = 3.0;
 
 } // namespace
 
@@ -23,11 +18,11 @@ double reported_p_value(double p) {
 bool explained(const Eigen::VectorXd &moved, const Eigen::VectorXd &z) {
     double sum = 0.0, count = 0.0;
     for (Eigen::Index k = 0; k < moved.size(); ++k)
-        if (std::abs(moved[k]) > kOwnDeviations) {
+        if (std::abs(moved[k]) > kNaming.own_statistics) {
             sum += z[k] * z[k];
             ++count;
         }
-    return count > 0.0 && sum / count < kExplained;
+    return count > 0.0 && sum / count < kNaming.explained;
 }
 
 double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statistics) {
@@ -35,7 +30,7 @@ double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statist
     for (Eigen::Index k = 0; k < moved.size(); ++k)
         if (statistics[static_cast<std::size_t>(k)])
             most = std::max(most, std::abs(moved[k]));
-    return most > kOwnDeviations ? most : 0.0;
+    return most > kNaming.own_statistics ? most : 0.0;
 }
 
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
@@ -70,10 +65,10 @@ void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> 
             continue;
         result.effects.push_back(step.added);
         result.probability = std::min(result.probability, step.ranking.front().probability);
-        if (step.ranking.front().probability >= 1.0 - kLeastProbability)
+        if (step.ranking.front().probability >= 1.0 - kNaming.least_probability)
             continue;
         for (const RankedEffect &ranked : step.ranking)
-            if (ranked.probability >= kLeastProbability) {
+            if (ranked.probability >= kNaming.least_probability) {
                 result.verdict = Verdict::kAmbiguous;
                 result.equivalent.push_back(ranked.effect);
             }

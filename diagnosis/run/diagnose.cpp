@@ -1,15 +1,16 @@
 #include "run/diagnose.hpp"
 
-#include "measure/gap_stages.hpp"
-#include "inference/ladder.hpp"
-#include "inference/shrinkage.hpp"
-#include "measure/verdict.hpp"
 #include "capture/capture_check.hpp"
 #include "capture/frame_changes.hpp"
+#include "inference/ladder.hpp"
+#include "inference/shrinkage.hpp"
+#include "inference/thresholds.hpp"
 #include "measure/camera_profile.hpp"
 #include "measure/downstream.hpp"
 #include "measure/emva1288.hpp"
 #include "measure/evidence.hpp"
+#include "measure/gap_stages.hpp"
+#include "measure/verdict.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>
@@ -26,12 +27,9 @@ namespace {
 // What falls off towards the corners, in a capture of lamp light or of laser light alone.
 constexpr const char *kLens = "vignetting", *kLight = "uneven_illumination";
 
-// An effect that takes away that part of the gap of an unknown cause imitates it.
-constexpr double kAlike = 0.5;
-
 // The stage of the effect that imitates most of an unknown cause; empty if none does.
 std::string alike_stage(const DiagnosisResult &result) {
-    double before = 0.0, most = kAlike;
+    double before = 0.0, most = kNaming.imitation;
     std::string stage;
     for (const ShrinkStep &step : result.steps) {
         if (step.fraction - before >= most) {
@@ -51,27 +49,19 @@ Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
     return (found.models[step].model.full().mean() - before.full().mean()).cwiseQuotient(before.full().deviation());
 }
 
-// A lit sequence without light has no level to be simulated at.
-constexpr double kLeastLightDn = 0.5;
-// Of a sequence, without those that its mask takes out: as the statistics ask for.
-constexpr int kLeastPixels = 64;
-// Captures of common random numbers that fits go by. What two of them say of a change holds for others only as far as
-// they are large: of 8 frames of 96 x 80 pixels two took an aperture of 0.62 times the f-number for 0.65, and a gap
-// remained. As many as make up for fewer pixels, at the cost of the usual ones.
-constexpr double kUsualPixels = 2.0 * 40 * 192 * 160;
-constexpr double kLeastSeeds = 2.0, kMostSeeds = 12.0;
 std::uint32_t pool_seeds_of(const Capture &capture) {
     double pixels = 0.0;
     for (const std::vector<std::uint16_t> &codes : capture.codes)
         pixels += static_cast<double>(codes.size()) / static_cast<double>(capture.codes.size());
-    return static_cast<std::uint32_t>(std::clamp(std::ceil(kUsualPixels / pixels), kLeastSeeds, kMostSeeds));
+    return static_cast<std::uint32_t>(
+        std::clamp(std::ceil(kNaming.usual_pixels / pixels), kNaming.least_seeds, kNaming.most_seeds));
 }
 
 // Numbers of the sequences that can be judged; notes say what cannot, and why.
 std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary &summary, DiagnosisResult &result) {
     std::vector<std::size_t> judged;
     const auto has_light = [](const SequenceSummary &seen) {
-        return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kLeastLightDn &&
+        return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kNaming.least_light_dn &&
                seen.saturated_fraction <= kMostClipped;
     };
     const bool any_light = std::any_of(summary.sequences.begin(), summary.sequences.end(), has_light);
@@ -81,12 +71,13 @@ std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary 
         std::string reason;
         const double unmasked =
             std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
-        if (unmasked < kLeastPixels)
-            reason = fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kLeastPixels);
+        if (unmasked < kNaming.least_pixels)
+            reason =
+                fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kNaming.least_pixels);
         else if (seen.saturated_fraction > kMostClipped)
             reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known",
                                  100.0 * seen.saturated_fraction);
-        else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kLeastLightDn)
+        else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kNaming.least_light_dn)
             reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
                                  seen.level_above_dark_dn);
         else if (sequence.scene != CaptureScene::kDark && seen.minimum == seen.maximum)
@@ -327,7 +318,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const std::uint64_t first_seed = seed_of_draws(options.seed);
     search_options.seed = first_seed;
     search_options.pool_seeds = pool_seeds_of(capture);
-    search_options.most_work *= search_options.pool_seeds / kLeastSeeds;
+    search_options.most_work *= search_options.pool_seeds / kNaming.least_seeds;
     search_options.null_replicates = options.null_replicates;
     search_options.max_effects = options.max_effects;
     // With fewer kinds of sequences more effects are confusable, and simulations take less time.

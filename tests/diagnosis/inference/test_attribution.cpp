@@ -4,13 +4,14 @@
 #include "effects/effects.hpp"
 #include "inference/candidate.hpp"
 #include "inference/covariance.hpp"
-#include "run/diagnose.hpp"
-#include "statistics/distributions.hpp"
 #include "inference/response.hpp"
+#include "inference/thresholds.hpp"
 #include "report/advice.hpp"
 #include "report/report_json.hpp"
+#include "run/diagnose.hpp"
 #include "runtime/error.hpp"
 #include "simulator/simulator.hpp"
+#include "statistics/distributions.hpp"
 
 #include <Eigen/Core>
 #include <cmath>
@@ -191,7 +192,7 @@ TEST(Candidates, StrengthsEndWhereValuesDo) {
     for (const Candidate &candidate : all)
         for (const double sign : {1.0, -1.0})
             for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
-                for (double u = kWeakest; u <= kStrongest; u += 0.1) {
+                for (double u = kStrengths.weakest; u <= kStrengths.strongest; u += 0.1) {
                     if ((sign < 0.0 && !candidate.has_direction()) || candidate.is_choice(p))
                         continue;
                     const double held = candidate.snapped(p, u, sign), value = candidate.value(p, u, sign);
@@ -342,9 +343,9 @@ TEST(SimulatorError, OfLogarithms) {
         return info;
     }());
     const Eigen::VectorXd error = simulator_error(list, Eigen::Vector3d(3.0, -3.0, 0.001));
-    EXPECT_NEAR(error[0], kModelError * (1.0 - std::exp(-3.0)), 1e-12); // of what was added
+    EXPECT_NEAR(error[0], kModelError.of_effects * (1.0 - std::exp(-3.0)), 1e-12); // of what was added
     EXPECT_EQ(error[1], -error[0]);                                     // near its floor
-    EXPECT_NEAR(error[2], 0.001 * kModelError, 1e-3 * 0.001 * kModelError);
+    EXPECT_NEAR(error[2], 0.001 * kModelError.of_effects, 1e-3 * 0.001 * kModelError.of_effects);
 }
 
 TEST(Response, ParabolasAreReproduced) {

@@ -3,6 +3,7 @@
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/candidate.hpp"
 #include "inference/swap.hpp"
+#include "inference/thresholds.hpp"
 #include "measure/verdict.hpp"
 
 #include <algorithm>
@@ -59,7 +60,7 @@ class Swap : public testing::Test {
             EffectModel with = state.model;
             with.add(candidate(id), 1.0, 0.5);
             state.screened[&candidate(id)] = simulate_change(fits.runner(), state.pool, with.settings(),
-                                                             fits.concerned(id), fits.options().seed, kSearchSeeds)
+                                                             fits.concerned(id), fits.options().seed, kFit.search_seeds)
                                                  .mean;
         }
         return state;
@@ -325,7 +326,7 @@ TEST_F(Swap, AFitGoesOnWhereTheSearchEnds) {
     model.add(candidate("gamma"), 1.0, 1.6);
     Pool pool;
     FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
-    EXPECT_EQ(model.strengths.front().strength, kStrongest);
+    EXPECT_EQ(model.strengths.front().strength, kStrengths.strongest);
     const double score = fitted.score;
     EXPECT_TRUE(fits.go_on(model, pool, fitted, 0.0));
     EXPECT_LT(fitted.score, score);
@@ -343,12 +344,12 @@ TEST_F(Swap, AFitGoesOnWhereTheSearchEnds) {
     EXPECT_NEAR(moved.settings().front().values.front(), candidate("gamma").parameters.front().minimum, 1e-12);
     // What ends within the search's range stays as it is.
     EXPECT_FALSE(fits.go_on(model, pool, fitted, 0.0));
-    fits.set_strongest(kCommon);
+    fits.set_strongest(kStrengths.common);
     EffectModel common;
     common.add(candidate("gamma"), 1.0, 1.0);
     Pool own;
     FittedModel held = fits.fit(common, own, all_replicates(fits));
-    EXPECT_EQ(common.strengths.front().strength, kCommon);
+    EXPECT_EQ(common.strengths.front().strength, kStrengths.common);
     EXPECT_FALSE(fits.go_on(common, own, held, 0.0));
 }
 
