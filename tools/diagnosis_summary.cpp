@@ -80,6 +80,8 @@ std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagno
     std::string text = "UNKNOWN: a significant part of the gap is explained by no effect of the catalogue.";
     if (!effects.empty())
         text += fmt::format(" Beside it {} {} found.", joined(effects, "and"), effects.size() == 1 ? "was" : "were");
+    if (summary.equivalent_count > 0)
+        text += fmt::format(" The data cannot tell {} apart.", joined(diagnosis.equivalents(), "and"));
     return text;
 }
 

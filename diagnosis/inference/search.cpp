@@ -547,12 +547,20 @@ bool Search::leads_out(const SearchState &common, const SearchState &wide) {
 }
 
 bool Search::grow_all(SearchState &state, const FittedModel &baseline, Until until) {
-    while (!is_explained(state) && state.model.effects.size() < most_effects(fits_, state) && fits_.may_go_on()) {
+    int swaps = 0;
+    while (!is_explained(state) && fits_.may_go_on()) {
         if (until == Until::kFar && goes_far(state))
             return false;
+        // Where little is left, an early choice that was wrong is as likely as an effect that is missing.
+        if (state.models.size() > 1 && nearly_explained(state.models.back()) && swaps++ < kGrowth.most_swaps) {
+            // As they are beside all the others: what was put aside early may have changed most.
+            screen(state, state.models.back(), true);
+            if (swap(fits_, state, state.progress))
+                continue;
+        }
         const double share = 0.5 * (state.progress_end - state.progress);
         const FittedModel current = state.models.empty() ? baseline : state.models.back();
-        if (!grow(state, current, state.progress, share))
+        if (state.model.effects.size() >= most_effects(fits_, state) || !grow(state, current, state.progress, share))
             break;
         state.progress += share;
     }
@@ -574,6 +582,7 @@ SearchState Search::first_state(double from, double to) {
             begin_->steps.back().residual = fitted.residual;
             begin_->models.resize(begin_->steps.size());
             begin_->models.back() = std::move(fitted);
+            begin_->given = model.effects.size();
             begin_->model = std::move(model);
             begin_->pool = std::move(pool);
         }
@@ -586,22 +595,11 @@ SearchState Search::first_state(double from, double to) {
 }
 
 void Search::finish(SearchState &state, const FittedModel &baseline) {
-    const auto swap_effects = [&] {
-        for (int swaps = 0; swaps < kGrowth.most_swaps; ++swaps) {
-            if (state.models.size() < 2 || !nearly_explained(state.models.back()) || !fits_.may_go_on() ||
-                !swap(fits_, state, state.progress))
-                break;
-            grow_all(state, baseline, Until::kDone);
-        }
-    };
-    swap_effects();
     // Forms were chosen when other effects were missing.
     const bool is_certain = state.models.empty() || (state.models.size() == 1 && is_explained(state));
     if (!is_certain && fits_.may_go_on() && swap_forms(fits_, state, candidates_, state.progress) &&
-        !is_explained(state)) {
+        !is_explained(state))
         grow_all(state, baseline, Until::kDone);
-        swap_effects();
-    }
     for (int swaps = 0; swaps < kGrowth.most_swaps && state.models.size() > 1 && is_explained(state); ++swaps) {
         SearchState before = state;
         if (!fits_.may_go_on() || !swap_confusable_effects(fits_, state, state.progress))

@@ -19,6 +19,7 @@ struct SearchState {
     Pool pool; // of the whole model
     std::map<const Candidate *, Eigen::VectorXd>
         screened; // each other effect's change of the statistics when it was last screened
+    std::size_t given = 0; // effects that it began with: a rung below has told them
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
     // Of effects whose form the capture does not tell (swap_forms): the values of the other one.

@@ -11,107 +11,82 @@
 namespace clsp {
 namespace {
 
-// A swap to be tried: the effect at `place` goes (or, `shares`, gives half of its strength), the other one is put
-// at the end. place: the number of effects where none goes.
+// A swap to be tried: the effect at `place` goes, the other one is put at the end. place: the number of effects where
+// none goes.
 struct Move {
     std::size_t place;
     const Candidate *candidate;
-    double sign, alike;
-    bool shares;
+    double sign;
+    double gain;    // of the squared distance, once all strengths follow, by the other's change at one strength
+    double made_up; // the part of what is lost with the effect that goes
 };
 
-// Which effect a move removes: where there are as many as there may be, sharing takes the place of the last one,
-// which did least.
-std::size_t removed_effect(const SearchState &state, const Move &move, std::size_t max_effects) {
-    if (!move.shares)
-        return move.place; // also where none goes
-    return state.model.effects.size() < max_effects ? state.model.effects.size() : state.model.effects.size() - 1;
+// The changes by the strengths of all effects but one.
+Eigen::MatrixXd columns_without(const SearchState &state, std::size_t out) {
+    const Eigen::MatrixXd &all = state.models.back().jacobian;
+    Eigen::MatrixXd result(all.rows(), all.cols());
+    Eigen::Index columns = 0;
+    for (std::size_t p = 0; p < state.model.strengths.size(); ++p)
+        if (state.model.strengths[p].effect != out)
+            result.col(columns++) = all.col(static_cast<Eigen::Index>(p));
+    return result.leftCols(columns);
 }
 
-// Adds the effects that did next best when the one at `place` was chosen: the others' strengths, wrong at the time, may
-// have chosen.
-void add_rivals(const SearchState &state, std::size_t place, std::vector<Move> &moves) {
-    const SearchStep &step = state.steps[place];
-    double best = 0.0;
-    for (const RankedEffect &ranked : step.ranking)
-        best = std::max(best, ranked.gain);
-    std::size_t added = 0;
-    for (const RankedEffect &ranked : step.ranking) { // the likeliest first
-        const auto known = std::find_if(state.screened.begin(), state.screened.end(),
-                                        [&](const auto &entry) { return entry.first->id == ranked.effect; });
-        if (added == kSwap.most_rivals || ranked.gain < kSwap.rival * best || known == state.screened.end() ||
-            state.model.has(*known->first) || std::any_of(moves.begin(), moves.end(), [&](const Move &move) {
-                return move.candidate->id == ranked.effect;
-            }))
-            continue;
-        moves.push_back({place, known->first, 1.0, 0.0, false});
-        ++added;
-    }
-}
-
-std::vector<Move> moves_of(const SearchState &state, bool share, std::size_t max_effects) {
-    const FittedModel &whole = state.models.back();
-    const Covariance &covariance = whole.model.full();
-    std::vector<Move> result;
-    for (std::size_t place = 0; place < state.model.effects.size(); ++place) {
-        std::vector<Move> alike;
-        for (const auto &[candidate, screened] : state.screened) {
-            if (state.model.has(*candidate))
-                continue;
-            const Eigen::VectorXd change = covariance.whiten(screened);
-            Move best{place, candidate, 1.0, 0.0, share};
-            for (std::size_t p = 0; p < state.model.strengths.size(); ++p) {
-                if (state.model.strengths[p].effect != place)
-                    continue;
-                const Eigen::VectorXd column = covariance.whiten(whole.jacobian.col(static_cast<Eigen::Index>(p)));
-                const double cosine = change.dot(column) / std::max(1e-30, change.norm() * column.norm());
-                if (cosine < 0.0 && !candidate->has_direction())
-                    continue;
-                if (std::abs(cosine) > best.alike) {
-                    best.alike = std::abs(cosine);
-                    best.sign = cosine < 0.0 ? -1.0 : 1.0;
-                }
-            }
-            if (best.alike > kSwap.alike &&
-                removed_effect(state, best, max_effects) != (share ? place : state.model.effects.size()))
-                alike.push_back(best);
-        }
-        std::sort(alike.begin(), alike.end(), [](const Move &a, const Move &b) {
-            return a.alike != b.alike ? a.alike > b.alike : before(*a.candidate, *b.candidate);
-        });
-        keep_one_of_each(alike, [](const Move &move) { return move.candidate->id; });
-        std::vector<Move> tried(alike.begin(),
-                                alike.begin() + static_cast<std::ptrdiff_t>(std::min(alike.size(), kSwap.most_alike)));
-        if (!share)
-            add_rivals(state, place, tried);
-        result.insert(result.end(), tried.begin(), tried.end());
-    }
+// How the statistics change where an effect goes; nothing if the simulator refuses the others.
+Eigen::VectorXd change_without(const ModelFit &fits, ReplicateRunner &runner, const SearchState &state,
+                               std::size_t out) {
+    Eigen::VectorXd result;
+    possible([&] {
+        result = simulate_change(runner, state.pool, state.model.without(out).settings(),
+                                 fits.concerned(state.model.effects[out].candidate->id), fits.options().seed,
+                                 kFit.search_seeds)
+                     .mean;
+    });
     return result;
 }
 
-// One effect more. A search that fits strengths one effect at a time may see no gain in what only helps once the
-// others have moved far.
-std::vector<Move> additions_of(const ModelFit &fits, const SearchState &state) {
+// The screened effects that promise most in the place of each effect that the search has added, and beside all of them.
+std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool adds) {
     const FittedModel &whole = state.models.back();
     const Covariance &covariance = whole.model.full();
-    const Eigen::VectorXd target = covariance.whiten(fits.differences(whole).mean());
-    const Eigen::MatrixXd jacobian = whiten_columns(covariance, whole.jacobian);
-    std::vector<std::pair<double, Move>> promising;
-    for (const auto &[candidate, screened] : state.screened) {
-        if (state.model.has(*candidate))
-            continue;
-        const Promise promise = promise_of(covariance.whiten(screened), jacobian, target);
-        const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
-        if (promise.gain >= kGrowth.least_gain && (sign > 0.0 || candidate->has_direction()))
-            promising.push_back({promise.gain, {state.model.effects.size(), candidate, sign, 0.0, false}});
-    }
-    std::sort(promising.begin(), promising.end(), [](const auto &a, const auto &b) {
-        return a.first != b.first ? a.first > b.first : before(*a.second.candidate, *b.second.candidate);
+    const std::size_t effects = state.model.effects.size();
+    const double now =
+        residual_square(whiten_columns(covariance, whole.jacobian), covariance.whiten(fits.differences(whole).mean()));
+    std::vector<std::vector<Move>> of_place(effects + (adds ? 1 : 0));
+    fits.runner().side_by_side(of_place.size() - state.given, [&](ReplicateRunner &runner, std::size_t i) {
+        const std::size_t place = state.given + i;
+        Eigen::VectorXd target = fits.differences(whole).mean();
+        Eigen::MatrixXd others = whole.jacobian;
+        if (place < effects) {
+            const Eigen::VectorXd loss = change_without(fits, runner, state, place);
+            if (loss.size() == 0)
+                return;
+            target -= loss;
+            others = columns_without(state, place);
+        }
+        target = covariance.whiten(target);
+        others = whiten_columns(covariance, others);
+        const double lost = std::max(1e-9, residual_square(others, target) - now);
+        std::vector<Move> &moves = of_place[place];
+        for (const auto &[candidate, screened] : state.screened) {
+            if (state.model.has(*candidate))
+                continue;
+            const Promise promise = promise_of(covariance.whiten(screened), others, target);
+            const double sign = promise.coefficient < 0.0 ? -1.0 : 1.0;
+            if (sign > 0.0 || candidate->has_direction())
+                moves.push_back({place, candidate, sign, promise.gain, promise.gain / lost});
+        }
+        std::sort(moves.begin(), moves.end(), [](const Move &a, const Move &b) {
+            return a.gain != b.gain ? a.gain > b.gain : before(*a.candidate, *b.candidate);
+        });
+        keep_one_of_each(moves, [](const Move &move) { return move.candidate->id; });
+        const std::size_t most = place < effects ? kSwap.most_in_place : kSwap.most_added;
+        if (moves.size() > most)
+            moves.erase(moves.begin() + static_cast<std::ptrdiff_t>(most), moves.end());
     });
-    keep_one_of_each(promising, [](const auto &entry) { return entry.second.candidate->id; });
     std::vector<Move> result;
-    for (std::size_t i = 0; i < std::min(promising.size(), kSwap.most_added); ++i)
-        result.push_back(promising[i].second);
+    for (const std::vector<Move> &moves : of_place)
+        result.insert(result.end(), moves.begin(), moves.end());
     return result;
 }
 
@@ -142,29 +117,6 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
     return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
 }
 
-// Takes an effect to about half of what it does, and what the catalogue does not vary of it to where that says.
-void halve(EffectModel &model, std::size_t effect) {
-    const Candidate &candidate = *model.effects[effect].candidate;
-    const double sign = model.effects[effect].sign;
-    for (Strength &s : model.strengths) {
-        const HypothesisParameter &parameter = candidate.parameters[s.parameter];
-        if (s.effect != effect)
-            continue;
-        if (!candidate.is_varied(s.parameter)) { // what is given away may have moved it
-            s.strength = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
-            continue;
-        }
-        // Half of the way to where it does nothing: 1, or 0; where the value falls as the effect grows, it is no
-        // measure of it.
-        const double value = candidate.value(s.parameter, s.strength, sign);
-        const double half = candidate.is_ratio(s.parameter) ? candidate.strength(s.parameter, std::sqrt(value), sign)
-                            : parameter.weak < parameter.strong ? candidate.strength(s.parameter, 0.5 * value, sign)
-                                                                : 0.5 * (s.strength + kStrengths.idle);
-        s.strength = std::max(kStrengths.weakest, half);
-        s.strength = candidate.snapped(s.parameter, s.strength, sign);
-    }
-}
-
 // A move, the model with it, and the squared distance that a quick fit leaves.
 struct Promising {
     const Move *move;
@@ -186,10 +138,8 @@ std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, cons
         if (runner.on_callers_thread())
             fits.report(at, what + " for " + move.candidate->id);
         EffectModel model = state.model;
-        if (move.shares)
-            halve(model, move.place);
-        if (const std::size_t out = removed_effect(state, move, most_effects(fits, state)); out < model.effects.size())
-            model = model.without(out);
+        if (!adds)
+            model = model.without(move.place);
         model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
         possible([&] {
             reached[i] = quick_fit(runner, fits, model, state, now);
@@ -244,6 +194,7 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
 std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, double at) {
     const FittedModel &whole = state.models.back();
     SearchState other;
+    other.given = state.given;
     other.screened = state.screened;
     other.other_forms = state.other_forms;
     other.progress = state.progress;
@@ -262,7 +213,7 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     if (fitted.residual.p_value <= kFit.seldom)
         fits.polish(other.model, other.pool, fitted, at);
     if (fitted.score > whole.score - kGrowth.least_gain) {
-        if (!move.shares && move.place < state.steps.size())
+        if (move.place < state.steps.size())
             note_rival(state.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
         return {};
     }
@@ -276,7 +227,7 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     SearchStep step;
     step.added = ranked.effect;
     other.steps = state.steps;
-    const std::size_t begin = removed_effect(state, move, most_effects(fits, state));
+    const std::size_t begin = move.place;
     if (begin < state.models.size()) {
         // What the effect that goes out was worth, and more.
         step.ranking = state.steps[begin].ranking;
@@ -311,17 +262,6 @@ bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves,
     return true;
 }
 
-// The changes by the strengths of all effects but one.
-Eigen::MatrixXd columns_without(const SearchState &state, std::size_t out) {
-    const Eigen::MatrixXd &all = state.models.back().jacobian;
-    Eigen::MatrixXd result(all.rows(), all.cols());
-    Eigen::Index columns = 0;
-    for (std::size_t p = 0; p < state.model.strengths.size(); ++p)
-        if (state.model.strengths[p].effect != out)
-            result.col(columns++) = all.col(static_cast<Eigen::Index>(p));
-    return result.leftCols(columns);
-}
-
 // The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
 double loss_without(const ModelFit &fits, const SearchState &state, std::size_t out, const EffectModel &others) {
     const FittedModel &whole = state.models.back();
@@ -335,25 +275,17 @@ double loss_without(const ModelFit &fits, const SearchState &state, std::size_t 
 } // namespace
 
 bool swap(ModelFit &fits, SearchState &state, double at) {
-    const auto improves = [&](const std::vector<Move> &tried) {
-        const FittedModel &whole = state.models.back();
-        const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
-        return make_best(fits, state, best_moves(fits, state, tried, least, at), at);
-    };
-    const bool missing = state.models.back().residual.detected;
-    const std::size_t most = most_effects(fits, state);
-    std::vector<Move> tried = moves_of(state, false, most);
-    if (missing && state.model.effects.size() < most) {
-        const std::vector<Move> additions = additions_of(fits, state);
-        tried.insert(tried.end(), additions.begin(), additions.end());
-    }
-    return improves(tried) || (missing && fits.may_go_on() && improves(moves_of(state, true, most)));
+    const FittedModel &whole = state.models.back();
+    const bool adds = whole.residual.detected && state.model.effects.size() < most_effects(fits, state);
+    const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
+    const std::vector<Move> tried = moves_of(fits, state, adds);
+    return make_best(fits, state, best_moves(fits, state, tried, least, at), at);
 }
 
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
-    std::vector<Move> tried = moves_of(state, false, most_effects(fits, state));
+    std::vector<Move> tried = moves_of(fits, state, false);
     tried.erase(
-        std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.alike <= kSwap.confusable; }),
+        std::remove_if(tried.begin(), tried.end(), [](const Move &move) { return move.made_up < kSwap.confusable; }),
         tried.end());
     if (tried.empty())
         return false;
@@ -447,6 +379,7 @@ void prune(ModelFit &fits, SearchState &state, double at) {
         state.pool = std::move(pool);
         state.models = models_until(state, out, state.models.size() - 1);
         state.steps.erase(state.steps.begin() + static_cast<std::ptrdiff_t>(out));
+        state.given -= out < state.given ? 1 : 0;
         state.steps.back().residual = fitted.residual;
         state.models.back() = std::move(fitted);
     }

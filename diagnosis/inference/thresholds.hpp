@@ -30,9 +30,6 @@ struct Thresholds {
         // strength | an effect below is fitted and not named: fits scatter by less than that |
         // tests/diagnosis/inference/test_verdict.cpp WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed
         double slight = -0.25;
-        // strength | where an effect goes that gives half of what it does away and whose value falls as it grows |
-        // tests/diagnosis/inference/test_swap.cpp
-        double idle = -0.4;
         // strength | beyond the end of every range; deviation of what a capture says nothing of |
         // tests/diagnosis/inference/test_parameters.cpp OfWhichTheCaptureSaysNothing
         double unbounded = 1e3;
@@ -207,21 +204,14 @@ struct Thresholds {
 
     // Whether an effect takes another one's place.
     struct Swap {
-        // cosine | effects whose changes have a larger one are tried for each other |
+        // effects | tried in the place of each one: those that promise most there |
         // tests/diagnosis/inference/test_swap.cpp AnEffectThatResemblesTheTrueOne
-        double alike = 0.5;
-        // cosine | the same, where nothing is left to explain | tests/diagnosis/run/test_search.py
-        // test_a_confusable_effect_is_swapped
-        double confusable = 0.8;
-        // effects | of those, for each | work
-        std::size_t most_alike = 2;
-        // part of the gain | an effect that gained this of what the chosen one gained is tried, too |
-        // tests/diagnosis/inference/test_swap.cpp WhatDoesAsWellIsARival
-        double rival = 0.5;
-        // effects | of those, for each | work
-        std::size_t most_rivals = 2;
+        std::size_t most_in_place = 2;
         // effects | tried beside all that are there | tests/diagnosis/inference/test_swap.cpp WhatIsMissingIsAdded
         std::size_t most_added = 5;
+        // part of what is lost | where nothing is left, an effect is tried that makes up more of what goes |
+        // tests/diagnosis/run/test_search.py test_a_confusable_effect_is_swapped
+        double confusable = 0.6;
         // swaps | get a whole fit | tests/diagnosis/run/test_search.py test_of_two_swaps_the_better_is_made
         std::size_t most_whole = 2;
         // squared distance | quick fits differ by less by chance | tests/diagnosis/run/test_search.py

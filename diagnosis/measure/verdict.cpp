@@ -57,11 +57,11 @@ bool is_conditional(const std::string &effect, const std::vector<RungResult> &ru
     });
 }
 
-void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result) {
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &passed_over, DiagnosisResult &result) {
     result.verdict = Verdict::kNamed;
     for (std::size_t i = 0; i < steps.size(); ++i) {
         const SearchStep &step = steps[i];
-        if (i < slight.size() && slight[i])
+        if (i < passed_over.size() && passed_over[i])
             continue;
         result.effects.push_back(step.added);
         result.probability = std::min(result.probability, step.ranking.front().probability);

@@ -30,7 +30,8 @@ std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std
 // An effect's parameters rest on the others and on the model of each scene that it acts on.
 bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs);
 
-// The effects of all steps but the slight ones, as the only explanation or as one of several. slight: empty if none is.
-void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &slight, DiagnosisResult &result);
+// The effects of the steps, each as the only one that does it or as one of several, and the verdict that follows.
+// passed_over: steps that are not named; empty if none is.
+void name_effects(const std::vector<SearchStep> &steps, const std::vector<bool> &passed_over, DiagnosisResult &result);
 
 } // namespace clsp

@@ -411,17 +411,18 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     "stronger effects so little may be the simulator's error",
                     found.steps[i].added));
         if (result.residual_detected || found.models.empty()) {
-            result.verdict = Verdict::kUnknown;
             // An effect stands where it shows most: what imitates an unknown cause there may explain a little elsewhere.
             const auto in_explained_rung = [&](const std::string &effect) {
                 return std::any_of(result.rungs.begin(), result.rungs.end(), [&](const RungResult &rung) {
                     return rung.verdict == Verdict::kNamed && std::count(rung.own.begin(), rung.own.end(), effect) > 0;
                 });
             };
+            std::vector<bool> passed_over = slight;
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                if (!slight[i] && (in_explained_rung(found.steps[i].added) ||
-                                   explained(moved_by(found, i), last.residual.z)))
-                    result.effects.push_back(found.steps[i].added);
+                passed_over[i] = slight[i] || !(in_explained_rung(found.steps[i].added) ||
+                                                explained(moved_by(found, i), last.residual.z));
+            name_effects(found.steps, passed_over, result);
+            result.verdict = Verdict::kUnknown;
             place_stages(runner.layout(), result.places, alike_stage(result));
         } else {
             name_effects(found.steps, slight, result);

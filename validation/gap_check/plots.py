@@ -103,6 +103,22 @@ def plot_parameters(rows: list[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
+def plot_ranks(counts: list[int], path: Path) -> None:
+    """Ranks of the truths: even if the intervals are right, high at the ends if they are too short, to one side if biased."""
+    count, bins = sum(counts), len(counts)
+    even = count / bins
+    scatter = 1.96 * np.sqrt(even * (1 - 1 / bins))
+    figure, axes = plt.subplots(figsize=(5, 3.2), layout="constrained")
+    axes.bar((np.arange(bins) + 0.5) / bins, counts, 0.9 / bins)
+    axes.axhspan(max(0.0, even - scatter), even + scatter, color="0.6", alpha=0.3, label="by chance, 95 %")
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("rank of the truth in the fitted distribution")
+    axes.set_ylabel(f"parameters of {count}")
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
 def plot_score(score: dict[str, Any], folder: Path) -> list[Path]:
     """Writes the figures that the score has data for."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -118,4 +134,7 @@ def plot_score(score: dict[str, Any], folder: Path) -> list[Path]:
     if score["parameters"]:
         plot_parameters(score["parameters"], folder / "parameters.png")
         written.append(folder / "parameters.png")
+    if sum(score["calibration"]["ranks"]):
+        plot_ranks(score["calibration"]["ranks"], folder / "ranks.png")
+        written.append(folder / "ranks.png")
     return written

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass
+from math import erf, sqrt
 from typing import Any
 
 import numpy as np
 
 from .effects import CATALOGUE, EFFECTS
-from .figures import Figure, proportion, quantity, wilson
+from .figures import NORMAL_975, Figure, proportion, quantity, wilson
 from .outcome import Outcome
 
 SINGLE_KINDS = ("single", "replica", "level")
 STRENGTH_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+# Central intervals whose coverage is counted, and the bins of the truths' ranks.
+CALIBRATION_LEVELS = (0.5, 0.8, 0.95)
+RANK_BINS = 10
 DETECTABILITY_EDGES = (0.0, 3.0, 5.0, 8.0, 15.0, 30.0, 100.0, float("inf"))
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter of a single effect that the report named or held for possible."""
+    """One parameter of an effect that the report named, or of a single one that it held for possible."""
 
     set_name: str
     effect: str
@@ -43,33 +47,55 @@ class Estimate:
         slack = 1e-9 * max(1.0, abs(self.truth))
         return self.low - slack <= self.truth <= self.high + slack
 
+    @property
+    def rank(self) -> float | None:
+        """Where the truth lies in the parameter's distribution, 0 to 1: normal, as wide as the interval on each side.
+
+        Evenly spread if the intervals are right at all levels (Talts et al. 2018, arXiv 1804.06788). None without an
+        interval, or with one that ends at the estimate, as at the end of a range.
+        """
+        bound = self.high if self.truth > self.estimate else self.low
+        if bound is None or bound == self.estimate:
+            return None
+        deviations = NORMAL_975 * (self.truth - self.estimate) / abs(bound - self.estimate)
+        return 0.5 * (1 + erf(deviations / sqrt(2)))
+
 
 def estimates(outcomes: list[Outcome]) -> list[Estimate]:
-    """Of all parameters that are drawn (those with a range), where the truth was named or among the equivalents."""
+    """Of all parameters that are drawn (those with a range) and whose effect was named; of single effects also where the
+    truth was among the equivalents."""
+    return [
+        estimate
+        for outcome in outcomes
+        for effect in sorted(outcome.truth & EFFECTS.keys())
+        if (outcome.included if len(outcome.truth) == 1 else effect in outcome.effects)
+        for estimate in _estimates_of(outcome, effect)
+    ]
+
+
+def _estimates_of(outcome: Outcome, effect: str) -> list[Estimate]:
+    entry = outcome.ranked(effect) or {}
     found = []
-    for outcome in outcomes:
-        if not outcome.included or len(outcome.truth) != 1:
+    for parameter, truth in outcome.key["effects"][effect].items():
+        weak, strong = EFFECTS[effect].ranges.get(parameter, (0.0, 0.0))
+        if weak == strong or parameter not in entry.get("parameters", {}):
             continue
-        effect = next(iter(outcome.truth))
-        entry = outcome.ranked(effect)
-        if entry is None or effect not in EFFECTS:
-            continue
-        for parameter, truth in outcome.key["effects"][effect].items():
-            weak, strong = EFFECTS[effect].ranges.get(parameter, (0.0, 0.0))
-            if weak == strong or parameter not in entry.get("parameters", {}):
-                continue
-            interval = entry.get("intervals", {}).get(parameter) or (None, None)
-            found.append(
-                Estimate(
-                    outcome.name,
-                    effect,
-                    parameter,
-                    float(truth),
-                    float(entry["parameters"][parameter]),
-                    *(None if bound is None else float(bound) for bound in interval),
-                )
-            )
+        interval = entry.get("intervals", {}).get(parameter) or (None, None)
+        low, high = (None if bound is None else float(bound) for bound in interval)
+        value = float(entry["parameters"][parameter])
+        found.append(Estimate(outcome.name, effect, parameter, float(truth), value, low, high))
     return found
+
+
+def calibration(outcomes: list[Outcome]) -> dict[str, Any]:
+    """Whether the intervals are right at every level, not at 95 % alone: ranks of the truths (Estimate.rank)."""
+    ranks = [rank for e in estimates(outcomes) if (rank := e.rank) is not None]
+    levels = []
+    for level in CALIBRATION_LEVELS:
+        inside = sum(abs(2 * rank - 1) <= level for rank in ranks)
+        levels.append({"level": level, "held": inside, "count": len(ranks), "wilson95": list(wilson(inside, len(ranks)))})
+    counts = np.histogram(ranks, bins=RANK_BINS, range=(0.0, 1.0))[0]
+    return {"levels": levels, "ranks": [int(count) for count in counts]}
 
 
 def replica_coverage(outcomes: list[Outcome]) -> list[bool]:
@@ -397,6 +423,7 @@ def score(outcomes: list[Outcome], missing: list[str]) -> dict[str, Any]:
         "rungs": rungs(outcomes),
         "names": names_of_whole(outcomes),
         "parameters": [{**asdict(e), "held": e.held} for e in estimates(singles)],
+        "calibration": calibration(outcomes),
         "time_s": {"median": float(np.median(times)), "max": max(times)} if times else None,
         "peak_memory_mib": max(memory) if memory else None,
         "wrong": wrong_sets(outcomes),

@@ -84,6 +84,15 @@ def name_table(rows: list[dict[str, Any]]) -> list[str]:
     return _table(["effect", "named", "named where it was hidden", "false names"], lines)
 
 
+def calibration_table(levels: list[dict[str, Any]]) -> list[str]:
+    rows = []
+    for row in levels:
+        share = f"{100 * row['held'] / row['count']:.0f} %"
+        low, high = (100 * bound for bound in row["wilson95"])
+        rows.append([f"{100 * row['level']:.0f} %", share, f"{low:.0f} to {high:.0f} %", _share(row["held"], row["count"])])
+    return _table(["central interval", "holds the truth", "95 % (Wilson)", "parameters"], rows)
+
+
 def rung_table(rows: list[dict[str, Any]]) -> list[str]:
     lines = []
     for row in rows:
@@ -112,6 +121,8 @@ def markdown(score: dict[str, Any], title: str = "The withheld-effect check") ->
         lines += [*bin_table(score["detectability"], "largest z"), ""]
     if score["effects"]:
         lines += ["## Effect by effect", "", *effect_table(score["effects"]), ""]
+    if sum(score["calibration"]["ranks"]):
+        lines += ["## Intervals at every level", "", *calibration_table(score["calibration"]["levels"]), ""]
     if score["names"]:
         lines += ["## Names in whole cameras", "", *name_table(score["names"]), ""]
     if score["rungs"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -242,6 +243,28 @@ def test_parameters() -> None:
     assert counts(result)["parameter_10"] == (1, 4)
 
 
+@pytest.mark.parametrize(("width", "held"), [(1.0, [50, 80, 95]), (0.5, [26, 48, 67])])
+def test_intervals_at_every_level(width: float, held: list[int]) -> None:
+    """A hundred fits that stray normally, and intervals that are right, or half as long as they should be."""
+    scatter = 0.05
+    made = []
+    for index in range(100):
+        value = 1.05 + scatter * NormalDist().inv_cdf((index + 0.5) / 100)
+        half = width * 1.959964 * scatter
+        entry = {"effect": "defocus", "parameters": {"waves": value}, "intervals": {"waves": [value - half, value + half]}}
+        made.append(single("defocus", report("named", ["defocus"], ranking=[entry])))
+    result = score(made, [])["calibration"]
+    assert [row["held"] for row in result["levels"]] == pytest.approx(held, abs=1)
+    assert result["ranks"][0] == result["ranks"][-1] == (10 if width == 1.0 else 26)
+
+
+def test_calibration_counts_every_named_effect() -> None:
+    made = outcomes(ALL_KINDS, perfect)
+    count = sum(score(made, [])["calibration"]["ranks"])
+    singles = sum(score([o for o in made if len(o.truth) == 1], [])["calibration"]["ranks"])
+    assert count > singles > 0
+
+
 def test_coverage_of_the_fraction() -> None:
     fractions = [0.80, 0.82, 0.84, 0.90]
     made = [
@@ -426,6 +449,6 @@ def test_tables_and_plots(tmp_path: Path) -> None:
     assert "left out: 1 (s9999" in text
     assert "`block_compression`" in text
     written = plot_score(json.loads(json.dumps(result)), tmp_path)
-    names = {"confusion.png", "accuracy_strength.png", "accuracy_detectability.png", "parameters.png"}
+    names = {"confusion.png", "accuracy_strength.png", "accuracy_detectability.png", "parameters.png", "ranks.png"}
     assert {path.name for path in written} == names
     assert all(path.stat().st_size > 5000 for path in written)
