@@ -247,9 +247,10 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
                     throw Error(Status::kInvalidData,
                                 fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, "
                                             "so that {} is the top code. Set bits to {} or more, or msb_aligned to "
-                                            "true if the camera stores codes in the upper bits",
+                                            "true if the camera stores codes in the upper bits{}",
                                             part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], bits_,
-                                            maximum, bits));
+                                            maximum, bits,
+                                            part.info.warnings.empty() ? "" : ". But " + part.info.warnings.front()));
                 }
                 *to = static_cast<std::uint16_t>(row[x]);
             }

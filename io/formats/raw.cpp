@@ -76,11 +76,13 @@ class RawReader final : public Reader {
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
-        std::vector<unsigned char> bytes(std::size_t{layout_.width} / group_.pixels * group_.bytes);
+        const std::size_t row_bytes = std::size_t{layout_.width} / group_.pixels * group_.bytes;
+        std::vector<unsigned char> bytes(row_bytes + 2); // code() looks at three at once
         std::vector<float> row(layout_.width);
         for (std::uint32_t y = 0; y < layout_.height; ++y) {
-            file_.seek(layout_.offset + frame * frame_bytes_ + y * layout_.row_bytes);
-            file_.read(bytes.data(), bytes.size());
+            if (y == 0 || layout_.row_bytes != row_bytes)
+                file_.seek(layout_.offset + frame * frame_bytes_ + y * layout_.row_bytes);
+            file_.read(bytes.data(), row_bytes);
             for (std::uint32_t x = 0; x < layout_.width; ++x)
                 row[x] = static_cast<float>(code(bytes.data() + x / group_.pixels * group_.bytes, x, y));
             sink(row.data());
@@ -93,10 +95,9 @@ class RawReader final : public Reader {
         const std::uint32_t bits = layout_.bits, i = x % group_.pixels;
         // Bits of a group from one on, the lowest of the first byte first.
         const auto lowest_first = [&](std::size_t first, std::uint32_t count) {
-            std::uint32_t value = 0;
-            for (std::uint32_t bit = 0; bit < count; ++bit)
-                value |= static_cast<std::uint32_t>(group[(first + bit) / 8] >> (first + bit) % 8 & 1) << bit;
-            return value;
+            const unsigned char *from = group + first / 8;
+            const std::uint32_t three = from[0] | std::uint32_t{from[1]} << 8 | std::uint32_t{from[2]} << 16;
+            return three >> first % 8 & ((1u << count) - 1);
         };
         switch (layout_.packing) {
         case RawPacking::mipi:

@@ -36,7 +36,7 @@ struct Header {
 
     bool plausible() const {
         return at(1) <= 1 && type() >= 1 && type() <= 3 && at(2) <= 11 && (type() == 1) == has_palette() &&
-               width() > 0 && height() > 0 && bits() % 8 <= 7 && bits() >= 1 && bits() <= 32 && (at(17) & 0xc0) == 0;
+               width() > 0 && height() > 0 && bits() >= 1 && bits() <= 32 && (at(17) & 0xc0) == 0;
     }
 };
 

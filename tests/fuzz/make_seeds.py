@@ -34,6 +34,8 @@ def main(folder: Path) -> None:
         target = folder / FORMATS[Path(name).suffix]
         target.mkdir(parents=True, exist_ok=True)
         write(target / name)
+    single = (folder / "PNM" / "binary10.pgm").read_bytes()
+    (folder / "PNM" / "two_images.pgm").write_bytes(2 * single)
     (folder / "raw").mkdir(exist_ok=True)
     for i, layout in enumerate(RAW):
         (folder / "raw" / str(i)).write_bytes(f"8x4,{layout}\n".encode() + bytes(range(160)))

@@ -128,3 +128,25 @@ def test_eight_bit_formats_hold_codes_and_jpeg_does_not(ok, refused, tmp_path: P
             continue
         message = refused("capture", "check", "set")
         assert "is a JPEG file" in message and "its compression changes codes" in message and "PNG" in message
+
+
+def test_little_endian_pgm_files_of_a_capture(ok, refused, tmp_path: Path) -> None:
+    """The cause is named where codes do not fit, and once for all files where they do; the advice reads them."""
+    dark = np.clip(np.random.default_rng(1).normal(1000, 4, codes12(3).shape).round(), 0, 4095).astype(np.uint16)
+    (tmp_path / "set").mkdir()
+    head = f"P5\n{images.WIDTH} {images.HEIGHT}\n65535\n".encode()
+    for i, frame in enumerate(dark):
+        (tmp_path / "set" / f"dark_{i}.pgm").write_bytes(head + frame.astype("<u2").tobytes())
+    capture(tmp_path, file="dark_*.pgm")
+    message = refused("capture", "check", "set")
+    assert "/camera/bits is 12" in message and "its words look little-endian" in message
+    raw = message.split("--raw ")[1].split()[0]
+    capture(tmp_path, file="dark_*.pgm", raw=raw)
+    summary = ok("capture", "check", "set", "--json", "-").json()
+    assert summary["sequences"][0]["frames"] == 3
+    assert not any("little-endian" in warning["text"] for warning in summary["warnings"])
+    described = (tmp_path / "set" / "capture.json").read_text().replace(f', "raw": "{raw}"', "")
+    (tmp_path / "set" / "capture.json").write_text(described.replace('"bits": 12', '"bits": 16'))
+    summary = ok("capture", "check", "set", "--json", "-").json()
+    told = [warning["text"] for warning in summary["warnings"] if "little-endian" in warning["text"]]
+    assert len(told) == 1 and "dark_0.pgm and 2 more of the sequence" in told[0]
