@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <filesystem>
 #include <stdexcept>
 
@@ -105,6 +106,42 @@ ImageName split_name(const std::string &name) {
     return {name, ""};
 }
 
+namespace {
+
+/** Takes page=N out of the channel's name. */
+void take_page(const std::string &path, ReadRequest &request) {
+    const std::string key = "page=", text = request.channel;
+    if (text.rfind(key, 0) != 0)
+        return;
+    const char *first = text.data() + key.size(), *end = text.data() + text.size();
+    std::uint64_t page = 0;
+    const auto result = std::from_chars(first, end, page);
+    if (result.ec != std::errc() || (result.ptr != end && *result.ptr != ','))
+        throw ReadError(path, fmt::format("\"{}\" names no page; the first one is page=0", text));
+    request.page = page;
+    request.channel = result.ptr == end ? "" : std::string(result.ptr + 1, end);
+}
+
+/** One frame of another reader. */
+class OnePage final : public Reader {
+  public:
+    OnePage(std::unique_ptr<Reader> reader, std::uint64_t page)
+        : Reader(reader->path()), reader_(std::move(reader)), page_(page) {
+        info_ = reader_->info();
+        if (page_ >= info_.frame_count)
+            fail(fmt::format("has no page {}; its {} image{} numbered from 0", page_, info_.frame_count,
+                             info_.frame_count == 1 ? " is" : "s are"));
+        info_.frame_count = 1;
+    }
+    void read_rows(std::uint64_t, const RowSink &sink) override { reader_->read_rows(page_, sink); }
+
+  private:
+    std::unique_ptr<Reader> reader_;
+    std::uint64_t page_;
+};
+
+} // namespace
+
 std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted) {
     const auto [path, channel] = split_name(name);
     ReadRequest request = wanted;
@@ -113,6 +150,7 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
                         fmt::format("two channels are named, \"{}\" and \"{}\"; name one", channel, wanted.channel));
     if (!channel.empty())
         request.channel = channel;
+    take_page(path, request);
     const Format *format = request.raw ? &format_named("raw") : recognized(path);
     if (!format)
         throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name); raw frames must be "
@@ -123,6 +161,8 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
                                           listed("and", &Format::is_read)));
     auto reader = format->open(path, request);
     reader->opened_as(*format);
+    if (request.page && !reader->info().one_page)
+        reader = std::make_unique<OnePage>(std::move(reader), *request.page);
     if (!request.channel.empty() && !format->open_channels)
         reader = select_samples(std::move(reader), request);
     return reader;

@@ -26,14 +26,16 @@ struct ReadRequest {
     /** A channel, three with commas between them, or a layer; empty: what fits the role. */
     std::string channel;
     Role role = Role::image;
+    /** One image of several, from 0; none: all that are frames. */
+    std::optional<std::uint64_t> page = {};
     /** Of raw frames: how they lie in the file, whatever it looks like. */
     std::optional<RawLayout> raw = {};
 };
 
-/** An image as users name it: a file, or FILE:CHANNEL. */
+/** An image as users name it: a file, FILE:CHANNEL, FILE:page=N, or FILE:page=N,CHANNEL. */
 struct ImageName {
     std::string path;
-    std::string channel;
+    std::string channel; ///< All that is behind the colon.
 };
 
 /** A file that there is goes by its whole name, whatever colons stand in it. */

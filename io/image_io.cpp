@@ -19,6 +19,48 @@ std::string error_text(int code) {
     return std::strerror(code);
 }
 
+/** How a file's numbers become light; says so where that changes them. */
+Transfer decoding(const Reader &reader, Encoding encoding, std::vector<std::string> &warnings) {
+    const Transfer &told = reader.info().transfer;
+    if (encoding == Encoding::srgb)
+        return srgb("");
+    if (encoding != Encoding::automatic || told.curve == Transfer::Curve::linear)
+        return {};
+    if (told.curve == Transfer::Curve::unknown) {
+        warnings.push_back(fmt::format("{}: {} has {}; the numbers are taken as linear light. If they are encoded, "
+                                       "--transfer srgb decodes them; if not, --transfer linear says so",
+                                       reader.path(), told.said_by, told.name()));
+        return {};
+    }
+    warnings.push_back(fmt::format("{}: its numbers are encoded for a screen ({}, says {}) and were decoded to linear "
+                                   "light; --transfer linear takes them as they are",
+                                   reader.path(), told.name(), told.said_by));
+    return told;
+}
+
+/** Decodes what a file stores. */
+class Decoder {
+  public:
+    Decoder(const Transfer &transfer, double full_scale) : transfer_(transfer), top_(full_scale > 0 ? full_scale : 1) {
+        // Of codes there are few, and a curve takes long.
+        if (transfer.curve != Transfer::Curve::linear && full_scale > 0 && full_scale <= 65535)
+            for (double code = 0; code <= full_scale; ++code)
+                table_.push_back(top_ * transfer.to_light(code / top_));
+    }
+    double operator()(float value) const {
+        if (transfer_.curve == Transfer::Curve::linear)
+            return value;
+        if (value >= 0 && value < static_cast<float>(table_.size()) && value == std::floor(value))
+            return table_[static_cast<std::size_t>(value)];
+        return top_ * transfer_.to_light(value / top_);
+    }
+
+  private:
+    Transfer transfer_;
+    double top_;
+    std::vector<double> table_;
+};
+
 } // namespace
 
 void check_work(const std::string &path, std::uint64_t samples, const std::string &size) {
@@ -42,6 +84,22 @@ void Reader::opened_as(const Format &format) {
         info_.warnings.push_back(fmt::format("{} bytes follow the array of {} frames and are not read; was a second "
                                              "array, or something else, appended?",
                                              info_.surplus_bytes, info_.frame_count));
+}
+
+void Reader::warn_of_orientation(unsigned orientation) {
+    if (orientation < 2 || orientation > 8)
+        return;
+    constexpr const char *ways[] = {"mirrored from left to right",
+                                    "turned by 180 degrees",
+                                    "mirrored from top to bottom",
+                                    "transposed",
+                                    "turned clockwise",
+                                    "transposed across",
+                                    "turned counterclockwise"};
+    info_.warnings.push_back(
+        fmt::format("it says that it shall be {} to be seen (orientation {}); the pixels are taken as "
+                    "stored. Turn them and save them without that word if that is wrong",
+                    ways[orientation - 2], orientation));
 }
 
 void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
@@ -68,7 +126,8 @@ void Plane::normalize() {
     full_scale = 0;
 }
 
-Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors differing) {
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors differing,
+                Encoding encoding) {
     const Info &info = reader.info();
     for (const std::string &warning : info.warnings)
         warnings.push_back(reader.path() + ": " + warning);
@@ -81,6 +140,7 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
     const std::size_t row_values = info.width;
     plane.values.reserve(row_values * info.height);
     const double opaque = info.full_scale > 0 ? info.full_scale : 1.0;
+    const Decoder light(decoding(reader, encoding, warnings), info.full_scale);
     bool colored = false;
     bool transparent = false;
     reader.read_rows(frame, [&](const float *row) {
@@ -89,9 +149,9 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
         float *out = plane.values.data() + start;
         for (std::size_t x = 0; x < row_values; ++x, row += info.channels) {
             // Exact for equal values: 3 v fits into a double.
-            double sum = row[0];
+            double sum = light(row[0]);
             for (std::uint32_t c = 1; c < colors; ++c) {
-                sum += row[c];
+                sum += light(row[c]);
                 colored |= row[c] != row[0] && !(std::isnan(row[c]) && std::isnan(row[0]));
             }
             transparent |= info.alpha && row[colors] != opaque;
@@ -137,6 +197,20 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
 }
 
 namespace detail {
+
+unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes) {
+    if (size_bytes < 8)
+        return 0;
+    const bool big = data[0] == 'M';
+    const auto word = [&](std::size_t at) -> std::size_t {
+        return at + 2 > size_bytes ? 0 : big ? data[at] << 8 | data[at + 1] : data[at + 1] << 8 | data[at];
+    };
+    const std::size_t directory = big ? word(4) << 16 | word(6) : word(6) << 16 | word(4);
+    for (std::size_t i = 0; i < word(directory) && directory + 2 + 12 * (i + 1) <= size_bytes; ++i)
+        if (const std::size_t entry = directory + 2 + 12 * i; word(entry) == 0x0112)
+            return static_cast<unsigned>(word(entry + 8));
+    return 0;
+}
 
 InputFile::InputFile(const std::string &path) : path_(path) {
     struct stat status {};

@@ -10,6 +10,7 @@
 #define CLSPECKLE_IO_IMAGE_IO_HPP
 
 #include "io/atomic_file.hpp"
+#include "io/transfer.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -56,6 +57,9 @@ struct Info {
     std::uint32_t axes = 2;            ///< Of an NPY array, before they are told apart as frames and channels.
     std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; not read, which is a warning.
     std::vector<std::string> warnings; ///< What was ignored.
+    Transfer transfer;                 ///< How numbers stand for light.
+    bool white_is_zero = false;        ///< The file says so; values are turned, so that more is brighter.
+    bool one_page = false;             ///< The reader took ReadRequest::page into account.
 };
 
 /** Takes one row of width * channels samples, as stored: integers are not scaled. */
@@ -78,6 +82,8 @@ class Reader {
   protected:
     explicit Reader(std::string path) : path_(std::move(path)) {}
     [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, what); }
+    /** @param orientation 1 (as stored) to 8, as TIFF and EXIF count; 0: the file says nothing. */
+    void warn_of_orientation(unsigned orientation);
     /** Refuses empty and oversized images. */
     void check_size(std::uint64_t width, std::uint64_t height) const;
 
@@ -110,9 +116,14 @@ struct VectorPlane {
 /** What becomes of R, G and B that differ: their mean is taken, with a warning, or they are refused. */
 enum class Colors { mean, refused };
 
+/** What becomes of numbers that are encoded for a screen: nothing; light, where the file says how, with a warning; or
+ * light as if the file said linear or sRGB. */
+enum class Encoding { as_stored, automatic, linear, srgb };
+
 /** Reads a frame as one value per pixel: the only channel; equal R, G and B; else what `colors` says. Opacity is
  * ignored, with a warning where it is not full. */
-Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors colors = Colors::mean);
+Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors colors = Colors::mean,
+                Encoding encoding = Encoding::as_stored);
 
 /** Reads a frame of three channels. */
 VectorPlane read_vectors(Reader &reader, std::uint64_t frame);
@@ -166,6 +177,9 @@ class Writer {
 };
 
 namespace detail {
+
+/** The orientation that EXIF data tell, which begin as a TIFF file does; 0: none. */
+unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes);
 
 /** An open regular file, with its size known. */
 class InputFile {

@@ -12,6 +12,7 @@
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
 #include <ImfPartType.h>
+#include <ImfStandardAttributes.h>
 #include <openexr.h>
 
 #include <algorithm>
@@ -127,6 +128,11 @@ class ExrFile final : public ChannelFile {
     }
 
     void read_rows(const std::vector<std::string> &names, const RowSink &sink) const override;
+
+    /** What 1 means, as the first part says; 0: it does not. */
+    float white_luminance() const {
+        return Imf::hasWhiteLuminance(file_->header(0)) ? Imf::whiteLuminance(file_->header(0)) : 0.0f;
+    }
 
   private:
     /** Where a channel is. */
@@ -281,6 +287,10 @@ class ExrReader final : public Reader {
         info_.width = file_.width();
         info_.height = file_.height();
         info_.channels = static_cast<std::uint32_t>(names_.size());
+        if (const float luminance = file_.white_luminance(); luminance > 0 && request.role == Role::image)
+            info_.warnings.push_back(fmt::format("its whiteLuminance ({:g} cd/m^2) is ignored: 1 is full scale "
+                                                 "(--irradiance-scale)",
+                                                 luminance));
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override { file_.read_rows(names_, sink); }

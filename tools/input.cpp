@@ -30,8 +30,8 @@ constexpr double no_limit = std::numeric_limits<double>::infinity();
 class FileSeries {
   public:
     FileSeries() = default;
-    FileSeries(std::vector<std::string> paths, image_io::ReadRequest request)
-        : paths_(std::move(paths)), request_(std::move(request)) {
+    FileSeries(std::vector<std::string> paths, image_io::ReadRequest request, image_io::Encoding encoding)
+        : paths_(std::move(paths)), request_(std::move(request)), encoding_(encoding) {
         for (const std::string &path : paths_) {
             const auto reader = image_io::open(path, request_);
             if (first_frames_.empty()) {
@@ -62,7 +62,8 @@ class FileSeries {
         // Colors may make a picture or an albedo, but no number.
         const bool picture = request_.role == Role::image || request_.role == Role::albedo;
         return image_io::read_gray(reader(frame), locate(frame).second, warnings,
-                                   picture ? image_io::Colors::mean : image_io::Colors::refused);
+                                   picture ? image_io::Colors::mean : image_io::Colors::refused,
+                                   picture ? encoding_ : image_io::Encoding::as_stored);
     }
     VectorPlane vectors(std::uint64_t frame) { return image_io::read_vectors(reader(frame), locate(frame).second); }
 
@@ -95,16 +96,62 @@ class FileSeries {
     std::vector<std::string> paths_;
     image_io::ReadRequest request_;
     std::string sample_;
+    image_io::Encoding encoding_ = image_io::Encoding::as_stored;
     std::vector<std::uint64_t> first_frames_;
     std::unique_ptr<Reader> reader_;
     std::size_t open_file_ = 0;
 };
 
-void check_albedo(const Plane &plane, const std::string &name, std::vector<std::string> &warnings) {
-    check_values(plane, name, "albedo", no_limit);
+void check_albedo(Plane &plane, const std::string &name, bool clip_negative, std::vector<std::string> &warnings) {
+    check_light(plane, name, "albedo", clip_negative, warnings);
     const auto above = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 1.0f; });
     if (above > 0)
         warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1", name, above));
+}
+
+/** Renderers write the largest half or 1e10 where they see nothing. */
+constexpr float no_surface = 65504.0f;
+/** Far beyond what a laser lights up; millimetres that are taken as metres come out above it. */
+constexpr double far_m = 100.0;
+
+/** Depths in metres. What is no surface is infinitely far. @param scale metres per unit, or auto. */
+void settle_depth(Plane &plane, const std::string &name, const Config &config, std::vector<std::string> &warnings) {
+    const bool automatic = config.is_word("camera.depth_scale");
+    const double scale = automatic ? 1.0 : config.number("camera.depth_scale");
+    const bool integers = plane.sample.rfind("float", 0) != 0 && plane.sample != "rgbe";
+    if (integers && automatic)
+        throw InputError(fmt::format("{}: depth must be floating-point metres, not {}, whose unit is not known; "
+                                     "--depth-scale 0.001 takes it as millimetres",
+                                     name, plane.sample));
+    std::vector<float> depths;
+    std::size_t negative = 0;
+    for (float &value : plane.values) {
+        if (!integers && value >= no_surface)
+            value = std::numeric_limits<float>::infinity();
+        value = static_cast<float>(value * scale);
+        if (value > 0 && std::isfinite(value))
+            depths.push_back(value);
+        negative += value < 0;
+    }
+    plane.full_scale = 0;
+    if (depths.empty()) {
+        warnings.push_back(fmt::format("{}: no pixel has a surface: {}", name,
+                                       negative > 0 ? "depths are negative; they count from the camera into the scene"
+                                                    : "all depths are 0, infinite or beyond 65504"));
+        return;
+    }
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    if (*middle > far_m)
+        warnings.push_back(fmt::format("{}: the surfaces are {:g} m away in the median, which no laser lights up; "
+                                       "--depth-scale 0.001 takes the numbers as millimetres",
+                                       name, *middle));
+}
+
+void scale_position(VectorPlane &plane, const Config &config) {
+    if (!config.is_word("camera.depth_scale"))
+        for (float &value : plane.values)
+            value = static_cast<float>(value * config.number("camera.depth_scale"));
 }
 
 /** Unit normals matter where there is a surface: a longer one would brighten it. */
@@ -153,7 +200,8 @@ std::vector<std::uint8_t> to_ids(const Plane &plane, const std::string &name) {
 /** The planes that are named one by one; each is a still or has as many frames as the input. */
 class Planes {
   public:
-    explicit Planes(const InputPaths &paths) {
+    Planes(const InputPaths &paths, const Config &config)
+        : config_(config), clip_negative_(config.flag("render.clip_negative")), encoding_(encoding_of(config)) {
         add("depth", paths.depth, Role::depth);
         add("position", paths.position, Role::position);
         add("normal", paths.normal, Role::normal);
@@ -194,13 +242,13 @@ class Planes {
             const std::string file = series.name(index);
             if (name == "position" || name == "normal") {
                 (name == "position" ? data.position : data.normal) = series.vectors(index);
+                if (name == "position")
+                    scale_position(data.position, config_);
                 continue;
             }
             Plane plane = series.gray(index, warnings);
             if (name == "depth") {
-                if (plane.full_scale > 0)
-                    throw InputError(
-                        fmt::format("{}: depth must be floating-point metres, not {}", file, plane.sample));
+                settle_depth(plane, file, config_, warnings);
                 data.depth = std::move(plane);
                 continue;
             }
@@ -210,7 +258,7 @@ class Planes {
             }
             plane.normalize();
             if (name == "albedo") {
-                check_albedo(plane, file, warnings);
+                check_albedo(plane, file, clip_negative_, warnings);
                 data.albedo = std::move(plane);
             } else if (name == "visibility") {
                 check_values(plane, file, "visibility", 1.0);
@@ -225,17 +273,24 @@ class Planes {
 
   private:
     void add(const char *name, const std::string &path, Role role) {
+        image_io::ReadRequest request;
+        request.role = role;
         if (!path.empty())
-            planes_.emplace(name, FileSeries({path}, {"", role, {}}));
+            planes_.emplace(name, FileSeries({path}, request, encoding_));
     }
+    const Config &config_;
+    bool clip_negative_;
+    image_io::Encoding encoding_;
     std::map<std::string, FileSeries> planes_;
 };
 
 class IdealInput final : public Input {
   public:
     IdealInput(const std::vector<std::string> &names, const InputPaths &paths, const Config &config, bool has_depth)
-        : series_(names, request_of(config.text("render.channel"), paths.raw)), planes_(paths),
-          scale_(config.number("render.irradiance_scale")), has_depth_(has_depth) {
+        : series_(names, request_of(config.text("render.channel"), paths.raw), encoding_of(config)),
+          planes_(paths, config), scale_(config.number("render.irradiance_scale")),
+          full_scale_(config.is_word("render.full_scale") ? 0 : config.number("render.full_scale")),
+          clip_negative_(config.flag("render.clip_negative")), has_depth_(has_depth) {
         kind = names.size() > 1 ? fmt::format("{} ideal images", names.size()) : "ideal image";
         width = series_.width;
         height = series_.height;
@@ -252,7 +307,11 @@ class IdealInput final : public Input {
                                            series_.first_path()));
         data.name = series_.name(frame);
         data.irradiance = series_.gray(frame, warnings);
-        check_values(data.irradiance, data.name, "ideal image", no_limit);
+        check_light(data.irradiance, data.name, "ideal image", clip_negative_, warnings);
+        if (frame == 0)
+            check_scale(data.irradiance, data.name, warnings);
+        if (full_scale_ > 0)
+            data.irradiance.full_scale = full_scale_;
         data.irradiance.normalize();
         if (scale_ != 1.0) {
             for (float &value : data.irradiance.values)
@@ -265,8 +324,31 @@ class IdealInput final : public Input {
 
   private:
     FileSeries series_;
+    /** Integers whose top code is not what their type says give a frame that is dark, or all at the top. */
+    void check_scale(const Plane &plane, const std::string &name, std::vector<std::string> &warnings) const {
+        const float largest = *std::max_element(plane.values.begin(), plane.values.end());
+        const bool integers = plane.sample.rfind("int", 0) == 0 || plane.sample.rfind("uint", 0) == 0;
+        if (full_scale_ > 0 || !integers || largest <= 1)
+            return;
+        unsigned bits = 8;
+        while (bits < 32 && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
+            bits += 2;
+        const double top = std::ldexp(1.0, static_cast<int>(bits)) - 1;
+        if (plane.full_scale <= 0)
+            warnings.push_back(
+                fmt::format("{}: its numbers are of type {}, which tells no full scale; they are taken as "
+                            "they are, and the largest is {}: --full-scale {} makes that of {} bits 1",
+                            name, plane.sample, largest, top, bits));
+        else if (plane.full_scale == 65535 && bits < 16)
+            warnings.push_back(fmt::format("{}: its largest number is {} of 65535; if its codes have {} bits, "
+                                           "--full-scale {} makes their top code 1",
+                                           name, largest, bits, top));
+    }
+
     Planes planes_;
     double scale_;
+    double full_scale_;
+    bool clip_negative_;
     bool has_depth_;
 };
 
@@ -328,8 +410,9 @@ std::unique_ptr<image_io::ChannelFile> open_scene(const std::string &path) {
 /** G-buffers, one file with named channels per frame. */
 class ChannelSceneInput final : public Input {
   public:
-    ChannelSceneInput(Sequence sequence, const InputPaths &paths)
-        : files_(std::move(sequence.files)), planes_(paths), objects_(std::move(sequence.objects)) {
+    ChannelSceneInput(Sequence sequence, const InputPaths &paths, const Config &config)
+        : config_(config), files_(std::move(sequence.files)), planes_(paths, config),
+          objects_(std::move(sequence.objects)) {
         materials = std::move(sequence.materials);
         rigid_ = sequence.is_sequence;
         scene = true;
@@ -410,8 +493,12 @@ class ChannelSceneInput final : public Input {
                     plane->values.push_back(*row++);
             }
         });
+        data.depth.sample = file.sample("Z");
+        if (!data.depth.empty())
+            settle_depth(data.depth, file.path(), config_, warnings);
+        scale_position(data.position, config_);
         if (!data.albedo.empty())
-            check_albedo(data.albedo, file.path(), warnings);
+            check_albedo(data.albedo, file.path(), config_.flag("render.clip_negative"), warnings);
         if (!data.visibility.empty())
             check_values(data.visibility, file.path(), "visibility", 1.0);
         if (!refresh.empty())
@@ -465,6 +552,7 @@ class ChannelSceneInput final : public Input {
         return result;
     }
 
+    const Config &config_;
     std::vector<std::string> files_;
     Planes planes_;
     std::vector<MovingObject> objects_;
@@ -475,7 +563,7 @@ class ChannelSceneInput final : public Input {
 /** A scene of planes that are named one by one. */
 class PlaneSceneInput final : public Input {
   public:
-    explicit PlaneSceneInput(const InputPaths &paths) : planes_(paths) {
+    PlaneSceneInput(const InputPaths &paths, const Config &config) : planes_(paths, config) {
         const char *geometry = paths.position.empty() ? "depth" : "position";
         const FileSeries &series = planes_.at(geometry);
         scene = true;
@@ -686,20 +774,38 @@ Sequence load_sequence(const std::string &path, Config &config) {
 
 } // namespace
 
-void check_values(const Plane &plane, const std::string &path, const char *what, double high) {
+void check_light(Plane &plane, const std::string &path, const char *what, bool clip_negative,
+                 std::vector<std::string> &warnings) {
+    std::size_t count = 0;
+    float least = 0;
+    for (float &value : plane.values)
+        if (clip_negative && value < 0 && std::isfinite(value)) {
+            ++count;
+            least = std::min(least, value);
+            value = 0;
+        }
+    if (count > 0)
+        warnings.push_back(fmt::format("{}: {} of {} pixels of the {} were negative, down to {:g}, and were set to 0",
+                                       path, count, plane.values.size(), what, least));
+    check_values(plane, path, what, no_limit, "--clip-negative sets negative numbers to 0");
+}
+
+void check_values(const Plane &plane, const std::string &path, const char *what, double high, const char *advice) {
     std::size_t bad = 0;
     std::size_t first = 0;
+    bool negative = false;
     for (std::size_t i = 0; i < plane.values.size(); ++i) {
         const float value = plane.values[i];
+        negative |= value < 0 && std::isfinite(value);
         if (!(value >= 0 && value <= high && std::isfinite(value)) && bad++ == 0)
             first = i;
     }
     if (bad == 0)
         return;
     const std::string range = std::isfinite(high) ? fmt::format("between 0 and {:g}", high) : "finite and not negative";
-    throw InputError(fmt::format("{}: pixel ({}, {}) is {}; the {} must be {} ({} such pixel{} in all)", path,
+    throw InputError(fmt::format("{}: pixel ({}, {}) is {}; the {} must be {} ({} such pixel{} in all){}{}", path,
                                  first % plane.width, first / plane.width, plane.values[first], what, range, bad,
-                                 bad == 1 ? "" : "s"));
+                                 bad == 1 ? "" : "s", negative && *advice ? "; " : "", negative ? advice : ""));
 }
 
 namespace {
@@ -719,7 +825,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
                             "--{} {}:{}",
                             paths.depth.empty() ? "position" : "depth",
                             image_io::split_name(paths.depth + paths.position).path, channel));
-        return std::make_unique<PlaneSceneInput>(paths);
+        return std::make_unique<PlaneSceneInput>(paths, config);
     }
     if (!paths.depth.empty() || !paths.position.empty())
         throw InputError("give either an input file or --depth or --position, not both");
@@ -735,14 +841,14 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
         if (held(files.front()) == Holds::image)
             throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(),
                                          image_io::listed("or", &image_io::Format::has_named_channels)));
-        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
+        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths, config);
     }
     const Holds holds = config.text("render.channel").empty() && paths.raw.empty() ? held(files.front()) : Holds::image;
     const bool patterned = !config.text("pattern.image").empty();
     if (holds == Holds::scene || (holds == Holds::picture_with_depth && patterned)) {
         Sequence sequence;
         sequence.files = files;
-        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths);
+        return std::make_unique<ChannelSceneInput>(std::move(sequence), paths, config);
     }
     if (paths.any_plane())
         throw InputError(

@@ -78,8 +78,14 @@ class Input {
  */
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config);
 
+/** What becomes of negative numbers where light is needed: they are refused with the option's name, or set to 0 and counted
+ * in a warning. */
+void check_light(image_io::Plane &plane, const std::string &path, const char *what, bool clip_negative,
+                 std::vector<std::string> &warnings);
+
 /** The first place where the values are not finite and >= 0 (and <= high), as an InputError naming file and pixel. */
-void check_values(const image_io::Plane &plane, const std::string &path, const char *what, double high);
+void check_values(const image_io::Plane &plane, const std::string &path, const char *what, double high,
+                  const char *advice = "");
 
 } // namespace tools
 

@@ -61,6 +61,13 @@ Option number(const char *section, const char *key, double fallback, double low,
     return o;
 }
 
+/** With one of its words where nothing is said. */
+Option otherwise(Option o, const char *word) {
+    o.words = {word};
+    o.fallback = word;
+    return o;
+}
+
 Option choice(const char *section, const char *key, std::vector<std::string> words, std::size_t fallback,
               const char *help) {
     Option o;
@@ -191,6 +198,9 @@ std::vector<Option> make_table() {
         number("camera", "cy_px", geometry.cy_px, -infinity, false, infinity, "px", "principal point, y"),
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
+        otherwise(number("camera", "depth_scale", 1.0, 0, true, infinity, "m",
+                         "length of one unit of depths and positions: 0.001 for mm; auto: 1, and integers are refused"),
+                  "auto"),
 
         choice(
             "motion", "rule", {"off", "correlate", "replace"}, 0,
@@ -221,6 +231,15 @@ std::vector<Option> make_table() {
                "speckled laser light, a lamp's light from an ideal image without speckle, or none: a covered lens"),
         number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
                "factor on an ideal image; integer images are divided by their top code first"),
+        otherwise(number("render", "full_scale", 1.0, 0, true, infinity, "",
+                         "number of an ideal image that means 1, for example 1023 for codes of 10 bits; auto: the top "
+                         "code of its integers, and 1 for others"),
+                  "auto"),
+        boolean("render", "clip_negative", false,
+                "set negative numbers of ideal images, albedos and the pattern to 0 and count them in a warning"),
+        choice(
+            "render", "transfer", {"auto", "linear", "srgb"}, 0,
+            "how numbers of ideal images, albedos and patterns stand for light: as the file says, linearly, or sRGB"),
         text(
             "render", "channel", Kind::text,
             "channel of an ideal image, three of them with commas, or a layer, as behind a file's name (FILE:CHANNEL); "
@@ -444,11 +463,18 @@ std::string Option::range() const {
 }
 
 std::string raw_help() {
-    return fmt::format("Read the files as raw frames: {}; packings unpacked, msb, mipi, genicam, gige", image_io::raw_form);
+    return fmt::format("Read the files as raw frames: {}; packings unpacked, msb, mipi, genicam, gige",
+                       image_io::raw_form);
 }
 
 std::string channel_help() {
     return "Channel or layer of the files, as behind a file's name (FILE:CHANNEL)";
+}
+
+image_io::Encoding encoding_of(const Config &config) {
+    constexpr image_io::Encoding words[] = {image_io::Encoding::automatic, image_io::Encoding::linear,
+                                            image_io::Encoding::srgb};
+    return words[config.choice("render.transfer")];
 }
 
 const std::vector<Option> &option_table() {

@@ -9,6 +9,7 @@
 #define CLSPECKLE_TOOLS_OPTIONS_HPP
 
 #include "effects.hpp"
+#include "io/image_io.hpp"
 
 #include <cstdint>
 #include <limits>
@@ -52,6 +53,9 @@ struct Option {
 std::string channel_help();
 /** Of their option --raw. */
 std::string raw_help();
+
+/** What render.transfer says. */
+image_io::Encoding encoding_of(const class Config &config);
 
 /** All options, in the order in which they are shown. */
 const std::vector<Option> &option_table();

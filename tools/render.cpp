@@ -12,12 +12,14 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <future>
 #include <map>
 #include <numeric>
 #include <optional>
+#include <set>
 
 namespace tools {
 
@@ -102,9 +104,10 @@ struct StageTimes {
 
 /** A plane for one of the stages, with its size checked. */
 std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings,
-                              std::uint32_t *width, std::uint32_t *height) {
+                              std::uint32_t *width, std::uint32_t *height,
+                              image_io::Encoding encoding = image_io::Encoding::as_stored) {
     const auto reader = image_io::open(path);
-    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
+    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::mean, encoding);
     if (scaled)
         plane.normalize();
     *width = plane.width;
@@ -254,7 +257,7 @@ class Renderer {
         if (input_.scene) {
             auto pattern = clspeckle::make<ClspPatternDesc>();
             const std::string path = config_.text("pattern.image");
-            const std::vector<float> texels = plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY);
+            const std::vector<float> texels = plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY, encoding_of(config_));
             pattern.texels = texels.data();
             pattern.half_extent_x = config_.number("pattern.half_extent_x");
             pattern.half_extent_y = config_.number("pattern.half_extent_y");
@@ -351,6 +354,7 @@ class Renderer {
             Samples samples = read_output();
             count_saturated(samples, i == 0);
             if (i == 0) {
+                warn_of_exposure(data);
                 moments_ = clspeckle::statistics::moments(*context_, queue_, output_image_);
                 if (preview)
                     scale = PreviewScale::of(samples);
@@ -466,9 +470,15 @@ class Renderer {
   private:
     FrameData read(std::uint64_t frame) { return input_.read(frame, warnings_); }
 
+    /** Frames of a series differ in their numbers: what is said of one holds for the others. */
     void flush_warnings() {
-        for (const std::string &warning : warnings_)
-            console_.warn(warning);
+        for (const std::string &warning : warnings_) {
+            std::string kind;
+            std::copy_if(warning.begin(), warning.end(), std::back_inserter(kind),
+                         [](unsigned char c) { return std::isdigit(c) == 0; });
+            if (warned_.insert(kind).second)
+                console_.warn(warning);
+        }
         warnings_.clear();
     }
 
@@ -479,12 +489,16 @@ class Renderer {
     }
 
     std::vector<float> plane(const std::string &path, const char *what, bool scaled, std::uint32_t *width,
-                             std::uint32_t *height, double high) {
+                             std::uint32_t *height, double high,
+                             image_io::Encoding encoding = image_io::Encoding::as_stored) {
         image_io::Plane plane;
-        plane.values = read_plane(path, scaled, warnings_, width, height);
+        plane.values = read_plane(path, scaled, warnings_, width, height, encoding);
         plane.width = *width;
         plane.height = *height;
-        check_values(plane, path, what, high);
+        if (std::isinf(high))
+            check_light(plane, path, what, config_.flag("render.clip_negative"), warnings_);
+        else
+            check_values(plane, path, what, high);
         return std::move(plane.values);
     }
 
@@ -617,6 +631,35 @@ class Renderer {
         console_.print(fmt::format("exposure gain chosen: repeat it with --exposure-gain {}", gain));
     }
 
+    /** A frame without light, or with nothing but the top code, is seldom meant. */
+    void warn_of_exposure(const FrameData &data) {
+        if (illumination_ == CLSP_ILLUMINATION_DARK)
+            return;
+        const std::vector<float> values = input_.scene ? look_up() : data.irradiance.values;
+        const double brightest = *std::max_element(values.begin(), values.end());
+        const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+        const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0;
+        const bool dark = has_sensor_ ? brightest * gain < 0.5 : brightest <= 0;
+        const double share = static_cast<double>(saturated_first_) / static_cast<double>(values.size());
+        const char *gain_advice = "--exposure-gain auto finds one";
+        if (dark)
+            console_.warn(
+                input_.scene
+                    ? fmt::format("{}: the frame has no light: the brightest point gets {:.3g} of full scale. Check the "
+                                  "pattern's pose and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), the "
+                                  "unit of depths (--depth-scale), and the gain ({} dn)",
+                                  data.name, brightest * gain / top_code(), gain)
+                    : fmt::format("{}: the frame has no light: the brightest number is {:.3g}, and with a gain of {} dn "
+                                  "that is less than half a code; {}",
+                                  data.name, brightest, gain, gain_advice));
+        else if (has_sensor_ && share >= 0.9)
+            console_.warn(fmt::format("{}: {:.0f} % of the frame is at the top code: the mean light is {:.3g}, where 1 is "
+                                      "full scale, and the gain {} dn; {}{}",
+                                      data.name, 100 * share, mean, gain,
+                                      input_.scene || mean <= 1 ? "" : "--full-scale N divides integers by N, and ",
+                                      gain_advice));
+    }
+
     void record_times() {
         double total = 0;
         for (const ClspStageTiming &timing : pipeline_.timings()) {
@@ -705,6 +748,7 @@ class Renderer {
     bool float_output_ = false;
     bool gain_chosen_ = false;
     FrameData first_;
+    std::set<std::string> warned_;
     std::vector<std::string> warnings_;
 
     std::optional<clspeckle::Context> context_;

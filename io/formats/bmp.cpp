@@ -106,9 +106,7 @@ class BmpReader final : public Reader {
         file_.seek(14 + 56);
         const std::uint32_t space = number(4);
         if (space == 0x73524742 || space == 0x57696e20)
-            info_.warnings.push_back(
-                "its header says that its values are sRGB-encoded; they are taken as linear light. "
-                "Where intensities matter use linear files");
+            info_.transfer = srgb("its header");
     }
 
     detail::InputFile file_;

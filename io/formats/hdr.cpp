@@ -23,6 +23,8 @@ class HdrReader final : public Reader {
                 fail(fmt::format("its color format \"{}\" is not supported, only 32-bit_rle_rgbe", text.substr(7)));
             else if (text.rfind("EXPOSURE=", 0) == 0 && std::strtod(text.c_str() + 9, nullptr) != 1.0)
                 info_.warnings.push_back(fmt::format("the exposure in its header ({}) is ignored", text.substr(9)));
+            else if (text.rfind("COLORCORR=", 0) == 0)
+                info_.warnings.push_back(fmt::format("the color correction in its header ({}) is ignored", text.substr(10)));
         }
         if (!rgbe)
             fail("has no line FORMAT=32-bit_rle_rgbe in its header");

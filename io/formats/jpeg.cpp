@@ -94,16 +94,7 @@ unsigned orientation_of(const jpeg_decompress_struct &info) {
         const std::size_t size = marker->data_length;
         if (size < 14 || std::memcmp(data, "Exif\0", 6) != 0)
             continue;
-        const unsigned char *tiff = data + 6;
-        const std::size_t length = size - 6;
-        const bool big = tiff[0] == 'M';
-        const auto word = [&](std::size_t at) -> std::size_t {
-            return at + 2 > length ? 0 : big ? tiff[at] << 8 | tiff[at + 1] : tiff[at + 1] << 8 | tiff[at];
-        };
-        const std::size_t directory = big ? word(4) << 16 | word(6) : word(6) << 16 | word(4);
-        for (std::size_t i = 0; i < word(directory) && directory + 2 + 12 * (i + 1) <= length; ++i)
-            if (const std::size_t entry = directory + 2 + 12 * i; word(entry) == 0x0112)
-                return static_cast<unsigned>(word(entry + 8));
+        return detail::orientation_of_exif(data + 6, size - 6);
     }
     return 0;
 }
@@ -125,12 +116,11 @@ class JpegReader final : public Reader {
         info_.height = info.image_height;
         info_.channels = gray ? 1 : 3;
         info_.full_scale = 255;
-        info_.warnings.push_back("JPEG values are sRGB-encoded, and taken as linear light; its compression is lossy. "
-                                 "Where intensities matter use linear PNG, TIFF or EXR files");
-        if (const unsigned orientation = orientation_of(info); orientation > 1)
-            info_.warnings.push_back(fmt::format("its EXIF data say that it shall be turned or mirrored (orientation "
-                                                 "{}); the pixels are taken as stored",
-                                                 orientation));
+        info_.transfer = srgb("the format");
+        info_.warnings.push_back(
+            "the compression of JPEG is lossy. Where intensities matter use linear PNG, TIFF or EXR "
+            "files");
+        warn_of_orientation(orientation_of(info));
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {

@@ -18,8 +18,10 @@ using Context = std::unique_ptr<spng_ctx, ContextDeleter>;
 
 class PngReader final : public Reader {
   public:
-    explicit PngReader(const std::string &path) : Reader(path), file_(path) {
+    PngReader(const std::string &path, const ReadRequest &request) : Reader(path), file_(path) {
+        look_for_more_images(request);
         const Context context = start();
+        read_transfer(context.get());
         width_bytes_ = 0;
         info_.width = header_.width;
         info_.height = header_.height;
@@ -73,6 +75,60 @@ class PngReader final : public Reader {
     }
 
   private:
+    /** Several images in one file: an animation, or files behind each other as a pipe gives them. */
+    void look_for_more_images(const ReadRequest &request) {
+        const auto number = [](const unsigned char *bytes) {
+            return std::uint32_t{bytes[0]} << 24 | std::uint32_t{bytes[1]} << 16 | std::uint32_t{bytes[2]} << 8 |
+                   bytes[3];
+        };
+        std::uint64_t images = 1, at = 8;
+        unsigned char chunk[12];
+        bool ended = false;
+        while (!ended && at + 12 <= file_.size()) {
+            file_.seek(at);
+            file_.read(chunk, sizeof chunk);
+            if (!std::memcmp(chunk + 4, "acTL", 4))
+                images = std::max<std::uint64_t>(1, number(chunk + 8));
+            ended = !std::memcmp(chunk + 4, "IEND", 4);
+            at += 12 + std::uint64_t{number(chunk)};
+        }
+        if (images > 1 && !request.page)
+            fail(fmt::format("is an animation of {0} images (APNG), of which the first one can be read: {1}:page=0. "
+                             "Write the images into files of their own to read all",
+                             images, path_));
+        if (!ended || at >= file_.size())
+            return;
+        file_.seek(at);
+        const bool another = file_.get() == 0x89 && file_.get() == 'P' && file_.get() == 'N' && file_.get() == 'G';
+        if (another && !request.page)
+            fail(fmt::format("holds another PNG image behind the first one, which can be read: {}:page=0. Write the "
+                             "images into files of their own to read all",
+                             path_));
+        if (!another)
+            info_.surplus_bytes = file_.size() - at;
+    }
+
+    /** Of several chunks the most exact one holds. */
+    void read_transfer(spng_ctx *context) {
+        std::uint8_t intent = 0;
+        double gamma = 0;
+        spng_iccp profile{};
+        spng_exif exif{};
+        if (spng_get_iccp(context, &profile) == SPNG_OK) {
+            info_.transfer =
+                transfer_of_icc(reinterpret_cast<const unsigned char *>(profile.profile), profile.profile_len);
+            if (info_.transfer.curve == Transfer::Curve::unknown && std::strstr(profile.profile_name, "sRGB"))
+                info_.transfer = srgb("its ICC profile");
+        } else if (spng_get_srgb(context, &intent) == SPNG_OK) {
+            info_.transfer = srgb("its chunk sRGB");
+        } else if (spng_get_gama(context, &gamma) == SPNG_OK) {
+            info_.transfer = gamma > 0 ? power(1 / gamma, "its chunk gAMA") : Transfer{};
+        }
+        if (spng_get_exif(context, &exif) == SPNG_OK)
+            warn_of_orientation(
+                detail::orientation_of_exif(reinterpret_cast<const unsigned char *>(exif.data), exif.length));
+    }
+
     Context start() {
         file_.seek(0);
         Context context(spng_ctx_new(0));
@@ -164,8 +220,8 @@ Format png() {
     format.magic = {"\x89PNG"};
     format.samples = "8/16";
     format.codes = Codes::frames;
-    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
-        return std::make_unique<PngReader>(path);
+    format.open = [](const std::string &path, const ReadRequest &request) -> std::unique_ptr<Reader> {
+        return std::make_unique<PngReader>(path, request);
     };
     format.create = [](const std::string &path, const WriteRequest &request) -> std::unique_ptr<Writer> {
         return std::make_unique<PngWriter>(path, request);

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdarg>
+#include <cstdlib>
 #include <cstring>
 
 namespace image_io::format_files {
@@ -68,15 +69,41 @@ struct Layout {
     bool tiled = false;
 };
 
+/** One of the images that a file lists. */
+struct Page {
+    std::uint64_t offset = 0; ///< Of its directory.
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::uint16_t bits = 1;
+    std::uint16_t channels = 1;
+    std::uint16_t sample_format = SAMPLEFORMAT_UINT;
+    bool is_frame = true; ///< Neither another one at a lower resolution nor a mask.
+    std::vector<std::uint64_t> children;
+
+    bool like(const Page &other) const {
+        return width == other.width && height == other.height && bits == other.bits && channels == other.channels &&
+               sample_format == other.sample_format;
+    }
+};
+
+/** Images that lie behind each other after one directory, which describes the first of them. */
+struct Stack {
+    std::uint64_t images = 0;
+    std::uint64_t channels = 1; ///< That take turns.
+    const char *said_by = "";
+};
+
 class TiffReader final : public Reader {
   public:
-    explicit TiffReader(const std::string &path) : Reader(path) {
-        const detail::InputFile probe(path);
-        file_size_ = probe.size();
+    TiffReader(const std::string &path, const ReadRequest &request)
+        : Reader(path), file_(path), file_size_(file_.size()) {
         // "m": no memory map, or a file that another program cuts meanwhile would end this one.
         tiff_ = open_tiff_file(path, "rm", messages_);
         if (!tiff_)
             broken("is not a readable TIFF file");
+        find_pages();
+        choose_frames(request);
+        go_to(frames_.front());
         const Layout layout = read_layout();
         info_.width = layout.width;
         info_.height = layout.height;
@@ -85,26 +112,28 @@ class TiffReader final : public Reader {
         const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;
         info_.sample = fmt::format("{}{}", real ? "float" : "uint", layout.bits);
         info_.full_scale = real || layout.bits > 16 ? 0 : (1 << layout.bits) - 1;
+        info_.white_is_zero = layout.photometric == PHOTOMETRIC_MINISWHITE;
         bits_ = layout.bits;
-        const std::uint64_t pages = TIFFNumberOfDirectories(tiff_.get());
-        // A directory takes at least 6 bytes; more of them than the file can hold are a loop.
-        info_.frame_count = std::max<std::uint64_t>(1, std::min(pages, file_size_ / 6));
+        info_.frame_count = frames_.size();
+        warn_of_orientation(field<std::uint16_t>(TIFFTAG_ORIENTATION, 1));
+        std::uint32_t profile_bytes = 0;
+        const void *profile = nullptr;
+        if (TIFFGetField(tiff_.get(), TIFFTAG_ICCPROFILE, &profile_bytes, &profile))
+            info_.transfer = transfer_of_icc(static_cast<const unsigned char *>(profile), profile_bytes);
         if (!messages_.first_error.empty())
             broken("is damaged");
+        find_stack(request, layout);
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
         messages_.first_error.clear();
-        // From the first page on libtiff would go through all before.
-        const bool next = frame == std::uint64_t{TIFFCurrentDirectory(tiff_.get())} + 1;
-        if (!(next ? TIFFReadDirectory(tiff_.get()) : TIFFSetDirectory(tiff_.get(), static_cast<tdir_t>(frame))))
-            broken(fmt::format("page {} cannot be read", frame));
+        if (stack_.images > 0)
+            return read_of_stack(first_of_stack_ + frame, sink);
+        go_to(frames_.at(frame));
         const Layout layout = read_layout();
         if (layout.width != info_.width || layout.height != info_.height || layout.channels != info_.channels ||
             layout.bits != bits_)
-            fail(fmt::format("page {} is {} x {} with {} channels of {} bits, the first page is {} x {} with {} of {}",
-                             frame, layout.width, layout.height, layout.channels, layout.bits, info_.width,
-                             info_.height, info_.channels, bits_));
+            fail("changed while it was read");
         if (layout.tiled)
             read_bands(layout, sink, tile_width(layout), tile_height(layout), TIFFTileSize64(tiff_.get()));
         else
@@ -114,6 +143,176 @@ class TiffReader final : public Reader {
   private:
     [[noreturn]] void broken(const std::string &what) const {
         fail(messages_.first_error.empty() ? what : fmt::format("{}: {}", what, messages_.first_error));
+    }
+
+    void go_to(const Page &page) {
+        if (!TIFFSetSubDirectory(tiff_.get(), page.offset))
+            broken("is damaged: a page cannot be read");
+    }
+
+    Page this_page() const {
+        Page page;
+        page.offset = TIFFCurrentDirOffset(tiff_.get());
+        page.width = field<std::uint32_t>(TIFFTAG_IMAGEWIDTH, 0);
+        page.height = field<std::uint32_t>(TIFFTAG_IMAGELENGTH, 0);
+        page.bits = field<std::uint16_t>(TIFFTAG_BITSPERSAMPLE, 1);
+        page.channels = field<std::uint16_t>(TIFFTAG_SAMPLESPERPIXEL, 1);
+        page.sample_format = field<std::uint16_t>(TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT);
+        std::uint32_t kind = 0;
+        std::uint16_t old_kind = 0;
+        if (TIFFGetField(tiff_.get(), TIFFTAG_SUBFILETYPE, &kind))
+            page.is_frame = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) == 0;
+        else if (TIFFGetField(tiff_.get(), TIFFTAG_OSUBFILETYPE, &old_kind))
+            page.is_frame = old_kind != OFILETYPE_REDUCEDIMAGE;
+        std::uint16_t count = 0;
+        std::uint64_t *offsets = nullptr;
+        if (TIFFGetField(tiff_.get(), TIFFTAG_SUBIFD, &count, &offsets))
+            page.children.assign(offsets, offsets + count);
+        return page;
+    }
+
+    void find_pages() {
+        // A directory takes at least 6 bytes; more of them than the file can hold are a loop.
+        const std::uint64_t most = std::min<std::uint64_t>(max_frames, file_size_ / 6);
+        do
+            pages_.push_back(this_page());
+        while (pages_.size() < most && TIFFReadDirectory(tiff_.get()));
+        if (!messages_.first_error.empty())
+            broken("is damaged");
+    }
+
+    void choose_frames(const ReadRequest &request) {
+        info_.one_page = request.page.has_value();
+        if (request.page) {
+            // Of one page: its number may be that of an image in a stack.
+            if (pages_.size() == 1) {
+                frames_ = pages_;
+                return;
+            }
+            if (*request.page >= pages_.size())
+                fail(fmt::format("has no page {}; its pages are: {}", *request.page, told_pages()));
+            frames_ = {pages_[*request.page]};
+            return;
+        }
+        for (const Page &page : pages_)
+            if (page.is_frame)
+                frames_.push_back(page);
+        // A preview may come first, and list the image that it is made of.
+        if (frames_.empty())
+            for (const std::uint64_t offset : pages_.front().children) {
+                if (!TIFFSetSubDirectory(tiff_.get(), offset))
+                    broken("is damaged: a page cannot be read");
+                if (const Page child = this_page(); child.is_frame)
+                    frames_.push_back(child);
+            }
+        if (frames_.empty() && pages_.size() == 1)
+            frames_ = pages_;
+        if (frames_.empty())
+            fail(fmt::format("holds reduced-resolution images and masks only: {}. Name one behind the file's name, for "
+                             "example {}:page=0",
+                             told_pages(), path_));
+        for (const Page &frame : frames_)
+            if (!frame.like(frames_.front()))
+                fail(fmt::format("holds images that are no series: {}. Name one behind the file's name, for example "
+                                 "{}:page=0",
+                                 told_pages(), path_));
+    }
+
+    std::string told_pages() const {
+        constexpr std::size_t most = 8;
+        std::string text;
+        for (std::size_t i = 0; i < std::min(most, pages_.size()); ++i) {
+            const Page &page = pages_[i];
+            text += fmt::format("{}page {}{} {} x {}, {} x {} bits", i ? "; " : "", i,
+                                page.is_frame ? "" : " (reduced)", page.width, page.height, page.channels, page.bits);
+        }
+        return pages_.size() > most ? fmt::format("{}; and {} more", text, pages_.size() - most) : text;
+    }
+
+    /** What ImageJ and tifffile write of a stack whose pages they do not list. */
+    Stack told_stack(const Layout &layout) const {
+        const char *text = nullptr;
+        if (!TIFFGetField(tiff_.get(), TIFFTAG_IMAGEDESCRIPTION, &text) || !text)
+            return {};
+        const std::string description = text;
+        const auto number = [&](const std::string &key) -> std::uint64_t {
+            const std::size_t at = ("\n" + description).find("\n" + key + "=");
+            return at == std::string::npos ? 0 : std::strtoull(description.c_str() + at + key.size() + 1, nullptr, 10);
+        };
+        if (description.rfind("ImageJ=", 0) == 0)
+            return {number("images"), std::max<std::uint64_t>(1, number("channels")), "ImageJ"};
+        const std::size_t shape = description.find("\"shape\": [");
+        if (shape == std::string::npos || description.find("\"truncated\": true") == std::string::npos)
+            return {};
+        std::uint64_t values = 1;
+        for (const char *at = description.c_str() + shape + 9; *at == '[' || *at == ',';) {
+            char *end = nullptr;
+            values *= std::strtoull(at + 1, &end, 10);
+            at = end;
+        }
+        return {values / (std::uint64_t{layout.width} * layout.height * layout.channels), 1, "tifffile"};
+    }
+
+    void find_stack(const ReadRequest &request, const Layout &layout) {
+        const Stack stack = told_stack(layout);
+        const bool hidden = pages_.size() == 1 && stack.images > 1;
+        if (stack.channels > 1 && stack.images > 1 && !request.page)
+            fail(fmt::format("its {} images are those of {} channels in turn, says {}. Name one of them behind the "
+                             "file's name, for example {}:page=0, or save each channel's images as a file of their own",
+                             stack.images, stack.channels, stack.said_by, path_));
+        if (!hidden) {
+            if (request.page && *request.page >= pages_.size())
+                fail(fmt::format("has no page {}; its pages are: {}", *request.page, told_pages()));
+            if (stack.images > 1 && stack.images != pages_.size())
+                info_.warnings.push_back(fmt::format("it holds {} pages, though {} images says {}", pages_.size(),
+                                                     stack.images, stack.said_by));
+            return;
+        }
+        const std::uint64_t bytes = std::uint64_t{layout.width} * layout.height * layout.channels * (layout.bits / 8);
+        const auto refuse = [&](const std::string &why) {
+            fail(fmt::format("holds {} images says {}, but lists one, and {}. Save it again, or name the first image: "
+                             "{}:page=0",
+                             stack.images, stack.said_by, why, path_));
+        };
+        if (request.page && *request.page == 0)
+            return;
+        const std::uint64_t *offsets = nullptr, *sizes = nullptr;
+        if (layout.tiled || layout.compression != COMPRESSION_NONE ||
+            (layout.planar == PLANARCONFIG_SEPARATE && layout.channels > 1) ||
+            !TIFFGetField(tiff_.get(), TIFFTAG_STRIPOFFSETS, &offsets) ||
+            !TIFFGetField(tiff_.get(), TIFFTAG_STRIPBYTECOUNTS, &sizes))
+            refuse("the others cannot be found, as it is not stored plainly");
+        for (std::uint32_t i = 1; i < TIFFNumberOfStrips(tiff_.get()); ++i)
+            if (offsets[i] != offsets[i - 1] + sizes[i - 1])
+                refuse("the others cannot be found, as its strips do not follow each other");
+        if (stack.images > max_frames || offsets[0] > file_size_ || stack.images > (file_size_ - offsets[0]) / bytes)
+            refuse(fmt::format("{} bytes are there for {} each", file_size_ - std::min(file_size_, offsets[0]), bytes));
+        if (request.page && *request.page >= stack.images)
+            fail(fmt::format("has no page {}; its {} images are numbered from 0", *request.page, stack.images));
+        stack_ = stack;
+        stack_offset_ = offsets[0];
+        stack_layout_ = layout;
+        first_of_stack_ = request.page.value_or(0);
+        info_.frame_count = request.page ? 1 : stack.images;
+    }
+
+    void read_of_stack(std::uint64_t image, const RowSink &sink) {
+        const std::size_t sample_bytes = stack_layout_.bits / 8;
+        const std::size_t samples = std::size_t{info_.width} * info_.channels;
+        std::vector<unsigned char> bytes(samples * sample_bytes);
+        std::vector<float> row(samples);
+        const bool swapped = TIFFIsByteSwapped(tiff_.get()) != 0;
+        file_.seek(stack_offset_ + image * info_.height * bytes.size());
+        for (std::uint32_t y = 0; y < info_.height; ++y) {
+            file_.read(bytes.data(), bytes.size());
+            for (std::size_t i = 0; i < samples; ++i) {
+                unsigned char *sample = bytes.data() + i * sample_bytes;
+                if (swapped)
+                    std::reverse(sample, sample + sample_bytes);
+                row[i] = convert(stack_layout_, sample);
+            }
+            sink(row.data());
+        }
     }
 
     template <typename T> T field(std::uint32_t tag, T fallback) const {
@@ -261,10 +460,17 @@ class TiffReader final : public Reader {
         return value;
     }
 
+    detail::InputFile file_;
+    std::uint64_t file_size_ = 0;
     Messages messages_;
     Tiff tiff_;
-    std::uint64_t file_size_ = 0;
+    std::vector<Page> pages_;
+    std::vector<Page> frames_;
     unsigned bits_ = 0;
+    Stack stack_; ///< None: images is 0.
+    Layout stack_layout_;
+    std::uint64_t stack_offset_ = 0;
+    std::uint64_t first_of_stack_ = 0;
 };
 
 class TiffWriter final : public Writer {
@@ -331,8 +537,8 @@ Format tiff() {
     format.stacks = "TIFF with pages";
     format.real = true;
     format.codes = Codes::frames;
-    format.open = [](const std::string &path, const ReadRequest &) -> std::unique_ptr<Reader> {
-        return std::make_unique<TiffReader>(path);
+    format.open = [](const std::string &path, const ReadRequest &request) -> std::unique_ptr<Reader> {
+        return std::make_unique<TiffReader>(path, request);
     };
     format.create = [](const std::string &path, const WriteRequest &request) -> std::unique_ptr<Writer> {
         return std::make_unique<TiffWriter>(path, request);

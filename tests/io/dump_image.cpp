@@ -3,7 +3,7 @@
 // usage: clspeckle-image-dump FILE OUT [RAW]
 //
 // OUT gets the values of all frames as float32, or nothing if it is "-"; RAW describes raw frames. Prints width,
-// height, channels, opacity, frames and full scale, then a line for each warning. A refusal goes to stderr, with exit
+// height, channels, opacity, frames, full scale and how numbers stand for light, then a line for each warning. A refusal goes to stderr, with exit
 // code 1.
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
@@ -31,8 +31,8 @@ int main(int argc, char **argv) {
                     out.write(reinterpret_cast<const char *>(row),
                               static_cast<std::streamsize>(sizeof(float) * info.width * info.channels));
             });
-        std::printf("%u %u %u %d %llu %.17g\n", info.width, info.height, info.channels, info.alpha ? 1 : 0,
-                    static_cast<unsigned long long>(info.frame_count), info.full_scale);
+        std::printf("%u %u %u %d %llu %.17g %s\n", info.width, info.height, info.channels, info.alpha ? 1 : 0,
+                    static_cast<unsigned long long>(info.frame_count), info.full_scale, info.transfer.name().c_str());
         for (const std::string &warning : info.warnings)
             std::printf("%s\n", warning.c_str());
         return 0;

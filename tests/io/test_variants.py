@@ -36,6 +36,7 @@ class Dump:
         first, *self.warnings = done.stdout.splitlines()
         self.width, self.height, self.channels, self.alpha, self.frames = map(int, first.split()[:5])
         self.full_scale = float(first.split()[5])
+        self.transfer = first.split(maxsplit=6)[6]
         values = np.fromfile(out, np.float32).reshape(self.frames, self.height, self.width, self.channels)
         self.values = values[..., 0] if self.channels == 1 else values
 
@@ -166,7 +167,7 @@ def test_jpeg(tmp_path: Path, size: tuple[int, int], mode: str, options: dict) -
     with Image.open(tmp_path / "a.jpg") as image:
         given.check(np.asarray(image), 255)
     assert given.channels == (1 if mode == "L" else 3)
-    assert len(given.warnings) == 1 and "sRGB-encoded" in given.warnings[0]
+    assert given.transfer == "sRGB" and len(given.warnings) == 1 and "lossy" in given.warnings[0]
 
 
 @pytest.mark.parametrize("orientation", [1, 3, 6])
@@ -297,9 +298,9 @@ def test_bmp_by_hand(tmp_path: Path, name: str) -> None:
     np.testing.assert_array_equal(other, expected if expected.ndim == 3 else np.repeat(expected[..., None], 3, axis=2))
 
 
-def test_bmp_that_says_srgb_warns(tmp_path: Path) -> None:
+def test_bmp_that_says_srgb(tmp_path: Path) -> None:
     (tmp_path / "a.bmp").write_bytes(bmp(bmp_rows(noise((8, 4), 3)), (8, 4), 24, header=108, space=0x73524742))
-    assert "sRGB-encoded" in Dump(tmp_path / "a.bmp").warnings[0]
+    assert Dump(tmp_path / "a.bmp").transfer == "sRGB"
 
 
 # --- TGA ---

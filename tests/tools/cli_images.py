@@ -223,7 +223,9 @@ def npy_version(path: Path, array: Array, version: tuple[int, int]) -> None:
 Writer = Callable[[Path], None]
 
 # What is said of every file of a kind.
-WARNINGS = {".jpg": "JPEG values are sRGB-encoded"}
+# Integers that are taken as they are: their type tells no full scale, and 1 is full scale.
+NO_FULL_SCALE = {"i4.npy", "y_uint.exr"}
+WARNINGS = {".jpg": "the compression of JPEG is lossy"}
 
 # Name with extension -> how it is written, and the float32 values that the program must see.
 FORMATS: dict[str, tuple[Writer, Callable[[], Array]]] = {

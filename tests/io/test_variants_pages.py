@@ -1,0 +1,277 @@
+"""Several images in one file, and words that change what numbers mean: as an independent reader sees them, or refused."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image, ImageCms
+from test_variants import Dump, noise
+
+Array = np.ndarray
+SIZE = (40, 28)
+STACK = np.stack([np.roll(noise(SIZE, 1, 1023), i, axis=1) for i in range(4)])
+REAL = (STACK / 1023).astype(np.float32)
+
+
+def named(path: Path, name: str) -> Path:
+    return path.with_name(f"{path.name}:{name}")
+
+
+# --- TIFF: stacks ---
+
+TIMES = {"metadata": {"axes": "TYX"}}
+STACKS = {
+    "pages": (STACK, {"photometric": "minisblack"}),
+    "pages_deflate": (STACK, {"photometric": "minisblack", "compression": "zlib"}),
+    "pages_tiles": (STACK, {"photometric": "minisblack", "tile": (16, 16)}),
+    "pages_big_endian": (STACK, {"photometric": "minisblack", "byteorder": ">"}),
+    "pages_bigtiff": (REAL, {"photometric": "minisblack", "bigtiff": True}),
+    "pages_strips": (REAL, {"photometric": "minisblack", "rowsperstrip": 5}),
+    "pages_bytes": ((STACK >> 2).astype(np.uint8), {"photometric": "minisblack"}),
+    "pages_double": (REAL.astype(np.float64), {"photometric": "minisblack"}),
+    "pages_half": (REAL.astype(np.float16), {"photometric": "minisblack"}),
+    "imagej_pages": (STACK, {"imagej": True, **TIMES}),
+    "imagej_one_directory": (STACK, {"imagej": True, "truncate": True, **TIMES}),
+    "imagej_one_directory_bytes": ((STACK >> 2).astype(np.uint8), {"imagej": True, "truncate": True, **TIMES}),
+    "imagej_one_directory_float": (REAL, {"imagej": True, "truncate": True, **TIMES}),
+    "imagej_one_directory_little": (STACK, {"imagej": True, "truncate": True, "byteorder": "<", **TIMES}),
+    "tifffile_one_directory": (STACK, {"photometric": "minisblack", "truncate": True}),
+    "tifffile_one_directory_big": (STACK, {"photometric": "minisblack", "truncate": True, "byteorder": ">"}),
+    "tifffile_one_directory_float": (REAL, {"photometric": "minisblack", "truncate": True}),
+    "tifffile_one_directory_strips": (REAL, {"photometric": "minisblack", "truncate": True, "rowsperstrip": 5}),
+}
+
+
+@pytest.mark.parametrize("name", STACKS)
+def test_tiff_stacks_are_frames(tmp_path: Path, name: str) -> None:
+    stack, options = STACKS[name]
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, stack, **options)
+    assert len(tifffile.TiffFile(path).pages) == (1 if "one_directory" in name else len(stack))
+    given = Dump(path)
+    assert not given.error and given.frames == len(stack) and given.warnings == []
+    np.testing.assert_array_equal(given.values, tifffile.imread(path).astype(np.float32))
+    np.testing.assert_array_equal(given.values, stack.astype(np.float32))
+    third = Dump(named(path, "page=2"))
+    assert third.frames == 1
+    np.testing.assert_array_equal(third.values[0], stack[2].astype(np.float32))
+    assert "has no page 4" in Dump(named(path, "page=4")).error
+
+
+def test_pillow_pages_are_frames(tmp_path: Path) -> None:
+    pages = [Image.fromarray(frame) for frame in STACK]
+    pages[0].save(tmp_path / "a.tif", save_all=True, append_images=pages[1:])
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif").values, STACK)
+
+
+def test_colors_in_one_directory(tmp_path: Path) -> None:
+    stack = np.stack([np.roll(noise(SIZE, 3), i, axis=1) for i in range(3)])
+    tifffile.imwrite(tmp_path / "a.tif", stack, photometric="rgb", truncate=True)
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif").values, stack)
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=1,G").values[0], stack[1, ..., 1])
+
+
+def test_a_stack_that_was_cut_says_how_much_is_there(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", STACK, imagej=True, truncate=True, **TIMES)
+    data = (tmp_path / "a.tif").read_bytes()
+    (tmp_path / "a.tif").write_bytes(data[: len(data) - STACK[0].nbytes])
+    error = Dump(tmp_path / "a.tif").error
+    assert "holds 4 images says ImageJ, but lists one" in error and f"{3 * STACK[0].nbytes} bytes are there" in error
+    assert f"{tmp_path}/a.tif:page=0" in error
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=0").values[0], STACK[0])
+
+
+def test_channels_of_imagej_take_turns(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", STACK.reshape(2, 2, *STACK.shape[1:]), imagej=True, metadata={"axes": "TCYX"})
+    error = Dump(tmp_path / "a.tif").error
+    assert "its 4 images are those of 2 channels in turn, says ImageJ" in error and "a.tif:page=0" in error
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=3").values[0], STACK[3])
+
+
+# --- TIFF: pages that are no frames ---
+
+
+def small() -> Array:
+    return np.ascontiguousarray(STACK[0][::2, ::2])
+
+
+@pytest.mark.parametrize("order", ["image first", "preview first"])
+def test_previews_are_no_frames(tmp_path: Path, order: str) -> None:
+    pages = [(STACK[0], 0), (small(), 1)]
+    with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+        for page, kind in pages if order == "image first" else pages[::-1]:
+            tif.write(page, subfiletype=kind, photometric="minisblack")
+    given = Dump(tmp_path / "a.tif")
+    assert given.frames == 1
+    np.testing.assert_array_equal(given.values[0], STACK[0])
+    preview = Dump(tmp_path / f"a.tif:page={1 if order == 'image first' else 0}")
+    np.testing.assert_array_equal(preview.values[0], small())
+
+
+def test_frames_with_a_preview_each(tmp_path: Path) -> None:
+    with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+        for frame in STACK:
+            tif.write(frame, photometric="minisblack")
+            tif.write(np.ascontiguousarray(frame[::2, ::2]), subfiletype=1, photometric="minisblack")
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif").values, STACK)
+    assert "page 1 (reduced) 20 x 14" in Dump(tmp_path / "a.tif:page=99").error
+
+
+def test_pyramids_below_a_page(tmp_path: Path) -> None:
+    with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+        tif.write(STACK[0], subifds=1, photometric="minisblack")
+        tif.write(small(), subfiletype=1, photometric="minisblack")
+    given = Dump(tmp_path / "a.tif")
+    assert given.frames == 1
+    np.testing.assert_array_equal(given.values[0], STACK[0])
+
+
+def test_a_preview_that_lists_its_image(tmp_path: Path) -> None:
+    """As raw files of cameras do."""
+    with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+        tif.write(small(), subfiletype=1, subifds=1, photometric="minisblack")
+        tif.write(STACK[0], photometric="minisblack")
+    given = Dump(tmp_path / "a.tif")
+    assert given.frames == 1
+    np.testing.assert_array_equal(given.values[0], STACK[0])
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=0").values[0], small())
+
+
+@pytest.mark.parametrize("other", [small(), REAL[0], (STACK[0] >> 2).astype(np.uint8), noise(SIZE, 3)])
+def test_pages_that_are_no_series_are_listed(tmp_path: Path, other: Array) -> None:
+    with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+        tif.write(STACK[0], photometric="minisblack")
+        tif.write(other, photometric="rgb" if other.ndim == 3 else "minisblack")
+    error = Dump(tmp_path / "a.tif").error
+    assert "no series: page 0 40 x 28, 1 x 16 bits; page 1" in error and "a.tif:page=0" in error
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=0").values[0], STACK[0])
+    np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=1").values[0], other.astype(np.float32))
+
+
+# --- TIFF: words that change numbers ---
+
+
+@pytest.mark.parametrize("values", [STACK[0], (STACK[0] >> 2).astype(np.uint8), STACK])
+def test_white_is_zero(tmp_path: Path, values: Array) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", values, photometric="miniswhite")
+    top = np.iinfo(values.dtype).max
+    Dump(tmp_path / "a.tif").check(top - values, top)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_orientation_is_told(tmp_path: Path, orientation: int) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", STACK[0], extratags=[(274, 3, 1, orientation, True)])
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(STACK[0]).save(tmp_path / "a.png", exif=exif)
+    for name in ("a.tif", "a.png"):
+        given = Dump(tmp_path / name)
+        np.testing.assert_array_equal(given.values[0], STACK[0])
+        told = [warning for warning in given.warnings if f"(orientation {orientation})" in warning]
+        assert len(told) == (0 if orientation == 1 else 1)
+
+
+# --- PNG ---
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def png(values: Array, *chunks: bytes) -> bytes:
+    bits = 8 * values.itemsize
+    rows = values.astype(">u2" if bits == 16 else "u1")
+    data = b"".join(b"\0" + row.tobytes() for row in rows)
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", values.shape[1], values.shape[0], bits, 0, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + head + b"".join(chunks) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+
+
+def gamma(value: float) -> bytes:
+    return chunk(b"gAMA", struct.pack(">I", round(value * 100000)))
+
+
+def icc(name: str) -> bytes:
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile(name)).tobytes()
+    return chunk(b"iCCP", b"a profile\0\0" + zlib.compress(profile))
+
+
+def gray_profile(curve: bytes) -> bytes:
+    """A profile with nothing but a gray tone curve."""
+    data = bytes(128) + struct.pack(">I4sII", 1, b"kTRC", 144, len(curve)) + curve
+    return struct.pack(">I", len(data)) + data[4:]
+
+
+def curve(*gammas: float) -> bytes:
+    return (
+        b"curv\0\0\0\0" + struct.pack(">I", len(gammas)) + b"".join(struct.pack(">H", round(g * 256)) for g in gammas)
+    )
+
+
+CURVES = {
+    "none": ((), "linear"),
+    "gAMA 1": ((gamma(1),), "linear"),
+    "gAMA 1/2.2": ((gamma(1 / 2.2),), "the power 2.2"),
+    "gAMA 0.45455": ((gamma(0.45455),), "the power 2.2"),
+    "sRGB": ((chunk(b"sRGB", b"\0"),), "sRGB"),
+    "sRGB over gAMA": ((chunk(b"sRGB", b"\0"), gamma(1 / 2.2)), "sRGB"),
+    "iCCP of sRGB": ((icc("sRGB"),), "sRGB"),
+    "iCCP over gAMA": ((icc("sRGB"), gamma(1)), "sRGB"),
+    "iCCP linear": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve()))),), "linear"),
+    "iCCP gamma 1.8": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(1.8)))),), "the power 1.801"),
+    "iCCP table": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(0, 9, 99)))),), "a curve that is not"),
+    "sBIT": ((chunk(b"sBIT", b"\x08"),), "linear"),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_png_tells_how_numbers_stand_for_light(tmp_path: Path, name: str) -> None:
+    chunks, expected = CURVES[name]
+    for values in (noise(SIZE), STACK[0]):
+        (tmp_path / "a.png").write_bytes(png(values, *chunks))
+        given = Dump(tmp_path / "a.png")
+        np.testing.assert_array_equal(given.values[0], iio.imread(tmp_path / "a.png"))
+        assert given.transfer.startswith(expected) and given.warnings == []
+
+
+@pytest.mark.parametrize(("profile", "expected"), [("sRGB", "sRGB"), (None, "linear")])
+def test_tiff_and_jpeg_profiles(tmp_path: Path, profile: str | None, expected: str) -> None:
+    data = ImageCms.ImageCmsProfile(ImageCms.createProfile(profile)).tobytes() if profile else gray_profile(curve())
+    Image.fromarray(noise(SIZE, 3)).save(tmp_path / "a.tif", icc_profile=data)
+    assert Dump(tmp_path / "a.tif").transfer == expected
+
+
+def test_animations_are_refused_but_for_their_first_image(tmp_path: Path) -> None:
+    frames = [Image.fromarray((frame >> 2).astype(np.uint8)) for frame in STACK]
+    frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
+    error = Dump(tmp_path / "a.png").error
+    assert "is an animation of 4 images (APNG)" in error and "a.png:page=0" in error
+    np.testing.assert_array_equal(Dump(tmp_path / "a.png:page=0").values[0], STACK[0] >> 2)
+    assert "has no page 1" in Dump(tmp_path / "a.png:page=1").error
+
+
+def test_png_files_behind_each_other(tmp_path: Path) -> None:
+    """As a pipe of pictures leaves them."""
+    (tmp_path / "a.png").write_bytes(png(STACK[0]) + png(STACK[1]))
+    error = Dump(tmp_path / "a.png").error
+    assert "holds another PNG image behind the first one" in error and "a.png:page=0" in error
+    np.testing.assert_array_equal(Dump(tmp_path / "a.png:page=0").values[0], STACK[0])
+    (tmp_path / "a.png").write_bytes(png(STACK[0]) + b"something else")
+    assert "14 bytes follow" in Dump(tmp_path / "a.png").warnings[0]
+
+
+# --- NPY and PNM: one of several ---
+
+
+def test_a_page_of_other_stacks(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", REAL)
+    np.testing.assert_array_equal(Dump(tmp_path / "a.npy:page=3").values[0], REAL[3])
+    assert "has no page 4; its 4 images are numbered from 0" in Dump(tmp_path / "a.npy:page=4").error
+    (tmp_path / "a.pgm").write_bytes(b"".join(b"P5 40 28 1023\n" + frame.astype(">u2").tobytes() for frame in STACK))
+    np.testing.assert_array_equal(Dump(tmp_path / "a.pgm:page=1").values[0], STACK[1])
+    assert "names no page" in Dump(tmp_path / "a.pgm:page=one").error
