@@ -117,6 +117,12 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
     return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
 }
 
+// Where an effect begins in another one's place: where the catalogue has it, if that is one value, else half way.
+double begin_of(const Candidate &candidate, double sign) {
+    const HypothesisParameter &first = candidate.parameters.front();
+    return first.weak == first.strong ? candidate.strength(0, candidate.usual(0, sign), sign) : 0.5;
+}
+
 // A move, the model with it, and the squared distance that a quick fit leaves.
 struct Promising {
     const Move *move;
@@ -140,7 +146,7 @@ std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, cons
         EffectModel model = state.model;
         if (!adds)
             model = model.without(move.place);
-        model.add(*move.candidate, move.sign, adds ? 0.0 : 0.5);
+        model.add(*move.candidate, move.sign, adds ? 0.0 : begin_of(*move.candidate, move.sign));
         possible([&] {
             reached[i] = quick_fit(runner, fits, model, state, now);
             reached[i].square += adds ? kGrowth.least_gain : 0.0;
@@ -210,7 +216,7 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
     if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
         return {};
-    if (fitted.residual.p_value <= kFit.seldom)
+    if (fitted.score < whole.score + kSwap.give_up_form)
         fits.polish(other.model, other.pool, fitted, at);
     if (fitted.score > whole.score - kGrowth.least_gain) {
         if (move.place < state.steps.size())

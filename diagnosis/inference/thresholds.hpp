@@ -234,7 +234,7 @@ struct Thresholds {
         // squared distance | the same, after a fit of the others | tests/diagnosis/inference/test_swap.cpp
         // NeedlessEffectsArePruned
         double least_worth = 30.0;
-        // squared distance | a form that is worse by more gets no finer fit | work
+        // squared distance | a swap or a form that is worse by more gets no finer fit | work
         double give_up_form = 60.0;
     } swap;
 
