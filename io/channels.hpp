@@ -5,8 +5,10 @@
 #ifndef CLSPECKLE_IO_CHANNELS_HPP
 #define CLSPECKLE_IO_CHANNELS_HPP
 
-#include "io/formats.hpp"
+#include "io/image_io.hpp"
+#include "io/read_request.hpp"
 
+#include <memory>
 #include <string>
 #include <vector>
 

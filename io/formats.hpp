@@ -9,28 +9,13 @@
 #define CLSPECKLE_IO_FORMATS_HPP
 
 #include "io/image_io.hpp"
-#include "io/raw.hpp"
+#include "io/read_request.hpp"
 
 #include <functional>
 #include <list>
-#include <optional>
 #include <type_traits>
 
 namespace image_io {
-
-/** What a plane is: it tells which of a file's channels are meant where none is named. */
-enum class Role { image, depth, position, normal, albedo, visibility, mask, material };
-
-/** What is wanted of a file. */
-struct ReadRequest {
-    /** A channel, three with commas between them, or a layer; empty: what fits the role. */
-    std::string channel;
-    Role role = Role::image;
-    /** One image of several, from 0; none: all that are frames. */
-    std::optional<std::uint64_t> page = {};
-    /** Of raw frames: how they lie in the file, whatever it looks like. */
-    std::optional<RawLayout> raw = {};
-};
 
 /** An image as users name it: a file, FILE:CHANNEL, FILE:page=N, or FILE:page=N,CHANNEL. */
 struct ImageName {

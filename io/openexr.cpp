@@ -3,6 +3,7 @@
 #include "io/openexr.hpp"
 
 #include "io/channels.hpp"
+#include "io/formats.hpp"
 
 #include <fmt/format.h>
 
