@@ -78,8 +78,8 @@ class Input {
  */
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config);
 
-/** What becomes of negative numbers where light is needed: they are refused with the option's name, or set to 0 and counted
- * in a warning. */
+/** What becomes of negative numbers where light is needed: they are refused with the option's name, or set to 0 and
+ * counted in a warning. */
 void check_light(image_io::Plane &plane, const std::string &path, const char *what, bool clip_negative,
                  std::vector<std::string> &warnings);
 

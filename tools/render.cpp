@@ -257,7 +257,8 @@ class Renderer {
         if (input_.scene) {
             auto pattern = clspeckle::make<ClspPatternDesc>();
             const std::string path = config_.text("pattern.image");
-            const std::vector<float> texels = plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY, encoding_of(config_));
+            const std::vector<float> texels =
+                plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY, encoding_of(config_));
             pattern.texels = texels.data();
             pattern.half_extent_x = config_.number("pattern.half_extent_x");
             pattern.half_extent_y = config_.number("pattern.half_extent_y");
@@ -509,7 +510,8 @@ class Renderer {
             uses_materials_ |= m.roughness_rms_m != plain.roughness_rms_m || m.subsurface_fraction > 0 ||
                                m.degree_of_polarization != plain.degree_of_polarization;
         if (!input_.scene && !first_.material.empty() && input_.materials.empty())
-            throw InputError("--material gives each pixel's id, but no list says what they are made of; add --materials FILE");
+            throw InputError(
+                "--material gives each pixel's id, but no list says what they are made of; add --materials FILE");
         if (uses_materials_ && first_.material.empty())
             throw InputError(fmt::format(
                 "{}: the materials need each pixel's id: the channel material, or --material IMAGE", first_.name));
@@ -645,19 +647,21 @@ class Renderer {
         if (dark)
             console_.warn(
                 input_.scene
-                    ? fmt::format("{}: the frame has no light: the brightest point gets {:.3g} of full scale. Check the "
-                                  "pattern's pose and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), the "
-                                  "unit of depths (--depth-scale), and the gain ({} dn)",
-                                  data.name, brightest * gain / top_code(), gain)
-                    : fmt::format("{}: the frame has no light: the brightest number is {:.3g}, and with a gain of {} dn "
-                                  "that is less than half a code; {}",
-                                  data.name, brightest, gain, gain_advice));
+                    ? fmt::format(
+                          "{}: the frame has no light: the brightest point gets {:.3g} of full scale. Check the "
+                          "pattern's pose and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), the "
+                          "unit of depths (--depth-scale), and the gain ({} dn)",
+                          data.name, brightest * gain / top_code(), gain)
+                    : fmt::format(
+                          "{}: the frame has no light: the brightest number is {:.3g}, and with a gain of {} dn "
+                          "that is less than half a code; {}",
+                          data.name, brightest, gain, gain_advice));
         else if (has_sensor_ && share >= 0.9)
-            console_.warn(fmt::format("{}: {:.0f} % of the frame is at the top code: the mean light is {:.3g}, where 1 is "
-                                      "full scale, and the gain {} dn; {}{}",
-                                      data.name, 100 * share, mean, gain,
-                                      input_.scene || mean <= 1 ? "" : "--full-scale N divides integers by N, and ",
-                                      gain_advice));
+            console_.warn(fmt::format(
+                "{}: {:.0f} % of the frame is at the top code: the mean light is {:.3g}, where 1 is "
+                "full scale, and the gain {} dn; {}{}",
+                data.name, 100 * share, mean, gain,
+                input_.scene || mean <= 1 ? "" : "--full-scale N divides integers by N, and ", gain_advice));
     }
 
     void record_times() {

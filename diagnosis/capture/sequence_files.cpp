@@ -89,8 +89,7 @@ std::string frame_formats(const char *word) {
 }
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
-                             const std::string &field, bool msb_aligned,
-                             const std::optional<image_io::RawLayout> &raw)
+                             const std::string &field, bool msb_aligned, const std::optional<image_io::RawLayout> &raw)
     : name_((fs::path(folder) / file).lexically_normal().string()), msb_aligned_(msb_aligned) {
     request_.raw = raw;
     const std::string path = (fs::path(folder) / file).string();
@@ -99,7 +98,7 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
     if (fs::is_directory(path, code)) {
         files = frames_of_folder(path, file);
         single_ = false;
-    } else if (fs::exists(path, code)) {
+    } else if (fs::exists(path, code) || !image_io::split_name(path).channel.empty()) {
         files = {path};
     } else {
         const bool pattern = file.find_first_of("*?[") != std::string::npos;
@@ -126,9 +125,39 @@ SequenceFiles::Part SequenceFiles::part_of(const std::string &path) const {
     part.path = path;
     part.info = image_io::open(path, request_)->info();
     std::error_code ignored; // it could be opened
-    part.size_bytes = fs::file_size(path, ignored);
-    part.changed = fs::last_write_time(path, ignored);
+    const std::string on_disk = image_io::split_name(path).path;
+    part.size_bytes = fs::file_size(on_disk, ignored);
+    part.changed = fs::last_write_time(on_disk, ignored);
     return part;
+}
+
+// Where a file says that 0 is white, more light is a lower number: the reader turns them. Some programs only set the
+// word: codes that fit into the camera's bits as stored, but not turned, are taken as stored.
+void SequenceFiles::settle_white(Part &part) const {
+    if (!part.info.white_is_zero)
+        return;
+    const auto reader = reading([&] { return image_io::open(part.path, request_); });
+    const auto top = static_cast<float>(part.info.full_scale), maximum = static_cast<float>((1u << bits_) - 1);
+    float least = top, most = 0;
+    reading([&] {
+        reader->read_rows(0, [&](const float *row) {
+            const auto [low, high] = std::minmax_element(row, row + part.info.width);
+            least = std::min(least, *low);
+            most = std::max(most, *high);
+        });
+    });
+    if (msb_aligned_ || most <= maximum || top - least > maximum) {
+        part.info.warnings.push_back(
+            fmt::format("its photometric interpretation says that 0 is white: a code is {} minus "
+                        "the number that is stored",
+                        top));
+        return;
+    }
+    part.turned_at = top;
+    part.info.warnings.push_back(fmt::format(
+        "its photometric interpretation says that 0 is white; then its codes would be above {}, the top code of {} "
+        "bits: they are taken as stored. Save the frames as min-is-black",
+        maximum, bits_));
 }
 
 std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
@@ -166,6 +195,7 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
                                info.width == layout.height && info.height == layout.width
                                    ? "; the two sides are exchanged: an array is (frames, height, width)"
                                    : ": correct /camera/width and /camera/height, or name frames of that size"));
+        settle_white(part);
         part.first_frame = frames;
         frames += info.frame_count;
         if (frames > kMaxCaptureFrames)
@@ -227,32 +257,33 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
             throw Enough();
         if (y >= first_row)
             for (std::uint32_t x = 0; x < width_; ++x, ++to) {
-                const float code = row[x] / step;
+                const float number = part.turned_at > 0 ? part.turned_at - row[x] : row[x];
+                const float code = number / step;
                 if (shifted) {
                     // Some cameras fill the lower bits of what clips.
-                    if (code != std::floor(code) && row[x] != 65535.0f)
+                    if (code != std::floor(code) && number != 65535.0f)
                         throw Error(Status::kInvalidData,
                                     fmt::format("{}: frame {}{}, pixel ({}, {}): the word is {}, no multiple of {}, "
                                                 "though /camera/msb_aligned says that codes of {} bits stand in the "
                                                 "upper bits of 16. Take that out, or correct /camera/bits",
-                                                part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], step,
+                                                part.path, frame, single_ ? "" : " of the sequence", x, y, number, step,
                                                 bits_));
                     *to = static_cast<std::uint16_t>(code);
                     continue;
                 }
-                if (!(row[x] <= static_cast<float>(maximum))) {
+                if (!(number <= static_cast<float>(maximum))) {
                     std::uint32_t bits = bits_;
-                    while (bits < kMaxCaptureBits && row[x] >= static_cast<float>(1u << bits))
+                    while (bits < kMaxCaptureBits && number >= static_cast<float>(1u << bits))
                         ++bits;
                     throw Error(Status::kInvalidData,
                                 fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, "
                                             "so that {} is the top code. Set bits to {} or more, or msb_aligned to "
                                             "true if the camera stores codes in the upper bits{}",
-                                            part.path, frame, single_ ? "" : " of the sequence", x, y, row[x], bits_,
+                                            part.path, frame, single_ ? "" : " of the sequence", x, y, number, bits_,
                                             maximum, bits,
                                             part.info.warnings.empty() ? "" : ". But " + part.info.warnings.front()));
                 }
-                *to = static_cast<std::uint16_t>(row[x]);
+                *to = static_cast<std::uint16_t>(number);
             }
         ++y;
     };

@@ -41,7 +41,9 @@ class SequenceFiles final : public CodeFiles {
         std::uintmax_t size_bytes = 0;
         std::filesystem::file_time_type changed;
         std::uint64_t first_frame = 0; // in the sequence
+        float turned_at = 0;           // above 0: the code is this minus what the reader gives
     };
+    void settle_white(Part &part) const;
     Part part_of(const std::string &path) const;
     image_io::Reader &reader_of(std::size_t part) const;
 
