@@ -71,7 +71,8 @@ std::optional<std::size_t> number_of_series(const Group &group) {
     // More than two would be dates and times.
     if (varying.size() != 2 || varying[0].first * varying[1].first != group.size())
         return {};
-    return std::min_element(varying.begin(), varying.end(), [](const auto &a, const auto &b) { return a.first < b.first; })
+    return std::min_element(varying.begin(), varying.end(),
+                            [](const auto &a, const auto &b) { return a.first < b.first; })
         ->second;
 }
 
@@ -117,7 +118,9 @@ bool natural_less(const std::string &a, const std::string &b) {
     std::size_t i = 0;
     std::size_t j = 0;
     const auto begins = [](const std::string &text, std::size_t at) { return at == 0 || text[at - 1] == '/'; };
-    const auto number_at = [](const std::string &text, std::size_t at) { return at < text.size() && is_digit(text[at]); };
+    const auto number_at = [](const std::string &text, std::size_t at) {
+        return at < text.size() && is_digit(text[at]);
+    };
     bool negative = false; // the next number of both
     while (i < a.size() && j < b.size()) {
         if (begins(a, i) && begins(b, j)) {

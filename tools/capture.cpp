@@ -5,6 +5,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
+#include "io/formats.hpp"
 #include "io/image_io.hpp"
 #include "json.hpp"
 #include "text.hpp"
@@ -331,10 +332,54 @@ DotPattern read_dots(const std::string &file, double sigma_px) {
     return pattern;
 }
 
+namespace {
+
+/** What capture.json, or its folder, calls a file; empty: it lies elsewhere. */
+std::string name_in_set(const std::string &path, const std::string &set) {
+    std::error_code code;
+    const fs::path folder = fs::is_directory(set, code) ? fs::path(set) : fs::absolute(set, code).parent_path();
+    const fs::path inside = fs::weakly_canonical(path, code).lexically_relative(fs::weakly_canonical(folder, code));
+    return inside.empty() || *inside.begin() == ".." ? "" : inside.generic_string();
+}
+
+/** 0 where a warning is about single pixels or blocks, or where the set's own masks have 0. */
+void write_mask(const CaptureCheckArguments &arguments, const clspeckle::Capture &capture, const Json &summary,
+                Console &console) {
+    const auto width = summary["camera"]["width"].get<std::size_t>();
+    const auto height = summary["camera"]["height"].get<std::size_t>();
+    std::vector<std::uint8_t> mask(width * height, 255);
+    for (std::uint32_t i = 0; i < summary["sequences"].size(); ++i)
+        if (summary["sequences"][i]["masked_fraction"].get<double>() > 0.0) {
+            const std::vector<std::uint8_t> own = capture.mask(i);
+            for (std::size_t k = 0; k < mask.size(); ++k)
+                mask[k] = own[k] == 0 ? 0 : mask[k];
+        }
+    for (const Json &warning : summary["warnings"])
+        for (const Json &block : warning["pixels"])
+            for (std::size_t y = block["rows"][0]; y <= block["rows"][1].get<std::size_t>(); ++y)
+                for (std::size_t x = block["columns"][0]; x <= block["columns"][1].get<std::size_t>(); ++x)
+                    mask[y * width + x] = 0;
+    const auto left_out = std::count(mask.begin(), mask.end(), std::uint8_t{0});
+    image_io::write(arguments.mask, image_io::format_named("PNG"), std::uint32_t(width), std::uint32_t(height),
+                    mask.data());
+    const std::string name = name_in_set(arguments.mask, arguments.folder);
+    console.print(fmt::format("{}: {} of {} pixels left out; {}\"mask\": \"{}\" in a sequence of capture.json names it",
+                              arguments.mask, left_out, mask.size(),
+                              name.empty() ? "once it lies in the set's folder, " : "",
+                              name.empty() ? fs::path(arguments.mask).filename().string() : name));
+}
+
+} // namespace
+
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console) {
     check_report_file(arguments.json, arguments.folder);
+    std::error_code code;
+    if (!arguments.mask.empty() && fs::exists(arguments.mask, code))
+        throw InputError(fmt::format("{}: exists; choose another name with --write-mask", arguments.mask));
     const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));
     const Json summary = Json::parse(capture.summary_json());
+    if (!arguments.mask.empty())
+        write_mask(arguments, capture, summary, console);
     for (const Json &warning : summary["warnings"]) {
         const std::string sequence = warning["sequence"].get<std::string>();
         console.warn((sequence.empty() ? "" : sequence + ": ") + warning["text"].get<std::string>());

@@ -17,6 +17,7 @@ namespace tools {
 struct CaptureCheckArguments {
     std::string folder;
     std::string json; ///< File for the summary, "-" for standard output; empty: none.
+    std::string mask; ///< File for a mask of the pixels that are not like the others; empty: none.
 };
 
 struct CaptureEmvaArguments {

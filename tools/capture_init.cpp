@@ -424,13 +424,24 @@ void describe_dark(const std::vector<Found> &sequences, const std::optional<doub
                          "or more, or give the data sheet's (--read-noise-dn)");
     const double noise =
         given_noise_dn ? *given_noise_dn : std::sqrt(std::max(0.0, still->variance() - kQuantizationVariance));
-    if (!given_noise_dn && still != dark)
+    if (!given_noise_dn && (still->variance() <= kQuantizationVariance || still->at_zero > kClipped))
+        note(
+            "read_noise_dn", noise,
+            fmt::format("not known: {}; give the data sheet's (--read-noise-dn)",
+                        still->at_zero > kClipped
+                            ? fmt::format("{:.1f} % of {} are clipped at 0, so that its noise is larger than {:.2f} DN",
+                                          100.0 * still->at_zero, still->name, noise)
+                            : fmt::format("the noise of {} is lost in the converter's rounding (its variance is {:.2g} "
+                                          "DN^2, rounding alone may have {:.2g})",
+                                          still->name, still->variance(), kQuantizationVariance)));
+    else if (!given_noise_dn && still != dark)
         note("read_noise_dn", noise,
              fmt::format("no two dark frames: the noise of {}, which has photon noise, too", still->name));
     camera["black_level_dn"] = rounded(level);
     camera["read_noise_dn"] = rounded(noise);
     if (dark)
-        notes.found += fmt::format("{}: a black level of {:.2f} DN, a noise of {:.2f} DN\n", dark->name, level, noise);
+        notes.found += fmt::format("{}: a black level of {:.2f} DN, a noise of {}\n", dark->name, level,
+                                   noise > 0.0 ? fmt::format("{:.2f} DN", noise) : "less than rounding's");
 }
 
 /** The dots of all frames of scenes with dots, of those in motion if there are any: /dots. */

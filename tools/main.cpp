@@ -522,6 +522,9 @@ void add_capture_check(CLI::App &app, tools::CaptureCheckArguments &a, bool &qui
     app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")
         ->type_name("FILE")
         ->check(named());
+    app.add_option("--write-mask", a.mask, "Write a mask that leaves out the pixels that are not like the others")
+        ->type_name("FILE")
+        ->check(named());
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 

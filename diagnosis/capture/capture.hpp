@@ -107,10 +107,18 @@ inline std::size_t exposure_count(const CaptureLayout &layout, CaptureScene scen
     return times.size();
 }
 
+// Rows and columns of an image; the last ones are part of it.
+struct PixelBlock {
+    std::uint32_t first_row = 0, last_row = 0, first_column = 0, last_column = 0;
+};
+
 // Something that does not stop the diagnosis and that its reader is to know.
 struct CaptureWarning {
     std::string sequence; // its name; empty: the whole set
     std::string text;
+    std::string kind{};                // a word of the table in docs/captures.md
+    std::vector<std::size_t> frames{}; // that it is about, from 0; empty: all
+    std::vector<PixelBlock> pixels{};  // that it is about; empty: all
 };
 
 struct StoredSequence; // stored_sequence.hpp

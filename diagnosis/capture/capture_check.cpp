@@ -82,6 +82,13 @@ CaptureSummary summarize_capture(const Capture &capture) {
 
 std::string capture_summary_json(const Capture &capture) {
     using Json = nlohmann::ordered_json;
+    const auto blocks = [](const CaptureWarning &warning) {
+        Json list = Json::array();
+        for (const PixelBlock &block : warning.pixels)
+            list.push_back(
+                {{"rows", {block.first_row, block.last_row}}, {"columns", {block.first_column, block.last_column}}});
+        return list;
+    };
     const CaptureSummary summary = summarize_capture(capture);
     const CaptureLayout &layout = capture.layout;
     const auto optional = [](const std::optional<double> &value) { return value ? Json(*value) : Json(); };
@@ -127,7 +134,11 @@ std::string capture_summary_json(const Capture &capture) {
                                    {"reason", e.reason}});
     root["warnings"] = Json::array();
     for (const CaptureWarning &w : summary.warnings)
-        root["warnings"].push_back({{"sequence", w.sequence}, {"text", w.text}});
+        root["warnings"].push_back({{"kind", w.kind},
+                                    {"sequence", w.sequence},
+                                    {"text", w.text},
+                                    {"frames", w.frames},
+                                    {"pixels", blocks(w)}});
     return root.dump(1, ' ', false, Json::error_handler_t::replace);
 }
 

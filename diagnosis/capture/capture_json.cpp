@@ -49,8 +49,9 @@ class Parser : public JsonChecks {
                       const std::string &sequence, std::vector<CaptureWarning> &warnings) const {
         for (const auto &[key, value] : object.items())
             if (std::none_of(known.begin(), known.end(), [&k = key](const char *name) { return k == name; }))
-                warnings.push_back(
-                    {sequence, fmt::format("{}: the key {}/{} is not known and is ignored", path(), where, key)});
+                warnings.push_back({sequence,
+                                    fmt::format("{}: the key {}/{} is not known and is ignored", path(), where, key),
+                                    "unknown_key"});
     }
 };
 
@@ -170,7 +171,8 @@ CaptureDescription read_capture_json(const std::string &path) {
     } else {
         layout.wavelength_m = 940e-9;
         result.warnings.push_back(
-            {"", fmt::format("{}: /laser is missing; nothing in this set depends on it, 940 nm is assumed", path)});
+            {"", fmt::format("{}: /laser is missing; nothing in this set depends on it, 940 nm is assumed", path),
+             "no_laser"});
     }
     if (root.contains("baseline")) {
         const Json &baseline = parser.object(root, "baseline", "", R"({"field": "circular_gaussian"})");

@@ -27,8 +27,11 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
         throw Error(Status::kIo, fmt::format("{}: {}; expected the folder of a capture set, with a capture.json",
                                              folder, fs::exists(root, code) ? "is not a folder" : "does not exist"));
     } else if (!fs::exists(description, code)) {
-        throw Error(Status::kIo,
-                    fmt::format("{}: the folder holds no capture.json, which describes a capture set", folder));
+        throw Error(
+            Status::kIo,
+            fmt::format("{0}: the folder holds no capture.json, which describes a capture set; `clspeckle capture "
+                        "init {0}` writes a first one from frames",
+                        folder));
     }
 
     CaptureDescription described = read_capture_json(description.string());
@@ -57,11 +60,16 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
         origin.files.push_back(files.back()->name());
         for (std::string &oddity : files.back()->oddities())
-            capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity)});
+            capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity), "files"});
         total += frames;
-        if (!described.masks[i].empty())
-            capture.layout.sequences[i].mask = read_mask((root / described.masks[i]).string(), capture.layout,
-                                                         origin.description, fmt::format("/sequences/{}/mask", i));
+        if (!described.masks[i].empty()) {
+            std::vector<std::string> of_mask;
+            capture.layout.sequences[i].mask =
+                read_mask((root / described.masks[i]).string(), capture.layout, origin.description,
+                          fmt::format("/sequences/{}/mask", i), of_mask);
+            for (std::string &oddity : of_mask)
+                capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity), "mask"});
+        }
     }
     validate_layout(capture.layout, origin);
 

@@ -1,6 +1,7 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
 #include "capture/metadata_warnings.hpp"
+#include "capture/pixel_warnings.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,6 +10,8 @@
 
 namespace clsp {
 namespace {
+
+constexpr double kMostZeros = 0.01, kBlack = 0.5; // parts of the pixels
 
 // How many frames are bit for bit one that came before, and the first such pair.
 struct Repeats {
@@ -39,17 +42,20 @@ void warn_of_dots(const CaptureLayout &layout, std::vector<CaptureWarning> &warn
         return p[0] < -reach || p[0] >= layout.width - 1 + reach || p[1] < -reach || p[1] >= layout.height - 1 + reach;
     });
     if (outside > 0)
-        warnings.push_back(
-            {"", fmt::format("{} of {} dots lie so far outside of the image of {} x {} pixels that no light of theirs reaches it; if that is not meant, "
-                             "positions_px may be in another order or unit ([x, y] in pixels)",
-                             outside, positions.size(), layout.width, layout.height)});
+        warnings.push_back({"",
+                            fmt::format("{} of {} dots lie so far outside of the image of {} x {} pixels that no light "
+                                        "of theirs reaches it; if that is not meant, "
+                                        "positions_px may be in another order or unit ([x, y] in pixels)",
+                                        outside, positions.size(), layout.width, layout.height),
+                            "dots_outside"});
     // Two dots at one place are one brighter dot: mostly a list that was joined twice.
     std::vector<std::array<double, 2>> sorted = positions;
     std::sort(sorted.begin(), sorted.end());
     const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
     if (twice != sorted.end())
         warnings.push_back(
-            {"", fmt::format("two or more dots are at ({}, {}); their light adds up", (*twice)[0], (*twice)[1])});
+            {"", fmt::format("two or more dots are at ({}, {}); their light adds up", (*twice)[0], (*twice)[1]),
+             "merged_dots"});
 }
 
 void warn_of_pupil(const CaptureLayout &layout, const SequenceLayout &s, std::vector<CaptureWarning> &warnings) {
@@ -61,7 +67,8 @@ void warn_of_pupil(const CaptureLayout &layout, const SequenceLayout &s, std::ve
             {s.name,
              fmt::format("at f/{:g} the pupil is {:.2f} cycles per pixel wide: speckle is finer than the pixels, and a "
                          "baseline that samples points cuts its spectrum off at 1; the size of the grain says little",
-                         s.f_number, diameter)});
+                         s.f_number, diameter),
+             "fine_speckle"});
 }
 
 // noise_dn: of one pixel in the dark.
@@ -69,10 +76,13 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
                    const SequenceSummary &summary, const DarkLevel &dark, double noise_dn,
                    std::vector<CaptureWarning> &warnings) {
     const SequenceLayout &s = layout.sequences[sequence];
-    const auto warn = [&](std::string text) { warnings.push_back({s.name, std::move(text)}); };
+    const auto warn = [&](const char *kind, std::string text, std::vector<std::size_t> frames = {}) {
+        warnings.push_back({s.name, std::move(text), kind, std::move(frames)});
+    };
     const bool lit = s.scene != CaptureScene::kDark;
     if (summary.minimum == summary.maximum)
-        warn(summary.minimum == layout.maximum_code()
+        warn("constant",
+             summary.minimum == layout.maximum_code()
                  ? fmt::format("every pixel of every frame is at the top code, {}: the sequence is saturated",
                                summary.minimum)
                  : fmt::format("every pixel of every frame has the code {}: the sensor delivered nothing, or the codes "
@@ -80,34 +90,44 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
                                "on the way",
                                summary.minimum));
     if (s.frame_count == 1) {
-        warn("has one frame only: nothing can be said about noise or change in time");
+        warn("one_frame", "has one frame only: nothing can be said about noise or change in time");
     } else if (summary.minimum == summary.maximum) {
         // That all frames are the same needs no word of its own then.
     } else if (const Repeats repeats = repeated_frames(scan); repeats.count + 1 == s.frame_count) {
-        warn(fmt::format("all {} frames are the same, bit for bit: there is no temporal noise; a real camera has some, "
+        warn("repeated_frames",
+             fmt::format("all {} frames are the same, bit for bit: there is no temporal noise; a real camera has some, "
                          "so the frames may be "
                          "copies of one",
                          s.frame_count));
     } else if (repeats.count > 0) {
-        warn(fmt::format("{} of {} frames are repeated, bit for bit (frame {} is frame {} again): the grabber may have "
+        warn("repeated_frames",
+             fmt::format("{} of {} frames are repeated, bit for bit (frame {} is frame {} again): the grabber may have "
                          "dropped frames",
                          repeats.count, s.frame_count, repeats.again, repeats.first));
     }
     if (summary.saturated_fraction > 0.2 && summary.minimum != summary.maximum)
-        warn(fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says little "
+        warn("saturated",
+             fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says little "
                          "about the light; expose less",
                          100.0 * summary.saturated_fraction, layout.maximum_code()));
-    if (summary.minimum != summary.maximum && summary.zero_fraction > (lit ? 0.5 : 0.01))
-        warn(fmt::format("{:.1f} % of the pixels have the code 0: {}", 100.0 * summary.zero_fraction,
-                         lit ? "the sequence is black or the black level was taken off; raw codes are needed"
-                             : "the noise is clipped at 0, so that offset and read noise are wrong; raw codes with "
-                               "their black level are "
-                               "needed"));
+    if (summary.minimum != summary.maximum && summary.zero_fraction > kMostZeros)
+        warn("clipped_at_zero",
+             fmt::format("{:.1f} % of the pixels have the code 0: {}", 100.0 * summary.zero_fraction,
+                         lit && summary.zero_fraction > kBlack
+                             ? "the sequence is black or the black level was taken off; raw codes are needed"
+                         : lit
+                             ? "what is darker is lost there, as where a black level was taken off; raw codes with "
+                               "their black level have all of it"
+                             : "the noise is clipped there, so that the codes' mean is above the black level and their "
+                               "noise below the read noise. A diagnosis estimates both behind the clipping, less well "
+                               "than from raw codes with their black level"));
     // A quarter of the noise of one pixel, but no less than half a code.
     if (lit && summary.level_above_dark_dn < std::max(0.5, 0.25 * noise_dn))
-        warn(fmt::format(
-            "its mean, {:.2f} DN, is not above the dark level, {:.2f} DN ({}): there is hardly any light in it",
-            summary.mean_dn, dark.level_dn, dark.measured ? "of the dark sequences" : "the data sheet's black level"));
+        warn("no_light",
+             fmt::format(
+                 "its mean, {:.2f} DN, is not above the dark level, {:.2f} DN ({}): there is hardly any light in it",
+                 summary.mean_dn, dark.level_dn,
+                 dark.measured ? "of the dark sequences" : "the data sheet's black level"));
 }
 
 } // namespace
@@ -123,8 +143,10 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
         warn_of_codes(capture.layout, i, scans[i], summaries[i], dark, noise, warnings);
     }
+    for (CaptureWarning &warning : pixel_warnings(capture.layout, scans, dark))
+        warnings.push_back(std::move(warning));
     warnings.insert(warnings.end(), frame_changes.begin(), frame_changes.end());
-    for (CaptureWarning &warning : metadata_warnings(capture, scans, summaries, dark))
+    for (CaptureWarning &warning : metadata_warnings(capture, scans, summaries, dark, frame_changes))
         warnings.push_back(std::move(warning));
     return warnings;
 }

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fmt/core.h>
+#include <fmt/format.h>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -23,6 +23,7 @@ constexpr double kAlike = 1e-3;                  // neighbours that are more ali
 constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
 constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
+constexpr double kNoLight = 0.02;    // of the brightest frame's
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
 constexpr double kLeastShare = 0.5; // of the light of the brightest frame, where contrasts are compared
 // No scatter is believed to be smaller.
@@ -164,11 +165,73 @@ std::optional<std::array<std::vector<std::size_t>, 2>> find_groups(const Series 
     return groups;
 }
 
+// Frames from which on a series is at another level, two times and more, each time by far more than it scatters
+// between: a smooth drift in so many pieces scatters by a third of its steps. Empty where it is no staircase.
+std::vector<std::size_t> find_steps(const Series &values, double scatter) {
+    constexpr std::size_t kMostSteps = 8, kLeastRun = 2;
+    const std::size_t n = values.size();
+    Series sums(n + 1), squares(n + 1);
+    for (std::size_t t = 0; t < n; ++t) {
+        const double value = values[t] - values[0];
+        sums[t + 1] = sums[t] + value;
+        squares[t + 1] = squares[t] + value * value;
+    }
+    const auto rest = [&](std::size_t from, std::size_t to) {
+        const double sum = sums[to] - sums[from];
+        return std::max(0.0, squares[to] - squares[from] - sum * sum / double(to - from));
+    };
+    std::vector<std::size_t> bounds{0, n};
+    while (bounds.size() < std::min(kMostSteps, n / 3) + 2) {
+        std::size_t split = 0;
+        double gain = 0.0;
+        for (std::size_t piece = 0; piece + 1 < bounds.size(); ++piece)
+            for (std::size_t t = bounds[piece] + kLeastRun; t + kLeastRun <= bounds[piece + 1]; ++t)
+                if (const double less =
+                        rest(bounds[piece], bounds[piece + 1]) - rest(bounds[piece], t) - rest(t, bounds[piece + 1]);
+                    less > gain) {
+                    gain = less;
+                    split = t;
+                }
+        if (split == 0)
+            return {};
+        bounds.insert(std::lower_bound(bounds.begin(), bounds.end(), split), split);
+        if (bounds.size() < 4)
+            continue;
+        Series left = values;
+        double squared = 0.0, least_step = std::numeric_limits<double>::infinity(), before = 0.0;
+        for (std::size_t piece = 0; piece + 1 < bounds.size(); ++piece) {
+            const std::size_t from = bounds[piece], to = bounds[piece + 1];
+            const double level = mean_of(values.data() + from, to - from);
+            for (std::size_t t = from; t < to; ++t)
+                left[t] -= level;
+            squared += rest(from, to);
+            if (piece > 0)
+                least_step = std::min(least_step, std::abs(level - before));
+            before = level;
+        }
+        const double degrees = double(n) - double(bounds.size()) + 1.0;
+        const double within = std::max(std::sqrt(squared / degrees), scatter);
+        if (least_step > std::max(kLeastGap, student_two_sided_quantile(kChance, degrees)) * within &&
+            chance_of_wandering(left, scatter) > kAlike)
+            return {bounds.begin() + 1, bounds.end() - 1};
+    }
+    return {};
+}
+
 double mean_of_frames(const Series &values, const std::vector<std::size_t> &frames) {
     double sum = 0.0;
     for (const std::size_t t : frames)
         sum += values[t];
     return sum / double(frames.size());
+}
+
+// How to leave frames out of a stack.
+std::string without_frames(const std::vector<std::size_t> &odd, std::size_t count) {
+    if (odd.size() * 2 == count && (odd.back() - odd.front()) == 2 * (odd.size() - 1))
+        return fmt::format("codes[{}::2]", 1 - odd.front());
+    constexpr std::size_t kMost = 12;
+    return odd.size() <= kMost ? fmt::format("numpy.delete(codes, [{}], axis=0)", fmt::join(odd, ", "))
+                               : "the other frames alone";
 }
 
 // "3, 7, 8 and 12 more"
@@ -211,8 +274,9 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
                                        double dark_level_dn) {
     const SequenceLayout &layout = capture.sequences[sequence];
     std::vector<SequenceChange> result;
-    const auto say = [&](std::string text, bool level_drifts = false) {
-        result.push_back({{layout.name, std::move(text)}, level_drifts});
+    const auto say = [&](const char *kind, std::vector<std::size_t> frames, std::string text,
+                         bool level_drifts = false) {
+        result.push_back({{layout.name, std::move(text), kind, std::move(frames)}, level_drifts});
     };
     const bool lit = layout.scene != CaptureScene::kDark;
     if (layout.frame_count < kLeastFrames || scan.pixels == 0)
@@ -221,30 +285,61 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
 
     const double light = *std::max_element(seen.levels.begin(), seen.levels.end()) - dark_level_dn;
     const double least_dn = lit ? std::max(kLeastLevel * light, kLeastLevelDn) : kLeastLevelDn;
-    const char *const meant = lit ? "the light, the exposure or the scene changed" : "the offset or stray light changed";
+    const char *const meant =
+        lit ? "the light, the exposure or the scene changed" : "the offset or stray light changed";
     // Resting speckle may boil: its frames fluctuate together, and a small step of them is nothing. Others' do not.
     const bool independent = !is_laser(layout.scene) || layout.moving;
-    const auto groups = find_groups(seen.levels, kLevelScatterDn);
-    if (groups && mean_of_frames(seen.levels, (*groups)[1]) - mean_of_frames(seen.levels, (*groups)[0]) > least_dn) {
+    const Series &levels = seen.levels;
+    const auto groups = find_groups(levels, kLevelScatterDn);
+    if (groups && mean_of_frames(levels, (*groups)[1]) - mean_of_frames(levels, (*groups)[0]) > least_dn) {
         const bool fewer_below = (*groups)[0].size() <= (*groups)[1].size();
         const std::vector<std::size_t> &odd = (*groups)[fewer_below ? 0 : 1], &others = (*groups)[fewer_below ? 1 : 0];
-        const double odd_dn = mean_of_frames(seen.levels, odd), others_dn = mean_of_frames(seen.levels, others);
+        const double odd_dn = mean_of_frames(levels, odd), others_dn = mean_of_frames(levels, others);
+        const std::vector<std::size_t> &below = (*groups)[0];
+        const bool no_light = lit && mean_of_frames(levels, below) - dark_level_dn < kNoLight * light;
         const bool at_end = odd.front() > others.back(), at_begin = odd.back() < others.front();
-        if (odd.size() > 1 && (at_end || at_begin)) {
-            say(fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", at_end ? others_dn : odd_dn,
+        if (no_light) {
+            say("frames_without_light", below,
+                fmt::format("{} of {} frames ({}) have no light, {:.1f} DN, the others {:.1f} DN: an emitter that "
+                            "alternates, a strobe out of step, or lost frames; take {}",
+                            below.size(), levels.size(), list_of(below), fewer_below ? odd_dn : others_dn,
+                            fewer_below ? others_dn : odd_dn, without_frames(below, levels.size())));
+        } else if (odd.size() > 1 && (at_end || at_begin)) {
+            say("level_steps", {at_end ? odd.front() : others.front()},
+                fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", at_end ? others_dn : odd_dn,
                             at_end ? odd_dn : others_dn, at_end ? odd.front() : others.front(), meant));
         } else {
-            say(fmt::format("{} of {} frames ({}) have a level of {:.1f} DN, the others {:.1f} DN: {} between frames",
-                            odd.size(), seen.levels.size(), list_of(odd), odd_dn, others_dn, meant));
+            say("level_of_frames", odd,
+                fmt::format("{} of {} frames ({}) have a level of {:.1f} DN, the others {:.1f} DN: {} between frames",
+                            odd.size(), levels.size(), list_of(odd), odd_dn, others_dn, meant));
         }
-    } else if (const auto change = find_change(seen.levels, kLevelScatterDn);
+    } else if (const std::vector<std::size_t> steps = find_steps(levels, kLevelScatterDn); !steps.empty()) {
+        std::string text;
+        double before = mean_of(levels.data(), steps[0]), most = 0.0;
+        text = fmt::format("the level steps from {:.1f}", before);
+        for (std::size_t k = 0; k < steps.size(); ++k) {
+            const double after =
+                mean_of(levels.data() + steps[k], (k + 1 < steps.size() ? steps[k + 1] : levels.size()) - steps[k]);
+            text += fmt::format("{} to {:.1f} DN at frame {}", k ? "," : "", after, steps[k]);
+            most = std::max(most, std::abs(after - before));
+            before = after;
+        }
+        if (most > least_dn)
+            say("level_steps", steps, text + ": " + meant);
+    } else if (const auto change = find_change(levels, kLevelScatterDn);
                independent && change && std::abs(change->after - change->before) > least_dn) {
-        say(change->drifts
-                ? fmt::format("the level drifts from {:.1f} to {:.1f} DN over {} frames: {}", change->before,
-                              change->after, seen.levels.size(), meant)
-                : fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", change->before, change->after,
-                              change->frame, meant),
-            change->drifts);
+        if (change->drifts) {
+            const std::size_t quarter = std::max<std::size_t>(1, levels.size() / 4);
+            say("level_drifts", {},
+                fmt::format("the level drifts from {:.1f} DN in frames 0 to {} to {:.1f} DN in frames {} to {}: {}",
+                            change->before, quarter - 1, change->after, levels.size() - quarter, levels.size() - 1,
+                            meant),
+                true);
+        } else {
+            say("level_steps", {change->frame},
+                fmt::format("the level steps from {:.1f} to {:.1f} DN at frame {}: {}", change->before, change->after,
+                            change->frame, meant));
+        }
     }
     if (!result.empty())
         return result; // what follows goes with the level
@@ -254,7 +349,8 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
         const std::vector<std::size_t> breaks =
             find_breaks(seen.energies, std::max(kEnergyScatter, std::sqrt(3.0 / double(scan.pixels))));
         if (!breaks.empty())
-            say(fmt::format("what the frames show changes at frame {}: the difference to the frame "
+            say("scene_changes", breaks,
+                fmt::format("what the frames show changes at frame {}: the difference to the frame "
                             "before is larger than the others; the scene or the camera moved",
                             list_of(breaks)));
     }
@@ -268,8 +364,9 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
         if (dimmest < kLeastShare * light)
             return result; // few speckles: contrasts have no law that Student's would be near
         const auto tell = [&](const Change &change, const char *what, double before, double after, const char *cause) {
-            say(fmt::format("{} {} from {:.3f} to {:.3f}{}: {}", what, change.drifts ? "drifts" : "steps", before, after,
-                            change.drifts ? "" : fmt::format(" at frame {}", change.frame + 1), cause));
+            say("contrast_changes", change.drifts ? std::vector<std::size_t>() : std::vector{change.frame + 1},
+                fmt::format("{} {} from {:.3f} to {:.3f}{}: {}", what, change.drifts ? "drifts" : "steps", before,
+                            after, change.drifts ? "" : fmt::format(" at frame {}", change.frame + 1), cause));
         };
         if (const auto change = find_change(contrasts, kRatioScatter);
             change && std::abs(change->after - change->before) > kLeastContrast)

@@ -1,5 +1,6 @@
 #include "capture/metadata_warnings.hpp"
 
+#include "capture/code_warnings.hpp"
 #include "capture/stored_sequence.hpp"
 
 #include <algorithm>
@@ -39,9 +40,10 @@ constexpr std::size_t kLeastDots = 12; // static speckle makes single dots brigh
 class Warnings {
   public:
     Warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
-             const std::vector<SequenceSummary> &summaries, const DarkLevel &dark)
+             const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
+             const std::vector<SequenceChange> &frame_changes)
         : capture_(capture), layout_(capture.layout), scans_(scans), summaries_(summaries), dark_(dark),
-          noise_(measured_noise(summaries)) {}
+          frame_changes_(frame_changes), noise_(measured_noise(summaries)) {}
 
     std::vector<CaptureWarning> all() {
         dark_frames();
@@ -49,18 +51,20 @@ class Warnings {
             sequence(s);
         exposures();
         motion();
-        codes();
+        for (CaptureWarning &warning : code_warnings(layout_, scans_, summaries_))
+            warnings_.push_back(std::move(warning));
         geometry();
         return std::move(warnings_);
     }
 
   private:
-    void warn(const std::string &sequence, std::string text) { warnings_.push_back({sequence, std::move(text)}); }
+    void warn(const char *kind, const std::string &sequence, std::string text) {
+        warnings_.push_back({sequence, std::move(text), kind});
+    }
     void dark_frames();
     void sequence(const SequenceSummary &s);
     void exposures();
     void motion();
-    void codes();
     void geometry();
     void dots_are_lit(std::size_t sequence);
     void border_dots_are_listed(std::size_t sequence);
@@ -70,6 +74,7 @@ class Warnings {
     const std::vector<SequenceScan> &scans_;
     const std::vector<SequenceSummary> &summaries_;
     const DarkLevel &dark_;
+    const std::vector<SequenceChange> &frame_changes_;
     double noise_; // 0: not measured
     std::vector<CaptureWarning> warnings_;
 };
@@ -82,7 +87,7 @@ void Warnings::dark_frames() {
         if (s.scene != CaptureScene::kDark || std::abs(s.level_above_dark_dn) <= tolerance)
             continue;
         const bool above = s.level_above_dark_dn > 0.0;
-        warn(s.name,
+        warn("black_level", s.name,
              fmt::format(
                  "its mean, {:.2f} DN, is far {} /camera/black_level_dn, {:.2f} DN: {}; the frames' own level is "
                  "taken",
@@ -94,7 +99,7 @@ void Warnings::dark_frames() {
         const double stated = std::sqrt(layout_.read_noise_dn * layout_.read_noise_dn + kQuantizationVariance);
         const double ratio = stated / noise_;
         if (ratio > kReadNoiseFactor || ratio < 1.0 / kReadNoiseFactor)
-            warn("",
+            warn("read_noise", "",
                  fmt::format(
                      "/camera/read_noise_dn is {:g}, but the dark frames' noise is {:.2f} DN; the measured noise is "
                      "taken. Is the number in electrons, or of another gain{}?",
@@ -105,7 +110,7 @@ void Warnings::dark_frames() {
     for (const SequenceSummary &s : summaries_)
         if (s.temporal_noise_dn && *s.temporal_noise_dn > 0.0 && !(s.moving && is_laser(s.scene)) &&
             layout_.read_noise_dn > kReadNoiseFactor * *s.temporal_noise_dn)
-            warn(s.name,
+            warn("read_noise", s.name,
                  fmt::format(
                      "its noise in time is {:.2f} DN, less than /camera/read_noise_dn, {:g} DN, alone would give: "
                      "is the number in electrons, or of another gain? A dark sequence measures it",
@@ -114,22 +119,24 @@ void Warnings::dark_frames() {
 
 void Warnings::sequence(const SequenceSummary &s) {
     if (s.moving && !is_laser(s.scene))
-        warn(s.name, fmt::format("\"motion\" is \"moving\", but {} shows no motion; it is taken as static",
-                                 s.scene == CaptureScene::kDark ? "the dark" : "even lamp light"));
+        warn("motion", s.name,
+             fmt::format("\"motion\" is \"moving\", but {} shows no motion; it is taken as static",
+                         s.scene == CaptureScene::kDark ? "the dark" : "even lamp light"));
     if (s.scene == CaptureScene::kFlat && s.contrast && *s.contrast > kSpeckledFlat && s.saturated_fraction < 0.01)
-        warn(s.name,
+        warn("not_a_flat", s.name,
              fmt::format(
                  "its contrast is {:.2f}: even lamp light without speckle has far less. Is it a board or dots in "
                  "laser light?",
                  *s.contrast));
     if (s.scene == CaptureScene::kBoard && s.contrast && *s.contrast < kEvenBoard && s.saturated_fraction < 0.01 &&
         s.masked_fraction < kMostMasked)
-        warn(s.name,
+        warn("not_a_board", s.name,
              fmt::format("its contrast is {:.3f}, so that there is hardly any speckle. Is it lamp light (\"flat\")?",
                          *s.contrast));
     if (s.masked_fraction > kMostMasked)
-        warn(s.name, fmt::format("its mask leaves {:.2f} % of the pixels: few statistics can be measured on so little",
-                                 100.0 * (1.0 - s.masked_fraction)));
+        warn("mask", s.name,
+             fmt::format("its mask leaves {:.2f} % of the pixels: few statistics can be measured on so little",
+                         100.0 * (1.0 - s.masked_fraction)));
 }
 
 // More light takes more time, at one f-number and in one scene.
@@ -142,7 +149,7 @@ void Warnings::exposures() {
                 continue;
             if (a.level_above_dark_dn > 1.2 * b.level_above_dark_dn && a.level_above_dark_dn > 10.0)
                 warn(
-                    b.name,
+                    "exposures", b.name,
                     fmt::format(
                         "was exposed for {:g} ms, longer than {} with {:g} ms, but is darker ({:.1f} against {:.1f} DN "
                         "above dark): were files or exposure_ms exchanged, or the light changed?",
@@ -156,6 +163,11 @@ void Warnings::motion() {
         const SequenceSummary &s = summaries_[i];
         if (!is_laser(s.scene) || s.frame_count < 2 || s.saturated_fraction > 0.2)
             continue;
+        // Frames of several levels differ, whatever the speckle does.
+        if (std::any_of(frame_changes_.begin(), frame_changes_.end(), [&](const SequenceChange &change) {
+                return change.sequence == s.name && !change.level_drifts;
+            }))
+            continue;
         const FrameChange change =
             frame_change(capture_, i, s.level_above_dark_dn, noise_ > 0.0 ? noise_ : layout_.read_noise_dn);
         if (!change.measured)
@@ -164,75 +176,29 @@ void Warnings::motion() {
         if (!s.moving && change.successive > (board ? kNewBoard : kNewDots) &&
             change.successive > kIndependent * change.distant) {
             changing.push_back(s.name);
-            warn(s.name, "\"motion\" is \"static\", but each frame has speckle of its own, as of a scene that moves "
-                         "between frames: "
-                         "did it move, or is \"file\" or \"motion\" that of another sequence?");
+            warn("motion", s.name,
+                 "\"motion\" is \"static\", but each frame has speckle of its own, as of a scene that moves "
+                 "between frames: "
+                 "did it move, or is \"file\" or \"motion\" that of another sequence?");
         }
         if (s.moving && change.successive < (board ? kSameBoard : kSameDots)) {
             staying.push_back(s.name);
-            warn(s.name, "\"motion\" is \"moving\", but all frames show the same speckle, as of a scene at rest: did "
-                         "it stand still, "
-                         "or is \"file\" or \"motion\" that of another sequence?");
+            warn("motion", s.name,
+                 "\"motion\" is \"moving\", but all frames show the same speckle, as of a scene at rest: did "
+                 "it stand still, "
+                 "or is \"file\" or \"motion\" that of another sequence?");
         }
     }
     if (!changing.empty() && !staying.empty())
-        warn("", fmt::format("{} and {} look as if the files or the words of motion had been exchanged",
-                             fmt::join(changing, ", "), fmt::join(staying, ", ")));
-}
-
-void Warnings::codes() {
-    std::uint16_t all = 0, largest = 0;
-    bool lit = false;
-    for (const SequenceScan &scan : scans_) {
-        all = static_cast<std::uint16_t>(all | scan.bits);
-        largest = std::max(largest, scan.largest);
-    }
-    const auto shift_of = [](std::uint16_t bits) {
-        unsigned shift = 0;
-        while (bits != 0 && (bits >> shift & 1) == 0)
-            ++shift;
-        return shift;
-    };
-    const auto left = [&](unsigned shift) {
-        std::string text = fmt::format("all codes are multiples of {}: the converter has {} effective bits",
-                                       1u << shift, layout_.bits - shift);
-        if (layout_.bits - shift >= 8)
-            text += fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned "
-                                "to true (or divide "
-                                "the codes by {}), bits to {} "
-                                "and the black level and read noise to match",
-                                1u << shift, layout_.bits - shift);
-        return text;
-    };
-    const unsigned shift = shift_of(all);
-    bool varied = false; // codes that are all the same say nothing
-    for (std::size_t i = 0; i < summaries_.size(); ++i) {
-        const SequenceSummary &s = summaries_[i];
-        lit = lit || (s.scene != CaptureScene::kDark && s.level_above_dark_dn > 0.0);
-        varied = varied || s.minimum != s.maximum;
-        if (shift == 0 && s.minimum != s.maximum && shift_of(scans_[i].bits) >= 2)
-            warn(s.name, left(shift_of(scans_[i].bits)));
-    }
-    if (shift > 0 && varied) {
-        warn("", left(shift));
-        return;
-    }
-    // Light that stays in the lowest quarter of the range: with the right exposure the brightest speckle comes near the
-    // top code.
-    unsigned used = 8;
-    while (used < layout_.bits && largest >> used != 0)
-        ++used;
-    if (lit && varied && used + 2 <= layout_.bits)
-        warn("", fmt::format(
-                     "no code is above {}, though /camera/bits is {}: if the converter has {} bits, set bits to {}, or "
-                     "saturation is overlooked; if not, expose more",
-                     largest, layout_.bits, used, used));
+        warn("motion", "",
+             fmt::format("{} and {} look as if the files or the words of motion had been exchanged",
+                         fmt::join(changing, ", "), fmt::join(staying, ", ")));
 }
 
 void Warnings::geometry() {
     const std::array<double, 2> &point = layout_.principal_point_px;
     if (point[0] < -0.5 || point[0] > layout_.width - 0.5 || point[1] < -0.5 || point[1] > layout_.height - 0.5)
-        warn("",
+        warn("principal_point", "",
              fmt::format(
                  "/camera/principal_point_px, ({:g}, {:g}), lies outside of the image of {} x {} pixels: that is right "
                  "only for a part cut from a larger image",
@@ -257,7 +223,7 @@ void Warnings::geometry() {
         const double pitch = nearest[nearest.size() / 2];
         // Two Gaussians less than two deviations apart have one maximum.
         if (2.0 * layout_.dots->sigma_px > pitch)
-            warn("",
+            warn("merged_dots", "",
                  fmt::format(
                      "/dots/sigma_px is {:g}, but neighbouring dots are {:.3g} px apart, so that they merge into one "
                      "another: sigma_px is the width exp(-1/2) of a single dot, in pixels",
@@ -296,10 +262,11 @@ void Warnings::dots_are_lit(std::size_t sequence) {
     // The peak of a Gaussian dot over the mean is 1 / fill. Blur, glare and ambient light leave a tenth of that
     // excess and less.
     if (ratio < 1.0 + 0.03 * (1.0 / fill - 1.0))
-        warn(s.name, fmt::format("the light is not where /dots/positions_px says: at the dots it is {:.2f} times "
-                                 "the mean, {:.1f} is "
-                                 "expected. Are x and y exchanged, or the positions of another image?",
-                                 ratio, 1.0 / fill));
+        warn("dots_elsewhere", s.name,
+             fmt::format("the light is not where /dots/positions_px says: at the dots it is {:.2f} times "
+                         "the mean, {:.1f} is "
+                         "expected. Are x and y exchanged, or the positions of another image?",
+                         ratio, 1.0 / fill));
 }
 
 // Dots whose centres lie near the border or outside of the image are easily left out of a list. Their light is a gap.
@@ -338,7 +305,7 @@ void Warnings::border_dots_are_listed(std::size_t sequence) {
         light[k] =
             (light[k] / (static_cast<double>(counts[k]) * s.frame_count) - dark_.level_dn) / s.level_above_dark_dn;
     if (light[1] - light[0] > kUnlistedLight)
-        warn(s.name,
+        warn("unlisted_dots", s.name,
              fmt::format(
                  "along the image's border there is light without a dot in /dots/positions_px: {:.2f} times the "
                  "mean, elsewhere between the dots {:.2f} times. List all dots whose light reaches the image, also "
@@ -409,8 +376,9 @@ FrameChange frame_change(const Capture &capture, std::size_t sequence, double le
 }
 
 std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
-                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark) {
-    return Warnings(capture, scans, summaries, dark).all();
+                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
+                                              const std::vector<SequenceChange> &frame_changes) {
+    return Warnings(capture, scans, summaries, dark, frame_changes).all();
 }
 
 } // namespace clsp

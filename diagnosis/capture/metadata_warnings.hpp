@@ -10,9 +10,11 @@ namespace clsp {
 // How far a dot's light reaches, in its sigma.
 constexpr double kDotReach = 4.0;
 
-// Of a valid capture, the scans and the summaries of its sequences. Nothing here stops a diagnosis.
+// Of a valid capture, the scans and the summaries of its sequences, and what changes between their frames. Nothing here
+// stops a diagnosis.
 std::vector<CaptureWarning> metadata_warnings(const Capture &capture, const std::vector<SequenceScan> &scans,
-                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark);
+                                              const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
+                                              const std::vector<SequenceChange> &frame_changes);
 
 // Read noise that dark frames show, in DN; 0 without two of them, or where their codes never change.
 double measured_noise(const std::vector<SequenceSummary> &summaries);

@@ -180,15 +180,21 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
                                info.format->no_codes_because.empty() ? "" : ": " + info.format->no_codes_because));
         if (info.channels != 1)
             refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
-                               stack ? ": an array of (frames, height, width)" : " (a gray image)"));
+                               stack ? ": an array of (frames, height, width); where the channels are alike, "
+                                       "codes[..., 0] is one"
+                                     : " (a gray image); where the channels are alike, save image[..., 0]"));
         if (info.sample != "uint16" && !(info.sample == "uint8" && layout.bits == 8))
-            refuse(
-                fmt::format("has samples of type {}; expected uint16{}", info.sample,
-                            info.sample == "uint8"
-                                ? fmt::format(" for codes of {} bits (8-bit files hold 8-bit codes only)", layout.bits)
-                            : info.sample.rfind("float", 0) == 0
-                                ? ": codes are whole numbers, as the converter gives them; fractions and NaN are none"
-                                : ": the codes as the converter gives them, neither scaled nor shifted"));
+            refuse(fmt::format(
+                "has samples of type {}; expected uint16{}", info.sample,
+                info.sample == "uint8"
+                    ? fmt::format(" for codes of {} bits (8-bit files hold 8-bit codes only): if these are "
+                                  "the converter's, set /camera/bits to 8",
+                                  layout.bits)
+                : info.sample.rfind("float", 0) == 0
+                    ? ": codes are whole numbers, as the converter gives them; fractions and NaN are none. If "
+                      "they are whole, save codes.astype(numpy.uint16)"
+                    : ": the codes as the converter gives them, neither scaled nor shifted: save "
+                      "codes.astype(numpy.uint16)"));
         if (info.width != layout.width || info.height != layout.height)
             refuse(fmt::format("has frames of {} x {} pixels (width x height); /camera says {} x {}{}", info.width,
                                info.height, layout.width, layout.height,
@@ -300,7 +306,8 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
 }
 
 std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
-                                    const std::string &description, const std::string &field) {
+                                    const std::string &description, const std::string &field,
+                                    std::vector<std::string> &oddities) {
     const std::string advice = fmt::format(
         ". {}: {} names it; expected there is one 8-bit gray image of {} x {} pixels (width x height), 0 where a pixel "
         "is not to count: replace it, or take \"mask\" out so that every pixel counts",
@@ -328,7 +335,19 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
         });
         return mask;
     };
-    return reading(read, advice);
+    std::vector<std::uint8_t> mask = reading(read, advice);
+    std::set<std::uint8_t> values(mask.begin(), mask.end());
+    values.erase(0);
+    if (values.size() > 1) {
+        const auto soft =
+            std::count_if(mask.begin(), mask.end(), [&](std::uint8_t m) { return m != 0 && m != *values.rbegin(); });
+        oddities.push_back(fmt::format(
+            "{}: the mask has {} values beside 0, {} to {}, as of a soft edge: all count ({} "
+            "pixels are between 0 and {}); if they are not to, make it of two values, "
+            "numpy.where(mask == {}, 255, 0).astype(numpy.uint8)",
+            path, values.size(), *values.begin(), *values.rbegin(), soft, *values.rbegin(), *values.rbegin()));
+    }
+    return mask;
 }
 
 } // namespace clsp

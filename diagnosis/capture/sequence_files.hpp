@@ -59,8 +59,9 @@ class SequenceFiles final : public CodeFiles {
 };
 
 // height * width values of an 8-bit image; throws kIo or kInvalidData naming the file. description, field: where
-// capture.json names it, for messages.
+// capture.json names it, for messages. oddities: what is odd about it is appended.
 std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
-                                    const std::string &description, const std::string &field);
+                                    const std::string &description, const std::string &field,
+                                    std::vector<std::string> &oddities);
 
 } // namespace clsp

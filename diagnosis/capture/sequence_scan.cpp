@@ -1,9 +1,11 @@
 #include "capture/sequence_scan.hpp"
 
+#include "capture/pixel_oddities.hpp"
 #include "capture/stored_sequence.hpp"
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace clsp {
 namespace {
@@ -21,10 +23,9 @@ struct Row {
 
 void add_extremes(const Row &row, std::uint16_t top, SequenceScan &scan) {
     std::uint32_t saturated = 0, zero = 0;
-    std::uint16_t minimum = 65535, maximum = 0, bits = 0, largest = 0;
+    std::uint16_t minimum = 65535, maximum = 0, largest = 0;
     for (std::size_t x = 0; x < row.width; ++x) {
         const std::uint16_t code = row.now[x];
-        bits = static_cast<std::uint16_t>(bits | (code == top ? 0 : code)); // clipping is no multiple of anything
         largest = std::max(largest, code);
         const bool counts = row.counts(x);
         saturated += counts && code == top;
@@ -36,7 +37,6 @@ void add_extremes(const Row &row, std::uint16_t top, SequenceScan &scan) {
     scan.zero += zero;
     scan.minimum = std::min(scan.minimum, std::uint32_t{minimum});
     scan.maximum = std::max(scan.maximum, std::uint32_t{maximum});
-    scan.bits = static_cast<std::uint16_t>(scan.bits | bits);
     scan.largest = std::max(scan.largest, largest);
 }
 
@@ -51,6 +51,11 @@ void add_pixels(const Row &row, std::uint32_t *sums, std::uint64_t *squares, Fra
     }
     frame.sum += sum;
     frame.square += square;
+}
+
+void add_histogram(const Row &row, std::vector<std::uint64_t> &histogram) {
+    for (std::size_t x = 0; x < row.width; ++x)
+        histogram[row.now[x]] += row.counts(x);
 }
 
 void add_pairs(const Row &row, FrameScan &frame) {
@@ -89,6 +94,15 @@ void add_change(const Row &row, std::uint16_t top, FrameScan &frame) {
     frame.before_times_now += products;
 }
 
+// The deviation in time of pixels with less noise than nine of ten have. squares: sums of squared deviations.
+double noise_of_quiet_pixels(std::vector<float> &squares, std::uint32_t frames) {
+    if (squares.empty())
+        return 0.0;
+    const auto tenth = squares.begin() + std::ptrdiff_t(squares.size() / 10);
+    std::nth_element(squares.begin(), tenth, squares.end());
+    return std::sqrt(std::max(0.0, double(*tenth) / (double(frames) - 1.0)));
+}
+
 } // namespace
 
 SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const std::function<void(double)> &progress) {
@@ -103,6 +117,8 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
                       ? layout.pixel_count()
                       : layout.pixel_count() - std::size_t(std::count(of.mask.begin(), of.mask.end(), std::uint8_t{0}));
     double total = 0.0;
+    std::vector<std::uint64_t> histogram(std::size_t{1} << 16);
+    std::vector<float> variances; // in time, of the first band's pixels
     std::array<std::vector<std::uint16_t>, 2> rooms;
     for (std::uint32_t first = 0; first < layout.height; first += band) {
         const std::uint32_t rows = std::min(band, layout.height - first);
@@ -119,6 +135,7 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
                 add_extremes(row, top, scan);
                 add_pixels(row, sums.data() + at, squares.data() + at, frame);
                 add_pairs(row, frame);
+                add_histogram(row, histogram);
                 if (before && !of.moving)
                     add_change(row, top, frame);
             }
@@ -132,7 +149,17 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
         for (std::size_t i = 0; i < pixels; ++i)
             if (!mask || mask[i] != 0)
                 total += double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames);
+        if (rows == layout.height)
+            scan.oddities = std::make_shared<const PixelOddities>(find_oddities({layout, of, sums, squares}));
+        if (first == 0)
+            for (std::size_t i = 0; i < pixels; ++i)
+                if (!mask || mask[i] != 0)
+                    variances.push_back(float(double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames)));
     }
+    histogram[0] = histogram[top] = 0; // what clips says nothing of its neighbours
+    scan.codes = usual_codes(histogram);
+    if (frames > 1 && !(of.moving && is_laser(of.scene)))
+        scan.gaps = find_gaps(histogram, noise_of_quiet_pixels(variances, frames));
     if (frames > 1)
         scan.temporal_variance = std::max(0.0, total / (double(frames) - 1.0) / double(scan.pixels));
     return scan;

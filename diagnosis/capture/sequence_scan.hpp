@@ -3,14 +3,18 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "capture/code_spacing.hpp"
 #include "runtime/hash.hpp"
 
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 namespace clsp {
+
+struct PixelOddities;
 
 // Sums over the unmasked pixels of a frame.
 struct FrameScan {
@@ -28,12 +32,14 @@ struct SequenceScan {
     std::uint64_t saturated = 0, zero = 0;
     std::uint32_t minimum = 65535, maximum = 0;
     double temporal_variance = 0.0; // mean over pixels of the unbiased variance over frames
-    // Of masked pixels, too: every bit that is set in a code other than the top one; the largest code.
-    std::uint16_t bits = 0, largest = 0;
+    std::uint16_t largest = 0;      // code, of masked pixels, too
+    std::vector<std::uint16_t> codes; // that occur, but for the rarest and those that clip (code_spacing.hpp)
+    CodeGaps gaps;                    // of scenes at rest
+    std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
     std::vector<std::uint32_t> sums; // of dots: by pixel, masked or not, over all frames
 };
 
-// progress: what part is done. Takes 16 bytes for each pixel of a frame, and no more than 300 MB.
+// progress: what part is done. Takes up to 48 bytes for each pixel of a frame, and no more than 1 GB.
 SequenceScan scan_sequence(const Capture &capture, std::size_t sequence,
                            const std::function<void(double part)> &progress = {});
 // Of all sequences; those that are stored have theirs.

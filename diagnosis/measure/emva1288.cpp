@@ -322,7 +322,12 @@ void Measurement::measure_dark() {
     }
     result_.dark_level = value_of(best->level, std::hypot(best->level_error, best->draw_error));
     result_.dark_noise =
-        mapped(value_of(best->variance, best->variance_error), [](double v) { return std::sqrt(std::max(0.0, v)); });
+        best->variance > 0.0
+            ? mapped(value_of(best->variance, best->variance_error),
+                     [](double v) { return std::sqrt(std::max(0.0, v)); })
+            : unknown(
+                  "the dark codes never change, so that their noise is lost in the converter's rounding (it is below "
+                  "0.3 DN or so), or the frames are copies of one; record with more gain");
 }
 
 void Measurement::measure_saturation() {

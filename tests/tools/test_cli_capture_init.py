@@ -175,6 +175,21 @@ def test_without_dark_frames(ok, tmp_path: Path) -> None:
     assert "% of dark are clipped at 0" in ok("capture", "init", "set", "--force").out
 
 
+def test_noise_that_frames_do_not_tell(ok, tmp_path: Path) -> None:
+    """Lost by rounding, or cut off at 0: said to be not known, and the data sheet's is taken."""
+    folder = tmp_path / "set"
+    folder.mkdir()
+    constant = np.full((4, 40, 48), 64, np.uint16)
+    clipped = np.maximum(dark(1).astype(int) - 64, 0).astype(np.uint16)
+    for codes, why in ((constant, "lost in the converter's rounding"), (clipped, "clipped at 0")):
+        np.save(folder / "dark.npy", codes)
+        said = " ".join(ok("capture", "init", "set", "--force").out.split())
+        assert "/camera/read_noise_dn" in said and "not known" in said and why in said
+        assert "(--read-noise-dn)" in said
+        said = ok("capture", "init", "set", "--force", "--read-noise-dn", 0.25).out
+        assert "not known" not in said and described(folder)["camera"]["read_noise_dn"] == 0.25
+
+
 def test_one_frame_tells_no_noise(ok, refused, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     folder.mkdir()

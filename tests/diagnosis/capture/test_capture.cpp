@@ -495,7 +495,7 @@ TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {
     std::copy_n(repeated.begin(), kPixels, repeated.begin() + 2 * kPixels);
     capture.add_sequence("repeated", CLSP_SCENE_BOARD, true, repeated);
     // Multiples of 8, which nothing else is; "moving", which lamp light does not show.
-    std::vector<std::uint16_t> coarse = noise(3, 300, 8);
+    std::vector<std::uint16_t> coarse = noise(16, 300, 8);
     for (std::uint16_t &code : coarse)
         code = static_cast<std::uint16_t>(code / 8 * 8);
     capture.add_sequence("coarse", CLSP_SCENE_FLAT, true, coarse);

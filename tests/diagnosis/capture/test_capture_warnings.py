@@ -189,7 +189,7 @@ def test_exposures_exchanged(recorded: dict[str, Array]) -> None:
         "flat_1": clspeckle.CaptureSequence(flat, scene="flat", exposure_ms=20),
         "flat_2": clspeckle.CaptureSequence(BLACK + (flat - BLACK) * 2, scene="flat", exposure_ms=10),
     }
-    found = warnings(made)
+    found = [text for text in warnings(made) if "multiples of 2" not in text]  # twice the codes
     assert len(found) == 1
     assert "flat_1: was exposed for 20 ms, longer than flat_2 with 10 ms, but is darker" in found[0]
 

@@ -209,3 +209,13 @@ def test_real_laser() -> None:
     assert low < 1.23 < high and high - low < 0.15
     assert emva["values"]["dark_level"]["value"] == pytest.approx(0.5, abs=0.5)
     assert any("drifts" in note["text"] for note in emva["notes"])
+
+
+def test_dark_frames_that_never_change_tell_no_noise(cli: Cli, tmp_path: Path) -> None:
+    camera(tmp_path / "set")
+    np.save(tmp_path / "set" / "dark.npy", np.full((4, 64, 96), 64, np.uint16))
+    values = json.loads(cli("capture", "emva", "set", "--json", "-").stdout)["values"]
+    for name in ("dark_noise", "dark_noise_e", "sensitivity_threshold"):
+        assert "lost in the converter's rounding" in values[name]["unknown"], name
+    assert values["dark_noise"]["value"] is None
+    assert "unknown" not in values["system_gain"]

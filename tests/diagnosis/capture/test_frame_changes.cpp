@@ -143,7 +143,7 @@ TEST(FrameChanges, WeakStepsAndDriftsOfALampAreTold) {
                            [&](auto t) { return even((t < 17 ? 1.0 : 1.02) + 0.004 * normal(random)); }),
                 {"the level steps", "at frame 17:"});
     expect_says(capture_of(CaptureScene::kFlat, false, 30, random, [&](auto t) { return even(1.0 - 0.002 * t); }),
-                {"the level drifts", "over 30 frames"});
+                {"the level drifts", "in frames 0 to 6"});
     // As an exposure that settles.
     expect_says(capture_of(CaptureScene::kFlat, false, 16, random,
                            [&](auto t) { return even(1.0 - 0.4 * std::exp(-0.3 * t)); }),
@@ -153,7 +153,7 @@ TEST(FrameChanges, WeakStepsAndDriftsOfALampAreTold) {
 TEST(FrameChanges, FramesThatAreNotLikeTheOthersAreTold) {
     std::mt19937_64 random(41);
     expect_says(capture_of(CaptureScene::kBoard, true, 16, random, [&](auto t) { return speckle(random, t % 2 ? 0.01 : 1.0); }),
-                {"8 of 16 frames (1, 3, 5, 7, 9, 11 and 2 more)", "between frames"});
+                {"8 of 16 frames (1, 3, 5, 7, 9, 11 and 2 more)", "have no light", "take codes[0::2]"});
     const Image still = speckle(random);
     expect_says(capture_of(CaptureScene::kBoard, false, 12, random, [&](auto t) { return t == 5 ? even(0.6) : still; }),
                 {"1 of 12 frames (5)"});

@@ -1,0 +1,195 @@
+#include "capture/code_warnings.hpp"
+
+#include "capture/capture_validation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <set>
+#include <string>
+
+namespace clsp {
+namespace {
+
+constexpr double kOnLattice = 0.98; // of all codes
+
+// A lattice that few codes told, by those of all sequences; nothing where it is not theirs.
+std::optional<CodeLattice> refined(const CodeLattice &lattice, const std::vector<std::uint16_t> &all) {
+    constexpr std::size_t kMostCodes = 2000;
+    std::vector<std::uint16_t> codes;
+    for (std::size_t k = 0; k < all.size(); k += all.size() / kMostCodes + 1)
+        codes.push_back(all[k]);
+    if (codes.empty())
+        return std::nullopt;
+    // Its codes leave the step open by one part in their range; the range of all codes is to be right by a fifth of
+    // one.
+    const double length = lattice.last - lattice.first, range = double(codes.back()) - codes.front() + length;
+    const double centre = 0.5 * (double(lattice.first) + lattice.last);
+    const double at_centre = std::round((centre - lattice.offset) / lattice.step);
+    std::size_t most = 0;
+    CodeLattice best = lattice;
+    const int steps = int(std::min(1e5, 5.0 * range / length)) + 1;
+    for (int i = -steps; i <= steps; ++i) {
+        const double step = lattice.step * (1.0 + i / (double(steps) * length));
+        // The middle of its codes stays.
+        for (double shift = -0.5; shift < 0.55; shift += 0.1) {
+            const double offset = lattice.offset + at_centre * (lattice.step - step) + shift;
+            const auto near = [&](std::uint16_t code) {
+                const double place = (code - offset) / step;
+                return std::abs(place - std::round(place)) * step <= 0.55; // half a code, and half a step of the offset
+            };
+            const auto count = std::size_t(std::count_if(codes.begin(), codes.end(), near));
+            if (count > most) {
+                most = count;
+                best.step = step;
+                best.offset = offset;
+            }
+        }
+    }
+    if (double(most) < kOnLattice * double(codes.size()))
+        return std::nullopt;
+    best.offset -= best.step * std::round(best.offset / best.step);
+    return best;
+}
+
+std::string upper_bits(const CaptureLayout &layout, unsigned shift) {
+    std::string text = fmt::format("all codes are multiples of {}: the converter has {} effective bits", 1u << shift,
+                                   layout.bits - shift);
+    if (layout.bits - shift >= kMinCaptureBits)
+        text += fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned to "
+                            "true (or divide the codes by {}), bits to {} and the black level and read noise to match",
+                            1u << shift, layout.bits - shift);
+    return text;
+}
+
+// The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs.
+unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
+    for (unsigned bits = kMinCaptureBits; bits <= layout.bits; ++bits)
+        if (std::abs(lattice.step * (std::ldexp(1.0, int(bits)) - 1.0) - layout.maximum_code()) < lattice.step)
+            return bits;
+    unsigned bits = kMinCaptureBits;
+    while (bits < layout.bits && (largest - lattice.offset) / lattice.step > std::ldexp(1.0, int(bits)) - 0.5)
+        ++bits;
+    return bits;
+}
+
+// How to come back to the converter's codes.
+std::string back(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
+    const double offset = std::abs(lattice.offset) < 0.5 ? 0.0 : lattice.offset;
+    const std::string codes = offset == 0.0  ? "codes"
+                              : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
+                                             : fmt::format("(codes - {:.5g})", offset);
+    return fmt::format("record without digital gain and scaling, or take it back: numpy.rint({} / "
+                       "{:.6g}).astype(numpy.uint16), bits {}, black_level_dn {:.6g} and read_noise_dn {:.6g}",
+                       codes, lattice.step, bits_before(layout, lattice, largest),
+                       std::max(0.0, std::round(1e3 * (layout.black_level_dn - offset) / lattice.step) / 1e3),
+                       std::round(1e3 * layout.read_noise_dn / lattice.step) / 1e3);
+}
+
+std::string stretched(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
+    const double step = lattice.step;
+    std::string share = fmt::format("{:.0f} of {:.0f} codes", step - 1.0, step);
+    if (std::abs(step - std::round(step)) > 0.1)
+        share = fmt::format("{:.0f} of 100 codes", 100.0 * (1.0 - 1.0 / step));
+    return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
+                       "stretched, most likely of {} bits; {}",
+                       share, lattice.first, lattice.last, step, bits_before(layout, lattice, largest),
+                       back(layout, lattice, largest));
+}
+
+std::string gaps_text(const CaptureLayout &layout, const CodeGaps &gaps, std::uint32_t largest) {
+    const auto examples = [](const std::vector<std::uint16_t> &codes) {
+        constexpr std::size_t kMost = 4;
+        std::string text;
+        for (std::size_t i = 0; i < std::min(codes.size(), kMost); ++i)
+            text += fmt::format("{}{}", i ? ", " : "", codes[i]);
+        return codes.size() > kMost ? text + " ..." : text;
+    };
+    if (gaps.lattice)
+        return fmt::format(
+            "{} of {} codes from {} to {} never occur ({}), each {:.4g}th one is left: a digital gain of "
+            "{:.4g} stretched the codes; {}",
+            gaps.missing.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.missing), gaps.lattice->step,
+            gaps.lattice->step, back(layout, *gaps.lattice, largest));
+    if (!gaps.missing.empty())
+        return fmt::format("{} of {} codes from {} to {} never occur ({}), though their neighbours do, often: the "
+                           "converter misses them, or the codes went through a table (gamma), a digital gain or lossy "
+                           "compression; record raw codes",
+                           gaps.missing.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.missing));
+    return fmt::format(
+        "{} of {} codes from {} to {} occur about twice as often as their neighbours ({}): a digital gain "
+        "below 1, or a table, brought several codes to one; record raw codes",
+        gaps.doubled.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.doubled));
+}
+
+} // namespace
+
+std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
+                                          const std::vector<SequenceSummary> &summaries) {
+    std::vector<CaptureWarning> warnings;
+    std::set<std::uint16_t> together;
+    std::uint32_t largest = 0, largest_of_all = 0;
+    bool lit = false, varied = false; // codes that are all the same say nothing
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+        together.insert(scans[i].codes.begin(), scans[i].codes.end());
+        if (!scans[i].codes.empty())
+            largest = std::max(largest, scans[i].maximum);
+        largest_of_all = std::max(largest_of_all, std::uint32_t{scans[i].largest});
+        lit = lit || (summaries[i].scene != CaptureScene::kDark && summaries[i].level_above_dark_dn > 0.0);
+        varied = varied || summaries[i].minimum != summaries[i].maximum;
+    }
+    const std::vector<std::uint16_t> all(together.begin(), together.end());
+    if (const unsigned shift = common_shift(all); shift > 0) {
+        warnings.push_back({"", upper_bits(layout, shift), "upper_bits"});
+        return warnings;
+    }
+    if (const auto lattice = find_lattice(all)) {
+        warnings.push_back({"", stretched(layout, *lattice, largest), "stretched_codes"});
+        return warnings;
+    }
+    // What several sequences show is told once, with the numbers of the one that shows most.
+    std::string sequences;
+    std::size_t most = scans.size();
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+        const std::string &name = summaries[i].name;
+        if (const unsigned shift = common_shift(scans[i].codes, !scans[i].gaps.missing.empty()); shift > 0) {
+            warnings.push_back({name, upper_bits(layout, shift), "upper_bits"});
+        } else if (const auto lattice = find_lattice(scans[i].codes)) {
+            warnings.push_back({name, stretched(layout, *lattice, scans[i].maximum), "stretched_codes"});
+        } else if (const CodeGaps &gaps = scans[i].gaps; !gaps.missing.empty() || !gaps.doubled.empty()) {
+            sequences += (sequences.empty() ? "" : ", ") + name;
+            const auto rank = [&](std::size_t s) {
+                return std::pair(scans[s].gaps.lattice.has_value(),
+                                 scans[s].gaps.missing.size() + scans[s].gaps.doubled.size());
+            };
+            if (most == scans.size() || rank(i) > rank(most))
+                most = i;
+        }
+    }
+    if (most < scans.size()) {
+        const bool one = sequences == summaries[most].name;
+        CodeGaps gaps = scans[most].gaps;
+        if (gaps.lattice)
+            gaps.lattice = refined(*gaps.lattice, all);
+        warnings.push_back({one ? sequences : "",
+                            (one ? "" : fmt::format("in {}, of which {}: ", sequences, summaries[most].name)) +
+                                gaps_text(layout, gaps, largest),
+                            gaps.lattice           ? "stretched_codes"
+                            : gaps.missing.empty() ? "doubled_codes"
+                                                   : "missing_codes"});
+    }
+    // Light that stays in the lowest quarter of the range: with the right exposure the brightest speckle comes near the
+    // top code.
+    unsigned used = kMinCaptureBits;
+    while (used < layout.bits && largest_of_all >> used != 0)
+        ++used;
+    if (lit && varied && used + 2 <= layout.bits)
+        warnings.push_back({"",
+                            fmt::format("no code is above {}, though /camera/bits is {}: if the converter has {} bits, "
+                                        "set bits to {}, or saturation is overlooked; if not, expose more",
+                                        largest_of_all, layout.bits, used, used),
+                            "unused_bits"});
+    return warnings;
+}
+
+} // namespace clsp

@@ -1,0 +1,134 @@
+#include "capture/pixel_warnings.hpp"
+
+#include "capture/pixel_oddities.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <string>
+
+namespace clsp {
+namespace {
+
+constexpr double kLeastMosaic = 0.02; // of the light
+constexpr const char *kHow =
+    "`clspeckle capture check FOLDER --write-mask FOLDER/odd.png` writes a mask of all of them, "
+    "which \"mask\": \"odd.png\" in the sequences of capture.json leaves out";
+
+// "row 47", "rows 0 to 3 and 47"
+std::string ranges(const char *one, const char *several,
+                   const std::vector<std::pair<std::uint32_t, std::uint32_t>> &all) {
+    constexpr std::size_t kMost = 6;
+    std::string text;
+    for (std::size_t k = 0; k < std::min(all.size(), kMost); ++k) {
+        const bool last = k > 0 && k + 1 == all.size();
+        text += fmt::format("{}{}", k == 0 ? "" : last ? " and " : ", ", all[k].first);
+        if (all[k].second > all[k].first)
+            text += fmt::format(" to {}", all[k].second);
+    }
+    if (all.size() > kMost)
+        text += fmt::format(" and {} more", all.size() - kMost);
+    return fmt::format("{} {}", all.size() == 1 && all[0].first == all[0].second ? one : several, text);
+}
+
+std::string text_of(const OddPlaces &places) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> rows, columns;
+    for (const PixelBlock &block : places.rows)
+        rows.emplace_back(block.first_row, block.last_row);
+    for (const PixelBlock &block : places.columns)
+        columns.emplace_back(block.first_column, block.last_column);
+    std::vector<std::string> parts;
+    if (!rows.empty())
+        parts.push_back(ranges("row", "rows", rows));
+    if (!columns.empty())
+        parts.push_back(ranges("column", "columns", columns));
+    constexpr std::size_t kMost = 6;
+    for (std::size_t k = 0; k < std::min(places.blocks.size(), kMost); ++k) {
+        const PixelBlock &b = places.blocks[k];
+        parts.push_back(fmt::format("pixels {} to {} of {}", b.first_column, b.last_column,
+                                    ranges("row", "rows", {{b.first_row, b.last_row}})));
+    }
+    if (places.blocks.size() > kMost)
+        parts.push_back(fmt::format("{} more blocks", places.blocks.size() - kMost));
+    return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+} // namespace
+
+std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
+                                           const DarkLevel &dark) {
+    std::vector<CaptureWarning> warnings;
+    std::vector<const PixelOddities *> all;
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        if (const PixelOddities *one = scans[i].oddities.get();
+            one && !(one->pixels.empty() && one->rows.empty() && one->columns.empty())) {
+            all.push_back(one);
+            names.push_back(layout.sequences[i].name);
+        }
+    const OddPlaces places = places_of(all, layout.width, layout.height);
+    std::vector<PixelBlock> blocks = places.rows;
+    blocks.insert(blocks.end(), places.columns.begin(), places.columns.end());
+    blocks.insert(blocks.end(), places.blocks.begin(), places.blocks.end());
+    const std::string where =
+        names.size() == scans.size() ? "all sequences" : fmt::format("{}", fmt::join(names, ", "));
+    if (!blocks.empty())
+        warnings.push_back({"",
+                            fmt::format("{} {} not like the other pixels (in {}): embedded data, pixels without light, "
+                                        "or a defect; mask them: {}",
+                                        text_of(places),
+                                        blocks.size() == 1 && places.blocks.empty() &&
+                                                (blocks[0].first_row == blocks[0].last_row ||
+                                                 blocks[0].first_column == blocks[0].last_column)
+                                            ? "is"
+                                            : "are",
+                                        where, kHow),
+                            "odd_block",
+                            {},
+                            blocks});
+    if (!places.single.empty()) {
+        std::size_t counts[4] = {};
+        CaptureWarning warning{"", "", "odd_pixels", {}, {}};
+        for (const OddPixel &pixel : places.single) {
+            ++counts[std::size_t(pixel.how)];
+            const std::uint32_t y = pixel.index / layout.width, x = pixel.index % layout.width;
+            warning.pixels.push_back({y, y, x, x});
+        }
+        std::vector<std::string> parts;
+        const char *const words[4] = {"brighter", "darker", "never changing", "noisier"};
+        for (std::size_t k = 0; k < 4; ++k)
+            if (counts[k] > 0)
+                parts.push_back(fmt::format("{} {}", counts[k], words[k]));
+        const std::uint32_t first = places.single.front().index;
+        warning.text = fmt::format("{} single pixel{} ({:.2g} %) {} not like the others: {}, the first at column {}, "
+                                   "row {} (in {}). A diagnosis "
+                                   "explains some by hot_pixels, pixel_dull or telegraph_noise; to leave them out, {}",
+                                   places.single.size(), places.single.size() == 1 ? "" : "s",
+                                   100.0 * double(places.single.size()) / double(layout.pixel_count()),
+                                   places.single.size() == 1 ? "is" : "are", fmt::join(parts, ", "),
+                                   first % layout.width, first / layout.width, where, kHow);
+        warnings.push_back(std::move(warning));
+    }
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+        if (!scans[i].oddities || scans[i].oddities->mosaic.empty())
+            continue;
+        const Mosaic &mosaic = scans[i].oddities->mosaic.front();
+        double light = -dark.level_dn;
+        for (const double level : mosaic.levels)
+            light += 0.25 * level;
+        if (mosaic.contrast < kLeastMosaic * light)
+            continue;
+        const auto brightest = std::max_element(mosaic.levels.begin(), mosaic.levels.end()) - mosaic.levels.begin();
+        warnings.push_back(
+            {layout.sequences[i].name,
+             fmt::format(
+                 "the four sites of 2 x 2 pixels have levels of {:.1f}, {:.1f}, {:.1f} and {:.1f} DN (top left, "
+                 "top right, bottom left, bottom right): the filters of a colour camera, or converters of their "
+                 "own for rows or columns. Take one site, codes[:, {}::2, {}::2], with half the width and height "
+                 "and twice pixel_pitch_um",
+                 mosaic.levels[0], mosaic.levels[1], mosaic.levels[2], mosaic.levels[3], brightest / 2, brightest % 2),
+             "mosaic"});
+    }
+    return warnings;
+}
+
+} // namespace clsp

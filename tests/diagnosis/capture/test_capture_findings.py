@@ -1,0 +1,382 @@
+"""What `capture check` finds in codes: stretched and missing ones, odd pixels, mosaics, frames apart, and that it finds nothing in clean sets.
+
+Sets are made with NumPy alone. Every advice that a message gives is followed here."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+Cli = Callable[..., subprocess.CompletedProcess[str]]
+Array = npt.NDArray[Any]
+SHAPE = (48, 64)
+
+
+def speckle(random: np.random.Generator, shape: tuple[int, int] = SHAPE) -> Array:
+    """Intensity of mean 1 behind a round pupil 0.55 cycles per pixel wide."""
+    field = random.normal(size=shape) + 1j * random.normal(size=shape)
+    radius = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :])
+    intensity = np.abs(np.fft.ifft2(np.fft.fft2(field) * (radius < 0.275))) ** 2
+    return np.asarray(intensity / intensity.mean())
+
+
+def recorded(
+    seed: int,
+    bits: int = 10,
+    frames: int = 8,
+    noise: float | None = None,
+    prnu: float = 0.0,
+    falloff: float = 0.0,
+    shape: tuple[int, int] = SHAPE,
+) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Codes of a camera without a fault, and what capture.json says of it. Levels are those of ten bits."""
+    random = np.random.default_rng(seed)
+    scale = 2.0 ** (bits - 10)
+    noise = 4.0 * scale if noise is None else noise
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    gains = 1 - falloff * ((2 * x / shape[1] - 1) ** 2 + (2 * y / shape[0] - 1) ** 2) / 2
+    gains = gains * (1 + prnu * random.normal(size=shape))
+
+    def codes(lights: list[Array]) -> Array:
+        electrons = [scale * light * gains for light in lights]
+        frames = [64 * scale + e + random.normal(size=shape) * np.sqrt(noise**2 + 0.2 * scale * e) for e in electrons]
+        return np.clip(np.rint(frames), 0, 2**bits - 1).astype(np.uint16)
+
+    still = speckle(random, shape)
+    arrays = {
+        "dark": codes([np.zeros(shape)] * frames),
+        "flat": codes([np.full(shape, 400.0)] * frames),
+        "board_static": codes([130 * still] * frames),
+        "board_moving": codes([130 * speckle(random, shape) for _ in range(frames)]),
+    }
+    return arrays, {"bits": bits, "black_level_dn": 64 * scale, "read_noise_dn": noise}
+
+
+def write(folder: Path, arrays: dict[str, Array], camera: dict[str, Any], mask: str = "") -> None:
+    folder.mkdir(exist_ok=True)
+    sequences = []
+    for name, codes in arrays.items():
+        np.save(folder / f"{name}.npy", codes.astype(np.uint16))
+        scene, _, motion = name.partition("_")
+        entry = {"name": name, "file": f"{name}.npy", "scene": scene, **({"motion": motion} if motion else {})}
+        sequences.append({**entry, **({"mask": mask} if mask else {})})
+    height, width = next(iter(arrays.values())).shape[1:]
+    camera = {"width": width, "height": height, "pixel_pitch_um": 2.9, "f_number": 5.6, **camera}
+    text = {"format": "clspeckle-capture", "version": 1, "camera": camera, "laser": {"wavelength_nm": 940.0}}
+    (folder / "capture.json").write_text(json.dumps({**text, "sequences": sequences}))
+
+
+@pytest.fixture
+def found(cli: Cli, tmp_path: Path) -> Callable[..., list[dict[str, Any]]]:
+    def check(arrays: dict[str, Array], camera: dict[str, Any], mask: str = "") -> list[dict[str, Any]]:
+        write(tmp_path / "set", arrays, camera, mask)
+        return json.loads(cli("capture", "check", "set", "--json", "-").stdout)["warnings"]  # type: ignore[no-any-return]
+
+    return check
+
+
+def kinds(warnings: list[dict[str, Any]]) -> list[str]:
+    return [warning["kind"] for warning in warnings]
+
+
+# --- Nothing in clean sets ---
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+def test_clean_sets_have_no_finding(found, bits: int) -> None:
+    """100 sets in all: bits of the converter, one to forty frames, noise from a third of a code on, fixed patterns, fall-off."""
+    for seed in range(25):
+        random = np.random.default_rng(1000 * bits + seed)
+        scale = 2.0 ** (bits - 10)
+        arrays, camera = recorded(
+            seed=int(random.integers(1 << 30)),
+            bits=bits,
+            frames=int(random.choice([2, 3, 4, 8, 16, 40])),
+            noise=float(random.choice([0.35, 1.0, 4 * scale, 8 * scale])),
+            prnu=float(random.choice([0, 0.01, 0.03])),
+            falloff=float(random.choice([0, 0.2, 0.5])),
+        )
+        assert [w for w in found(arrays, camera) if w["kind"] != "read_noise"] == [], (bits, seed)
+
+
+def test_few_gray_levels_are_not_stretched_ones(found) -> None:
+    """Levels here and there, without noise, and frames of a converter that noise hardly moves."""
+    random = np.random.default_rng(4)
+    for count in (3, 6, 12, 18):
+        levels = np.sort(random.choice(np.arange(100, 900), count, replace=False))
+        steps = np.broadcast_to(levels[random.integers(0, count, SHAPE)], (4, *SHAPE))
+        assert not {"stretched_codes", "missing_codes", "upper_bits"} & set(kinds(found({"flat": steps}, {
+            "bits": 10, "black_level_dn": 64, "read_noise_dn": 0})))  # fmt: skip
+    quiet = np.where(random.random((8, *SHAPE)) < 0.02, 66, 64)
+    assert not {"stretched_codes", "missing_codes", "upper_bits"} & set(kinds(found({"dark": quiet}, {
+        "bits": 10, "black_level_dn": 64, "read_noise_dn": 0.3})))  # fmt: skip
+
+
+# --- Codes that never occur ---
+
+
+def replicated(codes: Array, bits: int, to: int) -> Array:
+    return (codes.astype(np.int64) << (to - bits)) | (codes >> (2 * bits - to))
+
+
+STRETCHES: dict[str, tuple[int, int, Callable[[Array], Array]]] = {
+    "10 bits replicated to 16": (10, 16, lambda c: replicated(c, 10, 16)),
+    "12 bits replicated to 16": (12, 16, lambda c: replicated(c, 12, 16)),
+    "8 bits times 257": (8, 16, lambda c: c.astype(np.int64) * 257),
+    "8 bits to 10 by full scale": (8, 10, lambda c: np.rint(c * (1023 / 255))),
+    "10 bits to 12 by full scale, rounded down": (10, 12, lambda c: np.floor(c * (4095 / 1023))),
+    "10 bits times 3.7": (10, 12, lambda c: np.rint(c * 3.7)),
+    "10 bits times 6, less an offset": (10, 14, lambda c: np.maximum(c.astype(np.int64) * 6 - 97, 0)),
+    "10 bits times 1.5": (10, 12, lambda c: np.rint(c * 1.5)),
+    "12 bits times 1.37": (12, 16, lambda c: np.rint(c * 1.37)),
+}
+
+
+@pytest.mark.parametrize("kind", STRETCHES)
+def test_stretched_codes_are_told_and_taken_back(found, kind: str) -> None:
+    bits, to, stretch = STRETCHES[kind]
+    arrays, camera = recorded(7, bits=bits, frames=16)
+    scale = 2**to / 2**bits
+    given = {"bits": to, "black_level_dn": camera["black_level_dn"] * scale,
+             "read_noise_dn": camera["read_noise_dn"] * scale}  # fmt: skip
+    stretched = {name: stretch(codes) for name, codes in arrays.items()}
+    warnings = [w for w in found(stretched, given) if w["kind"] not in ("black_level", "read_noise", "unused_bits")]
+    assert kinds(warnings) == ["stretched_codes"], warnings
+    text = warnings[0]["text"]
+    assert re.search(r"\d+ of \d+ codes (from \d+ to \d+ )?never occur", text)
+    advice = re.search(r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text)
+    assert advice, text
+    back = {name: np.rint(eval(advice[1], {"codes": codes})) for name, codes in stretched.items()}
+    for name, codes in back.items():
+        unclipped = (stretched[name] > 0) & (stretched[name] < 2**to - 1)
+        shift = np.unique(codes[unclipped] - arrays[name][unclipped])
+        assert len(shift) == 1, "the converter's codes, but for a constant"
+    again = found(back, {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])})
+    assert not {"stretched_codes", "missing_codes", "upper_bits"} & set(kinds(again)), again
+
+
+def test_codes_in_upper_bits(found) -> None:
+    arrays, _ = recorded(3)
+    shifted = {name: codes * 64 for name, codes in arrays.items()}
+    warnings = found(shifted, {"bits": 16, "black_level_dn": 4096, "read_noise_dn": 256})
+    assert kinds(warnings) == ["upper_bits"]
+    assert "set /camera/msb_aligned to true (or divide the codes by 64), bits to 10" in warnings[0]["text"]
+    assert found(shifted, {"bits": 10, "msb_aligned": True, "black_level_dn": 64, "read_noise_dn": 4}) == []
+
+
+def test_a_gamma_table_and_codes_that_a_converter_misses(found) -> None:
+    arrays, camera = recorded(5, frames=16)
+    table = np.rint(1023 * (np.arange(1024) / 1023) ** (1 / 2.2))
+    warnings = found({name: table[codes] for name, codes in arrays.items()}, camera)
+    assert "missing_codes" in kinds(warnings), warnings
+    lost = np.random.default_rng(8).permutation(1023)[:80]
+    warnings = found({name: np.where(np.isin(codes, lost), codes + 1, codes) for name, codes in arrays.items()}, camera)
+    assert kinds(warnings) == ["missing_codes"], warnings
+    numbers = re.search(r"(\d+) of (\d+) codes from (\d+) to (\d+) never occur \(([\d, .]+)\)", warnings[0]["text"])
+    assert numbers and all(int(code) in lost for code in re.findall(r"\d+", numbers[5]))
+
+
+def test_a_digital_gain_below_one(found) -> None:
+    arrays, camera = recorded(6, bits=12, frames=16)
+    warnings = found({name: np.rint(codes * 0.8) for name, codes in arrays.items()}, camera)
+    assert "doubled_codes" in kinds(warnings), warnings
+
+
+# --- Pixels that are not like the others ---
+
+
+def telemetry_row(arrays: dict[str, Array], random: np.random.Generator) -> None:
+    for codes in arrays.values():
+        codes[:, 47] = random.integers(0, 1024, codes[:, 47].shape)
+
+
+def info_pixels(arrays: dict[str, Array], random: np.random.Generator) -> None:
+    for codes in arrays.values():
+        codes[:, 0, :20] = [933, 44, 1000, 5, 0, 496, 1, 700, 0, 1023, *[0] * 10]
+        codes[:, 0, 2] = np.arange(len(codes)) * 33 % 1024
+
+
+def info_column(arrays: dict[str, Array], random: np.random.Generator) -> None:
+    for codes in arrays.values():
+        codes[:, :, 63] = random.integers(0, 1024, SHAPE[0])
+
+
+def dark_border(arrays: dict[str, Array], random: np.random.Generator) -> None:
+    """Optically black columns: light is missing there in flats and boards."""
+    for codes in arrays.values():
+        codes[:, :, :3] = arrays["dark"][:, :, :3]
+
+
+def bright_block(arrays: dict[str, Array], random: np.random.Generator) -> None:
+    for codes in arrays.values():
+        codes[:, 10:14, 30:40] = np.minimum(codes[:, 10:14, 30:40] + 300, 1023)
+
+
+PLACES = {
+    telemetry_row: ([[47, 47]], [[0, 63]], "row 47 is not like"),
+    info_pixels: ([[0, 0]], [[0, 19]], "pixels 0 to 19 of row 0 are not like"),
+    info_column: ([[0, 47]], [[63, 63]], "column 63 is not like"),
+    dark_border: ([[0, 47]], [[0, 2]], "columns 0 to 2 are not like"),
+    bright_block: ([[10, 13]], [[30, 39]], "pixels 30 to 39 of rows 10 to 13 are not like"),
+}
+
+
+@pytest.mark.parametrize("damage", PLACES, ids=lambda f: f.__name__)
+def test_odd_places_are_named_and_a_mask_leaves_them_out(cli: Cli, found, tmp_path: Path, damage) -> None:
+    arrays, camera = recorded(9, frames=16)
+    damage(arrays, np.random.default_rng(1))
+    warnings = [w for w in found(arrays, camera) if w["kind"] == "odd_block"]
+    assert len(warnings) == 1
+    rows, columns, words = PLACES[damage]
+    assert words in warnings[0]["text"], warnings[0]["text"]
+    assert [b["rows"] for b in warnings[0]["pixels"]] == rows
+    assert [b["columns"] for b in warnings[0]["pixels"]] == columns
+
+    command, name = re.search(r"`clspeckle (capture check FOLDER --write-mask FOLDER/(\S+))`", warnings[0]["text"]).groups()  # type: ignore[union-attr]
+    printed = cli(*command.replace("FOLDER", "set").split()).stdout
+    assert f'set/{name}: ' in printed and f'"mask": "{name}"' in printed
+    mask = iio.imread(tmp_path / "set" / name)
+    assert mask.dtype == np.uint8 and mask.shape == SHAPE
+    (r, s), (c, d) = rows[0], columns[0]
+    assert (mask[r : s + 1, c : d + 1] == 0).all() and (mask == 0).sum() == (s + 1 - r) * (d + 1 - c)
+    assert found(arrays, camera, mask=name) == [], "what was masked misleads nothing"
+    again = cli("capture", "check", "set", "--write-mask", f"set/{name}", code=1).stderr
+    assert "exists; choose another name with --write-mask" in again
+
+
+def test_the_written_mask_keeps_the_sets_own(cli: Cli, found, tmp_path: Path) -> None:
+    arrays, camera = recorded(9)
+    telemetry_row(arrays, np.random.default_rng(1))
+    own = np.full(SHAPE, 255, np.uint8)
+    own[:, :5] = 0
+    (tmp_path / "set").mkdir()
+    iio.imwrite(tmp_path / "set" / "own.png", own)
+    found(arrays, camera, mask="own.png")
+    printed = cli("capture", "check", "set", "--write-mask", "elsewhere.png").stdout
+    assert 'once it lies in the set\'s folder, "mask": "elsewhere.png"' in printed
+    expected = own.copy()
+    expected[47] = 0
+    np.testing.assert_array_equal(iio.imread(tmp_path / "elsewhere.png"), expected)
+
+
+def test_single_pixels_are_counted(found) -> None:
+    arrays, camera = recorded(10, frames=16)
+    places = np.random.default_rng(2).permutation(48 * 64)[:12]
+    rows, columns = places // 64, places % 64
+    for codes in arrays.values():
+        codes[:, rows[:5], columns[:5]] = np.minimum(codes[:, rows[:5], columns[:5]] + 150, 1023)  # hot
+        codes[:, rows[5:9], columns[5:9]] = arrays["dark"][:, rows[5:9], columns[5:9]]  # without light
+        codes[:, rows[9:], columns[9:]] = 700  # stuck
+    (warning,) = [w for w in found(arrays, camera) if w["kind"] == "odd_pixels"]
+    assert "12 single pixels (0.39 %) are not like the others" in warning["text"], warning["text"]
+    assert "4 darker" in warning["text"]
+    assert sorted((p["rows"][0], p["columns"][0]) for p in warning["pixels"]) == sorted(zip(rows.tolist(), columns.tolist()))
+
+
+def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:
+    arrays, camera = recorded(11, frames=16, shape=(64, 96))
+    filters = np.tile([[0.5, 1.0], [0.97, 0.4]], (32, 48))
+    mosaic = {name: np.rint((codes - 64.0) * (1 if name == "dark" else filters) + 64) for name, codes in arrays.items()}
+    warnings = [w for w in found(mosaic, camera) if w["kind"] == "mosaic"]
+    assert {w["sequence"] for w in warnings} >= {"flat", "board_moving"}
+    (site,) = {re.search(r"codes(\[:, (\d)::2, (\d)::2\])", w["text"]).groups() for w in warnings}  # type: ignore[union-attr]
+    assert site[1:] == ("0", "1"), "the brightest site"
+    one = {name: codes[:, int(site[1]) :: 2, int(site[2]) :: 2] for name, codes in mosaic.items()}
+    assert "mosaic" not in kinds(found(one, camera))
+
+
+# --- Frames against frames ---
+
+
+def test_frames_without_light(found) -> None:
+    arrays, camera = recorded(12, frames=16)
+    for name in ("board_static", "board_moving"):
+        arrays[name][1::2] = arrays["dark"][1::2]
+    warnings = found(arrays, camera)
+    assert kinds(warnings) == ["frames_without_light"] * 2
+    for warning in warnings:
+        assert warning["frames"] == list(range(1, 16, 2))
+        assert "8 of 16 frames (1, 3, 5, 7, 9, 11 and 2 more) have no light, 64." in warning["text"]
+        advice = re.search(r"take (codes\[0::2\])$", warning["text"])
+        assert advice
+        arrays[warning["sequence"]] = eval(advice[1], {"codes": arrays[warning["sequence"]]})
+    assert found(arrays, camera) == []
+    arrays["flat"][[2, 3, 7]] = arrays["dark"][[2, 3, 7]]
+    (warning,) = found(arrays, camera)
+    assert warning["frames"] == [2, 3, 7]
+    arrays["flat"] = eval(re.search(r"take (.*)$", warning["text"])[1], {"codes": arrays["flat"], "numpy": np})  # type: ignore[index]
+    assert found(arrays, camera) == []
+
+
+def test_a_staircase_is_steps_and_a_smooth_drift_is_none(found) -> None:
+    arrays, camera = recorded(13, frames=18)
+    flat = arrays["flat"].astype(float)
+
+    def lit(by: Array) -> list[dict[str, Any]]:
+        light = np.rint(64 + (flat - 64) * by[:, None, None])
+        return found({"dark": arrays["dark"], "flat": light}, camera)
+
+    for steps in ((6, 12), (3, 8, 14)):
+        (warning,) = lit(1 - 0.05 * np.searchsorted(steps, np.arange(18), side="right"))
+        assert (warning["kind"], warning["frames"]) == ("level_steps", list(steps)), warning
+    for smooth in (0.9 + 0.1 * np.linspace(0, 1, 18), 1 - 0.3 * np.exp(-np.arange(18) / 5), 1 + 0.05 * np.sin(np.arange(18) / 3)):
+        (warning,) = lit(smooth)
+        assert (warning["kind"], warning["frames"]) == ("level_drifts", []), warning
+    assert lit(np.ones(18)) == []
+
+
+# --- Masks, clipping ---
+
+
+def test_a_mask_with_soft_edges(cli: Cli, found, tmp_path: Path) -> None:
+    arrays, camera = recorded(14)
+    (tmp_path / "set").mkdir()
+    mask = np.full(SHAPE, 255, np.uint8)
+    mask[:, :4] = [0, 60, 120, 200]
+    iio.imwrite(tmp_path / "set" / "mask.png", mask)
+    warnings = found(arrays, camera, mask="mask.png")
+    assert kinds(warnings) == ["mask"] * 4
+    advice = re.search(r"of two values, (numpy\.where.*)$", warnings[0]["text"])
+    assert advice and "144 pixels are between 0 and 255" in warnings[0]["text"]
+    iio.imwrite(tmp_path / "set" / "mask.png", eval(advice[1], {"numpy": np, "mask": mask}))
+    assert found(arrays, camera, mask="mask.png") == []
+
+
+def test_clipping_at_zero(found) -> None:
+    arrays, camera = recorded(15)
+    below = {name: np.maximum(codes.astype(int) - 64, 0) for name, codes in arrays.items()}
+    warnings = [w for w in found(below, {**camera, "black_level_dn": 0}) if w["kind"] == "clipped_at_zero"]
+    assert {w["sequence"] for w in warnings} >= {"dark"}
+    assert "A diagnosis estimates both behind the clipping" in warnings[0]["text"]
+
+
+def test_what_is_masked_misleads_no_diagnosis(cli: Cli, tmp_path: Path) -> None:
+    """The simulator's own frames with a row of data: a gap, until the written mask is named."""
+    folder = tmp_path / "set"
+    cli("capture", "make", "set", "--width", 64, "--height", 48, "--frames", 12, "--sequences", "dark,board_moving")
+    random = np.random.default_rng(3)
+    arrays = {name: np.load(folder / f"{name}.npy") for name in ("dark", "board_moving")}
+    telemetry_row(arrays, random)
+    for name, codes in arrays.items():
+        np.save(folder / f"{name}.npy", codes)
+
+    def verdict() -> str:
+        cli("diagnose", "set", "--json", "out.json", "--quiet")
+        return str(json.loads((tmp_path / "out.json").read_text())["cause"]["verdict"])
+
+    assert verdict() != "none"
+    cli("capture", "check", "set", "--write-mask", "set/odd.png")
+    description = json.loads((folder / "capture.json").read_text())
+    for sequence in description["sequences"]:
+        sequence["mask"] = "odd.png"
+    (folder / "capture.json").write_text(json.dumps(description))
+    assert verdict() == "none"
