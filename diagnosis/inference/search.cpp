@@ -148,7 +148,9 @@ class Search {
         if (state.models.empty())
             return false;
         fits_.confirm(state.models.back(), state.progress);
-        return !state.models.back().residual.detected;
+        // Where the model is known to be wrong somewhere, what is left elsewhere may be of the same cause.
+        const GapTest &left = state.models.back().residual;
+        return !left.detected || (start_.unexplained.size() && left.p_value > kFit.beyond_doubt);
     }
 
     // Little of the excess that the search began with is left, but what is left is seldom by chance.
