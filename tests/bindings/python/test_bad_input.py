@@ -1019,3 +1019,17 @@ def test_after_all_that_the_world_still_works(world: World) -> None:
         world.camera.render(world.ideal, frame_index=5), expected.render(world.ideal, frame_index=5)
     )
     world.camera.check()
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_colors_are_no_frames(world: World, channels: int) -> None:
+    """An image of the kind that Pillow and OpenCV read; both ways out work, and so do frames that are narrow."""
+    image = np.ones((*SHAPE, channels), np.float32)
+    advice = r"takes one of them, \w+\[\.\.\., 0\], or their mean, \w+\[\.\.\., :3\]\.mean\(axis=-1\)$"
+    with pytest.raises(errors.InvalidArgumentError, match=advice):
+        clspeckle.simulate(image, context=world.context)
+    with pytest.raises(errors.InvalidArgumentError, match=advice):
+        world.camera.render(image)
+    for ideal in (image[..., 0], image[..., :3].mean(axis=-1)):
+        assert clspeckle.simulate(ideal, context=world.context).shape == SHAPE
+    assert clspeckle.simulate(np.ones((2, 6, channels)), context=world.context).shape == (2, 6, channels)

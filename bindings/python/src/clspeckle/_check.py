@@ -148,10 +148,21 @@ def shape_text(expected: tuple[int | None, ...]) -> str:
     return "(" + ", ".join(axes[i] if e is None else str(e) for i, e in enumerate(expected)) + ")"
 
 
+def has_channels(shape: tuple[int, ...]) -> bool:
+    """Whether an array is (height, width, channels) and hardly a sequence of frames that are so narrow."""
+    return len(shape) == 3 and shape[2] in (1, 3, 4) and min(shape[:2]) > 4
+
+
+def channels_advice(name: str) -> str:
+    """What to do with colors, where one value a pixel is needed."""
+    return f"; a camera without colors takes one of them, {name}[..., 0], or their mean, {name}[..., :3].mean(axis=-1)"
+
+
 def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, ...]) -> None:
     """Refuses another shape, and an empty array."""
     if not _fits(given.shape, expected):
-        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}")
+        advice = channels_advice(name) if len(expected) == 2 and has_channels(given.shape) else ""
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}{advice}")
     if given.size == 0:
         raise errors.InvalidArgumentError(f"{name} has no pixels (shape {given.shape}); at least one is needed")
 

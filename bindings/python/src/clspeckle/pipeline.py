@@ -983,9 +983,10 @@ def simulate(
     if not on_device(ideal):
         ideal = _check.array(ideal, "ideal")
         shape = ideal.shape
-    if len(shape) not in (2, 3):
+    if len(shape) not in (2, 3) or _check.has_channels(shape):
+        advice = _check.channels_advice("ideal") if _check.has_channels(shape) else ""
         raise errors.InvalidArgumentError(
-            f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width)"
+            f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width){advice}"
         )
     size = _check.image_shape(shape[-2:], "ideal.shape")
     key: Any = (size, output, _hashable(parameters))
