@@ -58,6 +58,7 @@ struct Info {
     std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; not read, which is a warning.
     std::vector<std::string> warnings; ///< What was ignored.
     Transfer transfer;                 ///< How numbers stand for light.
+    bool lossy = false;                ///< The compression changes numbers.
     bool white_is_zero = false;        ///< The file says so; values are turned, so that more is brighter.
     bool one_page = false;             ///< The reader took ReadRequest::page into account.
 };

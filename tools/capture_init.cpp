@@ -259,6 +259,10 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
     for (const std::string &path : found.paths) {
         const auto reader = open_frames(path, raw);
         const image_io::Info &info = reader->info();
+        if (info.lossy)
+            throw InputError(fmt::format("{}: is compressed with losses, which change codes and their noise; let the "
+                                         "camera store frames without, or move the file",
+                                         path));
         if (info.channels != 1 || (info.sample != "uint8" && info.sample != "uint16"))
             throw InputError(fmt::format("{}: has {} channel{} of {}; expected raw codes, one uint8 or uint16 for each "
                                          "pixel: save the frames as the converter gives them, or move the file",

@@ -146,16 +146,20 @@ std::string ranking_text(const clspeckle::Diagnosis &diagnosis) {
             ids.emplace_back(step.effect);
         return ids;
     }();
+    const std::vector<std::string> named = diagnosis.effects();
+    const auto among = [](const std::vector<std::string> &ids, const char *id) {
+        return std::find(ids.begin(), ids.end(), id) != ids.end();
+    };
     std::vector<std::vector<std::string>> rows = {
         {"", "effect", "stage", "probability", "left [1]", "parameters (95 % interval)"}};
     std::size_t shown = 0;
     for (const ClspDiagnosisRanked &ranked : diagnosis.ranking()) {
-        const bool found = std::find(steps.begin(), steps.end(), ranked.effect) != steps.end();
-        if (!found && shown >= ranked_shown)
+        if (!among(steps, ranked.effect) && shown >= ranked_shown)
             continue;
         ++shown;
-        rows.push_back({found ? "*" : "", ranked.effect, ranked.stage, fmt::format("{:.3f}", ranked.probability),
-                        fmt::format("{:.3g}", ranked.distance_after), parameters_text(ranked, fitted)});
+        rows.push_back({among(named, ranked.effect) ? "*" : "", ranked.effect, ranked.stage,
+                        fmt::format("{:.3f}", ranked.probability), fmt::format("{:.3g}", ranked.distance_after),
+                        parameters_text(ranked, fitted)});
     }
     return "Ranking (*: part of the explanation; probabilities are among the effects of one step)\n" +
            table(rows, "  ") +

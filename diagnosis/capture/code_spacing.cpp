@@ -134,7 +134,6 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
             last = c;
     }
     std::size_t above = histogram.size();
-    std::vector<std::uint16_t> occurring;
     for (std::size_t c = histogram.size(); c-- > 0;) {
         const std::size_t low = below[c], high = above;
         if (histogram[c] > 0)
@@ -154,18 +153,18 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
             result.missing.push_back(static_cast<std::uint16_t>(c));
             continue;
         }
-        occurring.push_back(static_cast<std::uint16_t>(c));
+        result.occurring.push_back(static_cast<std::uint16_t>(c));
         // A peak of a density that noise blurs rises above its neighbours by no more than a Gaussian does.
         const double peak = kDoubled * more * std::exp(0.5 / (noise_dn * noise_dn));
         if (high - low == 2 && count - peak > kDeviations * std::sqrt(count + kDoubled * peak))
             result.doubled.push_back(static_cast<std::uint16_t>(c));
     }
-    for (auto *codes : {&result.missing, &result.doubled, &occurring})
+    for (auto *codes : {&result.missing, &result.doubled, &result.occurring})
         std::reverse(codes->begin(), codes->end());
     if (result.doubled.size() < kLeastDoubled)
         result.doubled.clear();
-    if (!result.missing.empty() && occurring.size() > 2)
-        if (const auto lattice = fit(occurring, 0.0, true); lattice && lattice->step < 2.0)
+    if (!result.missing.empty() && result.occurring.size() > 2)
+        if (const auto lattice = fit(result.occurring, 0.0, true); lattice && lattice->step < 2.0)
             result.lattice = lattice;
     return result;
 }

@@ -29,8 +29,9 @@ unsigned common_shift(const std::vector<std::uint16_t> &codes, bool gaps = false
 
 // Codes that lie between others which occur often.
 struct CodeGaps {
-    std::size_t judged = 0;             // codes that noise would reach
-    std::vector<std::uint16_t> missing; // of them
+    std::size_t judged = 0;               // codes that noise would reach
+    std::vector<std::uint16_t> occurring; // of them, in order
+    std::vector<std::uint16_t> missing;   // of them
     std::vector<std::uint16_t> doubled; // of them: twice as often as both neighbours
     std::uint32_t first = 0, last = 0;  // of those judged
     std::optional<CodeLattice> lattice; // of a step between one and two that explains the missing ones

@@ -27,6 +27,7 @@ std::optional<CodeLattice> refined(const CodeLattice &lattice, const std::vector
     const double centre = 0.5 * (double(lattice.first) + lattice.last);
     const double at_centre = std::round((centre - lattice.offset) / lattice.step);
     std::size_t most = 0;
+    double least = 0.0;
     CodeLattice best = lattice;
     const int steps = int(std::min(1e5, 5.0 * range / length)) + 1;
     for (int i = -steps; i <= steps; ++i) {
@@ -34,13 +35,17 @@ std::optional<CodeLattice> refined(const CodeLattice &lattice, const std::vector
         // The middle of its codes stays.
         for (double shift = -0.5; shift < 0.55; shift += 0.1) {
             const double offset = lattice.offset + at_centre * (lattice.step - step) + shift;
-            const auto near = [&](std::uint16_t code) {
-                const double place = (code - offset) / step;
-                return std::abs(place - std::round(place)) * step <= 0.55; // half a code, and half a step of the offset
-            };
-            const auto count = std::size_t(std::count_if(codes.begin(), codes.end(), near));
-            if (count > most) {
+            std::size_t count = 0;
+            double square = 0.0;
+            for (const std::uint16_t code : codes) {
+                const double place = (code - offset) / step, distance = std::abs(place - std::round(place)) * step;
+                count += distance <= 0.55 ? 1 : 0; // half a code, and half a step of the offset
+                square += distance * distance;
+            }
+            // Steps near to one have all codes near: the nearest tell.
+            if (count > most || (count == most && square < least)) {
                 most = count;
+                least = square;
                 best.step = step;
                 best.offset = offset;
             }
@@ -50,6 +55,49 @@ std::optional<CodeLattice> refined(const CodeLattice &lattice, const std::vector
         return std::nullopt;
     best.offset -= best.step * std::round(best.offset / best.step);
     return best;
+}
+
+// What is taken off the codes before they are divided: nothing where that leaves each nearest to its own number.
+double taken_off(const CodeLattice &lattice) {
+    return lattice.step >= 2.0 && std::abs(lattice.offset) < 0.5 ? 0.0 : std::round(1e3 * lattice.offset) / 1e3;
+}
+
+double number_of(std::uint16_t code, const CodeLattice &lattice) {
+    return std::nearbyint((code - taken_off(lattice)) / lattice.step);
+}
+
+// Whether a lattice brings two codes that were neighbours, with a missing code between them or none, to neighbours:
+// each code that occurs has a number of its own then, and none is left out.
+bool takes_back(const CodeGaps &gaps, const CodeLattice &lattice) {
+    for (std::size_t k = 1; k < gaps.occurring.size(); ++k) {
+        const std::uint16_t low = gaps.occurring[k - 1], high = gaps.occurring[k];
+        const auto between = std::lower_bound(gaps.missing.begin(), gaps.missing.end(), low);
+        const auto missing = std::lower_bound(between, gaps.missing.end(), high) - between;
+        if (high - low - 1 == missing && number_of(high, lattice) != number_of(low, lattice) + 1.0)
+            return false;
+    }
+    return true;
+}
+
+bool keeps_apart(const std::vector<std::uint16_t> &codes, const CodeLattice &lattice) {
+    for (std::size_t k = 1; k < codes.size(); ++k)
+        if (codes[k] - codes[k - 1] == 1 && number_of(codes[k], lattice) != number_of(codes[k - 1], lattice) + 1.0)
+            return false;
+    return true;
+}
+
+// A lattice of a step between one and two, without an offset if that does; nothing if it does not take the codes back.
+// codes: of all sequences.
+std::optional<CodeLattice> told_apart(CodeLattice lattice, const std::vector<SequenceScan> &scans,
+                                      const std::vector<std::uint16_t> &codes) {
+    for (const double offset : {0.0, lattice.offset}) {
+        lattice.offset = offset;
+        if (keeps_apart(codes, lattice) && std::all_of(scans.begin(), scans.end(), [&](const SequenceScan &scan) {
+                return takes_back(scan.gaps, lattice);
+            }))
+            return lattice;
+    }
+    return std::nullopt;
 }
 
 std::string upper_bits(const CaptureLayout &layout, unsigned shift) {
@@ -75,7 +123,7 @@ unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, st
 
 // How to come back to the converter's codes.
 std::string back(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
-    const double offset = std::abs(lattice.offset) < 0.5 ? 0.0 : lattice.offset;
+    const double offset = taken_off(lattice);
     const std::string codes = offset == 0.0  ? "codes"
                               : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
                                              : fmt::format("(codes - {:.5g})", offset);
@@ -171,6 +219,8 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
         CodeGaps gaps = scans[most].gaps;
         if (gaps.lattice)
             gaps.lattice = refined(*gaps.lattice, all);
+        if (gaps.lattice)
+            gaps.lattice = told_apart(*gaps.lattice, scans, all);
         warnings.push_back({one ? sequences : "",
                             (one ? "" : fmt::format("in {}, of which {}: ", sequences, summaries[most].name)) +
                                 gaps_text(layout, gaps, largest),

@@ -178,6 +178,10 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
             refuse(fmt::format("is a {} file; expected an .npy stack, or {} frames{}", info.format->name,
                                frame_formats("or"),
                                info.format->no_codes_because.empty() ? "" : ": " + info.format->no_codes_because));
+        if (info.lossy)
+            refuse(
+                "is compressed with losses, which change codes and their noise; let the camera store frames without: "
+                "raw, PNG, or TIFF with deflate or LZW");
         if (info.channels != 1)
             refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
                                stack ? ": an array of (frames, height, width); where the channels are alike, "

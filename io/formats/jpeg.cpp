@@ -116,6 +116,7 @@ class JpegReader final : public Reader {
         info_.height = info.image_height;
         info_.channels = gray ? 1 : 3;
         info_.full_scale = 255;
+        info_.lossy = true;
         info_.transfer = srgb("the format");
         info_.warnings.push_back(
             "the compression of JPEG is lossy. Where intensities matter use linear PNG, TIFF or EXR "

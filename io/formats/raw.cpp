@@ -149,7 +149,16 @@ class RawReader final : public Reader {
             "behind {}.",
             file_.size(), layout_.offset, frame_bytes_, layout_.height, layout_.row_bytes, rest, counted(frames));
         std::string fits;
-        if (frames > 0)
+        // Padded rows, by less than what a row has; else what is in front, unless so much of a frame is no header.
+        for (std::uint64_t count = frames; count > 0; --count)
+            if (const std::uint64_t rows = count * layout_.height;
+                there % rows == 0 && there / rows < 2 * std::uint64_t{layout_.row_bytes}) {
+                fits += fmt::format("stride={} ({}), ", there / rows, counted(count));
+                break;
+            }
+        if (2 * rest > frame_bytes_)
+            text += fmt::format(" The last frame may be cut: {} bytes of it are missing.", frame_bytes_ - rest);
+        else if (frames > 0)
             fits += fmt::format("an offset of {} ({}), ", layout_.offset + rest, counted(frames));
         for (const std::uint32_t bits : all_bits)
             for (const PackingName &packing : packing_names) {

@@ -112,6 +112,11 @@ class TiffReader final : public Reader {
         const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;
         info_.sample = fmt::format("{}{}", real ? "float" : "uint", layout.bits);
         info_.full_scale = real || layout.bits > 16 ? 0 : (1 << layout.bits) - 1;
+        info_.lossy = layout.compression == COMPRESSION_JPEG || layout.compression == COMPRESSION_OJPEG ||
+                      layout.compression == COMPRESSION_WEBP;
+        if (info_.lossy)
+            info_.warnings.push_back(
+                "its compression is lossy. Where intensities matter save it without, or with deflate or LZW");
         info_.white_is_zero = layout.photometric == PHOTOMETRIC_MINISWHITE;
         bits_ = layout.bits;
         info_.frame_count = frames_.size();
@@ -239,8 +244,11 @@ class TiffReader final : public Reader {
             const std::size_t at = ("\n" + description).find("\n" + key + "=");
             return at == std::string::npos ? 0 : std::strtoull(description.c_str() + at + key.size() + 1, nullptr, 10);
         };
-        if (description.rfind("ImageJ=", 0) == 0)
-            return {number("images"), std::max<std::uint64_t>(1, number("channels")), "ImageJ"};
+        // Writers that know no axes call every image a channel: of more than colors have, they are frames.
+        if (description.rfind("ImageJ=", 0) == 0) {
+            const std::uint64_t images = number("images"), channels = std::max<std::uint64_t>(1, number("channels"));
+            return {images, channels == images && channels > 4 ? 1 : channels, "ImageJ"};
+        }
         const std::size_t shape = description.find("\"shape\": [");
         if (shape == std::string::npos || description.find("\"truncated\": true") == std::string::npos)
             return {};

@@ -435,6 +435,21 @@ def test_raw_rows_with_padding(tmp_path: Path) -> None:
     Dump(tmp_path / "a.raw", "40x28,10,mipi,stride=64").check(codes, 1023)
 
 
+def test_raw_rows_with_padding_are_offered(tmp_path: Path) -> None:
+    codes = np.random.default_rng(0).integers(0, 1024, (28, 40), dtype=np.uint16)
+    rows = np.frombuffer(mipi(codes, 10), np.uint8).reshape(28, 50)
+    (tmp_path / "a.raw").write_bytes(np.pad(rows, ((0, 0), (0, 14)), constant_values=0xEE).tobytes())
+    assert "These would fit: stride=64 (1 frame)" in Dump(tmp_path / "a.raw", "40x28,10,mipi").error
+    Dump(tmp_path / "a.raw", "40x28,10,mipi,stride=64").check(codes, 1023)
+
+
+def test_a_raw_file_that_was_cut_has_no_header(tmp_path: Path) -> None:
+    codes = np.random.default_rng(0).integers(0, 1024, (3, 28, 40), dtype=np.uint16)
+    (tmp_path / "a.raw").write_bytes(mipi(codes, 10)[:-1])
+    error = Dump(tmp_path / "a.raw", "40x28,10,mipi").error
+    assert "The last frame may be cut: 1 bytes of it are missing" in error and "offset" not in error
+
+
 def test_a_raw_file_of_another_size_is_refused_with_what_would_fit(tmp_path: Path) -> None:
     codes = np.random.default_rng(0).integers(0, 1024, (3, 28, 40), dtype=np.uint16)
     (tmp_path / "a.raw").write_bytes(bytes(64) + mipi(codes, 10))

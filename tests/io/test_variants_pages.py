@@ -87,6 +87,14 @@ def test_a_stack_that_was_cut_says_how_much_is_there(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=0").values[0], STACK[0])
 
 
+def test_more_channels_than_colors_are_frames(tmp_path: Path) -> None:
+    """As tifffile writes a stack whose axes nobody named."""
+    frames = np.concatenate([STACK, STACK[:2] + 1])
+    assert len(frames) > 4
+    tifffile.imwrite(tmp_path / "a.tif", frames, imagej=True)
+    Dump(tmp_path / "a.tif").check(frames, 65535)
+
+
 def test_channels_of_imagej_take_turns(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", STACK.reshape(2, 2, *STACK.shape[1:]), imagej=True, metadata={"axes": "TCYX"})
     error = Dump(tmp_path / "a.tif").error

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image
 from test_cli_diagnose import write_set
 
 TIMES = {"metadata": {"axes": "TYX"}}
@@ -51,6 +52,14 @@ def test_white_is_zero(ok, tmp_path: Path, frames: np.ndarray) -> None:
     given, told = checked(ok, tmp_path / "set", "marked.tif")
     same(given, expected)
     assert "above 1023, the top code of 10 bits: they are taken as stored" in told
+
+
+def test_lossy_compression_is_refused(refused, tmp_path: Path, frames: np.ndarray) -> None:
+    Image.fromarray((frames[0] >> 2).astype(np.uint8)).save(tmp_path / "set" / "lossy.tif", compression="jpeg")
+    capture = json.loads((tmp_path / "set" / "capture.json").read_text())
+    capture["sequences"] = [s | {"file": "lossy.tif"} for s in capture["sequences"] if s["name"] == "dark"]
+    (tmp_path / "set" / "capture.json").write_text(json.dumps(capture))
+    assert "is compressed with losses, which change codes and their noise" in refused("capture", "check", "set")
 
 
 def test_one_page_can_be_named(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:

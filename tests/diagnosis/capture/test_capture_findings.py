@@ -164,6 +164,20 @@ def test_stretched_codes_are_told_and_taken_back(found, kind: str) -> None:
     assert not {"stretched_codes", "missing_codes", "upper_bits"} & set(kinds(again)), again
 
 
+@pytest.mark.parametrize("gain", [1.05, 1.1, 1.25, 4 / 3])
+def test_a_formula_takes_a_small_gain_back_or_is_not_given(found, gain: float) -> None:
+    """np.rint() rounds halves to even, so that codes of such gains may lie on no lattice."""
+    arrays, camera = recorded(7, bits=10, frames=16)
+    stretched = {name: np.rint(codes * gain) for name, codes in arrays.items()}
+    warnings = found(stretched, camera | {"bits": 12})
+    assert {"stretched_codes", "missing_codes"} & set(kinds(warnings))
+    for warning in warnings:
+        advice = re.search(r"numpy\.rint\((.*)\)\.astype", warning["text"])
+        for name, codes in stretched.items() if advice else ():
+            shift = np.unique(np.rint(eval(advice[1], {"codes": codes})) - arrays[name])
+            assert len(shift) == 1, warning["text"]
+
+
 def test_codes_in_upper_bits(found) -> None:
     arrays, _ = recorded(3)
     shifted = {name: codes * 64 for name, codes in arrays.items()}
