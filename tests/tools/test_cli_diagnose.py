@@ -74,6 +74,11 @@ def test_quiet_is_silent(ok, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert (made.out, made.err) == ("", "")
 
 
+def marked(out: str) -> set[str]:
+    """The effects with a star in the ranking."""
+    return set(re.findall(r"^ +\* +(\S+)", out, re.MULTILINE))
+
+
 def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 0)
     flat = np.load(tmp_path / "set" / "flat.npy")
@@ -98,6 +103,8 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     verdict = report["cause"]["verdict"]
     assert verdict == "unknown", "no effect of the catalogue is an edge"
     assert run.out.startswith("UNKNOWN: a significant part of the gap")
+    assert marked(run.out) == set(report["cause"]["effects"]), "what takes nothing away is no part of the explanation"
+    assert len(report["shrink"]["steps"]) > len(report["cause"]["effects"]), "and there is some"
     worst = report["where"][0]
     assert worst["sequence"] == "flat"
     assert re.search(rf"{worst['stage']} +flat +{worst['statistic']} ", run.out)
@@ -124,6 +131,7 @@ def test_an_effect_is_named_with_a_waterfall(ok, tmp_path: Path) -> None:
     assert "row_noise" in report["cause"]["effects"]
     assert report["shrink"]["fraction"] > 0.5
     assert re.search(r"\* +row_noise +sensor ", run.out)
+    assert marked(run.out) == set(report["cause"]["effects"])
     assert re.search(r"simulator as it is +[\d.]+ +#+", run.out)
     assert re.search(r"with row_noise +[\d.]+ +\d+ % gone", run.out)
     assert "in standard deviations of the simulator with the effect" in run.out
