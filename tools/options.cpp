@@ -171,6 +171,7 @@ std::vector<Option> make_table() {
         number("sensor", "cold_pixel_fraction", sensor.cold_pixel_fraction, 0, false, 1, "",
                "share of pixels that see no light"),
         text("sensor", "dark_frame", Kind::file, "image of the mean dark signal above the black level, in dn"),
+        text("sensor", "gain_map", Kind::file, "image of the pixels' relative gains (a PRNU map), with a mean of 1"),
         boolean("sensor", "quantize", sensor.quantize != 0, "round float outputs to codes"),
         number("sensor", "float_full_scale", sensor.float_full_scale, 0, true, infinity, "",
                "value of the top code in a float output"),

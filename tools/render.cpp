@@ -237,21 +237,18 @@ class Renderer {
             sensor.cold_pixel_fraction = config_.number("sensor.cold_pixel_fraction");
             sensor.float_full_scale = config_.number("sensor.float_full_scale");
             sensor.quantize = config_.flag("sensor.quantize") ? 1 : 0;
-            std::vector<float> dark;
-            if (const std::string path = config_.text("sensor.dark_frame"); !path.empty()) {
-                std::uint32_t dark_width = 0;
-                std::uint32_t dark_height = 0;
-                dark = read_plane(path, false, warnings_, &dark_width, &dark_height);
-                if (dark_width != width_ || dark_height != height_)
-                    throw InputError(fmt::format("{}: the dark frame has {} x {} pixels, the image {} x {}", path,
-                                                 dark_width, dark_height, width_, height_));
-                for (std::size_t i = 0; i < dark.size(); ++i)
-                    if (!std::isfinite(dark[i]))
-                        throw InputError(fmt::format("{}: pixel ({}, {}) of the dark frame is {}", path, i % width_,
-                                                     i / width_, dark[i]));
-                sensor.dark_frame_dn = dark.data();
+            const std::vector<float> dark = pixel_map("sensor.dark_frame", "dark frame", false);
+            const std::vector<float> gains = pixel_map("sensor.gain_map", "gain map", true);
+            sensor.dark_frame_dn = dark.empty() ? nullptr : dark.data();
+            sensor.gain_map = gains.empty() ? nullptr : gains.data();
+            try {
+                sensor_ = clspeckle::Sensor(*context_, sensor);
+            } catch (const clspeckle::Error &error) {
+                // What the pixels' own checks leave: the mean of the gains.
+                if (error.status() == CLSP_ERROR_INVALID_DATA)
+                    throw InputError(config_.text("sensor.gain_map") + ": " + error.message());
+                throw;
             }
-            sensor_ = clspeckle::Sensor(*context_, sensor);
         }
 
         if (input_.scene) {
@@ -501,6 +498,24 @@ class Renderer {
         else
             check_values(plane, path, what, high);
         return std::move(plane.values);
+    }
+
+    /** A map of the sensor's pixels; empty if the option names none. */
+    std::vector<float> pixel_map(const char *id, const char *what, bool positive) {
+        const std::string path = config_.text(id);
+        if (path.empty())
+            return {};
+        std::uint32_t width = 0;
+        std::uint32_t height = 0;
+        std::vector<float> map = read_plane(path, false, warnings_, &width, &height);
+        if (width != width_ || height != height_)
+            throw InputError(fmt::format("{}: the {} has {} x {} pixels, the image {} x {}", path, what, width, height,
+                                         width_, height_));
+        for (std::size_t i = 0; i < map.size(); ++i)
+            if (!std::isfinite(map[i]) || (positive && map[i] < 0))
+                throw InputError(fmt::format("{}: pixel ({}, {}) of the {} is {}; it must be finite{}", path,
+                                             i % width_, i / width_, what, map[i], positive ? " and at least 0" : ""));
+        return map;
     }
 
     /** Whether the pipeline needs the materials, and whether the frames have what it takes. */
@@ -808,7 +823,7 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
         return;
     std::map<std::pair<dev_t, ino_t>, std::string> inputs;
     std::vector<std::string> files = input.files;
-    for (const char *id : {"pattern.image", "aperture.pupil_image", "sensor.dark_frame"})
+    for (const char *id : {"pattern.image", "aperture.pupil_image", "sensor.dark_frame", "sensor.gain_map"})
         if (!config.text(id).empty())
             files.push_back(config.text(id));
     // What std::filesystem::equivalent compares, without a call for each pair.

@@ -140,6 +140,8 @@ PipelineModel Pipeline::model() const {
         model.sensor = stages_.sensor->parameters();
         if (!dark_frame_.empty())
             model.sensor->dark_frame_dn = dark_frame_.data();
+        if (!gain_map_.empty())
+            model.sensor->gain_map = gain_map_.data();
     }
     return model;
 }
@@ -268,12 +270,15 @@ void Pipeline::allocate() {
     dark_ = LazyKernel("stages/aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
-void Pipeline::keep_dark_frame() {
-    if (!stages_.sensor || !dark_frame_.empty())
+void Pipeline::keep_maps() {
+    if (!stages_.sensor || base_)
         return;
     const SensorParameters &p = stages_.sensor->parameters();
-    if (p.dark_frame_dn)
-        dark_frame_.assign(p.dark_frame_dn, p.dark_frame_dn + std::size_t{p.width} * p.height);
+    const auto keep = [&](std::vector<float> &kept, const float *map) {
+        kept.assign(map, map ? map + std::size_t{p.width} * p.height : map);
+    };
+    keep(dark_frame_, p.dark_frame_dn);
+    keep(gain_map_, p.gain_map);
 }
 
 void Pipeline::use_model(const PipelineModel &wanted, unsigned parts) {
@@ -295,7 +300,7 @@ void Pipeline::configure(const PipelineModel &wanted) {
 }
 
 void Pipeline::use_effects(Effects effects) {
-    keep_dark_frame();
+    keep_maps();
     PipelineModel base = base_ ? *base_ : model();
     // What the host may have changed since: the exposure.
     if (base.sensor)

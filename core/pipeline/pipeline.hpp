@@ -110,8 +110,8 @@ class Pipeline {
     void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
     void use_model(const PipelineModel &wanted, unsigned parts);
     void use_effects(Effects effects);
-    // The sensor's dark frame, which changes of the sensor must not lose.
-    void keep_dark_frame();
+    // The sensor's maps, which changes of the sensor must not lose.
+    void keep_maps();
     // The sensor's lag and the airflow begin anew.
     void forget_frames();
     // Buffers and filters that the parameters ask for.
@@ -143,7 +143,7 @@ class Pipeline {
     std::vector<FramePlan> plans_; // of the last frames; kept for their memory
     Effects effects_;
     std::optional<PipelineModel> base_; // without effects; while there are any
-    std::vector<float> dark_frame_;
+    std::vector<float> dark_frame_, gain_map_; // of the base's sensor
     // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's
     // distortion; subsurface fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,

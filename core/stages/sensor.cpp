@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <numeric>
 #include <vector>
 
 namespace clsp {
@@ -141,7 +142,7 @@ bool has_offset(const SensorParameters &p) {
     return p.dark_frame_dn || draws_offset(p);
 }
 bool has_pixel_gain(const SensorParameters &p) {
-    return p.prnu > 0.0 || p.column_prnu > 0.0 || p.row_prnu > 0.0 || p.dull_pixel_fraction > 0.0;
+    return p.gain_map || p.prnu > 0.0 || p.column_prnu > 0.0 || p.row_prnu > 0.0 || p.dull_pixel_fraction > 0.0;
 }
 // Cold pixels alone take a byte each; with a map of gains they are zeros of its map.
 bool has_response(const SensorParameters &p) {
@@ -157,6 +158,17 @@ bool has_telegraph_noise(const SensorParameters &p) {
 // Cycles as 2^-32 turns.
 cl_uint turns_of(double cycles) {
     return static_cast<cl_uint>(static_cast<std::int64_t>(std::llround(cycles * 4294967296.0)));
+}
+
+// Gains that brighten or darken the whole image would hide in a map what is the exposure's.
+void check_gain_map(const std::vector<float> &gains) {
+    constexpr double kLeast = 0.9, kMost = 1.1;
+    const double mean = std::accumulate(gains.begin(), gains.end(), 0.0) / double(gains.size());
+    if (!(mean >= kLeast && mean <= kMost))
+        throw Error(Status::kInvalidData,
+                    fmt::format("gain_map has a mean of {:.6g}, it must be {} to {}: its gains are relative to the "
+                                "image's mean; divide it by its mean, and multiply exposure_gain_dn by that",
+                                mean, kLeast, kMost));
 }
 
 } // namespace
@@ -186,6 +198,15 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
             [](float value) { return std::isfinite(value); }, "it must be finite");
     parameters_.dark_frame_dn = p.dark_frame_dn ? dark_frame_.data() : nullptr;
     parameters_.dark_frame_pitch_bytes = 0;
+    if (p.gain_map) {
+        gain_map_ =
+            copy_host_image({p.gain_map, p.width, p.height, p.gain_map_pitch_bytes, "gain_map", "gain_map_pitch_bytes"},
+                            [](float value) { return std::isfinite(value) && value >= 0.0f; },
+                            "it must be finite and at least 0");
+        check_gain_map(gain_map_);
+    }
+    parameters_.gain_map = p.gain_map ? gain_map_.data() : nullptr;
+    parameters_.gain_map_pitch_bytes = 0;
     make_fixed_pattern();
     if (p.lag_fraction > 0.0)
         lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * sizeof(float));
@@ -203,17 +224,17 @@ void Sensor::make_fixed_pattern() {
     if (has_response(p))
         response_ = DeviceBuffer(context_, pixels);
     if (has_pixel_gain(p))
-        pixel_gain_ = DeviceBuffer(context_, pixels * sizeof(float));
+        pixel_gain_ = DeviceBuffer(context_, pixels * sizeof(float), p.gain_map ? gain_map_.data() : nullptr);
     if (has_read_noise_map(p))
         read_noise_map_ = DeviceBuffer(context_, pixels * sizeof(float));
     if (!draws_offset(p) && !response_ && !pixel_gain_ && !read_noise_map_)
         return; // nothing to draw
     const std::uint32_t quarter = quarter_rows(p.height);
     const std::string options = fmt::format(
-        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDULL={} -DDSNU={} "
+        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DGAIN_MAP={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDULL={} -DDSNU={} "
         "-DCOLUMN_OFFSET={} -DROW_OFFSET={} -DPERIODIC={} -DREAD_NOISE_SPREAD={}",
-        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.column_prnu > 0.0 ? 1 : 0,
-        p.row_prnu > 0.0 ? 1 : 0, p.dull_pixel_fraction > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
+        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.gain_map ? 1 : 0,
+        p.column_prnu > 0.0 ? 1 : 0, p.row_prnu > 0.0 ? 1 : 0, p.dull_pixel_fraction > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
         p.column_offset_dn > 0.0 ? 1 : 0, p.row_offset_dn > 0.0 ? 1 : 0, p.periodic_offset_dn > 0.0 ? 1 : 0,
         read_noise_map_ ? 1 : 0);
     constexpr double kDullest = 0.7; // gains of dull pixels are uniform from there to 1

@@ -48,6 +48,8 @@ struct SensorParameters {
     double periodic_offset_dn = 0.0, periodic_frequency_x = 0.0, periodic_frequency_y = 0.0; // cycles per pixel
     double telegraph_fraction = 0.0, telegraph_step_dn = 0.0;
     bool telegraph_centered = false; // half the step up and down, not up alone
+    const float *gain_map = nullptr; // of the pixels, relative: mean 1; host memory, as dark_frame_dn
+    std::uint64_t gain_map_pitch_bytes = 0;
 };
 CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, saturation_dn, black_level_dn,
               read_noise_dn, hot_pixel_fraction, hot_pixel_mean_dn, cold_pixel_fraction, float_full_scale,
@@ -56,7 +58,8 @@ CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, sat
               dark_current_doubling_k, temperature_c, exposure_time_s, lag_fraction, gamma, dsnu_dn, column_offset_dn,
               row_noise_dn, column_noise_dn, read_noise_spread, shot_noise, effective_bits,
               row_offset_dn, dull_pixel_fraction, cubic_nonlinearity, periodic_offset_dn, periodic_frequency_x,
-              periodic_frequency_y, telegraph_fraction, telegraph_step_dn, telegraph_centered)
+              periodic_frequency_y, telegraph_fraction, telegraph_step_dn, telegraph_centered, gain_map,
+              gain_map_pitch_bytes)
 
 // Where the colours of a mosaic lie; the numbers are those of CLSP_BAYER_*, named by the first two rows' sites.
 enum class Bayer : std::uint32_t { kRggb = 1, kBggr = 2, kGrbg = 3, kGbrg = 4 };
@@ -70,7 +73,7 @@ class Sensor {
     const std::shared_ptr<Context> &context() const { return context_; }
     std::uint32_t width() const { return parameters_.width; }
     std::uint32_t height() const { return parameters_.height; }
-    // As they are in force; dark_frame_dn points to a copy that lives until the next configure().
+    // As they are in force; dark_frame_dn and gain_map point to copies that live until the next configure().
     const SensorParameters &parameters() const { return parameters_; }
     // Takes new parameters of the same size: draws the fixed pattern again, starts the lag afresh. Commands that were
     // enqueued before keep what they were enqueued with. Waits for the device. If it throws, nothing has changed.
@@ -102,7 +105,7 @@ class Sensor {
 
     std::shared_ptr<Context> context_;
     SensorParameters parameters_;
-    std::vector<float> dark_frame_;                                            // tightly packed; empty without one
+    std::vector<float> dark_frame_, gain_map_;                                 // tightly packed; empty without one
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
     bool lag_started_ = false;
     bool in_lanes_ = false;

@@ -4,7 +4,8 @@
 #if FIXED_PATTERN
 
 // Drawn once. offset (dark frame already in it) gains hot pixels, DSNU, column and row offsets and a wave; response is 0
-// at cold pixels and 1 elsewhere; pixel_gain is the PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones;
+// at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP the map is already in it) is the PRNU of pixels, columns and
+// rows, less at dull pixels, 0 at cold ones;
 // read_noise_map is each pixel's standard deviation. periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope:
 // of a dull pixel's gain over its random number. Only what is on is written: the other buffers may be NULL. One work-item
 // a Philox block.
@@ -65,6 +66,9 @@ __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *respo
 #if DULL
         const float chance = uniform_from_word(word_of(dull, j));
         gain *= chance < dull_fraction ? fma(dull_slope, chance, 1.0f) : 1.0f;
+#endif
+#if GAIN_MAP
+        gain *= pixel_gain[i];
 #endif
         pixel_gain[i] = gain;
 #endif

@@ -51,6 +51,7 @@ class Sensor:
     cold_pixel_fraction: float = 0.0
     float_full_scale: float = 1.0
     dark_frame_dn: NDArray | None = None
+    gain_map: NDArray | None = None
     quantize: bool = True
     conversion_gain_dn_per_e: float = 0.0
     photons_per_unit: float = 0.0
@@ -121,9 +122,11 @@ class Sensor:
         return philox.image_normal(self.height, 1, self.seed, frame_index, stream)
 
     def pixel_gain(self) -> NDArray[np.float64]:
-        """Step 3: mosaic, PRNU, dull and cold pixels."""
+        """Step 3: mosaic, PRNU, dull and cold pixels, gain map."""
         y, x = np.indices((self.height, self.width))
         gain = np.asarray(self.mosaic_gain, dtype=np.float64)[(x & 1) + 2 * (y & 1)]
+        if self.gain_map is not None:
+            gain = gain * np.asarray(self.gain_map, dtype=np.float64)
         gain = gain * np.maximum(1.0 + self.prnu * self._normal(STREAM_PRNU), 0.0)
         gain = gain * np.maximum(1.0 + self.column_prnu * self._row(STREAM_COLUMN_PRNU), 0.0)
         gain = gain * np.maximum(1.0 + self.row_prnu * self._column(STREAM_ROW_PRNU), 0.0)

@@ -129,7 +129,7 @@ void run() {
     clspeckle::Aperture(context, fine_desc).enqueue_intensity(queue, fine, quarter, quarter_result);
 
     const std::vector<float> dark(pixels, 1.0f);
-    sensor_desc.dark_frame_dn = dark.data();
+    sensor_desc.dark_frame_dn = sensor_desc.gain_map = dark.data();
     sensor_desc.hot_pixel_fraction = sensor_desc.cold_pixel_fraction = 0.1;
     const clspeckle::Sensor sensor(context, sensor_desc);
     sensor.enqueue_expose(queue, ideal.view, 0, result.view);

@@ -45,6 +45,7 @@ CHANGED: Config = {
         "hot_pixel_mean_dn": 77.0,
         "cold_pixel_fraction": 0.002,
         "dark_frame": "/somewhere/dark.npy",
+        "gain_map": "/somewhere/gain.npy",
         "quantize": False,
         "float_full_scale": 1023.0,
         "seed": 5,

@@ -160,6 +160,22 @@ def test_dark_frame(ok, refused, tmp_path: Path) -> None:
     assert "pixel (7, 3)" in refused("render", "black.npy", "-o", "none", "--dark-frame", "nan.npy")
 
 
+def test_gain_map(ok, refused, tmp_path: Path) -> None:
+    gains = np.where(np.arange(64) % 2, 0.875, 1.125).astype(np.float32) * np.ones((48, 64), np.float32)
+    np.save(tmp_path / "gain.npy", gains)
+    np.save(tmp_path / "one.npy", np.ones((48, 64), np.float32))
+    settings = [*QUICK, "--read-noise", 0, "--black-level", 10, "--exposure-gain", 200, "--illumination", "incoherent", "--normalization", "unit_mean"]
+    ok("render", "one.npy", "-o", "out", "--gain-map", "gain.npy", *settings)
+    np.testing.assert_array_equal(frames(tmp_path / "out")[0], 200 * gains + 10)
+    for name, changed, words in (("other", gains[:40], "64 x 40"), ("negative", gains - 1, "pixel (1, 0) of the gain map is -0.125; it must be finite and at least 0"), ("dn", gains * 200, "a mean of 200, it must be 0.9 to 1.1")):
+        np.save(tmp_path / f"{name}.npy", changed)
+        message = refused("render", "one.npy", "-o", "none", "--gain-map", f"{name}.npy", *settings)
+        assert f"{name}.npy: " in message and words in message, message
+        assert not (tmp_path / "none").exists()
+    np.save(tmp_path / "divided.npy", gains * 200 / 200)  # what the message says to do
+    ok("render", "one.npy", "-o", "again", "--gain-map", "divided.npy", *settings)
+
+
 def test_pupil_image(ok, refused, tmp_path: Path) -> None:
     """A pupil of 0.5 everywhere in its square passes a quarter of the light that one of 1 does."""
     np.save(tmp_path / "flat.npy", np.ones((64, 64), np.float32))

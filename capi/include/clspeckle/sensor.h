@@ -14,7 +14,8 @@
  *      2. s <- (1 - crosstalk_fraction) s + crosstalk_fraction / 4 (sum of s at the four neighbours)
  *              a neighbour outside of the image is the edge pixel itself
  *      3. s <- s * mosaic_gain[(x & 1) + 2 (y & 1)] * max(1 + prnu * n1(x, y), 0) * max(1 + column_prnu * n8(x), 0)
- *              * max(1 + row_prnu * n9(y), 0) * (1 - 0.3 u / dull_pixel_fraction where u < dull_pixel_fraction),  0 at cold pixels
+ *              * max(1 + row_prnu * n9(y), 0) * (1 - 0.3 u / dull_pixel_fraction where u < dull_pixel_fraction) * gain_map(x, y),
+ *              0 at cold pixels
  *      4. s <- s + K * dark_current_e_per_s * exposure_time_s * 2^((temperature_c - dark_current_reference_temperature_c) /
  *                                                                dark_current_doubling_k)
  *      5. s <- K * Poisson(s / K)                                   shot noise of light and dark current
@@ -116,6 +117,10 @@ typedef struct ClspSensorDesc {
     double telegraph_step_dn;    /**< By how much, >= 0; default 0. */
     uint32_t telegraph_centered; /**< 1: they jump by half of it up or down. 0 (default): up, or not at all. */
     uint32_t reserved_telegraph; /**< 0. */
+    /** Host memory, height x width relative gains of the pixels (a PRNU map): finite, >= 0, their mean 0.9 to 1.1; copied. Other gains of
+     *  pixels multiply it. NULL (default): 1. */
+    const float *gain_map;
+    uint64_t gain_map_pitch_bytes; /**< From row to row; 0 (default) means tightly packed. */
 } ClspSensorDesc;
 
 /** @name Colour filters: which colours lie at the sites (0,0) (1,0) / (0,1) (1,1) */
@@ -160,7 +165,7 @@ CLSP_API ClspStatus clspSensorMosaicFromBayer(uint32_t bayer, double red, double
 CLSP_API ClspStatus clspSensorDarkFrameFromCaptures(const uint16_t *frames, uint32_t frame_count, uint32_t width, uint32_t height,
                                                     uint64_t row_pitch_bytes, uint64_t frame_pitch_bytes, double black_level_dn,
                                                     float *dark_frame_dn, double *temporal_noise_dn);
-/** Makes a sensor; *sensor gets one reference. Draws the fixed pattern and copies the dark frame; waits for the device if there is one. */
+/** Makes a sensor; *sensor gets one reference. Draws the fixed pattern and copies the maps; waits for the device if there is one. */
 CLSP_API ClspStatus clspSensorCreate(ClspContext context, const ClspSensorDesc *desc, ClspSensor *sensor);
 /** Adds a reference. */
 CLSP_API ClspStatus clspSensorRetain(ClspSensor sensor);
@@ -172,7 +177,7 @@ CLSP_API ClspStatus clspSensorRelease(ClspSensor sensor);
 CLSP_API ClspStatus clspSensorSetExposureGain(ClspSensor sensor, double exposure_gain_dn);
 /**
  * Replaces all settings by those of another description of the same width and height: draws the fixed pattern again, forgets the frame
- * before, drops the dark frame if there is none in *desc. Frames that were enqueued before keep their settings. Waits for the device. If it
+ * before, drops the dark frame and the gain map if there is none in *desc. Frames that were enqueued before keep their settings. Waits for the device. If it
  * fails, the sensor is as it was.
  */
 CLSP_API ClspStatus clspSensorConfigure(ClspSensor sensor, const ClspSensorDesc *desc);

@@ -443,6 +443,9 @@ def test_simulate_depends_on_its_arguments_alone(context: clspeckle.Context, ide
     assert intensity.dtype == np.float32
     dark = clspeckle.simulate(ideal, dark_frame_dn=np.full(SHAPE, 20.0), read_noise_dn=0, **options)
     assert np.median(dark.astype(int) - clspeckle.simulate(ideal, read_noise_dn=0, **options)) == 20
+    half_dark = np.where(np.arange(SHAPE[1]) % 2, 1.5, 0.5) * np.ones(SHAPE)
+    striped = clspeckle.simulate(ideal, gain_map=half_dark, read_noise_dn=0, black_level_dn=0, **options).astype(float)
+    assert striped[:, 1::2].mean() == pytest.approx(3 * striped[:, ::2].mean(), rel=0.1)
 
 
 def test_simulate_keeps_one_camera(context: clspeckle.Context, ideal: Image) -> None:

@@ -50,7 +50,8 @@ def make(context, case=CAMERAS[0], shape=SHAPE, sensor_options=SENSOR, laser=Non
     options = None
     if sensor_options is not None:
         dark = np.random.default_rng(92).random(shape).astype(np.float32) * 8
-        options = {**sensor_options, "seed": seed + 1, "dark_frame_dn": dark}
+        gains = np.random.default_rng(93).normal(1, 0.02, shape).astype(np.float32)
+        options = {**sensor_options, "seed": seed + 1, "dark_frame_dn": dark, "gain_map": gains}
     camera = clspeckle.Pipeline(
         phase=clspeckle.Phase(shape, field=field, seed=seed, **common),
         aperture=clspeckle.Aperture(

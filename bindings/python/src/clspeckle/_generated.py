@@ -460,7 +460,8 @@ class ClspSensorDesc(Structure):
         ("column_prnu", _f64), ("row_prnu", _f64), ("row_offset_dn", _f64), ("dull_pixel_fraction", _f64),
         ("cubic_nonlinearity", _f64), ("periodic_offset_dn", _f64), ("periodic_frequency_x", _f64),
         ("periodic_frequency_y", _f64), ("telegraph_fraction", _f64), ("telegraph_step_dn", _f64),
-        ("telegraph_centered", _u32), ("reserved_telegraph", _u32),
+        ("telegraph_centered", _u32), ("reserved_telegraph", _u32), ("gain_map", _P(_f32)),
+        ("gain_map_pitch_bytes", _u64),
     ]
 
 

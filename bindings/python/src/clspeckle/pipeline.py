@@ -156,6 +156,7 @@ class PipelineParameters(TypedDict, total=False):
     telegraph_fraction: float | None
     telegraph_step_dn: float | None
     telegraph_centered: bool | None
+    gain_map: npt.ArrayLike | None
     line_count: int | None
     sub_exposures: int | None
     dephasing_rad: float | None

@@ -147,6 +147,7 @@ class Sensor(Stage):
         telegraph_fraction: part of the pixels whose offset jumps in half of the frames, 0 to 1.
         telegraph_step_dn: by how much, >= 0.
         telegraph_centered: they jump by half of it up or down, and not up or not at all.
+        gain_map: (height, width) relative gains of the pixels (a PRNU map), >= 0, their mean 0.9 to 1.1; copied.
         quantize: False: a float32 output is only clipped, not quantized.
         context: None for :func:`default_context`.
 
@@ -206,6 +207,7 @@ class Sensor(Stage):
         telegraph_fraction: float | None = None,
         telegraph_step_dn: float | None = None,
         telegraph_centered: bool | None = None,
+        gain_map: npt.ArrayLike | None = None,
         context: Context | None = None,
     ) -> None:
         given = {name: value for name, value in locals().items() if name in _OPTIONS}
@@ -366,16 +368,17 @@ def _raw(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
 
 
 def _description(shape: tuple[int, int], given: dict[str, Any]) -> tuple[_library.ClspSensorDesc, dict[str, Any]]:
-    """A description, and the options that it was made of with a dark frame of our own."""
+    """A description, and the options that it was made of with maps of our own."""
     options = dict(given)
     desc = Sensor._arguments.describe_image(shape, options)
     if options["mosaic_gain"] is not None:
         desc.mosaic_gain = _mosaic(options["mosaic_gain"])
-    if options["dark_frame_dn"] is not None:
-        dark = np.array(_check.float_plane(options["dark_frame_dn"], "dark_frame_dn", (desc.height, desc.width)))
-        _check.within(dark, "dark_frame_dn", -np.inf)
-        desc.dark_frame_dn = _check.pointer(dark)
-        options["dark_frame_dn"] = dark
+    for name, low in (("dark_frame_dn", -np.inf), ("gain_map", 0.0)):
+        if options[name] is not None:
+            image = np.array(_check.float_plane(options[name], name, (desc.height, desc.width)))
+            _check.within(image, name, low)
+            setattr(desc, name, _check.pointer(image))
+            options[name] = image
     return desc, options
 
 

@@ -65,6 +65,8 @@ TEST_F(Sensor, DescInit) {
     EXPECT_EQ(0u, desc.shot_noise);
     EXPECT_EQ(0u, desc.effective_bits);
     EXPECT_EQ(0u, desc.telegraph_centered);
+    EXPECT_EQ(nullptr, desc.gain_map);
+    EXPECT_EQ(0u, desc.gain_map_pitch_bytes);
 }
 
 // Devices that work in lanes have a kernel of their own (stages/sensor_lanes.h); CLSPECKLE_FFT=clfft takes the other.
@@ -76,8 +78,12 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
     std::vector<float> dark_frame(kMost);
     for (std::size_t i = 0; i < kMost; ++i)
         dark_frame[i] = 0.25f * static_cast<float>(i % 37) - 3.0f;
+    std::vector<float> gain_map(kMost);
+    for (std::size_t i = 0; i < kMost; ++i)
+        gain_map[i] = 0.95f + 0.01f * static_cast<float>(i % 11);
     using Change = std::function<void(ClspSensorDesc &)>;
-    const Change everything = [](ClspSensorDesc &d) {
+    const Change everything = [&](ClspSensorDesc &d) {
+        d.gain_map = gain_map.data();
         d.conversion_gain_dn_per_e = 0.5;
         d.shot_noise = 1;
         d.full_well_e = 1500;
@@ -116,6 +122,8 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"row noise alone", [](ClspSensorDesc &d) { d.read_noise_dn = 0, d.row_noise_dn = 3; }},
         {"column noise alone", [](ClspSensorDesc &d) { d.read_noise_dn = 0, d.column_noise_dn = 3; }},
         {"dark frame", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark_frame.data(); }},
+        {"gain map", [&](ClspSensorDesc &d) { d.gain_map = gain_map.data(); }},
+        {"gain map and cold pixels", [&](ClspSensorDesc &d) { d.gain_map = gain_map.data(), d.cold_pixel_fraction = 0.1; }},
         {"not quantized", [](ClspSensorDesc &d) { d.quantize = 0; }},
         {"few bits", [](ClspSensorDesc &d) { d.effective_bits = 6; }},
         {"dark current", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 0.5, d.dark_current_e_per_s = 3000; }},
@@ -208,6 +216,34 @@ TEST_F(Sensor, CodesFollowTheEquation) {
         const double value = std::min(500.0 * intensity[i], 700.25) + 10.5 + (double(i % width) * 0.25 - 2.0);
         ASSERT_EQ(std::clamp(std::nearbyint(value), 0.0, 1023.0), codes[i]) << i << ": " << value;
     }
+}
+
+TEST_F(Sensor, GainMapMultipliesTheLightAndEveryOtherGain) {
+    auto desc = valid();
+    desc.exposure_gain_dn = 500;
+    std::vector<float> gains(width * height + height * 3); // three floats of padding a row
+    const auto gain = [](std::uint32_t x, std::uint32_t y) { return (x + y) % 2 ? 0.875f : 1.125f; };
+    for (std::uint32_t y = 0; y < height; ++y)
+        for (std::uint32_t x = 0; x < width + 3; ++x)
+            gains[y * (width + 3) + x] = x < width ? gain(x, y) : -1.0f;
+    desc.gain_map = gains.data();
+    desc.gain_map_pitch_bytes = (width + 3) * sizeof(float);
+    const auto intensity = ramp();
+    const auto codes = expose<std::uint16_t>(clspeckle::Sensor(context, desc), intensity, CLSP_FORMAT_UINT16);
+    for (std::size_t i = 0; i < codes.size(); ++i) {
+        const double value = 500.0 * intensity[i] * gain(i % width, static_cast<std::uint32_t>(i / width)) + 64.0;
+        ASSERT_NEAR(std::min(value, 1023.0), codes[i], 0.501) << i;
+    }
+    auto drawn = valid();
+    drawn.exposure_gain_dn = 500;
+    drawn.prnu = 0.05;
+    drawn.cold_pixel_fraction = 0.1;
+    const auto plain = expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
+    drawn.gain_map = desc.gain_map;
+    drawn.gain_map_pitch_bytes = desc.gain_map_pitch_bytes;
+    const auto both = expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
+    for (std::size_t i = 0; i < both.size(); ++i)
+        ASSERT_NEAR((plain[i] * 1023 - 64) * gain(i % width, static_cast<std::uint32_t>(i / width)), both[i] * 1023 - 64, 1.1) << i;
 }
 
 TEST_F(Sensor, IntensityThatIsNoneCountsAsZero) {
@@ -636,6 +672,19 @@ TEST_F(Sensor, CreateRefusesBadArguments) {
     for (float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
         dark[width + 2] = bad;
         refuses_dark("dark_frame_dn", &D::dark_frame_dn, {dark.data()}, CLSP_ERROR_INVALID_DATA);
+    }
+    std::vector<float> gains(width * height, 1.0f);
+    desc = valid();
+    desc.gain_map = gains.data();
+    const auto refuses_gain = check_create(desc);
+    refuses_gain("gain_map_pitch_bytes", &D::gain_map_pitch_bytes, {4, width * 4 + 2});
+    for (float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -0.5f}) {
+        gains[width + 2] = bad;
+        refuses_gain("gain_map[1][2] (row, column) is", &D::gain_map, {gains.data()}, CLSP_ERROR_INVALID_DATA);
+    }
+    for (float mean : {0.0f, 0.89f, 1.11f, 400.0f}) {
+        std::fill(gains.begin(), gains.end(), mean);
+        refuses_gain("it must be 0.9 to 1.1", &D::gain_map, {gains.data()}, CLSP_ERROR_INVALID_DATA);
     }
 }
 

@@ -114,8 +114,9 @@ def test_codes(context, measured, effect):
     stage, expected = both(context, **options)
     if effect == "all":
         dark = np.random.default_rng(52).normal(0, 3, SHAPE).astype(np.float32)
-        stage.configure(dark_frame_dn=dark)
-        expected.dark_frame_dn = dark
+        gains = np.random.default_rng(53).normal(1, 0.02, SHAPE).astype(np.float32)
+        stage.configure(dark_frame_dn=dark, gain_map=gains)
+        expected.dark_frame_dn, expected.gain_map = dark, gains
     intensity = intensity_image()
     plain = clspeckle.Sensor(SHAPE, context=context, **BASE)
     for frame_index in (0, FRAME):
@@ -494,7 +495,8 @@ def test_effective_bits_round_to_the_nearest_multiple(context):
 def test_configure_makes_the_same_sensor_as_a_new_one(context):
     dark = np.random.default_rng(57).normal(0, 3, SHAPE).astype(np.float32)
     image = intensity_image()
-    stage = clspeckle.Sensor(SHAPE, context=context, bits=12, seed=3, dark_frame_dn=dark, exposure_gain_dn=800.0)
+    gains = np.random.default_rng(58).normal(1, 0.02, SHAPE).astype(np.float32)
+    stage = clspeckle.Sensor(SHAPE, context=context, bits=12, seed=3, dark_frame_dn=dark, gain_map=gains, exposure_gain_dn=800.0)
     before = stage.expose(image, frame_index=2)
     for changes in ({"prnu": 0.1}, {"row_noise_dn": 4.0, "prnu": 0.0}, {"lag_fraction": 0.5}, {"bits": 10}, {}):
         stage.configure(**changes)
