@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Describes the ABI of a library that was built with debug information: record.sh LIBRARY OUTPUT
-# With no arguments it renews tests/abi/clspeckle.abi from the build in CLSPECKLE_BUILD_DIR, else build/; do that when a release adds to the
-# interface.
+# With no arguments it renews tests/abi/clspeckle.abi from the public headers; do that when a release adds to the interface.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/../.." && pwd)"
 if [ $# -eq 0 ]; then
-    build="${CLSPECKLE_BUILD_DIR:-$root/build}"
-    cmake --build "$build" --target clspeckle_abi >/dev/null
-    set -- "$build/abi/libclspeckle.so" "$root/tests/abi/clspeckle.abi"
+    folder="$(mktemp -d)"
+    trap 'rm -rf "$folder"' EXIT
+    python3 "$root/tests/abi/stub.py" "$folder/libclspeckle.so"
+    set -- "$folder/libclspeckle.so" "$root/tests/abi/clspeckle.abi"
 fi
 # Only what the exported functions reach, and nothing of the machine that it was recorded on.
 abidw --exported-interfaces-only --no-show-locs \

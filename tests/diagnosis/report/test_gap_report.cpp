@@ -1,5 +1,7 @@
 // Evidence, downstream errors and the pieces of the HTML report, against small cases whose answer is known.
 #include "diagnosis/report/sample_reports.hpp"
+#include "measure/downstream.hpp"
+#include "measure/evidence.hpp"
 #include "measure/evidence_statistics.hpp"
 #include "report/explanations.hpp"
 #include "report/figures.hpp"

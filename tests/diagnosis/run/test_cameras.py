@@ -38,7 +38,15 @@ def coarse_camera(seed: int, read_noise_dn: float, black_dn: float) -> Camera:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("read_noise_dn", "black_dn"), [(0.2, 16.13), (0.25, 16.46), (0.4, 7.88), (0.6, 16.13)])
+@pytest.mark.parametrize(
+    ("read_noise_dn", "black_dn"),
+    [
+        (0.2, 16.13),
+        pytest.param(0.25, 16.46, marks=pytest.mark.nightly),
+        pytest.param(0.4, 7.88, marks=pytest.mark.nightly),
+        pytest.param(0.6, 16.13, marks=pytest.mark.nightly),
+    ],
+)
 def test_codes_wider_than_the_noise_are_no_gap(tmp_path: Path, read_noise_dn: float, black_dn: float) -> None:
     write_capture(tmp_path, coarse_camera(9151, read_noise_dn, black_dn), {}, 40, 78)
     report = diagnosed(tmp_path)
@@ -53,8 +61,8 @@ def test_codes_wider_than_the_noise_are_no_gap(tmp_path: Path, read_noise_dn: fl
     ("effect", "setting", "error"),
     [
         ("gamma", {"gamma": 0.858}, 0.006),
-        ("full_well", {"level_dn": 109.5}, 1.0),
-        ("motion_decorrelation", {"lags": 2.4}, 0.1),
+        pytest.param("full_well", {"level_dn": 109.5}, 1.0, marks=pytest.mark.nightly),
+        pytest.param("motion_decorrelation", {"lags": 2.4}, 0.1, marks=pytest.mark.nightly),
     ],
 )
 def test_effects_of_a_camera_with_eight_bits(
@@ -80,6 +88,7 @@ def test_capture_make_samples_as_the_diagnosis_does(tmp_path: Path) -> None:
     assert not report["shrink"]["residual_detected"]
 
 
+@pytest.mark.nightly
 def test_noise_of_two_codes_of_twelve_bits(tmp_path: Path) -> None:
     """Multiples of 8 codes show even light's level to 0.01 DN, and every trial of a fit had it off by up to 1 DN."""
     camera = draw_camera(
@@ -94,7 +103,8 @@ def test_noise_of_two_codes_of_twelve_bits(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("f_number", "pixel_pitch_um", "dot_sigma_px", "seed"), [(2.0, 1.4, 2.8, 500), (4.0, 2.2, 1.85, 503)]
+    ("f_number", "pixel_pitch_um", "dot_sigma_px", "seed"),
+    [(2.0, 1.4, 2.8, 500), pytest.param(4.0, 2.2, 1.85, 503, marks=pytest.mark.nightly)],
 )
 def test_pixels_behind_a_wide_pupil(
     tmp_path: Path, f_number: float, pixel_pitch_um: float, dot_sigma_px: float, seed: int

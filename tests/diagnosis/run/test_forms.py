@@ -34,7 +34,12 @@ def first_of(tmp_path: Path, effect: str, reading: str, values: dict[str, float]
 
 
 @pytest.mark.parametrize(
-    ("law", "lags", "seed"), [("gaussian", 1.4, 511), ("gaussian", 2.5, 512), ("exponential", 1.4, 513)]
+    ("law", "lags", "seed"),
+    [
+        ("gaussian", 1.4, 511),
+        pytest.param("gaussian", 2.5, 512, marks=pytest.mark.nightly),
+        pytest.param("exponential", 1.4, 513, marks=pytest.mark.nightly),
+    ],
 )
 def test_the_law_of_motion_in_the_exposure(tmp_path: Path, law: str, lags: float, seed: int) -> None:
     """Gaussian ones were `unknown` from 1.4 on: no exponential one has their contrast and skewness."""
@@ -66,6 +71,7 @@ def test_what_the_simulator_made_is_told(tmp_path: Path) -> None:
     assert 1.2 < low < 1.4 < high < 1.6
 
 
+@pytest.mark.nightly
 def test_a_form_that_is_not_told_is_in_the_intervals(tmp_path: Path) -> None:
     """Beside depolarization 0.7 lags of the exponential law may be as good as the 1.4 of the Gaussian one."""
     seed = 702
@@ -88,7 +94,7 @@ def test_a_form_that_is_not_told_is_in_the_intervals(tmp_path: Path) -> None:
     assert high > 1.25
 
 
-@pytest.mark.parametrize(("reading", "seed"), [("wind", 521), ("near", 522)])
+@pytest.mark.parametrize(("reading", "seed"), [("wind", 521), pytest.param("near", 522, marks=pytest.mark.nightly)])
 def test_the_law_of_moving_air(tmp_path: Path, reading: str, seed: int) -> None:
     """A frozen screen that the wind carries along was `unknown`: no autoregression forgets so little at first.
 

@@ -7,6 +7,8 @@ import os
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from gap_check.camera import draw_camera
 from gap_check.generator import write_capture
 
@@ -24,6 +26,7 @@ def diagnose(capture: Path) -> dict:
     return json.loads(report.read_text())["cause"]
 
 
+@pytest.mark.nightly
 def test_what_bends_is_screened_along_lines(tmp_path: Path) -> None:
     """A defocus of 0.77 waves at f/8 promised a tenth of the gap by the change that one of 0.95 makes.
 
@@ -46,6 +49,7 @@ def test_a_confusable_effect_is_swapped(tmp_path: Path) -> None:
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
 
 
+@pytest.mark.nightly
 def test_of_two_swaps_the_better_is_made(tmp_path: Path) -> None:
     """Many laser lines were taken for lost polarization while glare was missing.
 
