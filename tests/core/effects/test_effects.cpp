@@ -155,7 +155,7 @@ TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
         }
     }
     for (const auto &[id, expected] : fixed_effects) {
-        const auto effect = std::find_if(all.begin(), all.end(), [&](const ClspEffectInfo &e) { return id == e.id; });
+        const auto effect = std::find_if(all.begin(), all.end(), [id = id](const ClspEffectInfo &e) { return id == e.id; });
         ASSERT_NE(all.end(), effect) << id;
         EXPECT_EQ(expected.first, effect->stage) << id;
         std::vector<std::string> names;

@@ -115,8 +115,8 @@ TEST_F(AirflowTest, IsTheSumOfItsFrequencies) {
             const int half_width = half_of(width), half_height = half_of(height);
             const std::uint32_t box_height = 2u * static_cast<std::uint32_t>(half_height) + 1u,
                                 quarter = quarter_rows(box_height);
-            const auto gain = [&](int kx, int ky) {
-                const double fx = double(kx) / width, fy = double(ky) / height;
+            const auto gain = [&, w = width, h = height](int kx, int ky) {
+                const double fx = double(kx) / w, fy = double(ky) / h;
                 return std::exp(-0.5 * kPi * kPi * scale * scale * (fx * fx + fy * fy));
             };
             double power = 0.0;

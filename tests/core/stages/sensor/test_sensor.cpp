@@ -155,12 +155,12 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
                     std::set<std::string>{"read noise", "few bits", "not quantized", "everything"}.count(name) > 0;
                 if (format != CLSP_FORMAT_UINT16 && !every_format)
                     continue; // every variant of the other kernel takes long to compile
-                const auto frames = [&](const clspeckle::Context &context) {
+                const auto frames = [&, apply = change](const clspeckle::Context &context) {
                     auto desc = clspeckle::make<ClspSensorDesc>();
                     desc.width = size.width;
                     desc.height = size.height;
                     desc.seed = 11;
-                    change(desc);
+                    apply(desc);
                     if (format == CLSP_FORMAT_UINT8)
                         desc.bits = 8;
                     const clspeckle::Sensor sensor(context, desc);
