@@ -73,7 +73,8 @@ TEST_F(CppBinding, CopiesShareAndMovesEmpty) {
         EXPECT_FALSE(original);
         copy.set_exposure_gain(3); // still alive
         original = copy;
-        copy = std::move(copy);
+        clspeckle::Sensor &self = copy;
+        copy = std::move(self);
         EXPECT_TRUE(copy) << "assigned to itself";
         clspeckle::Sensor &same = original;
         original = same;
