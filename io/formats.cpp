@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 #include <stdexcept>
+#include <string_view>
 
 namespace image_io {
 
@@ -95,31 +97,123 @@ std::string listed(const char *word, const std::function<bool(const Format &)> &
     return text;
 }
 
-ImageName split_name(const std::string &name) {
+ImageName split_name(const std::string &name, const std::function<bool(const std::string &)> &is_path) {
     std::error_code ignored;
     if (std::filesystem::exists(name, ignored))
         return {name, ""};
     for (std::size_t colon = name.rfind(':'); colon != std::string::npos && colon > 0;
          colon = name.rfind(':', colon - 1))
-        if (const std::string path = name.substr(0, colon); std::filesystem::is_regular_file(path, ignored))
+        if (const std::string path = name.substr(0, colon);
+            is_path ? is_path(path) : std::filesystem::is_regular_file(path, ignored))
             return {path, name.substr(colon + 1)};
     return {name, ""};
 }
 
+std::string join_name(const ImageName &name) {
+    return name.channel.empty() ? name.path : name.path + ":" + name.channel;
+}
+
 namespace {
 
-/** Takes page=N out of the channel's name. */
-void take_page(const std::string &path, ReadRequest &request) {
-    const std::string key = "page=", text = request.channel;
-    if (text.rfind(key, 0) != 0)
-        return;
-    const char *first = text.data() + key.size(), *end = text.data() + text.size();
+/** Takes page=N and full_scale=N out of the channel's name. */
+void take_settings(const std::string &path, ReadRequest &request) {
+    const auto take = [&](const std::string &key, auto number, const char *otherwise) {
+        const std::string text = request.channel;
+        const std::string value = text.substr(0, text.find(','));
+        if (value.rfind(key, 0) != 0)
+            return false;
+        const char *first = value.data() + key.size(), *end = value.data() + value.size();
+        const auto result = std::from_chars(first, end, *number);
+        if (result.ec != std::errc() || result.ptr != end)
+            throw ReadError(path, fmt::format("\"{}\" {}", value, otherwise));
+        request.channel = value.size() == text.size() ? "" : text.substr(value.size() + 1);
+        return true;
+    };
     std::uint64_t page = 0;
-    const auto result = std::from_chars(first, end, page);
-    if (result.ec != std::errc() || (result.ptr != end && *result.ptr != ','))
-        throw ReadError(path, fmt::format("\"{}\" names no page; the first one is page=0", text));
-    request.page = page;
-    request.channel = result.ptr == end ? "" : std::string(result.ptr + 1, end);
+    double full_scale = 0;
+    for (bool more = true; more;) {
+        more = false;
+        if (take("page=", &page, "names no page; the first one is page=0")) {
+            request.page = page;
+            more = true;
+        }
+        if (take("full_scale=", &full_scale, "is no number that means 1; of 10 bits it is full_scale=1023")) {
+            if (!(full_scale > 0 && std::isfinite(full_scale)))
+                throw ReadError(path, fmt::format("full_scale={} is no number above 0", full_scale));
+            request.full_scale = full_scale;
+            more = true;
+        }
+    }
+    const bool light = request.role == Role::image || request.role == Role::albedo || request.role == Role::visibility;
+    if (request.full_scale && !light)
+        throw ReadError(path, "full_scale=N is of light and parts of it; depths, normals, masks and materials are the "
+                              "numbers that they are. For depths --depth-scale does it");
+}
+
+/** Another reader's images with another number that means 1. */
+class FullScale final : public Reader {
+  public:
+    FullScale(std::unique_ptr<Reader> reader, double full_scale) : Reader(reader->path()), reader_(std::move(reader)) {
+        info_ = reader_->info();
+        info_.full_scale = full_scale;
+        info_.full_scale_given = true;
+    }
+    void read_rows(std::uint64_t frame, const RowSink &sink) override { reader_->read_rows(frame, sink); }
+
+  private:
+    std::unique_ptr<Reader> reader_;
+};
+
+/** What files of other formats begin with, and how they become images that are read. */
+struct Foreign {
+    std::size_t at;
+    std::string_view magic;
+    const char *name;
+    const char *advice;
+};
+using namespace std::string_view_literals;
+constexpr const char *convert_it = "convert it to PNG, TIFF or NPY";
+constexpr Foreign foreign_formats[] = {
+    {0, "GIF8"sv, "GIF", convert_it},
+    {8, "WEBP"sv, "WebP", convert_it},
+    {4, "ftypavif"sv, "AVIF", convert_it},
+    {4, "ftyphei"sv, "HEIF", convert_it},
+    {4, "jP  "sv, "JPEG 2000", convert_it},
+    {0, "\xff\x4f\xff\x51"sv, "JPEG 2000", convert_it},
+    {0, "\xff\x0a"sv, "JPEG XL", convert_it},
+    {4, "JXL "sv, "JPEG XL", convert_it},
+    {0, "DDS "sv, "DDS", convert_it},
+    {0, "8BPS"sv, "Photoshop", convert_it},
+    {0, "Pf\n"sv, "PFM", convert_it},
+    {0, "PF\n"sv, "PFM", convert_it},
+    {0, "SIMPLE  ="sv, "FITS", convert_it},
+    {0, "\x89HDF"sv, "HDF5", "save its array as NPY: numpy.save(\"image.npy\", array)"},
+    {0, "MATLAB"sv, "MATLAB", "save its array as NPY: numpy.save(\"image.npy\", array)"},
+    {0, "\x80\x04\x95"sv, "pickle", "save its array as NPY: numpy.save(\"image.npy\", array)"},
+    {0, "\x1f\x8b"sv, "gzip", "unpack it"},
+};
+
+/** Why a file is no image; of an NPZ archive with the name of its first array. */
+std::string why_unknown(const std::string &path) {
+    detail::InputFile file(path);
+    char bytes[256];
+    const std::string start(bytes, std::fread(bytes, 1, sizeof bytes, file.stream()));
+    for (const Foreign &one : foreign_formats)
+        if (start.size() > one.at && start.compare(one.at, one.magic.size(), one.magic) == 0)
+            return fmt::format("is a file of the format {}, which is not read; {}", one.name, one.advice);
+    if (start.rfind("PK\x03\x04", 0) == 0 && start.size() > 30) {
+        // A local header: the name's length, then behind the header the name.
+        const std::size_t length = static_cast<unsigned char>(start[26]);
+        const std::string name = start.substr(30, length);
+        if (const std::size_t dot = name.rfind(".npy"); dot != std::string::npos && dot + 4 == name.size())
+            return fmt::format("is an NPZ archive of arrays; save one of them as NPY, for example "
+                               "numpy.save(\"{0}.npy\", numpy.load(\"{1}\")[\"{0}\"])",
+                               name.substr(0, dot), path);
+        return "is a ZIP archive; unpack it";
+    }
+    return fmt::format("is not a {} file (the content decides, not the name); raw frames must be described: {} "
+                       "(--raw, or \"raw\" in capture.json)",
+                       listed("or"), raw_form);
 }
 
 /** One frame of another reader. */
@@ -150,12 +244,10 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
                         fmt::format("two channels are named, \"{}\" and \"{}\"; name one", channel, wanted.channel));
     if (!channel.empty())
         request.channel = channel;
-    take_page(path, request);
+    take_settings(path, request);
     const Format *format = request.raw ? &format_named("raw") : recognized(path);
     if (!format)
-        throw ReadError(path, fmt::format("is not a {} file (the content decides, not the name); raw frames must be "
-                                          "described: {} (--raw, or \"raw\" in capture.json)",
-                                          listed("or"), raw_form));
+        throw ReadError(path, why_unknown(path));
     if (!format->open)
         throw ReadError(path, fmt::format("is an image of the format {}, which is not read here; {} are", format->name,
                                           listed("and", &Format::is_read)));
@@ -165,6 +257,8 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
         reader = std::make_unique<OnePage>(std::move(reader), *request.page);
     if (!request.channel.empty() && !format->open_channels)
         reader = select_samples(std::move(reader), request);
+    if (request.full_scale)
+        reader = std::make_unique<FullScale>(std::move(reader), *request.full_scale);
     return reader;
 }
 

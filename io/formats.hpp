@@ -17,14 +17,18 @@
 
 namespace image_io {
 
-/** An image as users name it: a file, FILE:CHANNEL, FILE:page=N, or FILE:page=N,CHANNEL. */
+/** An image as users name it: a file, or FILE: with page=N, full_scale=N and a channel behind, with commas between
+ * them. */
 struct ImageName {
     std::string path;
     std::string channel; ///< All that is behind the colon.
 };
 
-/** A file that there is goes by its whole name, whatever colons stand in it. */
-ImageName split_name(const std::string &name);
+/** A file that there is goes by its whole name, whatever colons stand in it. @param is_path what may stand before the
+ * colon; none: a file. */
+ImageName split_name(const std::string &name, const std::function<bool(const std::string &)> &is_path = {});
+/** The name of what split_name() took apart. */
+std::string join_name(const ImageName &name);
 
 /** Types of samples that are written. */
 enum class Sample { uint8, uint16, float32 };

@@ -27,10 +27,10 @@ Transfer decoding(const Reader &reader, Encoding encoding, std::vector<std::stri
     if (encoding != Encoding::automatic || told.curve == Transfer::Curve::linear)
         return {};
     if (told.curve == Transfer::Curve::unknown) {
-        warnings.push_back(fmt::format("{}: {} has {}; the numbers are taken as linear light. If they are encoded, "
-                                       "--transfer srgb decodes them; if not, --transfer linear says so",
-                                       reader.path(), told.said_by, told.name()));
-        return {};
+        throw ReadError(reader.path(), fmt::format("{} has {}, so that it cannot be told what its numbers mean as "
+                                                   "light. --transfer linear takes them as they are, --transfer srgb "
+                                                   "decodes them as sRGB",
+                                                   told.said_by, told.name()));
     }
     warnings.push_back(fmt::format("{}: its numbers are encoded for a screen ({}, says {}) and were decoded to linear "
                                    "light; --transfer linear takes them as they are",
@@ -137,6 +137,8 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
     plane.height = info.height;
     plane.full_scale = info.full_scale;
     plane.sample = info.sample;
+    plane.significant_bits = info.significant_bits;
+    plane.full_scale_given = info.full_scale_given;
     const std::size_t row_values = info.width;
     plane.values.reserve(row_values * info.height);
     const double opaque = info.full_scale > 0 ? info.full_scale : 1.0;
@@ -197,6 +199,24 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
 }
 
 namespace detail {
+
+unsigned enough_bits(std::uint32_t code) {
+    unsigned bits = 10;
+    while (bits < 16 && code >> bits != 0)
+        bits += 2;
+    return bits;
+}
+
+unsigned bits_if_swapped(const unsigned char *bytes, std::size_t size_bytes, bool big_endian) {
+    std::uint32_t as_read = 0, as_swapped = 0;
+    for (std::size_t i = 0; i + 1 < size_bytes; i += 2) {
+        const std::uint32_t first = bytes[i], second = bytes[i + 1];
+        as_read |= big_endian ? first << 8 | second : second << 8 | first;
+        as_swapped |= big_endian ? second << 8 | first : first << 8 | second;
+    }
+    const bool swapped = size_bytes >= 128 && as_swapped < 16384 && as_swapped > 255 && as_read >= 16384;
+    return swapped ? enough_bits(as_swapped) : 0;
+}
 
 unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes) {
     if (size_bytes < 8)

@@ -58,8 +58,10 @@ struct Info {
     std::uint64_t surplus_bytes = 0;   ///< Behind all that the header describes; not read, which is a warning.
     std::vector<std::string> warnings; ///< What was ignored.
     Transfer transfer;                 ///< How numbers stand for light.
+    unsigned significant_bits = 0;     ///< That the converter had, where the file says so; 0: it does not.
     bool lossy = false;                ///< The compression changes numbers.
     bool white_is_zero = false;        ///< The file says so; values are turned, so that more is brighter.
+    bool full_scale_given = false;     ///< By ReadRequest::full_scale.
     bool one_page = false;             ///< The reader took ReadRequest::page into account.
 };
 
@@ -96,9 +98,11 @@ class Reader {
 struct Plane {
     std::uint32_t width = 0;
     std::uint32_t height = 0;
-    std::vector<float> values; ///< height x width.
-    double full_scale = 0;     ///< As Info::full_scale.
-    std::string sample;        ///< As Info::sample.
+    std::vector<float> values;     ///< height x width.
+    double full_scale = 0;         ///< As Info::full_scale.
+    std::string sample;            ///< As Info::sample.
+    unsigned significant_bits = 0; ///< As Info::significant_bits.
+    bool full_scale_given = false; ///< By ReadRequest::full_scale.
 
     bool empty() const { return values.empty(); }
     float at(std::uint32_t x, std::uint32_t y) const { return values[static_cast<std::size_t>(y) * width + x]; }
@@ -178,6 +182,12 @@ class Writer {
 };
 
 namespace detail {
+
+/** Of a camera: 10, 12, 14 or 16 that hold a code. */
+unsigned enough_bits(std::uint32_t code);
+/** How many bits words of 16 need with their bytes swapped, where that is more likely what they are: as they are their
+ * high bytes vary, while the low ones stay small. 0: they are as they should be. */
+unsigned bits_if_swapped(const unsigned char *bytes, std::size_t size_bytes, bool big_endian);
 
 /** The orientation that EXIF data tell, which begin as a TIFF file does; 0: none. */
 unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes);

@@ -23,6 +23,8 @@ struct ReadRequest {
     Role role = Role::image;
     /** One image of several, from 0; none: all that are frames. */
     std::optional<std::uint64_t> page = {};
+    /** The number that means 1; none: as the samples' type says. */
+    std::optional<double> full_scale = {};
     /** Of raw frames: how they lie in the file, whatever it looks like. */
     std::optional<RawLayout> raw = {};
 };

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <fnmatch.h>
+#include <glob.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -112,6 +113,29 @@ std::string literal_pattern(const std::string &text) {
     for (const char c : text)
         result += std::string("*?[").find(c) == std::string::npos ? std::string(1, c) : fmt::format("[{}]", c);
     return result;
+}
+
+bool is_pattern(const std::string &name) {
+    return name.find_first_of("*?[") != std::string::npos;
+}
+
+std::vector<std::string> matches_of(const std::string &pattern) {
+    glob_t matches{};
+    const int result = ::glob(pattern.c_str(), 0, nullptr, &matches);
+    std::vector<std::string> files;
+    for (std::size_t i = 0; result == 0 && i < matches.gl_pathc; ++i)
+        files.emplace_back(matches.gl_pathv[i]);
+    ::globfree(&matches);
+    return files;
+}
+
+ImageName split_several(const std::string &name) {
+    std::error_code ignored;
+    if (fs::exists(name, ignored) || (is_pattern(name) && !matches_of(name).empty()))
+        return {name, ""};
+    return split_name(name, [&](const std::string &path) {
+        return fs::is_directory(path, ignored) || (is_pattern(path) && !matches_of(path).empty());
+    });
 }
 
 bool natural_less(const std::string &a, const std::string &b) {

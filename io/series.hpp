@@ -5,6 +5,8 @@
 #ifndef CLSPECKLE_IO_SERIES_HPP
 #define CLSPECKLE_IO_SERIES_HPP
 
+#include "io/formats.hpp"
+
 #include <string>
 #include <vector>
 
@@ -15,6 +17,15 @@ bool natural_less(const std::string &a, const std::string &b);
 
 /** What a glob pattern takes as it stands. */
 std::string literal_pattern(const std::string &text);
+
+/** Whether a name holds what a glob pattern gives a meaning. */
+bool is_pattern(const std::string &name);
+/** The files that match a glob pattern; none: none does. */
+std::vector<std::string> matches_of(const std::string &pattern);
+
+/** FOLDER:CHANNEL and PATTERN:CHANNEL taken apart, as split_name() does it with files; a pattern that files match goes
+ * first. */
+ImageName split_several(const std::string &name);
 
 /** A preview that render wrote beside its frames: an image for the eye, with 8-bit values of its own. */
 bool is_preview(const std::string &path);

@@ -5,19 +5,25 @@
 #ifndef CLSPECKLE_IO_TRANSFER_HPP
 #define CLSPECKLE_IO_TRANSFER_HPP
 
+#include <array>
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace image_io {
 
 /** From a number of 0 to 1 to linear light. */
 struct Transfer {
-    enum class Curve { linear, srgb, power, unknown };
+    enum class Curve { linear, srgb, power, bt709, pq, hlg, parametric, table, unknown };
     Curve curve = Curve::linear;
-    double exponent = 1; ///< Of Curve::power: light is the number to it.
-    std::string said_by; ///< For messages; empty: the file says nothing.
+    double exponent = 1;                   ///< Of Curve::power: light is the number to it.
+    std::string said_by;                   ///< For messages; empty: the file says nothing.
+    std::array<double, 7> parameters = {}; ///< Of Curve::parametric: g, a, b, c, d, e, f of its ICC type 4.
+    std::vector<float> entries;            ///< Of Curve::table: light at numbers from 0 to 1, evenly spaced.
+    std::string unknown_because;           ///< Of Curve::unknown, for messages.
 
     double to_light(double value) const;
+    bool is_like(const Transfer &other) const;
     /** For messages: "sRGB", "the power 2.2". */
     std::string name() const;
 };
@@ -25,8 +31,11 @@ struct Transfer {
 Transfer srgb(const std::string &said_by);
 /** @param exponent close to 1 it is linear. */
 Transfer power(double exponent, const std::string &said_by);
-/** Of an ICC profile, by its tone curve; one that is a table is known by the profile's name only. */
+/** Of an ICC profile, by its tone curves; one without any is known by its name only. */
 Transfer transfer_of_icc(const unsigned char *data, std::size_t size_bytes);
+/** Of the transfer characteristics of ITU-T H.273, as PNG's chunk cICP has them. @param full_range else black and white
+ * lie within the codes. */
+Transfer transfer_of_cicp(unsigned characteristics, bool full_range, const std::string &said_by);
 
 } // namespace image_io
 

@@ -8,8 +8,6 @@
 
 #include <fmt/format.h>
 
-#include <glob.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cstring>
@@ -116,26 +114,27 @@ image_io::ReadRequest request_of(const std::string &channel, const std::string &
 
 std::vector<std::string> expand(const std::string &argument, Purpose purpose) {
     std::error_code code;
-    const fs::file_status status = fs::status(argument, code);
-    std::vector<std::string> files;
-    if (fs::is_directory(status)) {
+    if (fs::is_directory(argument, code)) {
         const fs::path description = fs::path(argument) / "sequence.json";
         if (fs::exists(description, code))
             return {description.string()};
-        files = images_of(argument, purpose);
-    } else if (fs::exists(status) || argument.find_first_of("*?[") == std::string::npos) {
+    }
+    // A channel, or a page, of all files.
+    const auto [several, channel] = image_io::split_several(argument);
+    std::vector<std::string> files;
+    if (fs::is_directory(several, code)) {
+        files = images_of(several, purpose);
+    } else if (fs::exists(argument, code) || !image_io::is_pattern(several)) {
         return {argument};
     } else {
-        glob_t matches{};
-        const int result = ::glob(argument.c_str(), 0, nullptr, &matches);
-        for (std::size_t i = 0; i < matches.gl_pathc; ++i)
-            files.emplace_back(matches.gl_pathv[i]);
-        ::globfree(&matches);
-        if (result != 0 || files.empty())
+        files = image_io::matches_of(several);
+        if (files.empty())
             throw InputError(fmt::format("{}: no file matches", argument));
         image_io::leave_previews_out(files);
     }
     std::sort(files.begin(), files.end(), image_io::natural_less);
+    for (std::string &file : files)
+        file = image_io::join_name({file, channel});
     return files;
 }
 

@@ -102,8 +102,8 @@ class FileSeries {
     std::size_t open_file_ = 0;
 };
 
-void check_albedo(Plane &plane, const std::string &name, bool clip_negative, std::vector<std::string> &warnings) {
-    check_light(plane, name, "albedo", clip_negative, warnings);
+void check_albedo(Plane &plane, const std::string &name, LightChoice choice, std::vector<std::string> &warnings) {
+    check_light(plane, name, "albedo", choice, warnings);
     const auto above = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 1.0f; });
     if (above > 0)
         warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1", name, above));
@@ -154,9 +154,14 @@ void scale_position(VectorPlane &plane, const Config &config) {
             value = static_cast<float>(value * config.number("camera.depth_scale"));
 }
 
-/** Unit normals matter where there is a surface: a longer one would brighten it. */
-void check_normals(const FrameData &data, const std::string &name, std::vector<std::string> &warnings) {
-    const std::size_t count = data.normal.values.size() / 3;
+/** Unit normals matter where there is a surface: a longer one would brighten it. Those of what a camera sees face it.
+ */
+void check_normals(const FrameData &data, const std::string &name, const Config &config,
+                   std::vector<std::string> &warnings) {
+    const std::size_t count = data.normal.values.size() / 3, width = data.normal.width;
+    const double fx = config.number("camera.fx_px"), fy = config.number("camera.fy_px");
+    const double cx = config.number("camera.cx_px"), cy = config.number("camera.cy_px");
+    std::size_t surfaces = 0, away = 0;
     std::size_t bad = 0;
     std::size_t first = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -169,7 +174,23 @@ void check_normals(const FrameData &data, const std::string &name, std::vector<s
             if (bad++ == 0)
                 first = i;
         }
+        if (surface) {
+            const double x = data.position.empty() ? (fx > 0 ? (static_cast<double>(i % width) - cx) / fx : 0)
+                                                   : data.position.values[3 * i];
+            const double y = data.position.empty() ? (fy > 0 ? (static_cast<double>(i / width) - cy) / fy : 0)
+                                                   : data.position.values[3 * i + 1];
+            const double z = data.position.empty() ? 1 : data.position.values[3 * i + 2];
+            ++surfaces;
+            away += n[0] * x + n[1] * y + n[2] * z > 0;
+        }
     }
+    // At silhouettes some do, where a renderer's pixels mix what is near and far.
+    if (away > surfaces / 2)
+        warnings.push_back(fmt::format(
+            "{}: {} of {} normals face away from the camera, so that there is no light there; normals point out of the "
+            "surface, x to the right, y down, z away from the camera. Many renderers have y up and z towards the "
+            "camera: then save normals * [1, -1, -1]",
+            name, away, surfaces));
     if (bad > 0)
         warnings.push_back(
             fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
@@ -201,7 +222,7 @@ std::vector<std::uint8_t> to_ids(const Plane &plane, const std::string &name) {
 class Planes {
   public:
     Planes(const InputPaths &paths, const Config &config)
-        : config_(config), clip_negative_(config.flag("render.clip_negative")), encoding_(encoding_of(config)) {
+        : config_(config), choice_(light_choice(config)), encoding_(encoding_of(config)) {
         add("depth", paths.depth, Role::depth);
         add("position", paths.position, Role::position);
         add("normal", paths.normal, Role::normal);
@@ -256,19 +277,22 @@ class Planes {
                 data.material = to_ids(plane, file);
                 continue;
             }
+            const std::string advice =
+                name == "refresh-mask" ? "" : check_full_scale(plane, file, series.first_path(), warnings);
             plane.normalize();
             if (name == "albedo") {
-                check_albedo(plane, file, clip_negative_, warnings);
+                check_albedo(plane, file, choice_, warnings);
                 data.albedo = std::move(plane);
             } else if (name == "visibility") {
-                check_values(plane, file, "visibility", 1.0);
+                check_values(plane, file, "visibility", 1.0,
+                             advice.empty() ? "" : advice + " divides its whole numbers");
                 data.visibility = std::move(plane);
             } else {
                 data.refresh = to_mask(plane, file);
             }
         }
         if (has("normal"))
-            check_normals(data, planes_.at("normal").name(0), warnings);
+            check_normals(data, planes_.at("normal").name(0), config_, warnings);
     }
 
   private:
@@ -279,7 +303,7 @@ class Planes {
             planes_.emplace(name, FileSeries({path}, request, encoding_));
     }
     const Config &config_;
-    bool clip_negative_;
+    LightChoice choice_;
     image_io::Encoding encoding_;
     std::map<std::string, FileSeries> planes_;
 };
@@ -290,7 +314,7 @@ class IdealInput final : public Input {
         : series_(names, request_of(config.text("render.channel"), paths.raw), encoding_of(config)),
           planes_(paths, config), scale_(config.number("render.irradiance_scale")),
           full_scale_(config.is_word("render.full_scale") ? 0 : config.number("render.full_scale")),
-          clip_negative_(config.flag("render.clip_negative")), has_depth_(has_depth) {
+          choice_(light_choice(config)), has_depth_(has_depth) {
         kind = names.size() > 1 ? fmt::format("{} ideal images", names.size()) : "ideal image";
         width = series_.width;
         height = series_.height;
@@ -307,9 +331,9 @@ class IdealInput final : public Input {
                                            series_.first_path()));
         data.name = series_.name(frame);
         data.irradiance = series_.gray(frame, warnings);
-        check_light(data.irradiance, data.name, "ideal image", clip_negative_, warnings);
-        if (frame == 0)
-            check_scale(data.irradiance, data.name, warnings);
+        check_light(data.irradiance, data.name, "ideal image", choice_, warnings);
+        if (frame == 0 && full_scale_ <= 0)
+            check_full_scale(data.irradiance, data.name, "", warnings);
         if (full_scale_ > 0)
             data.irradiance.full_scale = full_scale_;
         data.irradiance.normalize();
@@ -324,33 +348,15 @@ class IdealInput final : public Input {
 
   private:
     FileSeries series_;
-    /** Integers whose top code is not what their type says give a frame that is dark, or all at the top. */
-    void check_scale(const Plane &plane, const std::string &name, std::vector<std::string> &warnings) const {
-        const float largest = *std::max_element(plane.values.begin(), plane.values.end());
-        const bool integers = plane.sample.rfind("int", 0) == 0 || plane.sample.rfind("uint", 0) == 0;
-        if (full_scale_ > 0 || !integers || largest <= 1)
-            return;
-        unsigned bits = 8;
-        while (bits < 32 && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
-            bits += 2;
-        const double top = std::ldexp(1.0, static_cast<int>(bits)) - 1;
-        if (plane.full_scale <= 0)
-            warnings.push_back(
-                fmt::format("{}: its numbers are of type {}, which tells no full scale; they are taken as "
-                            "they are, and the largest is {}: --full-scale {} makes that of {} bits 1",
-                            name, plane.sample, largest, top, bits));
-        else if (plane.full_scale == 65535 && bits < 16)
-            warnings.push_back(fmt::format("{}: its largest number is {} of 65535; if its codes have {} bits, "
-                                           "--full-scale {} makes their top code 1",
-                                           name, largest, bits, top));
-    }
-
     Planes planes_;
     double scale_;
     double full_scale_;
-    bool clip_negative_;
+    LightChoice choice_;
     bool has_depth_;
 };
+
+constexpr const char *scene_channels[] = {"Z", "P.X",    "P.Y",        "P.Z",     "N.X",      "N.Y",      "N.Z",
+                                          "A", "albedo", "visibility", "refresh", "material", "motion.X", "motion.Y"};
 
 /** What a file with named channels is as an input. */
 enum class Holds { image, scene, picture_with_depth };
@@ -419,6 +425,10 @@ class ChannelSceneInput final : public Input {
         kind = files_.size() > 1 ? fmt::format("scene, {} G-buffer files", files_.size()) : "scene, one G-buffer file";
         const auto opened = open_scene(files_.front());
         const image_io::ChannelFile &first = *opened;
+        for (const std::string &channel : first.channels())
+            if (image_name.empty() &&
+                std::find(std::begin(scene_channels), std::end(scene_channels), channel) == std::end(scene_channels))
+                image_name = files_.front() + ":" + channel;
         width = first.width();
         height = first.height();
         frame_count = files_.size();
@@ -498,7 +508,7 @@ class ChannelSceneInput final : public Input {
             settle_depth(data.depth, file.path(), config_, warnings);
         scale_position(data.position, config_);
         if (!data.albedo.empty())
-            check_albedo(data.albedo, file.path(), config_.flag("render.clip_negative"), warnings);
+            check_albedo(data.albedo, file.path(), light_choice(config_), warnings);
         if (!data.visibility.empty())
             check_values(data.visibility, file.path(), "visibility", 1.0);
         if (!refresh.empty())
@@ -511,7 +521,7 @@ class ChannelSceneInput final : public Input {
         }
         planes_.read(frame, data, warnings);
         if (normal && !planes_.has("normal"))
-            check_normals(data, file.path(), warnings);
+            check_normals(data, file.path(), config_, warnings);
         return data;
     }
 
@@ -774,29 +784,78 @@ Sequence load_sequence(const std::string &path, Config &config) {
 
 } // namespace
 
-void check_light(Plane &plane, const std::string &path, const char *what, bool clip_negative,
-                 std::vector<std::string> &warnings) {
-    std::size_t count = 0;
-    float least = 0;
-    for (float &value : plane.values)
-        if (clip_negative && value < 0 && std::isfinite(value)) {
-            ++count;
-            least = std::min(least, value);
-            value = 0;
-        }
-    if (count > 0)
-        warnings.push_back(fmt::format("{}: {} of {} pixels of the {} were negative, down to {:g}, and were set to 0",
-                                       path, count, plane.values.size(), what, least));
-    check_values(plane, path, what, no_limit, "--clip-negative sets negative numbers to 0");
+LightChoice light_choice(const Config &config) {
+    return {config.flag("render.clip_negative"), config.flag("render.zero_nonfinite")};
 }
 
-void check_values(const Plane &plane, const std::string &path, const char *what, double high, const char *advice) {
+void check_light(Plane &plane, const std::string &path, const char *what, LightChoice choice,
+                 std::vector<std::string> &warnings) {
+    std::size_t negative = 0, nonfinite = 0;
+    float least = 0;
+    for (float &value : plane.values) {
+        if (choice.clip_negative && value < 0 && std::isfinite(value)) {
+            ++negative;
+            least = std::min(least, value);
+            value = 0;
+        } else if (choice.zero_nonfinite && !std::isfinite(value)) {
+            ++nonfinite;
+            value = 0;
+        }
+    }
+    if (negative > 0)
+        warnings.push_back(fmt::format("{}: {} of {} pixels of the {} were negative, down to {:g}, and were set to 0",
+                                       path, negative, plane.values.size(), what, least));
+    if (nonfinite > 0)
+        warnings.push_back(fmt::format("{}: {} of {} pixels of the {} were NaN or infinite and were set to 0", path,
+                                       nonfinite, plane.values.size(), what));
+    const bool any_negative = std::any_of(plane.values.begin(), plane.values.end(),
+                                          [](float value) { return value < 0 && std::isfinite(value); });
+    const bool any_nonfinite =
+        std::any_of(plane.values.begin(), plane.values.end(), [](float value) { return !std::isfinite(value); });
+    std::string advice = any_negative ? "--clip-negative sets negative numbers to 0" : "";
+    if (any_nonfinite)
+        advice += (advice.empty() ? "" : ", and ") + std::string("--zero-nonfinite sets NaN and infinite ones to 0");
+    check_values(plane, path, what, no_limit, advice);
+}
+
+std::string check_full_scale(const Plane &plane, const std::string &name, const std::string &file,
+                             std::vector<std::string> &warnings) {
+    const float largest = plane.empty() ? 0 : *std::max_element(plane.values.begin(), plane.values.end());
+    const bool integers = plane.sample.rfind("int", 0) == 0 || plane.sample.rfind("uint", 0) == 0;
+    if (plane.full_scale_given || !integers || !(largest > 1))
+        return "";
+    unsigned bits = 8;
+    while (bits < 32 && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
+        bits += 2;
+    // The file's own word, but for codes that were brought to 16 bits, which is what the word is for.
+    const bool told = plane.significant_bits > 0 && plane.significant_bits < 16 && bits < 16 &&
+                      largest < std::ldexp(1.0f, static_cast<int>(plane.significant_bits));
+    if (told)
+        bits = plane.significant_bits;
+    const double top = std::ldexp(1.0, static_cast<int>(bits)) - 1;
+    const auto [path, channel] = image_io::split_name(file);
+    const std::string advice = file.empty()
+                                   ? fmt::format("--full-scale {}", top)
+                                   : fmt::format("{}:full_scale={}{}", path, top, channel.empty() ? "" : "," + channel);
+    if (plane.full_scale <= 0) {
+        warnings.push_back(fmt::format("{}: its numbers are of type {}, which tells no full scale; they are taken as "
+                                       "they are, and the largest is {}. {} makes that of {} bits 1",
+                                       name, plane.sample, largest, advice, bits));
+        return advice;
+    }
+    if (plane.full_scale == 65535 && bits < 16)
+        warnings.push_back(fmt::format("{}: its largest number is {} of 65535; if its codes have {} bits{}, {} makes "
+                                       "their top code 1",
+                                       name, largest, bits, told ? ", as its chunk sBIT says" : "", advice));
+    return "";
+}
+
+void check_values(const Plane &plane, const std::string &path, const char *what, double high,
+                  const std::string &advice) {
     std::size_t bad = 0;
     std::size_t first = 0;
-    bool negative = false;
     for (std::size_t i = 0; i < plane.values.size(); ++i) {
         const float value = plane.values[i];
-        negative |= value < 0 && std::isfinite(value);
         if (!(value >= 0 && value <= high && std::isfinite(value)) && bad++ == 0)
             first = i;
     }
@@ -805,7 +864,7 @@ void check_values(const Plane &plane, const std::string &path, const char *what,
     const std::string range = std::isfinite(high) ? fmt::format("between 0 and {:g}", high) : "finite and not negative";
     throw InputError(fmt::format("{}: pixel ({}, {}) is {}; the {} must be {} ({} such pixel{} in all){}{}", path,
                                  first % plane.width, first / plane.width, plane.values[first], what, range, bad,
-                                 bad == 1 ? "" : "s", negative && *advice ? "; " : "", negative ? advice : ""));
+                                 bad == 1 ? "" : "s", advice.empty() ? "" : "; ", advice));
 }
 
 namespace {

@@ -64,6 +64,8 @@ class Input {
     std::vector<std::string> oddities;   ///< Of the files' names, before any is read.
     std::vector<ClspMaterial> materials; ///< Entry i is id i; empty: one of the defaults.
     bool moves = false;                  ///< Frames tell how the scene moved.
+    /** Of a scene: how to name a channel of its file that may be the ideal image; empty: there is none. */
+    std::string image_name;
 
     /**
      * Reads and checks a frame: NaN, infinite and negative values are refused with file and pixel.
@@ -78,14 +80,26 @@ class Input {
  */
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config);
 
-/** What becomes of negative numbers where light is needed: they are refused with the option's name, or set to 0 and
- * counted in a warning. */
-void check_light(image_io::Plane &plane, const std::string &path, const char *what, bool clip_negative,
+/** What becomes of numbers that are no light: they are refused with the option's name, or set to 0 and counted in a
+ * warning. */
+struct LightChoice {
+    bool clip_negative = false;
+    bool zero_nonfinite = false;
+};
+LightChoice light_choice(const Config &config);
+void check_light(image_io::Plane &plane, const std::string &path, const char *what, LightChoice choice,
                  std::vector<std::string> &warnings);
+
+/** Whole numbers whose top code is not what their type says, or that have none, in a plane of light or parts of it: a
+ * warning with the number that fits.
+ * @param file how the plane was named; empty: the ideal images, which have an option. @return the advice, which errors
+ * about the values may repeat; empty: none. */
+std::string check_full_scale(const image_io::Plane &plane, const std::string &name, const std::string &file,
+                             std::vector<std::string> &warnings);
 
 /** The first place where the values are not finite and >= 0 (and <= high), as an InputError naming file and pixel. */
 void check_values(const image_io::Plane &plane, const std::string &path, const char *what, double high,
-                  const char *advice = "");
+                  const std::string &advice = "");
 
 } // namespace tools
 

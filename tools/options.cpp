@@ -238,6 +238,9 @@ std::vector<Option> make_table() {
                   "auto"),
         boolean("render", "clip_negative", false,
                 "set negative numbers of ideal images, albedos and the pattern to 0 and count them in a warning"),
+        boolean("render", "zero_nonfinite", false,
+                "set NaN and infinite numbers of ideal images, albedos and the pattern to 0 and count them in a "
+                "warning"),
         choice(
             "render", "transfer", {"auto", "linear", "srgb"}, 0,
             "how numbers of ideal images, albedos and patterns stand for light: as the file says, linearly, or sRGB"),

@@ -104,10 +104,13 @@ struct StageTimes {
 
 /** A plane for one of the stages, with its size checked. */
 std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings,
-                              std::uint32_t *width, std::uint32_t *height,
+                              std::uint32_t *width, std::uint32_t *height, std::string *advice = nullptr,
                               image_io::Encoding encoding = image_io::Encoding::as_stored) {
     const auto reader = image_io::open(path);
     image_io::Plane plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::mean, encoding);
+    const std::string scale = scaled ? check_full_scale(plane, path, path, warnings) : "";
+    if (advice)
+        *advice = scale;
     if (scaled)
         plane.normalize();
     *width = plane.width;
@@ -131,7 +134,11 @@ class Renderer {
                             format));
         if (config.text("pattern.image").empty() && input.scene)
             throw InputError(
-                fmt::format("{} is a scene: name the projected pattern with --pattern IMAGE", input.first_name));
+                fmt::format("{} is a scene: name the projected pattern with --pattern IMAGE{}", input.first_name,
+                            input.image_name.empty()
+                                ? ""
+                                : fmt::format(", or, if one of its channels is the ideal image, that channel: {}",
+                                              input.image_name)));
         if (!config.text("pattern.image").empty() && !input.scene &&
             config.layer("pattern.image") == Layer::command_line)
             throw InputError(
@@ -490,13 +497,14 @@ class Renderer {
                              std::uint32_t *height, double high,
                              image_io::Encoding encoding = image_io::Encoding::as_stored) {
         image_io::Plane plane;
-        plane.values = read_plane(path, scaled, warnings_, width, height, encoding);
+        std::string advice;
+        plane.values = read_plane(path, scaled, warnings_, width, height, &advice, encoding);
         plane.width = *width;
         plane.height = *height;
         if (std::isinf(high))
-            check_light(plane, path, what, config_.flag("render.clip_negative"), warnings_);
+            check_light(plane, path, what, light_choice(config_), warnings_);
         else
-            check_values(plane, path, what, high);
+            check_values(plane, path, what, high, advice.empty() ? "" : advice + " divides its whole numbers");
         return std::move(plane.values);
     }
 
@@ -624,10 +632,9 @@ class Renderer {
         if (bright <= 0)
             bright = *std::max_element(values.begin(), values.end());
         if (bright <= 0)
-            throw InputError(
-                fmt::format("{}: the first ideal image is 0 everywhere, so no exposure can be chosen; give "
-                            "--exposure-gain a number{}",
-                            first_.name, input_.scene ? ", or check the pattern's pose and extent" : ""));
+            throw InputError(fmt::format("{}: {}, so that no exposure can be chosen. If no light is meant, give "
+                                         "--illumination dark and a number for --exposure-gain",
+                                         first_.name, why_black()));
         const double half_scale = top_code() / 2;
         const double signal = half_scale - config_.number("sensor.black_level_dn");
         if (signal <= 0)
@@ -648,6 +655,16 @@ class Renderer {
         console_.print(fmt::format("exposure gain chosen: repeat it with --exposure-gain {}", gain));
     }
 
+    /** The likely cause of an ideal image without any light. */
+    const char *why_black() const {
+        return input_.scene
+                   ? "the first ideal image is 0 everywhere: the pattern does not meet the scene. Check its pose "
+                     "and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), and the unit of "
+                     "depths (--depth-scale)"
+                   : "the first ideal image is 0 everywhere: it may be another channel or page than meant, "
+                     "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
+    }
+
     /** A frame without light, or with nothing but the top code, is seldom meant. */
     void warn_of_exposure(const FrameData &data) {
         if (illumination_ == CLSP_ILLUMINATION_DARK)
@@ -659,7 +676,11 @@ class Renderer {
         const bool dark = has_sensor_ ? brightest * gain < 0.5 : brightest <= 0;
         const double share = static_cast<double>(saturated_first_) / static_cast<double>(values.size());
         const char *gain_advice = "--exposure-gain auto finds one";
-        if (dark)
+        if (dark && brightest <= 0)
+            console_.warn(fmt::format("{}: the frame has no light: {}. No gain helps; if no light is meant, "
+                                      "--illumination dark says so",
+                                      data.name, why_black()));
+        else if (dark)
             console_.warn(
                 input_.scene
                     ? fmt::format(

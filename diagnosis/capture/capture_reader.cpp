@@ -7,12 +7,54 @@
 #include "capture/stored_sequence.hpp"
 #include "runtime/error.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
 
 namespace clsp {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+// What is odd about files of several sequences is told once.
+class Oddities {
+  public:
+    void add(const char *kind, const std::string &sequence, const FileOddity &oddity) {
+        const auto same = std::find_if(all_.begin(), all_.end(), [&](const One &one) {
+            return one.kind == kind && one.oddity.text == oddity.text;
+        });
+        if (same == all_.end()) {
+            all_.push_back({kind, sequence, oddity});
+            return;
+        }
+        if (same->sequence != sequence)
+            same->sequence.clear(); // of more than one
+        for (const std::string &file : oddity.files)
+            if (std::find(same->oddity.files.begin(), same->oddity.files.end(), file) == same->oddity.files.end())
+                same->oddity.files.push_back(file);
+    }
+    std::vector<CaptureWarning> warnings() const {
+        std::vector<CaptureWarning> result;
+        for (const One &one : all_) {
+            const std::size_t more = one.oddity.files.size() - 1;
+            const std::string others =
+                more == 0 ? "" : fmt::format(" and {} more{}", more, one.sequence.empty() ? "" : " of the sequence");
+            result.push_back(
+                {one.sequence, fmt::format("{}{}: {}", one.oddity.files.front(), others, one.oddity.text), one.kind});
+        }
+        return result;
+    }
+
+  private:
+    struct One {
+        std::string kind, sequence;
+        FileOddity oddity;
+    };
+    std::vector<One> all_;
+};
+
+} // namespace
 
 Capture read_capture(const std::string &folder, const CaptureProgress &progress, std::uint64_t most_bytes_in_memory) {
     if (folder.empty())
@@ -45,6 +87,7 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
     capture.layout = std::move(described.layout);
     capture.warnings = std::move(described.warnings);
     std::uint64_t total = 0;
+    Oddities oddities;
     {
         // What the files are checked against must itself be in order.
         CaptureLayout camera = capture.layout;
@@ -59,18 +102,20 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
         const std::uint64_t frames = files.back()->check(capture.layout);
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
         origin.files.push_back(files.back()->name());
-        for (std::string &oddity : files.back()->oddities())
-            capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity), "files"});
+        for (const FileOddity &oddity : files.back()->oddities())
+            oddities.add("files", capture.layout.sequences[i].name, oddity);
         total += frames;
         if (!described.masks[i].empty()) {
-            std::vector<std::string> of_mask;
+            std::vector<FileOddity> of_mask;
             capture.layout.sequences[i].mask =
                 read_mask((root / described.masks[i]).string(), capture.layout, origin.description,
                           fmt::format("/sequences/{}/mask", i), of_mask);
-            for (std::string &oddity : of_mask)
-                capture.warnings.push_back({capture.layout.sequences[i].name, std::move(oddity), "mask"});
+            for (const FileOddity &oddity : of_mask)
+                oddities.add("mask", capture.layout.sequences[i].name, oddity);
         }
     }
+    for (CaptureWarning &warning : oddities.warnings())
+        capture.warnings.push_back(std::move(warning));
     validate_layout(capture.layout, origin);
 
     const std::uint64_t bytes = total * capture.layout.pixel_count() * sizeof(std::uint16_t);

@@ -101,13 +101,21 @@ std::optional<CodeLattice> told_apart(CodeLattice lattice, const std::vector<Seq
 }
 
 std::string upper_bits(const CaptureLayout &layout, unsigned shift) {
-    std::string text = fmt::format("all codes are multiples of {}: the converter has {} effective bits", 1u << shift,
-                                   layout.bits - shift);
-    if (layout.bits - shift >= kMinCaptureBits)
-        text += fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned to "
-                            "true (or divide the codes by {}), bits to {} and the black level and read noise to match",
-                            1u << shift, layout.bits - shift);
-    return text;
+    const unsigned bits = layout.bits - shift;
+    std::string text =
+        fmt::format("all codes are multiples of {}: the converter has {} effective bits", 1u << shift, bits);
+    if (bits < kMinCaptureBits)
+        return text;
+    if (layout.bits == kMaxCaptureBits)
+        return text +
+               fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned to "
+                           "true (or divide the codes by {}), bits to {} and the black level and read noise to "
+                           "match",
+                           1u << shift, bits);
+    return text +
+           fmt::format(". Divide the codes by {}, and set bits to {} and the black level and read noise to match "
+                       "(with /camera/msb_aligned the bits alone do it)",
+                       1u << shift, bits);
 }
 
 // The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs.

@@ -26,7 +26,6 @@ constexpr double kIndependent = 0.7;
 // The data sheet's black level is good to a few DN.
 constexpr double kBlackLevelDn = 8.0, kBlackLevelNoises = 3.0;
 constexpr double kReadNoiseFactor = 2.0; // the data sheet's is good to about 15 %
-constexpr double kQuantizationVariance = 1.0 / 12.0;
 // Lamp light falls off and carries noise; neither reaches this contrast.
 constexpr double kSpeckledFlat = 0.4, kEvenBoard = 0.05;
 constexpr double kMostMasked = 0.9;
@@ -36,6 +35,24 @@ constexpr std::size_t kSampledDots = 256;
 constexpr std::size_t kLeastBetween = 64;
 constexpr double kUnlistedLight = 0.25;
 constexpr std::size_t kLeastDots = 12; // static speckle makes single dots bright or dark
+
+// The deviation of a converter's codes where that of its input is `sigma`, and its mean lies `fraction` of a code above
+// a whole one: it depends on the fraction below half a code.
+double rounded_noise(double sigma, double fraction) {
+    const auto below = [&](double code) { // probability of codes up to this one
+        const double away = code + 0.5 - fraction;
+        return sigma > 0.0 ? 0.5 * std::erfc(-away / (sigma * std::sqrt(2.0))) : (away >= 0.0 ? 1.0 : 0.0);
+    };
+    if (sigma > 2.0)
+        return std::sqrt(sigma * sigma + 1.0 / 12.0);
+    double mean = 0.0, square = 0.0;
+    for (int code = -16; code <= 17; ++code) {
+        const double part = below(code) - below(code - 1.0);
+        mean += part * code;
+        square += part * code * code;
+    }
+    return std::sqrt(std::max(0.0, square - mean * mean));
+}
 
 class Warnings {
   public:
@@ -96,20 +113,19 @@ void Warnings::dark_frames() {
                        : "the number is that of another setting, or a black level was taken off the codes"));
     }
     if (noise_ > 0.0) {
-        const double stated = std::sqrt(layout_.read_noise_dn * layout_.read_noise_dn + kQuantizationVariance);
-        const double ratio = stated / noise_;
-        if (ratio > kReadNoiseFactor || ratio < 1.0 / kReadNoiseFactor)
+        const bool less = kReadNoiseFactor * noise_ < rounded_noise(layout_.read_noise_dn, 0.0);
+        if (less || noise_ > kReadNoiseFactor * rounded_noise(layout_.read_noise_dn, 0.5))
             warn("read_noise", "",
                  fmt::format(
                      "/camera/read_noise_dn is {:g}, but the dark frames' noise is {:.2f} DN; the measured noise is "
                      "taken. Is the number in electrons, or of another gain{}?",
-                     layout_.read_noise_dn, noise_, ratio > 1.0 ? ", or were the frames denoised or compressed" : ""));
+                     layout_.read_noise_dn, noise_, less ? ", or were the frames denoised or compressed" : ""));
         return;
     }
     // Without dark frames the noise of any scene at rest is an upper bound.
     for (const SequenceSummary &s : summaries_)
         if (s.temporal_noise_dn && *s.temporal_noise_dn > 0.0 && !(s.moving && is_laser(s.scene)) &&
-            layout_.read_noise_dn > kReadNoiseFactor * *s.temporal_noise_dn)
+            kReadNoiseFactor * *s.temporal_noise_dn < rounded_noise(layout_.read_noise_dn, 0.0))
             warn("read_noise", s.name,
                  fmt::format(
                      "its noise in time is {:.2f} DN, less than /camera/read_noise_dn, {:g} DN, alone would give: "

@@ -190,6 +190,48 @@ std::vector<std::uint32_t> odd_lines(const Map &map, const std::vector<float> &r
     return double(odd.size()) > kMostOdd * double(lines.size()) ? std::vector<std::uint32_t>() : odd;
 }
 
+// Lines of laser light whose middle lies farther from all others' than those from each other, by level or by noise in
+// time: telemetry. What light does to lines, it does to many.
+std::vector<std::uint32_t> lines_apart(const Map &map, bool rows) {
+    const std::uint32_t count = rows ? map.height : map.width, length = rows ? map.width : map.height;
+    std::vector<std::uint32_t> odd;
+    for (const bool by_noise : {false, true}) {
+        if (by_noise && map.variance.empty())
+            continue;
+        std::vector<std::pair<double, std::uint32_t>> middles;
+        for (std::uint32_t line = 0; line < count; ++line) {
+            std::vector<float> values;
+            for (std::uint32_t k = 0; k < length; ++k) {
+                const std::size_t i = rows ? std::size_t{line} * map.width + k : std::size_t{k} * map.width + line;
+                if (map.counts(i))
+                    values.push_back(by_noise ? std::sqrt(map.variance[i]) : map.mean[i]);
+            }
+            if (values.size() >= kLeastOfLine)
+                middles.emplace_back(middle_of(std::move(values)), line);
+        }
+        if (middles.size() < kLeastLines)
+            continue;
+        std::sort(middles.begin(), middles.end());
+        const auto most = static_cast<std::size_t>(kMostOdd * double(middles.size()));
+        // The largest gap, with few lines on one side of it.
+        for (const bool above : {false, true})
+            for (std::size_t few = most; few > 0; --few) {
+                const std::size_t first = above ? middles.size() - few : few; // of the upper side
+                const double gap = middles[first].first - middles[first - 1].first;
+                const double spread = above ? middles[first - 1].first - middles.front().first
+                                            : middles.back().first - middles[first].first;
+                if (gap <= std::max(spread, kApart * kLeastScale))
+                    continue;
+                for (std::size_t k = above ? first : 0; k < (above ? middles.size() : first); ++k)
+                    odd.push_back(middles[k].second);
+                break;
+            }
+    }
+    std::sort(odd.begin(), odd.end());
+    odd.erase(std::unique(odd.begin(), odd.end()), odd.end());
+    return double(odd.size()) > kMostOdd * double(count) ? std::vector<std::uint32_t>() : odd;
+}
+
 // A difference of halves, by groups (pairs of columns or rows, or cells), and whether chance does as much.
 struct Halves {
     double difference = 0.0;
@@ -281,6 +323,9 @@ PixelOddities find_oddities(const PixelSums &pixels) {
         }
         result.rows = odd_lines(map, rest, scale, true);
         result.columns = odd_lines(map, rest, scale, false);
+    } else {
+        result.rows = lines_apart(map, true);
+        result.columns = lines_apart(map, false);
     }
     if (even || (scene == CaptureScene::kBoard && pixels.sequence.moving))
         if (const auto least = least_variance(map))

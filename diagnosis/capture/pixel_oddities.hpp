@@ -32,14 +32,15 @@ struct Mosaic {
 };
 
 struct PixelOddities {
-    std::vector<OddPixel> pixels;                // in order of their index
-    std::vector<std::uint32_t> rows, columns;    // whose middle lies apart from the other ones'
-    std::vector<Mosaic> mosaic;                  // one or none
+    std::vector<OddPixel> pixels;             // in order of their index
+    std::vector<std::uint32_t> rows, columns; // whose middle lies apart from the other ones'
+    std::vector<Mosaic> mosaic;               // one or none
 };
 
 // Of dark frames and flats: pixels 8 robust deviations from a smooth surface (of degree 4), or with 25 times the usual
 // variance in time. Of these and boards in motion: pixels that do not change, where no more than one in a million sets
-// would have one. Lines: as pixels, by the middle of each. Nothing where more than a tenth of the pixels would be odd.
+// would have one. Lines: as pixels, by the middle of each; in laser light those that lie farther from the others than
+// these from each other. Nothing where more than a tenth of the pixels would be odd.
 PixelOddities find_oddities(const PixelSums &pixels);
 
 // Odd pixels as whole rows, whole columns, and blocks, as few as cover what lies close together; the others are single.

@@ -108,6 +108,8 @@ std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const st
                                    first % layout.width, first / layout.width, where, kHow);
         warnings.push_back(std::move(warning));
     }
+    const bool has_laser = std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                                       [](const SequenceLayout &s) { return is_laser(s.scene); });
     for (std::size_t i = 0; i < scans.size(); ++i) {
         if (!scans[i].oddities || scans[i].oddities->mosaic.empty())
             continue;
@@ -117,15 +119,19 @@ std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const st
             light += 0.25 * level;
         if (mosaic.contrast < kLeastMosaic * light)
             continue;
+        const bool finer = 2.0 * layout.pixel_pitch_m > layout.wavelength_m * layout.sequences[i].f_number && has_laser;
         const auto brightest = std::max_element(mosaic.levels.begin(), mosaic.levels.end()) - mosaic.levels.begin();
         warnings.push_back(
             {layout.sequences[i].name,
              fmt::format(
-                 "the four sites of 2 x 2 pixels have levels of {:.1f}, {:.1f}, {:.1f} and {:.1f} DN (top left, "
+                 "the four sites of 2 x 2 pixels have levels of {3:.1f}, {4:.1f}, {5:.1f} and {6:.1f} DN (top left, "
                  "top right, bottom left, bottom right): the filters of a colour camera, or converters of their "
-                 "own for rows or columns. Take one site, codes[:, {}::2, {}::2], with half the width and height "
-                 "and twice pixel_pitch_um",
-                 mosaic.levels[0], mosaic.levels[1], mosaic.levels[2], mosaic.levels[3], brightest / 2, brightest % 2),
+                 "own for rows or columns. Take one site, codes[:, {0}::2, {1}::2], with half the width and height "
+                 "and twice pixel_pitch_um; places in pixels become (x - {1}) / 2 and (y - {0}) / 2, sigma_px its "
+                 "half{2}",
+                 brightest / 2, brightest % 2,
+                 finer ? ". Speckle is finer than such pixels, which is a warning of its own" : "", mosaic.levels[0],
+                 mosaic.levels[1], mosaic.levels[2], mosaic.levels[3]),
              "mosaic"});
     }
     return warnings;

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <filesystem>
 #include <fmt/format.h>
-#include <glob.h>
 #include <map>
 #include <optional>
 #include <set>
@@ -65,21 +64,14 @@ std::vector<std::string> frames_of_folder(const std::string &folder, std::string
 }
 
 // The folder's own name may hold what a pattern gives a meaning.
-std::vector<std::string> frames_of_pattern(const std::string &folder, const std::string &pattern) {
-    std::string escaped;
+std::string escaped(const std::string &folder) {
+    std::string result;
     for (const char c : folder) {
         if (c == '*' || c == '?' || c == '[' || c == ']' || c == '\\')
-            escaped += '\\';
-        escaped += c;
+            result += '\\';
+        result += c;
     }
-    glob_t matches{};
-    const int result = ::glob((escaped + "/" + pattern).c_str(), 0, nullptr, &matches);
-    std::vector<std::string> files;
-    for (std::size_t i = 0; result == 0 && i < matches.gl_pathc; ++i)
-        files.emplace_back(matches.gl_pathv[i]);
-    ::globfree(&matches);
-    image_io::leave_previews_out(files);
-    return files;
+    return result;
 }
 
 } // namespace
@@ -90,27 +82,36 @@ std::string frame_formats(const char *word) {
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
                              const std::string &field, bool msb_aligned, const std::optional<image_io::RawLayout> &raw)
-    : name_((fs::path(folder) / file).lexically_normal().string()), msb_aligned_(msb_aligned) {
+    : file_(file), name_((fs::path(folder) / file).lexically_normal().string()), msb_aligned_(msb_aligned) {
     request_.raw = raw;
     const std::string path = (fs::path(folder) / file).string();
     std::vector<std::string> files;
     std::error_code code;
-    if (fs::is_directory(path, code)) {
-        files = frames_of_folder(path, file);
+    const auto is_folder = [&](const std::string &name) { return fs::is_directory(name, code); };
+    image_io::ImageName several = image_io::split_name(path, is_folder); // with a channel, or a page, of all files
+    if (is_folder(several.path)) {
+        files = frames_of_folder(several.path, file.substr(0, file.size() - (path.size() - several.path.size())));
         single_ = false;
     } else if (fs::exists(path, code) || !image_io::split_name(path).channel.empty()) {
         files = {path};
     } else {
-        const bool pattern = file.find_first_of("*?[") != std::string::npos;
-        if (pattern)
-            files = frames_of_pattern(folder, file);
+        const bool is_pattern = image_io::is_pattern(file);
+        if (is_pattern) {
+            several = image_io::split_several(escaped(folder) + "/" + file);
+            files = image_io::matches_of(several.path);
+        }
+        image_io::leave_previews_out(files);
         if (files.empty())
             throw Error(Status::kIo,
                         fmt::format("{}: {} is \"{}\", but {} {}; correct the name, or take the sequence out",
-                                    description, field, file, name_, pattern ? "matches no file" : "does not exist"));
+                                    description, field, file, name_,
+                                    is_pattern ? "matches no file" : "does not exist"));
         single_ = false;
     }
     std::sort(files.begin(), files.end(), image_io::natural_less);
+    if (!single_)
+        for (std::string &one : files)
+            one = image_io::join_name({one, several.channel});
     const std::string advice =
         fmt::format(". {}: {} names it; expected there is an .npy stack of (frames, height, width), uint16, or gray "
                     "16-bit {} frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
@@ -183,10 +184,11 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
                 "is compressed with losses, which change codes and their noise; let the camera store frames without: "
                 "raw, PNG, or TIFF with deflate or LZW");
         if (info.channels != 1)
-            refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel{}", info.channels,
-                               stack ? ": an array of (frames, height, width); where the channels are alike, "
-                                       "codes[..., 0] is one"
-                                     : " (a gray image); where the channels are alike, save image[..., 0]"));
+            refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel. Where the channels are "
+                               "alike, name one: \"file\": \"{}:{}\"",
+                               info.channels, file_, info.channels > 2 ? "R" : "Y"));
+        if (info.full_scale_given)
+            refuse("codes of a capture are whole numbers without a scale; take full_scale out of \"file\"");
         if (info.sample != "uint16" && !(info.sample == "uint8" && layout.bits == 8))
             refuse(fmt::format(
                 "has samples of type {}; expected uint16{}", info.sample,
@@ -204,7 +206,9 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
                                info.height, layout.width, layout.height,
                                info.width == layout.height && info.height == layout.width
                                    ? "; the two sides are exchanged: an array is (frames, height, width)"
-                                   : ": correct /camera/width and /camera/height, or name frames of that size"));
+                               : info.warnings.empty()
+                                   ? ": correct /camera/width and /camera/height, or name frames of that size"
+                                   : ". But " + info.warnings.front()));
         settle_white(part);
         part.first_frame = frames;
         frames += info.frame_count;
@@ -215,22 +219,19 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
     return frames;
 }
 
-std::vector<std::string> SequenceFiles::oddities() const {
-    std::vector<std::string> result;
+std::vector<FileOddity> SequenceFiles::oddities() const {
+    std::vector<FileOddity> result;
     std::vector<std::string> all;
     for (const Part &part : parts_)
         all.push_back(part.path);
     if (const std::string missing = image_io::missing_numbers(all); !missing.empty())
-        result.push_back(
-            fmt::format("{}: {}; the frames before and after are taken as neighbours in time", name_, missing));
+        result.push_back({missing + "; the frames before and after are taken as neighbours in time", {name_}});
     std::map<std::string, std::vector<std::string>> files; // by what is said of them
     for (const Part &part : parts_)
         for (const std::string &warning : part.info.warnings)
             files[warning].push_back(part.path);
-    for (const auto &[warning, paths] : files)
-        result.push_back(fmt::format(
-            "{}{}: {}", paths.front(),
-            paths.size() == 1 ? "" : fmt::format(" and {} more of the sequence", paths.size() - 1), warning));
+    for (auto &[warning, paths] : files)
+        result.push_back({warning, std::move(paths)});
     return result;
 }
 
@@ -249,6 +250,36 @@ image_io::Reader &SequenceFiles::reader_of(std::size_t part) const {
     return *reader_;
 }
 
+namespace {
+
+// Codes of a frame that do not fit into the camera's bits.
+struct TooLarge {
+    std::size_t count = 0;
+    std::uint32_t x = 0, y = 0; // of the first one
+    float code = 0, largest = 0;
+    std::uint32_t first_column = 0, last_column = 0, last_row = 0;
+
+    void add(std::uint32_t column, std::uint32_t row, float number) {
+        if (count++ == 0) {
+            x = first_column = last_column = column;
+            y = row;
+            code = number;
+        }
+        first_column = std::min(first_column, column);
+        last_column = std::max(last_column, column);
+        last_row = row;
+        largest = std::max(largest, number);
+    }
+    std::string text(std::size_t pixels) const {
+        return fmt::format(
+            "{} of {} codes of the frame are above it, in rows {} to {} and columns {} to {}, the largest "
+            "is {}",
+            count, pixels, y, last_row, first_column, last_column, largest);
+    }
+};
+
+} // namespace
+
 void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint32_t row_count,
                          std::uint16_t *to) const {
     struct Enough {}; // rows below are not asked for
@@ -262,11 +293,13 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
     const bool shifted = msb_aligned_ && part.info.full_scale == 65535.0;
     const auto step = static_cast<float>(shifted ? 1u << (kMaxCaptureBits - bits_) : 1u);
     std::uint32_t y = 0;
+    TooLarge too_large;
     const auto take = [&](const float *row) {
-        if (y == first_row + row_count)
+        // Where codes do not fit, the whole frame tells how many.
+        if (y >= first_row + row_count && too_large.count == 0)
             throw Enough();
-        if (y >= first_row)
-            for (std::uint32_t x = 0; x < width_; ++x, ++to) {
+        if (y >= first_row && (y < first_row + row_count || too_large.count > 0))
+            for (std::uint32_t x = 0; x < width_; ++x) {
                 const float number = part.turned_at > 0 ? part.turned_at - row[x] : row[x];
                 const float code = number / step;
                 if (shifted) {
@@ -278,27 +311,37 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
                                                 "upper bits of 16. Take that out, or correct /camera/bits",
                                                 part.path, frame, single_ ? "" : " of the sequence", x, y, number, step,
                                                 bits_));
-                    *to = static_cast<std::uint16_t>(code);
+                    *to++ = static_cast<std::uint16_t>(code);
                     continue;
                 }
                 if (!(number <= static_cast<float>(maximum))) {
-                    std::uint32_t bits = bits_;
-                    while (bits < kMaxCaptureBits && number >= static_cast<float>(1u << bits))
-                        ++bits;
-                    throw Error(Status::kInvalidData,
-                                fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, "
-                                            "so that {} is the top code. Set bits to {} or more, or msb_aligned to "
-                                            "true if the camera stores codes in the upper bits{}",
-                                            part.path, frame, single_ ? "" : " of the sequence", x, y, number, bits_,
-                                            maximum, bits,
-                                            part.info.warnings.empty() ? "" : ". But " + part.info.warnings.front()));
+                    too_large.add(x, y, number);
+                    continue;
                 }
-                *to = static_cast<std::uint16_t>(number);
+                if (too_large.count == 0)
+                    *to++ = static_cast<std::uint16_t>(number);
             }
         ++y;
     };
     try {
         reading([&] { reader.read_rows(frame - part.first_frame, take); });
+        if (too_large.count > 0) {
+            std::uint32_t bits = bits_;
+            while (bits < kMaxCaptureBits && too_large.largest >= static_cast<float>(1u << bits))
+                ++bits;
+            std::string but;
+            if (const unsigned significant = part.info.significant_bits; significant > 0 && significant < 16)
+                but = fmt::format(". The file says that {} bits of a word are the converter's", significant);
+            for (const std::string &warning : part.info.warnings)
+                but += ". But " + warning;
+            throw Error(
+                Status::kInvalidData,
+                fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, so that {} "
+                            "is the top code. {}. Set bits to {} or more, or msb_aligned to true if the camera "
+                            "stores codes in the upper bits{}",
+                            part.path, frame, single_ ? "" : " of the sequence", too_large.x, too_large.y,
+                            too_large.code, bits_, maximum, too_large.text(std::size_t{width_} * y), bits, but));
+        }
     } catch (const Enough &) {
         reader_.reset(); // it stopped within a frame
     } catch (...) {
@@ -311,7 +354,7 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
 
 std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
                                     const std::string &description, const std::string &field,
-                                    std::vector<std::string> &oddities) {
+                                    std::vector<FileOddity> &oddities) {
     const std::string advice = fmt::format(
         ". {}: {} names it; expected there is one 8-bit gray image of {} x {} pixels (width x height), 0 where a pixel "
         "is not to count: replace it, or take \"mask\" out so that every pixel counts",
@@ -345,11 +388,13 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
     if (values.size() > 1) {
         const auto soft =
             std::count_if(mask.begin(), mask.end(), [&](std::uint8_t m) { return m != 0 && m != *values.rbegin(); });
-        oddities.push_back(fmt::format(
-            "{}: the mask has {} values beside 0, {} to {}, as of a soft edge: all count ({} "
-            "pixels are between 0 and {}); if they are not to, make it of two values, "
-            "numpy.where(mask == {}, 255, 0).astype(numpy.uint8)",
-            path, values.size(), *values.begin(), *values.rbegin(), soft, *values.rbegin(), *values.rbegin()));
+        oddities.push_back(
+            {fmt::format(
+                 "the mask has {} values beside 0, {} to {}, as of a soft edge: all count ({} pixels are between "
+                 "0 and {}); if they are not to, make it of two values, "
+                 "numpy.where(mask == {}, 255, 0).astype(numpy.uint8)",
+                 values.size(), *values.begin(), *values.rbegin(), soft, *values.rbegin(), *values.rbegin()),
+             {path}});
     }
     return mask;
 }

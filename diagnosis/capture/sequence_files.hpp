@@ -16,6 +16,12 @@ namespace clsp {
 // The formats of frames that are a file each: "PNG or TIFF".
 std::string frame_formats(const char *word);
 
+// What is odd about some files.
+struct FileOddity {
+    std::string text;
+    std::vector<std::string> files;
+};
+
 // Files of a sequence, found and looked at but not read yet, so that sizes can be checked before memory is taken.
 class SequenceFiles final : public CodeFiles {
   public:
@@ -31,7 +37,7 @@ class SequenceFiles final : public CodeFiles {
     // Checks size and type against the camera; throws kInvalidData naming the file. Gives the number of frames.
     std::uint64_t check(const CaptureLayout &layout);
     // After check(): what is odd about the files, for example bytes behind an array.
-    std::vector<std::string> oddities() const;
+    std::vector<FileOddity> oddities() const;
     void read(std::uint32_t frame, std::uint32_t first_row, std::uint32_t row_count, std::uint16_t *to) const override;
 
   private:
@@ -47,6 +53,7 @@ class SequenceFiles final : public CodeFiles {
     Part part_of(const std::string &path) const;
     image_io::Reader &reader_of(std::size_t part) const;
 
+    std::string file_; // as capture.json has it
     std::string name_;
     bool msb_aligned_;
     image_io::ReadRequest request_;
@@ -62,6 +69,6 @@ class SequenceFiles final : public CodeFiles {
 // capture.json names it, for messages. oddities: what is odd about it is appended.
 std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout &layout,
                                     const std::string &description, const std::string &field,
-                                    std::vector<std::string> &oddities);
+                                    std::vector<FileOddity> &oddities);
 
 } // namespace clsp

@@ -184,6 +184,7 @@ class NpyReader final : public Reader {
             fail(fmt::format("is truncated: its header claims {} bytes of data, {} are there; write or copy it again",
                              needed, file_.size() - data_offset_));
         info_.surplus_bytes = file_.size() - data_offset_ - needed;
+        look_at_byte_order();
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
@@ -223,6 +224,15 @@ class NpyReader final : public Reader {
             if (side == 0)
                 fail(fmt::format("holds an empty array ({}), no side may be 0; save it with at least one frame", text));
         info_.axes = static_cast<std::uint32_t>(shape.size());
+        // Channels before height and width, as networks have them.
+        const bool channels_first = shape.size() == 4 && shape[1] <= 4 && shape[3] > 4;
+        if (channels_first && shape[1] > 1)
+            fail(
+                fmt::format("holds an array of {}: with {} channels before height and width. Save it with the channels "
+                            "behind, numpy.moveaxis(array, 1, -1)",
+                            text, shape[1]));
+        if (channels_first)
+            shape.erase(shape.begin() + 1);
         // A stack of frames that are 1 to 4 pixels wide makes no sense, so a short last axis is the channels.
         const bool colored =
             (shape.size() == 3 && shape[2] <= 4 && shape[1] > 4) || (shape.size() == 4 && shape[3] <= 4);
@@ -246,6 +256,27 @@ class NpyReader final : public Reader {
         check_size(width, height);
         info_.width = static_cast<std::uint32_t>(width);
         info_.height = static_cast<std::uint32_t>(height);
+        if (info_.axes == 3 && info_.frame_count > width && height > 2 * width)
+            info_.warnings.push_back(fmt::format(
+                "its array of {} is taken as {} frames, {} pixels high and {} wide. If it is height x width x frames, "
+                "save numpy.moveaxis(array, -1, 0)",
+                text, info_.frame_count, height, width));
+    }
+
+    /** Words of 16 bits whose bytes are in the other order show by high bytes that vary while the low ones stay small.
+     */
+    void look_at_byte_order() {
+        if (type_->full_scale != 65535)
+            return;
+        std::vector<unsigned char> bytes(
+            static_cast<std::size_t>(std::min<std::uint64_t>(file_.size() - data_offset_, 65536)) & ~std::size_t{1});
+        file_.seek(data_offset_);
+        file_.read(bytes.data(), bytes.size());
+        if (const unsigned bits = detail::bits_if_swapped(bytes.data(), bytes.size(), swap_); bits > 0)
+            info_.warnings.push_back(
+                fmt::format("its words look as if their bytes were swapped: in the other order none "
+                            "needs more than {} bits. If so, save array.byteswap()",
+                            bits));
     }
 
     float convert(const unsigned char *bytes) const {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <spng.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -87,6 +88,11 @@ class PngReader final : public Reader {
         while (!ended && at + 12 <= file_.size()) {
             file_.seek(at);
             file_.read(chunk, sizeof chunk);
+            if (!std::memcmp(chunk + 4, "cICP", 4) && number(chunk) == 4 && at + 16 <= file_.size()) {
+                // Primaries, transfer characteristics, matrix, full range.
+                info_.transfer = transfer_of_cicp(chunk[9], chunk[11] != 0, "its chunk cICP");
+                has_cicp_ = true;
+            }
             if (!std::memcmp(chunk + 4, "acTL", 4))
                 images = std::max<std::uint64_t>(1, number(chunk + 8));
             ended = !std::memcmp(chunk + 4, "IEND", 4);
@@ -114,7 +120,15 @@ class PngReader final : public Reader {
         double gamma = 0;
         spng_iccp profile{};
         spng_exif exif{};
-        if (spng_get_iccp(context, &profile) == SPNG_OK) {
+        spng_sbit bits{};
+        if (spng_get_sbit(context, &bits) == SPNG_OK)
+            info_.significant_bits =
+                header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE || header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE_ALPHA
+                    ? bits.grayscale_bits
+                    : std::max({bits.red_bits, bits.green_bits, bits.blue_bits});
+        if (has_cicp_) {
+            // It goes before all others.
+        } else if (spng_get_iccp(context, &profile) == SPNG_OK) {
             info_.transfer =
                 transfer_of_icc(reinterpret_cast<const unsigned char *>(profile.profile), profile.profile_len);
             if (info_.transfer.curve == Transfer::Curve::unknown && std::strstr(profile.profile_name, "sRGB"))
@@ -168,6 +182,7 @@ class PngReader final : public Reader {
     }
 
     detail::InputFile file_;
+    bool has_cicp_ = false;
     spng_ihdr header_{};
     std::size_t width_bytes_ = 0;
     int output_format_ = 0;

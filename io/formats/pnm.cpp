@@ -177,18 +177,10 @@ class PnmReader final : public Reader {
             return "; the file is damaged, or its header is wrong: write it again";
         return fmt::format("; with its bytes swapped it would be {}: PNM words are big-endian, these look "
                            "little-endian. Write the file again, or read its pixels as raw words: --raw {}",
-                           swapped(value), raw_words(image, enough_bits(image.maximum)));
+                           swapped(value), raw_words(image, detail::enough_bits(image.maximum)));
     }
 
-    static std::uint32_t enough_bits(std::uint32_t value) {
-        std::uint32_t bits = 10;
-        while (bits < 16 && value >> bits != 0)
-            bits += 2;
-        return bits;
-    }
-
-    /** A header with 65535 takes any word: little-endian ones of a camera show by high bytes that vary while the low
-     * ones stay small. */
+    /** A header with 65535 takes any word. */
     void look_at_byte_order() {
         const Image &image = images_.front();
         if (image.is_text() || image.maximum != 65535 || info_.channels != 1)
@@ -196,16 +188,11 @@ class PnmReader final : public Reader {
         std::vector<unsigned char> bytes(2 * static_cast<std::size_t>(std::min<std::uint64_t>(image.samples(), 32768)));
         file_.seek(image.offset);
         file_.read(bytes.data(), bytes.size());
-        std::uint32_t as_read = 0, as_swapped = 0;
-        for (std::size_t i = 0; i < bytes.size() / 2; ++i) {
-            as_read |= sample(image, bytes, i);
-            as_swapped |= swapped(sample(image, bytes, i));
-        }
-        if (bytes.size() >= 128 && as_swapped < 16384 && as_swapped > 255 && as_read >= 16384)
+        if (const unsigned bits = detail::bits_if_swapped(bytes.data(), bytes.size(), true); bits > 0)
             info_.warnings.push_back(
                 fmt::format("its words look little-endian, though PNM is big-endian: with their bytes swapped none "
                             "needs more than {} bits. If so, read its pixels as raw words: --raw {}",
-                            enough_bits(as_swapped), raw_words(image, enough_bits(as_swapped))));
+                            bits, raw_words(image, bits)));
     }
 
     /** The next decimal number, behind white space and comments; takes one character behind it, as the format wants. */

@@ -1,4 +1,5 @@
-// TIFF by libtiff: strips and tiles, chunky and planar, 8, 16 and 32-bit unsigned, 16, 32 and 64-bit floating point.
+// TIFF by libtiff: strips and tiles, chunky and planar; whole numbers of 1 to 16 and 32 bits, floating point of 16, 32
+// and 64, palettes.
 #include "io/formats.hpp"
 #include "io/half.hpp"
 
@@ -67,6 +68,28 @@ struct Layout {
     std::uint16_t compression = COMPRESSION_NONE;
     bool alpha = false;
     bool tiled = false;
+    std::uint16_t colors = 0; ///< Of a palette whose colors are looked up, 1 (gray) or 3; 0: none is.
+    std::vector<float> palette[3];
+
+    bool is_packed() const { return bits < 8 || (bits > 8 && bits < 16); } ///< Samples are no whole bytes.
+    std::size_t row_bytes(std::size_t samples) const { return (samples * bits + 7) / 8; }
+    /** What a reader gives for a stored sample. */
+    std::uint16_t values() const { return colors > 0 ? colors : 1; }
+    double full_scale() const {
+        return sample_format != SAMPLEFORMAT_UINT || bits > 16 ? 0
+               : colors > 0                                    ? 65535
+               : bits < 8                                      ? 255 // widened, as PNG's
+                                                               : (1 << bits) - 1;
+    }
+    std::string sample() const {
+        if (sample_format == SAMPLEFORMAT_IEEEFP || bits > 16)
+            return fmt::format("{}{}",
+                               sample_format == SAMPLEFORMAT_IEEEFP ? "float"
+                               : sample_format == SAMPLEFORMAT_INT  ? "int"
+                                                                    : "uint",
+                               bits);
+        return fmt::format("{}{}", sample_format == SAMPLEFORMAT_INT ? "int" : "uint", bits > 8 || colors > 0 ? 16 : 8);
+    }
 };
 
 /** One of the images that a file lists. */
@@ -107,11 +130,10 @@ class TiffReader final : public Reader {
         const Layout layout = read_layout();
         info_.width = layout.width;
         info_.height = layout.height;
-        info_.channels = layout.channels;
+        info_.channels = layout.colors > 0 ? layout.colors : layout.channels;
         info_.alpha = layout.alpha;
-        const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;
-        info_.sample = fmt::format("{}{}", real ? "float" : "uint", layout.bits);
-        info_.full_scale = real || layout.bits > 16 ? 0 : (1 << layout.bits) - 1;
+        info_.sample = layout.sample();
+        info_.full_scale = layout.full_scale();
         info_.lossy = layout.compression == COMPRESSION_JPEG || layout.compression == COMPRESSION_OJPEG ||
                       layout.compression == COMPRESSION_WEBP;
         if (info_.lossy)
@@ -136,8 +158,8 @@ class TiffReader final : public Reader {
             return read_of_stack(first_of_stack_ + frame, sink);
         go_to(frames_.at(frame));
         const Layout layout = read_layout();
-        if (layout.width != info_.width || layout.height != info_.height || layout.channels != info_.channels ||
-            layout.bits != bits_)
+        if (layout.width != info_.width || layout.height != info_.height ||
+            (layout.colors > 0 ? layout.colors : layout.channels) != info_.channels || layout.bits != bits_)
             fail("changed while it was read");
         if (layout.tiled)
             read_bands(layout, sink, tile_width(layout), tile_height(layout), TIFFTileSize64(tiff_.get()));
@@ -276,7 +298,7 @@ class TiffReader final : public Reader {
                                                      stack.images, stack.said_by));
             return;
         }
-        const std::uint64_t bytes = std::uint64_t{layout.width} * layout.height * layout.channels * (layout.bits / 8);
+        const std::uint64_t bytes = layout.row_bytes(std::size_t{layout.width} * layout.channels) * layout.height;
         const auto refuse = [&](const std::string &why) {
             fail(fmt::format("holds {} images says {}, but lists one, and {}. Save it again, or name the first image: "
                              "{}:page=0",
@@ -306,19 +328,16 @@ class TiffReader final : public Reader {
 
     void read_of_stack(std::uint64_t image, const RowSink &sink) {
         const std::size_t sample_bytes = stack_layout_.bits / 8;
-        const std::size_t samples = std::size_t{info_.width} * info_.channels;
-        std::vector<unsigned char> bytes(samples * sample_bytes);
-        std::vector<float> row(samples);
+        const std::size_t samples = std::size_t{info_.width} * stack_layout_.channels;
+        std::vector<unsigned char> bytes(stack_layout_.row_bytes(samples));
+        std::vector<float> row(samples * stack_layout_.values());
         const bool swapped = TIFFIsByteSwapped(tiff_.get()) != 0;
         file_.seek(stack_offset_ + image * info_.height * bytes.size());
         for (std::uint32_t y = 0; y < info_.height; ++y) {
             file_.read(bytes.data(), bytes.size());
-            for (std::size_t i = 0; i < samples; ++i) {
-                unsigned char *sample = bytes.data() + i * sample_bytes;
-                if (swapped)
-                    std::reverse(sample, sample + sample_bytes);
-                row[i] = convert(stack_layout_, sample);
-            }
+            for (std::size_t i = 0; swapped && !stack_layout_.is_packed() && i < samples; ++i)
+                std::reverse(bytes.data() + i * sample_bytes, bytes.data() + (i + 1) * sample_bytes);
+            convert(stack_layout_, bytes.data(), samples, row.data(), stack_layout_.values());
             sink(row.data());
         }
     }
@@ -342,37 +361,63 @@ class TiffReader final : public Reader {
         layout.tiled = TIFFIsTiled(tiff_.get()) != 0;
         if (layout.sample_format == SAMPLEFORMAT_VOID)
             layout.sample_format = SAMPLEFORMAT_UINT;
-        const bool integer =
-            layout.sample_format == SAMPLEFORMAT_UINT && (layout.bits == 8 || layout.bits == 16 || layout.bits == 32);
-        const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP &&
-                          (layout.bits == 16 || layout.bits == 32 || layout.bits == 64);
-        if (!integer && !real) {
-            const char *kind = layout.sample_format == SAMPLEFORMAT_UINT     ? "unsigned"
-                               : layout.sample_format == SAMPLEFORMAT_INT    ? "signed"
-                               : layout.sample_format == SAMPLEFORMAT_IEEEFP ? "floating-point"
-                                                                             : "complex or unknown";
-            fail(fmt::format(
-                "its samples are {} of {} bits; unsigned of 8, 16 or 32 and floating-point of 16, 32 or 64 are "
-                "taken",
-                kind, layout.bits));
+        const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;
+        const bool known = real ? layout.bits == 16 || layout.bits == 32 || layout.bits == 64
+                           : layout.sample_format == SAMPLEFORMAT_INT
+                               ? layout.bits == 8 || layout.bits == 16 || layout.bits == 32
+                               : layout.sample_format == SAMPLEFORMAT_UINT &&
+                                     ((layout.bits >= 1 && layout.bits <= 16) || layout.bits == 32);
+        if (!known) {
+            const char *kind = layout.sample_format == SAMPLEFORMAT_UINT  ? "unsigned"
+                               : layout.sample_format == SAMPLEFORMAT_INT ? "signed"
+                               : real                                     ? "floating-point"
+                                                                          : "complex or unknown";
+            fail(fmt::format("its samples are {} of {} bits; unsigned of 1 to 16 and 32, signed of 8, 16 and 32, and "
+                             "floating-point of 16, 32 and 64 are taken. Save it as one of those, or as NPY",
+                             kind, layout.bits));
         }
         std::uint16_t extra_count = 0;
         std::uint16_t *extra = nullptr;
         (void)TIFFGetFieldDefaulted(tiff_.get(), TIFFTAG_EXTRASAMPLES, &extra_count, &extra);
         const bool gray = layout.photometric == PHOTOMETRIC_MINISBLACK || layout.photometric == PHOTOMETRIC_MINISWHITE;
-        if (!gray && layout.photometric != PHOTOMETRIC_RGB)
-            fail(fmt::format("its color space (photometric interpretation {}) is not supported; gray and RGB are",
+        if (layout.photometric == PHOTOMETRIC_PALETTE)
+            look_up_palette(layout);
+        else if (!gray && layout.photometric != PHOTOMETRIC_RGB)
+            fail(fmt::format("its color space (photometric interpretation {}) is not supported; gray, RGB and palettes "
+                             "are: convert it to RGB",
                              layout.photometric));
-        const unsigned colors = gray ? 1 : 3;
-        if (layout.channels < colors || layout.channels > 4)
-            fail(fmt::format("{} samples per pixel are not supported (gray or RGB, with or without opacity, are)",
-                             layout.channels));
+        const unsigned colors = gray || layout.colors > 0 ? 1 : 3;
+        if (layout.channels < colors || layout.channels > (colors == 1 ? 2 : 4))
+            fail(fmt::format("{} samples for each pixel of {} image are not supported; {} with or without opacity {}. "
+                             "Save each channel as an image of its own",
+                             layout.channels, colors == 1 ? "a gray" : "a color", colors, colors == 1 ? "is" : "are"));
         layout.alpha = layout.channels == colors + 1;
-        if (layout.channels > colors + 1)
-            fail(fmt::format("{} samples per pixel of a gray image are not supported", layout.channels));
-        if (layout.photometric == PHOTOMETRIC_MINISWHITE && !integer)
-            fail("a floating-point image whose zero is white is not supported");
+        if (layout.colors > 0 && layout.alpha)
+            fail("has a palette and an opacity, which is not supported; convert it to RGB");
+        if (layout.photometric == PHOTOMETRIC_MINISWHITE && layout.sample_format != SAMPLEFORMAT_UINT)
+            fail(
+                "says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black, for "
+                "example tifffile.imwrite(path, image, photometric=\"minisblack\")");
         return layout;
+    }
+
+    /** Of 16 bits for each color; gray where all colors are. */
+    void look_up_palette(Layout &layout) const {
+        std::uint16_t *red = nullptr, *green = nullptr, *blue = nullptr;
+        if (layout.sample_format != SAMPLEFORMAT_UINT || layout.bits > 8 ||
+            !TIFFGetField(tiff_.get(), TIFFTAG_COLORMAP, &red, &green, &blue))
+            fail("has a palette of a kind that is not read; convert it to RGB");
+        const std::size_t count = std::size_t{1} << layout.bits;
+        std::uint16_t all = 0;
+        for (const std::uint16_t *one : {red, green, blue})
+            for (std::size_t i = 0; i < count; ++i)
+                all |= one[i];
+        // Some programs write colors of 8 bits as they are, or into the upper byte alone.
+        const float factor = all < 256 ? 257.0f : (all & 255) == 0 ? 257.0f / 256.0f : 1.0f;
+        for (std::size_t c = 0; c < 3; ++c)
+            for (std::size_t i = 0; i < count; ++i)
+                layout.palette[c].push_back(factor * static_cast<float>((c == 0 ? red : c == 1 ? green : blue)[i]));
+        layout.colors = layout.palette[0] == layout.palette[1] && layout.palette[0] == layout.palette[2] ? 1 : 3;
     }
 
     std::uint32_t tile_width(const Layout &) const {
@@ -395,12 +440,11 @@ class TiffReader final : public Reader {
     /** Strips are tiles as wide as the image: both are read band by band. */
     void read_bands(const Layout &layout, const RowSink &sink, std::uint32_t block_width, std::uint32_t block_height,
                     std::uint64_t block_bytes) {
-        const std::size_t sample_bytes = layout.bits / 8;
         const bool separate = layout.planar == PLANARCONFIG_SEPARATE && layout.channels > 1;
-        const std::size_t block_channels = separate ? 1 : layout.channels;
-        const std::size_t block_row_bytes = std::size_t{block_width} * block_channels * sample_bytes;
+        const std::size_t block_channels = separate ? 1 : layout.channels, values = layout.values();
+        const std::size_t block_row_bytes = layout.row_bytes(std::size_t{block_width} * block_channels);
         // What a strip or tile has beyond the image is read in vain.
-        const std::uint64_t image_bytes = std::uint64_t{layout.width} * layout.height * layout.channels * sample_bytes;
+        const std::uint64_t image_bytes = layout.row_bytes(std::size_t{layout.width} * layout.channels) * layout.height;
         if (block_bytes < block_row_bytes * block_height || block_bytes > image_bytes + most_padding_bytes)
             broken(fmt::format("is damaged: its strips or tiles have no sensible size ({} bytes of an image of {})",
                                block_bytes, image_bytes));
@@ -409,7 +453,7 @@ class TiffReader final : public Reader {
         if (block_bytes / ratio > file_size_)
             broken("is truncated or damaged: its strips or tiles are larger than the file");
         std::vector<unsigned char> block(static_cast<std::size_t>(block_bytes));
-        const std::size_t row_samples = std::size_t{layout.width} * layout.channels;
+        const std::size_t row_samples = std::size_t{layout.width} * info_.channels;
         std::vector<float> band;
         for (std::uint32_t y0 = 0; y0 < layout.height; y0 += block_height) {
             const std::uint32_t rows = std::min(block_height, layout.height - y0);
@@ -417,8 +461,7 @@ class TiffReader final : public Reader {
                 band.resize(row_samples);
                 read_block(layout, block, 0, y0, 0, block_row_bytes * rows);
                 for (std::uint32_t y = 0; y < rows; ++y) {
-                    for (std::size_t i = 0; i < row_samples; ++i)
-                        band[i] = convert(layout, block.data() + y * block_row_bytes + i * sample_bytes);
+                    convert(layout, block.data() + y * block_row_bytes, row_samples / values, band.data(), values);
                     sink(band.data());
                 }
                 continue;
@@ -428,12 +471,10 @@ class TiffReader final : public Reader {
                 for (std::uint32_t x0 = 0; x0 < layout.width; x0 += block_width) {
                     read_block(layout, block, x0, y0, plane, block_row_bytes * (layout.tiled ? block_height : rows));
                     const std::uint32_t columns = std::min(block_width, layout.width - x0);
-                    for (std::uint32_t y = 0; y < rows; ++y) {
-                        const unsigned char *from = block.data() + y * block_row_bytes;
-                        float *to = band.data() + y * row_samples + std::size_t{x0} * layout.channels + plane;
-                        for (std::size_t i = 0; i < columns * block_channels; ++i)
-                            to[separate ? i * layout.channels : i] = convert(layout, from + i * sample_bytes);
-                    }
+                    for (std::uint32_t y = 0; y < rows; ++y)
+                        convert(layout, block.data() + y * block_row_bytes, columns * block_channels,
+                                band.data() + y * row_samples + std::size_t{x0} * info_.channels + plane,
+                                separate ? layout.channels : values);
                 }
             }
             for (std::uint32_t y = 0; y < rows; ++y)
@@ -455,17 +496,45 @@ class TiffReader final : public Reader {
             broken(fmt::format("is truncated or damaged near row {}", y));
     }
 
-    float convert(const Layout &layout, const unsigned char *bytes) const {
+    /** Samples of one row. @param stride from value to value. */
+    void convert(const Layout &layout, const unsigned char *bytes, std::size_t count, float *to,
+                 std::size_t stride) const {
+        for (std::size_t i = 0; i < count; ++i, to += stride) {
+            const float value = layout.is_packed() ? static_cast<float>(packed(bytes, i, layout.bits))
+                                                   : whole(layout, bytes + i * (layout.bits / 8));
+            if (layout.colors > 0) {
+                for (std::uint16_t c = 0; c < layout.colors; ++c)
+                    to[c] = layout.palette[c][static_cast<std::size_t>(value)];
+                continue;
+            }
+            *to = layout.photometric != PHOTOMETRIC_MINISWHITE ? value
+                  : layout.bits == 32                          ? static_cast<float>(4294967295.0 - value)
+                                                               : static_cast<float>((1 << layout.bits) - 1) - value;
+            if (layout.bits < 8)
+                *to *= 255.0f / static_cast<float>((1 << layout.bits) - 1);
+        }
+    }
+
+    /** Of samples that lie bit by bit, the highest first. */
+    static std::uint32_t packed(const unsigned char *bytes, std::size_t i, unsigned bits) {
+        std::uint32_t value = 0;
+        for (std::size_t bit = i * bits; bit < (i + 1) * bits; ++bit)
+            value = value << 1 | (bytes[bit / 8] >> (7 - bit % 8) & 1u);
+        return value;
+    }
+
+    static float whole(const Layout &layout, const unsigned char *bytes) {
         if (layout.sample_format == SAMPLEFORMAT_IEEEFP)
             return layout.bits == 16   ? detail::half_to_float(bytes)
                    : layout.bits == 32 ? to_float<float>(bytes)
                                        : to_float<double>(bytes);
-        const float value = layout.bits == 8    ? static_cast<float>(*bytes)
-                            : layout.bits == 16 ? to_float<std::uint16_t>(bytes)
-                                                : to_float<std::uint32_t>(bytes);
-        if (layout.photometric == PHOTOMETRIC_MINISWHITE)
-            return static_cast<float>((layout.bits == 32 ? 4294967295.0 : info_.full_scale) - value);
-        return value;
+        if (layout.sample_format == SAMPLEFORMAT_INT)
+            return layout.bits == 8    ? to_float<std::int8_t>(bytes)
+                   : layout.bits == 16 ? to_float<std::int16_t>(bytes)
+                                       : to_float<std::int32_t>(bytes);
+        return layout.bits == 8    ? static_cast<float>(*bytes)
+               : layout.bits == 16 ? to_float<std::uint16_t>(bytes)
+                                   : to_float<std::uint32_t>(bytes);
     }
 
     detail::InputFile file_;

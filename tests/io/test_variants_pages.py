@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import subprocess
 import zlib
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image, ImageCms
-from test_variants import Dump, noise
+from test_variants import DUMP, Dump, noise
 
 Array = np.ndarray
 SIZE = (40, 28)
@@ -232,7 +233,12 @@ CURVES = {
     "iCCP over gAMA": ((icc("sRGB"), gamma(1)), "sRGB"),
     "iCCP linear": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve()))),), "linear"),
     "iCCP gamma 1.8": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(1.8)))),), "the power 1.801"),
-    "iCCP table": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(0, 9, 99)))),), "a curve that is not"),
+    "iCCP table": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(0, 9, 99)))),), "a table of 3 numbers"),
+    **{f"cICP {code}": ((chunk(b"cICP", bytes([1, code, 0, 1])),), name) for code, name in {
+        1: "BT.709", 4: "the power 2.2", 5: "the power 2.8", 6: "BT.709", 8: "linear", 13: "sRGB", 14: "BT.709",
+        15: "BT.709", 16: "PQ", 17: "the transfer characteristics 17", 18: "HLG"}.items()},
+    "cICP narrow": ((chunk(b"cICP", bytes([1, 13, 0, 0])),), "a narrow range"),
+    "cICP over the others": ((gamma(1), icc("sRGB"), chunk(b"cICP", bytes([9, 16, 0, 1]))), "PQ"),
     "sBIT": ((chunk(b"sBIT", b"\x08"),), "linear"),
 }
 
@@ -245,6 +251,30 @@ def test_png_tells_how_numbers_stand_for_light(tmp_path: Path, name: str) -> Non
         given = Dump(tmp_path / "a.png")
         np.testing.assert_array_equal(given.values[0], iio.imread(tmp_path / "a.png"))
         assert given.transfer.startswith(expected) and given.warnings == []
+
+
+# Numbers of the standards: ITU-R BT.709, BT.2100 (PQ: 0.5081 is 100 of 10000 cd/m^2; HLG: half the range is 1/12).
+LIGHT = {
+    1: lambda v: np.where(v < 0.081, v / 4.5, ((v + 0.099) / 1.099) ** (1 / 0.45)),
+    16: lambda v: np.interp(v, *np.array([[0, 0.1501, 0.5081, 0.7518, 1], [0, 0.0001, 0.01, 0.1, 1]])),
+    18: lambda v: np.where(v <= 0.5, v**2 / 3, (np.exp((v - 0.55991073) / 0.17883277) + 0.28466892) / 12),
+}
+
+
+@pytest.mark.parametrize("code", LIGHT)
+def test_light_of_cicp(tmp_path: Path, code: int) -> None:
+    cli = DUMP.with_name("clspeckle")
+    if code == 16:
+        at = np.array([[0, 0.1501, 0.5081, 0.7518, 1]])
+        values = np.rint(at * 65535).astype(np.uint16)
+    else:
+        values = np.linspace(0, 65535, 40).astype(np.uint16)[None]
+    (tmp_path / "a.png").write_bytes(png(np.repeat(values, 8, axis=0), chunk(b"cICP", bytes([1, code, 0, 1]))))
+    done = subprocess.run([cli, "render", "a.png", "-o", "out", "--save-ideal", "--no-preview"], cwd=tmp_path, check=True,
+                          capture_output=True, text=True)  # fmt: skip
+    assert "says its chunk cICP) and were decoded" in done.stderr
+    given = np.load(tmp_path / "out" / "ideal_000000.npy")[0]
+    np.testing.assert_allclose(given, LIGHT[code](values[0] / 65535.0), rtol=2e-3, atol=1e-6)
 
 
 @pytest.mark.parametrize(("profile", "expected"), [("sRGB", "sRGB"), (None, "linear")])

@@ -175,7 +175,7 @@ def apart_exr(path: Path) -> None:
 
 WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "text.txt": (lambda p: p.write_text("not an image"), "is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw"),
-    "webp.webp": (lambda p: iio.imwrite(p, images.gray8()), "is not a PNG"),
+    "webp.webp": (lambda p: iio.imwrite(p, images.gray8()), "is a file of the format WebP, which is not read"),
     "frame.raw": (lambda p: p.write_bytes(bytes(100)), "raw frames must be described: WIDTHxHEIGHT,BITS"),
     "named_wrongly.npy": (lambda p: p.write_text("a text with the name of an array"), "is not a PNG"),
     "empty.png": (lambda p: p.write_bytes(b""), "is empty (0 bytes)"),
@@ -189,10 +189,9 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "text.npy": (lambda p: np.save(p, np.array([["a", "b"], ["c", "d"]])), "type '<U1'"),
     "records.npy": (record_npy, "named fields"),
     "objects.npy": (object_npy, "type '|O', Python objects"),
-    "signed.tiff": (lambda p: tifffile.imwrite(p, images.gray8().astype(np.int16)), "signed of 16 bits"),
-    "one_bit.tiff": (lambda p: iio.imwrite(p, images.gray8() > 128, plugin="pillow"), "of 1 bits"),
-    "palette.tiff": (
-        lambda p: tifffile.imwrite(p, images.gray8(), photometric="palette", colormap=np.zeros((3, 256), np.uint16)),
+    "complex.tiff": (lambda p: tifffile.imwrite(p, images.real().astype(np.complex64)), "complex or unknown of 64 bits"),
+    "lab.tiff": (
+        lambda p: tifffile.imwrite(p, images.rgb(images.gray8()), photometric="cielab"),
         "color space",
     ),
     "deep.exr": (deep_exr, "not a readable EXR file"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,19 @@ import tifffile
 from PIL import Image
 from test_cli_diagnose import write_set
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "io"))
+import test_variants_tiff  # noqa: E402
+
 TIMES = {"metadata": {"axes": "TYX"}}
+
+
+def described(folder: Path, name: str) -> None:
+    """The dark frames are in another file."""
+    capture = json.loads((folder / "capture.json").read_text())
+    for sequence in capture["sequences"]:
+        if sequence["name"] == "dark":
+            sequence["file"] = name
+    (folder / "capture.json").write_text(json.dumps(capture))
 
 
 @pytest.fixture
@@ -21,11 +35,7 @@ def frames(tmp_path: Path) -> np.ndarray:
 
 def checked(ok, folder: Path, name: str) -> tuple[dict, str]:
     """What capture check says of the dark frames in another file."""
-    capture = json.loads((folder / "capture.json").read_text())
-    for sequence in capture["sequences"]:
-        if sequence["name"] == "dark":
-            sequence["file"] = name
-    (folder / "capture.json").write_text(json.dumps(capture))
+    described(folder, name)
     result = ok("capture", "check", folder, "--json", "-")
     sequences = result.json()["sequences"]
     return next(one for one in sequences if one["name"] == "dark"), result.out + result.err
@@ -74,3 +84,90 @@ def test_one_page_can_be_named(ok, refused, tmp_path: Path, frames: np.ndarray) 
     message = refused("capture", "check", "set")
     assert "holds images that are no series" in message and "odd.tif:page=0" in message
     assert checked(ok, tmp_path / "set", "odd.tif:page=0")[0]["frames"] == 1
+
+
+WRITERS = {
+    "planar.tif": lambda path, frame: tifffile.imwrite(
+        path, np.stack([frame] * 3), photometric="rgb", planarconfig="separate"
+    ),
+    "chunky.tif": lambda path, frame: tifffile.imwrite(path, np.stack([frame] * 3, axis=-1), photometric="rgb"),
+    "stack.npy": lambda path, frame: np.save(path, np.stack([frame] * 3, axis=-1)[None]),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_alike_channels_have_a_way_out(ok, refused, tmp_path: Path, frames: np.ndarray, name: str) -> None:
+    np.save(tmp_path / "set" / "one.npy", frames[:1])
+    expected, _ = checked(ok, tmp_path / "set", "one.npy")
+    WRITERS[name](tmp_path / "set" / name, frames[0])
+    described(tmp_path / "set", name)
+    advice = re.search(r'name one: "file": "(\S+)"', refused("capture", "check", "set"))
+    assert advice and advice[1] == f"{name}:R"
+    same(checked(ok, tmp_path / "set", advice[1])[0], expected)
+
+
+def test_a_channel_of_all_files_of_a_sequence(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
+    expected, _ = checked(ok, tmp_path / "set", "dark.npy")
+    folder = tmp_path / "set" / "colors"
+    folder.mkdir()
+    for i, frame in enumerate(frames):
+        tifffile.imwrite(folder / f"d{i}.tif", np.stack([frame] * 3, axis=-1), photometric="rgb")
+    described(tmp_path / "set", "colors")
+    advice = re.search(r'name one: "file": "(\S+)"', refused("capture", "check", "set"))
+    assert advice and advice[1] == "colors:R"
+    for name in (advice[1], "colors/d*.tif:G"):
+        same(checked(ok, tmp_path / "set", name)[0], expected)
+    described(tmp_path / "set", "dark.npy:full_scale=1023")
+    assert "take full_scale out" in refused("capture", "check", "set")
+    checked(ok, tmp_path / "set", "dark.npy")
+
+
+def test_one_word_for_files_of_several_sequences(ok, tmp_path: Path) -> None:
+    folder = write_set(tmp_path / "all", 0)
+    capture = json.loads((folder / "capture.json").read_text())
+    for sequence in capture["sequences"]:
+        codes = np.load(folder / sequence["file"])
+        sequence["file"] = sequence["name"] + ".tif"
+        tifffile.imwrite(folder / sequence["file"], 65535 - codes, photometric="miniswhite")
+    (folder / "capture.json").write_text(json.dumps(capture))
+    told = [w for w in ok("capture", "check", folder, "--json", "-").json()["warnings"] if "0 is white" in w["text"]]
+    assert len(told) == 1 and len(capture["sequences"]) > 1
+    assert f" and {len(capture['sequences']) - 1} more: its photometric" in told[0]["text"]
+
+
+def test_packed_codes(ok, tmp_path: Path, frames: np.ndarray) -> None:
+    """TIFF of 10 and 12 bits without padding."""
+    expected, _ = checked(ok, tmp_path / "set", "dark.npy")
+    for bits in (10, 12):
+        packed = tmp_path / "set" / f"packed{bits}"
+        packed.mkdir()
+        for i, frame in enumerate(frames):
+            (packed / f"{i}.tif").write_bytes(test_variants_tiff.packed_tiff(frame, bits))
+        same(checked(ok, tmp_path / "set", packed.name)[0], expected)
+
+
+def test_words_with_swapped_bytes(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
+    expected, _ = checked(ok, tmp_path / "set", "dark.npy")
+    array = frames + np.uint16(200)
+    np.save(tmp_path / "set" / "swapped.npy", array.byteswap())
+    described(tmp_path / "set", "swapped.npy")
+    message = refused("capture", "check", "set")
+    assert f"of {array[0].size} codes of the frame are above it, in rows 0 to" in message
+    advice = re.search(r"If so, save (array\.byteswap\(\))", message)
+    assert advice and "none needs more than 10 bits" in message
+    saved = np.load(tmp_path / "set" / "swapped.npy")
+    np.save(tmp_path / "set" / "again.npy", eval(advice[1], {"array": saved}))
+    assert checked(ok, tmp_path / "set", "again.npy")[0]["mean_dn"] == pytest.approx(expected["mean_dn"] + 200)
+
+
+def test_frames_behind(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
+    """Height x width x frames."""
+    expected, _ = checked(ok, tmp_path / "set", "dark.npy")
+    array = np.ascontiguousarray(np.moveaxis(np.concatenate([frames] * 3), 0, -1))
+    assert array.shape[2] > 4
+    np.save(tmp_path / "set" / "behind.npy", array)
+    described(tmp_path / "set", "behind.npy")
+    advice = re.search(r"save (numpy\.moveaxis\(array, -1, 0\))", refused("capture", "check", "set"))
+    assert advice
+    np.save(tmp_path / "set" / "before.npy", eval(advice[1], {"array": array, "numpy": np}))
+    assert checked(ok, tmp_path / "set", "before.npy")[0]["mean_dn"] == expected["mean_dn"]

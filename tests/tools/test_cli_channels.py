@@ -310,3 +310,31 @@ def test_an_input_that_is_named_by_its_channel_is_not_overwritten(refused, tmp_p
     (tmp_path / "frame_000000.exr").rename(tmp_path / "frame_000000.npy")  # the content decides
     message = refused("render", "frame_000000.npy:R", "-o", ".", "--format", "npy", "--no-preview")
     assert "overwrite" in message
+
+
+def test_a_picture_of_one_channel_beside_a_depth(ok, refused, scene: Path) -> None:
+    """No name tells that IR is a picture: the message names it."""
+    images.exr(scene / "frame.exr", {"IR": COLORS["R"], "Z": depth()})
+    message = refused("render", "frame.exr", "-o", "out")
+    assert "is a scene: name the projected pattern with --pattern IMAGE" in message
+    advice = re.search(r"is the ideal image, that channel: (\S+)", message)
+    assert advice and advice[1] == "frame.exr:IR"
+    ok("render", advice[1], "-o", "out", "--save-ideal", "--no-preview")
+    np.testing.assert_array_equal(np.load(scene / "out" / "ideal_000000.npy"), COLORS["R"])
+    np.testing.assert_array_equal(
+        rendered(ok, scene, "frame.exr", *CAMERA), rendered(ok, scene, "--depth", "z.npy", *CAMERA)
+    )
+
+
+def test_a_channel_of_all_files(ok, refused, tmp_path: Path) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for i in range(3):
+        images.exr(folder / f"f{i}.exr", {"a": images.real() * (i + 1), "b": images.real()})
+    for name in ("frames:a", "frames/f*.exr:a", "frames/f?.exr:a"):
+        ok("render", name, "-o", name[-4:-2] + "out", "--save-ideal", "--no-preview")
+        given = [np.load(path) for path in sorted((tmp_path / (name[-4:-2] + "out")).glob("ideal_*.npy"))]
+        np.testing.assert_array_equal(given, [images.real() * (i + 1) for i in range(3)])
+    assert len(ok("statistics", "frames:b", "--json").json()["frames"]) == 3
+    assert 'has no channel "c"; its channels are: a, b' in refused("render", "frames:c", "-o", "none")
+    assert "no file matches" in refused("render", "frames/g*.exr:a", "-o", "none")

@@ -80,6 +80,7 @@ CHANGED: Config = {
         "irradiance_scale": 0.5,
         "full_scale": 1023.0,
         "clip_negative": True,
+        "zero_nonfinite": True,
         "transfer": "srgb",
         "channel": "Y",
         "format": "tiff16",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import sys
 from pathlib import Path
 
 import cli_images as images
@@ -12,7 +13,10 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image, ImageCms
-from test_cli_scene import CAMERA, LASER, PATTERN, albedo, depth, position, rendered, scene
+from test_cli_scene import CAMERA, LASER, PATTERN, albedo, depth, normal, position, rendered, scene
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "io"))
+import test_variants_pages  # noqa: E402
 
 __all__ = ["scene"]
 
@@ -87,14 +91,54 @@ def test_albedos_and_patterns_are_light_and_depths_are_not(ok, scene: Path) -> N
     assert np.abs(frames[0] - frames[1]).max() <= 1
 
 
-def test_a_curve_that_is_not_known(ok, tmp_path: Path) -> None:
-    curve = b"curv" + bytes(4) + struct.pack(">IHHH", 3, 0, 9000, 65535)
-    data = bytes(128) + struct.pack(">I4sII", 1, b"kTRC", 144, len(curve)) + curve
-    Image.fromarray(images.gray8()).save(tmp_path / "a.png", icc_profile=struct.pack(">I", len(data)) + data[4:])
-    given, told = light(ok, tmp_path, "a.png")
-    np.testing.assert_array_equal(given, (images.gray8() / 255).astype(np.float32))
-    assert "its ICC profile has a curve that is not known here; the numbers are taken as linear light" in told
-    assert "warning" not in light(ok, tmp_path, "a.png", "--transfer", "linear")[1]
+def profile(**tags: bytes) -> bytes:
+    """An ICC profile with nothing but some tags."""
+    data, table = b"", b""
+    for name, content in tags.items():
+        table += struct.pack(">4sII", name.encode(), 132 + 12 * len(tags) + len(data), len(content))
+        data += content + bytes(-len(content) % 4)
+    whole = bytes(128) + struct.pack(">I", len(tags)) + table + data
+    return struct.pack(">I", len(whole)) + whole[4:]
+
+
+def table(values: np.ndarray) -> bytes:
+    return b"curv" + bytes(4) + struct.pack(f">I{len(values)}H", len(values), *values)
+
+
+def test_a_tone_curve_that_is_a_table_is_decoded(ok, tmp_path: Path) -> None:
+    entries = np.rint(65535 * np.linspace(0, 1, 64) ** 3).astype(int)
+    curve = table(entries)
+    for name, mode in (("gray.png", ("kTRC",)), ("rgb.tif", ("rTRC", "gTRC", "bTRC"))):
+        pixels = images.gray8() if name == "gray.png" else images.rgb(images.gray8())
+        Image.fromarray(pixels).save(tmp_path / name, icc_profile=profile(**dict.fromkeys(mode, curve)))
+        given, told = light(ok, tmp_path, name)
+        expected = np.interp(images.gray8() / 255, np.linspace(0, 1, 64), entries / 65535)
+        np.testing.assert_allclose(given, expected, rtol=1e-5, atol=1e-7)
+        assert "a table of 64 numbers, says its ICC profile" in told
+    # sRGB as many profiles have it.
+    srgb = np.rint(65535 * decoded(np.linspace(0, 1, 1024))).astype(int)
+    Image.fromarray(images.gray8()).save(tmp_path / "srgb.png", icc_profile=profile(kTRC=table(srgb)))
+    assert "(sRGB, says its ICC profile)" in light(ok, tmp_path, "srgb.png")[1]
+
+
+UNKNOWN = {
+    "no curve": profile(A2B0=b"mft1" + bytes(44)),
+    "cut short": profile(kTRC=b"curv" + bytes(4) + struct.pack(">I", 4000)),
+    "another kind": profile(kTRC=b"para" + bytes(4) + struct.pack(">HHI", 9, 0, 65536)),
+    "three curves": profile(rTRC=table(np.array([0, 65535])), gTRC=table(np.array([0, 9, 65535])), bTRC=b"curv" + bytes(8)),
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_a_curve_that_is_not_known_is_refused_with_a_way_out(ok, refused, tmp_path: Path, name: str) -> None:
+    Image.fromarray(images.gray8()).save(tmp_path / "a.png", icc_profile=UNKNOWN[name])
+    message = refused("render", "a.png", "-o", "out")
+    assert "a.png: its ICC profile has " in message
+    for word in re.findall(r"--transfer (\w+)", message):
+        given, told = light(ok, tmp_path, "a.png", "--transfer", word)
+        expected = images.gray8() / 255
+        np.testing.assert_allclose(given, decoded(expected) if word == "srgb" else expected, rtol=1e-5, atol=1e-7)
+        assert "warning" not in told
 
 
 # --- depth ---
@@ -179,6 +223,59 @@ def test_integers_of_unknown_full_scale(ok, tmp_path: Path, name: str) -> None:
     assert "warning" not in told
 
 
+@pytest.mark.parametrize("name", ["u2.npy", "i4.npy", "u4.tif", "u2.png"])
+@pytest.mark.parametrize("plane", ["albedo", "visibility", "pattern"])
+def test_planes_of_unknown_full_scale(cli, ok, scene: Path, plane: str, name: str) -> None:
+    """The rule of the ideal image; what the message names reads the plane."""
+    codes = np.rint(1023 * albedo()).astype(int)
+    kind = {"u2": np.uint16, "i4": np.int32, "u4": np.uint32}[name[:2]]
+    (np.save if name.endswith("npy") else iio.imwrite if name.endswith("png") else tifffile.imwrite)(
+        scene / name, codes.astype(kind)
+    )
+    np.save(scene / "values.npy", (codes / 1023).astype(np.float32))
+    patterned = [*LASER, *PATTERN[2:]] if plane == "pattern" else [*LASER, *PATTERN]
+
+    def run(file: str, out: str):
+        return cli("render", "--depth", "z.npy", f"--{plane}", file, "-o", out, *CAMERA, *patterned, "--exposure-gain", 30000,
+                   "--format", "npy", "--no-preview")  # fmt: skip
+
+    told = run(name, "first").err
+    advice = re.search(rf"{re.escape(name)}:full_scale=1023", told)
+    assert advice, told
+    given, expected = run(advice[0], "given"), run("values.npy", "expected")
+    assert given.code == 0 and "warning" not in given.err
+    frames = [np.load(scene / folder / "frame_000000.npy") for folder in ("given", "expected")]
+    np.testing.assert_array_equal(*frames)
+    assert expected.code == 0
+
+
+def test_full_scale_is_of_light(ok, refused, scene: Path) -> None:
+    np.save(scene / "codes.npy", images.gray10())
+    given, told = light(ok, scene, "codes.npy:full_scale=1023")
+    np.testing.assert_array_equal(given, images.scaled(images.gray10(), 1023))
+    assert "warning" not in told
+    np.save(scene / "stack.npy", np.stack([images.gray10()] * 3))
+    np.testing.assert_array_equal(light(ok, scene, "stack.npy:page=1,full_scale=1023")[0], given)
+    assert "of 10 bits it is full_scale=1023" in refused("render", "codes.npy:full_scale=x", "-o", "out")
+    np.save(scene / "mm.npy", MM)
+    message = refused("render", "--depth", "mm.npy:full_scale=1000", *ARGUMENTS)
+    assert "For depths --depth-scale does it" in message
+    ok("render", "--depth", "mm.npy", "--depth-scale", 0.001, *ARGUMENTS)
+
+
+def test_png_tells_significant_bits(ok, tmp_path: Path) -> None:
+    """Codes of 11 bits in the lower ones of 16, and where the format wants them."""
+    codes = np.random.default_rng(1).integers(0, 1500, (images.HEIGHT, images.WIDTH), dtype=np.uint16)
+    chunk = test_variants_pages.chunk(b"sBIT", b"\x0b")
+    (tmp_path / "low.png").write_bytes(test_variants_pages.png(codes, chunk))
+    told = light(ok, tmp_path, "low.png")[1]
+    assert "if its codes have 11 bits, as its chunk sBIT says, --full-scale 2047 makes" in told
+    given, told = light(ok, tmp_path, "low.png", "--full-scale", 2047)
+    np.testing.assert_array_equal(given, images.scaled(codes, 2047))
+    (tmp_path / "high.png").write_bytes(test_variants_pages.png(codes << 5, chunk))
+    assert "warning" not in light(ok, tmp_path, "high.png")[1]
+
+
 def test_codes_that_fill_their_type_are_no_question(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", images.gray16())
     np.save(tmp_path / "b.npy", images.gray8())
@@ -198,6 +295,35 @@ def test_a_frame_without_light(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "black.npy", np.zeros((32, 48), np.float32))
     black = ok("render", "black.npy", "-o", "float", "--no-sensor", "--format", "float-npy").err
     assert "the frame has no light" in black
+
+
+def test_a_black_image_has_another_cause(ok, refused, tmp_path: Path) -> None:
+    """No gain helps: the picture is elsewhere, or there is none."""
+    images.exr(tmp_path / "passes.exr", {"R": np.zeros_like(images.real()), "IR": images.real()})
+    tifffile.imwrite(tmp_path / "pages.tif", np.stack([np.zeros_like(images.gray16()), images.gray16()]))
+    for file in ("passes.exr:R", "pages.tif:page=0"):
+        told = ok("render", file, "-o", "out").err
+        assert "is 0 everywhere: it may be another channel or page than meant" in told and "--exposure-gain" not in told
+        assert "FILE:CHANNEL and FILE:page=N" in told
+    for file in ("passes.exr:IR", "pages.tif:page=1"):
+        assert "warning" not in ok("render", file, "-o", "out").err
+    message = refused("render", "passes.exr:R", "-o", "auto", "--exposure-gain", "auto")
+    assert "so that no exposure can be chosen. If no light is meant, give --illumination dark and a number" in message
+    dark = ok("render", "passes.exr:R", "-o", "auto", "--exposure-gain", 500, "--illumination", "dark").err
+    assert "warning" not in dark
+
+
+def test_normals_that_face_away_are_named(ok, scene: Path) -> None:
+    turned = normal() * np.array([1, -1, -1], np.float32)
+    np.save(scene / "turned.npy", turned)
+    for surface in (["--depth", "z.npy", *CAMERA], ["--position", "p.npy"]):
+        told = ok("render", *surface, "--normal", "turned.npy", "-o", "out", *PATTERN, *LASER).err
+        advice = re.search(r"save (normals \* \[1, -1, -1\])", told)
+        assert advice and "turned.npy: 1712 of 1712 normals face away from the camera" in told
+        assert "the frame has no light" in told
+        np.save(scene / "again.npy", np.asarray(eval(advice[1], {"normals": turned}), np.float32))
+        told = ok("render", *surface, "--normal", "again.npy", "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000).err
+        assert "warning" not in told
 
 
 def test_a_frame_that_is_all_at_the_top_code(ok, tmp_path: Path) -> None:
@@ -224,9 +350,27 @@ def test_negative_lobes(ok, refused, scene: Path) -> None:
     given = ["--depth", "z.npy", "--albedo", "albedo.npy"]
     assert "--clip-negative" in refused("render", *given, *ARGUMENTS)
     assert "1 of 1728 pixels of the albedo were negative" in ok("render", *given, *ARGUMENTS, "--clip-negative").err
-    lobes[0, 0] = np.nan
-    np.save(scene / "nan.npy", lobes)
-    assert "pixel (0, 0) is nan" in refused("render", "nan.npy", "-o", "nan", "--clip-negative")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_none(ok, refused, scene: Path, bad: float) -> None:
+    values = images.real()
+    values[0, :2] = bad
+    values[1, 1] = -1
+    np.save(scene / "bad.npy", values)
+    message = refused("render", "bad.npy", "-o", "out")
+    assert f"bad.npy: pixel (0, 0) is {bad}" in message
+    options = re.findall(r"--[a-z-]+", message)
+    assert options == ["--clip-negative", "--zero-nonfinite"]
+    given, told = light(ok, scene, "bad.npy", *options)
+    np.testing.assert_array_equal(given, np.where(np.isfinite(values) & (values >= 0), values, 0))
+    assert f"bad.npy: 2 of {values.size} pixels of the ideal image were NaN or infinite and were set to 0" in told
+    plane = albedo()
+    plane[7, 11] = bad
+    np.save(scene / "albedo.npy", plane)
+    message = refused("render", "--depth", "z.npy", "--albedo", "albedo.npy", *ARGUMENTS)
+    assert re.findall(r"--[a-z-]+", message) == ["--zero-nonfinite"]
+    ok("render", "--depth", "z.npy", "--albedo", "albedo.npy", *ARGUMENTS, "--zero-nonfinite")
 
 
 def test_what_holds_for_all_frames_is_said_once(ok, tmp_path: Path) -> None:

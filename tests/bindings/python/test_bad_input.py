@@ -178,7 +178,8 @@ IMAGE_ARGUMENTS: dict[str, tuple[Callable[[World, Any], Any], list[Any]]] = {
     ),
     "geometry.depth": (
         lambda w, v: w.pattern.lookup(clspeckle.Geometry(depth=v, intrinsics=(1, 1, 0, 0))),
-        GIVEN_IMAGES,
+        [b for b in GIVEN_IMAGES if b[0] != "large integers"]
+        + [("int64", np.ones(SHAPE, np.int64), errors.InvalidFormatError, r"depth \* 0.001")],
     ),
     "geometry.albedo": (
         lambda w, v: w.projector.render(clspeckle.Geometry(**w.geometry, albedo=v)),

@@ -187,6 +187,38 @@ def test_codes_in_upper_bits(found) -> None:
     assert found(shifted, {"bits": 10, "msb_aligned": True, "black_level_dn": 64, "read_noise_dn": 4}) == []
 
 
+@pytest.mark.parametrize("bits", [10, 12])
+def test_lowest_bits_that_are_empty(found, bits: int) -> None:
+    """Codes of 8 bits in 10 stand in no upper bits of a word."""
+    arrays, camera = recorded(3, bits=bits - 2)
+    shifted = {name: codes * 4 for name, codes in arrays.items()}
+    given = {"bits": bits, **{key: 4 * camera[key] for key in ("black_level_dn", "read_noise_dn")}}
+    warnings = found(shifted, given)
+    assert kinds(warnings) == ["upper_bits"]
+    advice = re.search(r"Divide the codes by (\d+), and set bits to (\d+) and the black level and read noise", warnings[0]["text"])
+    assert advice and "to true" not in warnings[0]["text"]
+    step = int(advice[1])
+    again = {"bits": int(advice[2]), **{key: given[key] / step for key in ("black_level_dn", "read_noise_dn")}}
+    assert found({name: codes // step for name, codes in shifted.items()}, again) == []
+    # The same under msb_aligned.
+    words = {name: codes << (16 - bits) for name, codes in shifted.items()}
+    assert kinds(found(words, {**given, "msb_aligned": True})) == ["upper_bits"]
+    assert found(words, {**again, "msb_aligned": True}) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.2, 0.3, 0.5])
+def test_noise_below_half_a_code_is_no_denoising(found, noise: float) -> None:
+    """Rounding hides it, or adds to it, by where the black level lies."""
+    for seed, level in enumerate((64.0, 64.2, 64.5)):
+        random = np.random.default_rng(seed)
+        dark = np.rint(random.normal(level, noise, (8, *SHAPE)))
+        assert "read_noise" not in kinds(found({"dark": dark}, {"bits": 10, "black_level_dn": 64, "read_noise_dn": noise}))
+    for wrong in (4 * max(noise, 0.5), 8.0) if noise > 0 else ():
+        told = found({"dark": np.rint(np.random.default_rng(9).normal(64.5, noise, (8, *SHAPE)))}, {
+            "bits": 10, "black_level_dn": 64, "read_noise_dn": wrong})  # fmt: skip
+        assert "read_noise" in kinds(told) and "denoised" in next(w["text"] for w in told if w["kind"] == "read_noise")
+
+
 def test_a_gamma_table_and_codes_that_a_converter_misses(found) -> None:
     arrays, camera = recorded(5, frames=16)
     table = np.rint(1023 * (np.arange(1024) / 1023) ** (1 / 2.2))
@@ -267,6 +299,23 @@ def test_odd_places_are_named_and_a_mask_leaves_them_out(cli: Cli, found, tmp_pa
     assert "exists; choose another name with --write-mask" in again
 
 
+@pytest.mark.parametrize("names", [("board_static",), ("board_moving",), ("dots_static",), ("dots_moving",)], ids=str)
+def test_telemetry_is_found_in_laser_light_alone(cli: Cli, found, tmp_path: Path, names: tuple[str, ...]) -> None:
+    """A row that changes each frame, without dark frames or flats beside it."""
+    cli("capture", "make", "drawn", "--width", 64, "--height", 48, "--frames", 12, "--sequences", ",".join(names))
+    clean = json.loads(cli("capture", "check", "drawn", "--json", "-").stdout)["warnings"]
+    assert "odd_block" not in kinds(clean)
+    arrays = {name: np.load(tmp_path / "drawn" / f"{name}.npy") for name in names}
+    random = np.random.default_rng(2)
+    for codes in arrays.values():
+        codes[:, 47] = random.integers(0, 1024, codes[:, 47].shape)
+    for name, codes in arrays.items():
+        np.save(tmp_path / "drawn" / f"{name}.npy", codes)
+    told = json.loads(cli("capture", "check", "drawn", "--json", "-").stdout)["warnings"]
+    (warning,) = [w for w in told if w["kind"] == "odd_block"]
+    assert warning["pixels"] == [{"rows": [47, 47], "columns": [0, 63]}], warning
+
+
 def test_the_written_mask_keeps_the_sets_own(cli: Cli, found, tmp_path: Path) -> None:
     arrays, camera = recorded(9)
     telemetry_row(arrays, np.random.default_rng(1))
@@ -305,7 +354,10 @@ def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:
     (site,) = {re.search(r"codes(\[:, (\d)::2, (\d)::2\])", w["text"]).groups() for w in warnings}  # type: ignore[union-attr]
     assert site[1:] == ("0", "1"), "the brightest site"
     one = {name: codes[:, int(site[1]) :: 2, int(site[2]) :: 2] for name, codes in mosaic.items()}
-    assert "mosaic" not in kinds(found(one, camera))
+    again = found(one, {**camera, "pixel_pitch_um": 2 * 2.9})
+    assert kinds(again) == ["fine_speckle"] * 2, again
+    assert "Speckle is finer than such pixels, which is a warning of its own" in warnings[0]["text"]
+    assert found(one, {**camera, "pixel_pitch_um": 2 * 2.9, "f_number": 12}) == []
 
 
 # --- Frames against frames ---
@@ -358,7 +410,7 @@ def test_a_mask_with_soft_edges(cli: Cli, found, tmp_path: Path) -> None:
     mask[:, :4] = [0, 60, 120, 200]
     iio.imwrite(tmp_path / "set" / "mask.png", mask)
     warnings = found(arrays, camera, mask="mask.png")
-    assert kinds(warnings) == ["mask"] * 4
+    assert kinds(warnings) == ["mask"], "once for all sequences"
     advice = re.search(r"of two values, (numpy\.where.*)$", warnings[0]["text"])
     assert advice and "144 pixels are between 0 and 255" in warnings[0]["text"]
     iio.imwrite(tmp_path / "set" / "mask.png", eval(advice[1], {"numpy": np, "mask": mask}))

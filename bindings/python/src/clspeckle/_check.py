@@ -7,6 +7,7 @@ import difflib
 import math
 import operator
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -226,11 +227,47 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that")
 
 
+def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
+    """An image of light or parts of it. Whole numbers are what the program makes of them in a file: uint8 and uint16
+    are divided by their top code; others have none, and are taken as they are."""
+    given = array(value, name)
+    plane = float_plane(given, name, shape)
+    if given.dtype.kind not in "iu":
+        return plane
+    full = 2 ** (8 * given.dtype.itemsize) - 1 if given.dtype.kind == "u" and given.dtype.itemsize <= 2 else 0
+    largest = int(given.max())
+    bits = max(8, largest.bit_length() + largest.bit_length() % 2)
+    advice = f"{name} / {2**bits - 1} makes the top code of {bits} bits 1"
+    if full == 0 and largest > 1:
+        warnings.warn(
+            f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are, and "
+            f"the largest is {largest}. {advice}",
+            stacklevel=2,
+        )
+    elif full == 65535 and largest > 1 and bits < 16:
+        warnings.warn(
+            f"the largest number of {name} is {largest} of 65535; if its codes have {bits} bits, {advice}",
+            stacklevel=2,
+        )
+    return plane if full == 0 else (given / full).astype(np.float32)
+
+
+def depth_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
+    """Depths in metres; of whole numbers the unit is not known."""
+    given = array(value, name)
+    if given.dtype.kind in "iu":
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, whose unit is not known; expected floating-point metres: {name} * 0.001 "
+            "if it is in millimetres"
+        )
+    return float_plane(given, name, shape)
+
+
 def irradiance_plane(
     value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)
 ) -> npt.NDArray[np.float32]:
     """An ideal image: finite, not negative."""
-    image = float_plane(value, name, shape)
+    image = light_plane(value, name, shape)
     within(image, name)
     return image
 

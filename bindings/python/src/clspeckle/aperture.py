@@ -136,7 +136,7 @@ class Aperture(Stage):
         if zernike_waves is not None:
             desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
-            image = _check.float_plane(pupil_image, "pupil_image")
+            image = _check.light_plane(pupil_image, "pupil_image")
             _check.within(image, "pupil_image", 0.0, 1.0)
             desc.pupil_image = _check.pointer(image)
             desc.pupil_height, desc.pupil_width = image.shape

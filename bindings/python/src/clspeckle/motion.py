@@ -81,12 +81,12 @@ def material_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray
 
 _IMAGES: dict[str, tuple[HostCheck, Format]] = {
     "position": (vectors_plane, FLOAT32X3),
-    "depth": (_check.float_plane, FLOAT32),
+    "depth": (_check.depth_plane, FLOAT32),
     "normal": (vectors_plane, FLOAT32X3),
     "material": (material_plane, UINT8),
     "motion": (_check.vector2_plane, FLOAT32X2),
     "previous_position": (vectors_plane, FLOAT32X3),
-    "previous_depth": (_check.float_plane, FLOAT32),
+    "previous_depth": (_check.depth_plane, FLOAT32),
     "previous_normal": (vectors_plane, FLOAT32X3),
     "previous_material": (material_plane, UINT8),
 }

@@ -48,15 +48,17 @@ class Geometry:
     position: ImageLike | None = None
     """(height, width, 3 or 4) metres. NaN or infinite: no surface here, nothing is returned."""
     depth: ImageLike | None = None
-    """(height, width) metres; the geometry frame is then the camera frame. <= 0, NaN, infinite: no surface."""
+    """(height, width) metres, no integers; the geometry frame is then the camera frame. <= 0, NaN, infinite: no
+    surface."""
     intrinsics: Any | None = None
     """(fx, fy, cx, cy) in pixels, or the 3 x 3 camera matrix; for depth."""
     normal: ImageLike | None = None
     """(height, width, 3 or 4), unit length, towards the camera; None: the surface faces the laser."""
     albedo: ImageLike | None = None
-    """(height, width) in [0, 1]; None: 1."""
+    """(height, width) in [0, 1]; uint8 and uint16 are divided by their top code; None: 1."""
     visibility: ImageLike | None = None
-    """(height, width): does the laser see the point. Floats in [0, 1], uint8 from 0 to 255, or bool; None: 1."""
+    """(height, width): does the laser see the point. Floats in [0, 1], uint8 from 0 to 255, uint16 from 0 to
+    65535, or bool; None: 1."""
     depth_kind: str | None = None
     """"along_axis" (z in the camera frame) or "along_ray" (distance from the camera centre); None: the C library's
     default."""
@@ -103,7 +105,7 @@ def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.fl
 
 
 def _albedos(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    plane = _check.float_plane(value, name, shape)
+    plane = _check.light_plane(value, name, shape)
     _check.within(plane, name, 0.0, 1.0)
     return plane
 
@@ -114,14 +116,16 @@ def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
         _check.check_shape(given, name, shape)
         plane: npt.NDArray[np.uint8] = np.ascontiguousarray(given, dtype=np.uint8)
         return plane * np.uint8(255) if given.dtype == np.bool_ else plane
-    if given.dtype.kind != "f":
-        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected bool, uint8 (0 to 255) or floats")
+    if given.dtype.kind != "f" and not (given.dtype.kind == "u" and given.dtype.itemsize == 2):
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, expected bool, uint8 (0 to 255), uint16 (0 to 65535) or floats"
+        )
     return _albedos(given, name, shape)
 
 
 _IMAGES: dict[str, tuple[HostCheck, Format]] = {
     "position": (vectors_plane, FLOAT32X3),
-    "depth": (_check.float_plane, FLOAT32),
+    "depth": (_check.depth_plane, FLOAT32),
     "normal": (_normals, FLOAT32X3),
     "albedo": (_albedos, FLOAT32),
     "visibility": (_visibilities, FLOAT32),

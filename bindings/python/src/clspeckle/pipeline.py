@@ -963,7 +963,7 @@ def simulate(
 
     Args:
         ideal: (height, width), finite, >= 0: one frame; or (frames, height, width): a sequence with frame indices
-            counting up.
+            counting up. uint8 and uint16 are divided by their top code.
         frame_index: counter of the speckle and the noise of the first frame, below 2^48.
         refresh: for a sequence: None: all frames have the same speckle; "all": each has its own; a mask: new speckle
             there.

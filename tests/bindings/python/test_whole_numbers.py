@@ -1,0 +1,83 @@
+"""Images of whole numbers: the same array means the same to the program, as an NPY file, and to Python."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import clspeckle
+
+ROOT = Path(__file__).resolve().parents[3]
+PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
+SHAPE = (24, 32)
+CODES = np.random.default_rng(1).integers(0, 256, SHAPE)
+KINDS: dict[str, tuple[npt.NDArray[Any], str]] = {
+    "uint8": (CODES.astype(np.uint8), ""),
+    "uint16": (CODES.astype(np.uint16) * 257, ""),
+    "big_endian": ((CODES * 257).astype(">u2"), ""),
+    "ten_bits": (CODES.astype(np.uint16) * 4, "have 10 bits"),
+    "int32": (CODES.astype(np.int32), "tells no full scale"),
+    "int16": (CODES.astype(np.int16) * 4, "tells no full scale"),
+    "zeros_and_ones": ((CODES > 128).astype(np.int64), ""),
+    "float64": (CODES / 255, ""),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_program_and_python_agree(tmp_path: Path, kind: str) -> None:
+    array, words = KINDS[kind]
+    np.save(tmp_path / "ideal.npy", array)
+    options = ["--exposure-gain", "300", "--seed", "5", "--format", "npy", "--no-preview", "--save-ideal"]
+    done = subprocess.run(
+        [PROGRAM, "render", "ideal.npy", "-o", "out", *options],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    ideal = np.load(tmp_path / "out" / "ideal_000000.npy")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        given = clspeckle.simulate(array, exposure_gain_dn=300.0, seed=5)
+    np.testing.assert_array_equal(given, clspeckle.simulate(ideal, exposure_gain_dn=300.0, seed=5))
+    np.testing.assert_array_equal(given, np.load(tmp_path / "out" / "frame_000000.npy"))
+    said = [str(one.message) for one in told]
+    assert len(said) == (1 if words else 0)
+    assert words in "".join(said)
+    assert words in done.stderr if words else "full scale" not in done.stderr
+    if words:
+        advice = re.search(r"(scene / \d+) makes", said[0])
+        assert advice
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            clspeckle.simulate(eval(advice[1], {"scene": array}))
+
+
+def test_planes_of_a_scene() -> None:
+    depth = np.full(SHAPE, 1.0)
+    pattern = clspeckle.Pattern(np.ones((8, 8)))
+
+    def ideal(**planes: Any) -> npt.NDArray[Any]:
+        given: dict[str, Any] = {"depth": depth, "intrinsics": (30.0, 30.0, 15.5, 11.5), **planes}
+        return np.asarray(pattern.lookup(clspeckle.Geometry(**given)))
+
+    for name in ("albedo", "visibility"):
+        expected = ideal(**{name: (CODES / 255).astype(np.float32)})
+        for array in (CODES.astype(np.uint8), CODES.astype(np.uint16) * 257):
+            np.testing.assert_allclose(ideal(**{name: array}), expected, rtol=1e-6)
+        refusal = pytest.raises(clspeckle.errors.ClspeckleError, match=r"from 0 to 1|uint16")
+        with warnings.catch_warnings(record=True), refusal:
+            ideal(**{name: CODES.astype(np.int32)})
+    with pytest.raises(clspeckle.errors.InvalidFormatError, match=r"depth \* 0.001") as refused:
+        ideal(depth=(1000 * depth).astype(np.uint16))
+    advice = re.search(r"(depth \* 0.001)", str(refused.value))
+    assert advice
+    np.testing.assert_array_equal(ideal(depth=eval(advice[1], {"depth": (1000 * depth).astype(np.uint16)})), ideal())
