@@ -137,6 +137,8 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
                                       {"board_moving", CLSP_SCENE_BOARD, true, &a.board_levels, "--board-level"},
                                       {"dots_static", CLSP_SCENE_DOTS, false, &a.dots_levels, "--dots-level"},
                                       {"dots_moving", CLSP_SCENE_DOTS, true, &a.dots_levels, "--dots-level"}};
+    if (std::all_of(a.sequences.begin(), a.sequences.end(), [](const std::string &name) { return name.empty(); }))
+        throw InputError("--sequences names none; for example --sequences dark,board_static,board_moving");
     for (const std::string &name : a.sequences)
         if (std::none_of(known.begin(), known.end(), [&](const Known &k) { return name == k.name; }))
             throw InputError(fmt::format(
@@ -158,8 +160,6 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
                              several ? 10.0 * levels[i] / levels[0] : 0.0});
         }
     }
-    if (plans.empty())
-        throw InputError("--sequences names none; for example --sequences dark,board_static,board_moving");
     return plans;
 }
 
@@ -314,9 +314,8 @@ DotPattern read_dots(const std::string &file, double sigma_px) {
     if (root.is_object() && root.contains("dots"))
         root = Json(root["dots"]);
     const auto refuse = [&](const std::string &what) {
-        throw InputError(
-            fmt::format("{}: {}; expected {{\"sigma_px\": 2.2, \"positions_px\": [[x, y], ...]}} or a capture.json",
-                        file, what));
+        throw InputError(fmt::format(
+            "{}: {}; expected {{\"sigma_px\": 2.2, \"positions_px\": [[x, y], ...]}} or a capture.json", file, what));
     };
     if (!root.is_object() || !root.contains("positions_px") || !root["positions_px"].is_array())
         refuse("has no list positions_px");

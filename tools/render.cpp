@@ -30,6 +30,8 @@ using clspeckle::Buffer;
 constexpr std::uint32_t refresh_none =
     2; // index of the word in the option's table; the C interface has no such constant
 
+constexpr double most_gain = 1e30; // that a sensor takes
+
 /** Host planes on the device. */
 class DeviceFrame {
   public:
@@ -645,7 +647,7 @@ class Renderer {
         const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
         const double transmission = kept_mean ? 1.0 : aperture_.info().mean_transmission;
         const double gain = signal / (bright * transmission);
-        if (!std::isfinite(gain))
+        if (!(gain <= most_gain))
             throw InputError(fmt::format("{}: the first ideal image is too dark ({:g}) for an exposure; scale it with "
                                          "--irradiance-scale",
                                          first_.name, bright));
@@ -846,7 +848,7 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
     std::vector<std::string> files = input.files;
     for (const char *id : {"pattern.image", "aperture.pupil_image", "sensor.dark_frame", "sensor.gain_map"})
         if (!config.text(id).empty())
-            files.push_back(config.text(id));
+            files.push_back(image_io::split_name(config.text(id)).path);
     // What std::filesystem::equivalent compares, without a call for each pair.
     struct stat status {};
     for (const std::string &file : files)

@@ -71,7 +71,7 @@ class Decoder {
 
   private:
     // A progressive file has about ten; each costs a walk over the whole image.
-    static constexpr int most_scans = 64;
+    static constexpr int most_scans = 32;
     // Coefficients of progressive files; rows of the others take next to nothing.
     static constexpr long most_memory_bytes = 1L << 30;
 

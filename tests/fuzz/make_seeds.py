@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "tools"))
+sys.path += [str(HERE.parent / "tools"), str(HERE.parent / "io")]
 import cli_images as images  # noqa: E402
+import test_variants_pages as pages  # noqa: E402
+import test_variants_tiff as tiff  # noqa: E402
 
 # The registry's names, by the endings of the samples.
 FORMATS = {
@@ -36,6 +38,14 @@ def main(folder: Path) -> None:
         write(target / name)
     single = (folder / "PNM" / "binary10.pgm").read_bytes()
     (folder / "PNM" / "two_images.pgm").write_bytes(2 * single)
+    # What changes the meaning of numbers, and samples that are no whole bytes.
+    codes = images.gray8()
+    for i, (chunks, _) in enumerate(pages.CURVES.values()):
+        (folder / "PNG" / f"curve_{i}.png").write_bytes(pages.png(codes, *chunks))
+    for bits in (1, 4, 10, 12):
+        (folder / "TIFF" / f"packed_{bits}.tif").write_bytes(tiff.packed_tiff(codes >> 8 - min(bits, 8), bits))
+    palette = tuple(range(0, 65536, 4096)) * 3
+    (folder / "TIFF" / "palette.tif").write_bytes(tiff.packed_tiff(codes >> 4, 4, photometric=3, colors=palette))
     (folder / "raw").mkdir(exist_ok=True)
     for i, layout in enumerate(RAW):
         (folder / "raw" / str(i)).write_bytes(f"8x4,{layout}\n".encode() + bytes(range(160)))

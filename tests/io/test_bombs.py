@@ -29,7 +29,7 @@ MOST_SECONDS = 1.0  # of CPU time
 MOST_BYTES = 200 << 20
 
 
-def read(path: Path, pixels: int) -> str:
+def read(path: Path, pixels: int, *more: str) -> str:
     """Reads a file within the bounds. @return what was said."""
     assert path.stat().st_size <= 1 << 20
     # A process of its own, so that its children are this one's.
@@ -41,7 +41,7 @@ def read(path: Path, pixels: int) -> str:
         "print(done.stdout + done.stderr)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script, DUMP, path, "-"], capture_output=True, check=True, text=True, timeout=90
+        [sys.executable, "-c", script, DUMP, path, "-", *more], capture_output=True, check=True, text=True, timeout=90
     )
     first, said = done.stdout.split("\n", 1)
     code, seconds, kilobytes = first.split()
@@ -137,6 +137,32 @@ def long_attribute() -> bytes:
     return b"v/1\x01\x02\0\0\0" + b"type\0string\0" + struct.pack("<i", 2_000_000_000) + bytes(1000)
 
 
+def npy(path: Path, array: np.ndarray, promised: tuple[int, ...] | None = None) -> None:
+    with path.open("wb") as stream:
+        header = {"descr": array.dtype.str, "fortran_order": array.flags.fnc, "shape": promised or array.shape}
+        np.lib.format.write_array_header_1_0(stream, header)
+        stream.write(array.tobytes("A"))
+
+
+def bmp(width: int, height: int, bits: int, colors: int, data: bytes) -> bytes:
+    offset = 54 + 4 * colors
+    palette = b"".join(bytes([i, i, i, 0]) for i in range(colors))
+    info = struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, 0, 0, 0, 0, 0, 0)
+    return b"BM" + struct.pack("<IHHI", offset + len(data), 0, 0, offset) + info + palette + data
+
+
+def packed(path: Path, side: int, compression: int) -> None:
+    """One bit for each pixel, deflated."""
+    tiff(path, bytes=side * side // 8, width=side, height=side, rows=side, bits=1, compression=compression)
+
+
+def table_profile() -> bytes:
+    """A tone curve of as many entries as an ICC profile takes."""
+    curve = b"curv\0\0\0\0" + struct.pack(">I", 450_000) + bytes(900_000)
+    data = bytes(128) + struct.pack(">I4sII", 1, b"kTRC", 144, len(curve)) + curve
+    return png(8, extra=chunk(b"iCCP", b"a\0\0" + zlib.compress(data)))
+
+
 BOMBS: dict[str, tuple[Callable[[Path], object], int]] = {
     "largest_one_bit.png": (lambda p: p.write_bytes(png(SIDE, 1)), SIDE * SIDE),
     "largest.png": (lambda p: p.write_bytes(png(SIDE)), SIDE * SIDE),
@@ -165,6 +191,14 @@ BOMBS: dict[str, tuple[Callable[[Path], object], int]] = {
     "attribute.exr": (lambda p: p.write_bytes(long_attribute()), 1),
     "digits.pgm": (lambda p: p.write_bytes(b"P2 700 700 255\n" + b"0 " * 490_000), 490_000),
     "tiny_images.pgm": (lambda p: p.write_bytes(b"P5 1 1 255\n\0" * 80_000), 1),
+    "tiny_frames.npy": (lambda p: npy(p, np.zeros((999_000, 1, 1), np.uint8)), 1),
+    "fortran.npy": (lambda p: npy(p, np.zeros((999_000, 1, 1), np.uint8, "F")), 1),
+    "promise.npy": (lambda p: npy(p, np.zeros(1000, np.uint8), (1_000_000, 16384, 16384)), 1),
+    "pixels.bmp": (lambda p: p.write_bytes(bmp(2048, 3900, 1, 2, bytes(256 * 3900))), 2048 * 3900),
+    "promise.bmp": (lambda p: p.write_bytes(bmp(SIDE, SIDE, 24, 0, bytes(1000))), 1),
+    "palette.bmp": (lambda p: p.write_bytes(bmp(990, 1000, 8, 256, bytes(992 * 1000))), 990 * 1000),
+    "packed.tiff": (lambda p: packed(p, 8192, 8), 8192 * 8192),
+    "table.png": (lambda p: p.write_bytes(table_profile()), 64),
     "comment.pgm": (lambda p: p.write_bytes(b"P5\n" + b"#" * 900_000 + b"\n1 1 255\n\0"), 1),
 }
 
@@ -180,3 +214,9 @@ def test_a_large_image_in_a_small_file_says_how_it_can_be_read(tmp_path: Path) -
     (tmp_path / "a.png").write_bytes(png(SIDE))
     said = read(tmp_path / "a.png", 0)
     assert "16384 x 16384" in said and "NPY" in said
+
+
+@pytest.mark.parametrize("layout", ["1x1,8", "8x8,8", "2x1,12,genicam", "990x1,8", "16384x16384,8"])
+def test_a_small_raw_file_takes_little(tmp_path: Path, layout: str) -> None:
+    (tmp_path / "a.raw").write_bytes(bytes(990_000))
+    read(tmp_path / "a.raw", 990 * 1000, layout)

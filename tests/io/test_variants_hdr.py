@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 import cli_images as images  # noqa: E402
 
 Array = np.ndarray
+ENDS = SIZES[::3]  # of one pixel, and of an odd width
 
 # --- Radiance HDR ---
 
@@ -71,7 +72,7 @@ HEADERS = {
 
 @pytest.mark.parametrize("header", HEADERS)
 def test_hdr(tmp_path: Path, header: str) -> None:
-    for size in (*SIZES, (8, 2), (300, 4)):
+    for size in (*ENDS, (8, 2), (300, 4)):
         for runs in (False, True):
             rgbe = pixels_of(size, runs)
             exponent = np.where(rgbe[..., 3] > 0, np.exp2(rgbe[..., 3].astype(float) - 136), 0)
@@ -175,7 +176,7 @@ def plane(size: tuple[int, int], kind: str, seed: int = 0) -> Array:
 @pytest.mark.parametrize("kind", ["half", "float", "uint"])
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_exr(tmp_path: Path, compression: str, kind: str) -> None:
-    for size in SIZES:
+    for size in ENDS:
         for names in (["Y"], ["R", "G", "B"]):
             planes = {name: plane(size, kind, i) for i, name in enumerate(names)}
             images.exr(tmp_path / "a.exr", planes, compression=COMPRESSIONS[compression])

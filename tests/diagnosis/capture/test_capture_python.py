@@ -306,3 +306,11 @@ def test_practice_sets_beside_the_checkout() -> None:
         assert odd == [], folder
         invisible = {effect["id"] for effect in summary["effects"] if not effect["visible"]}
         assert invisible == {"dark_current"}, folder  # it takes dark frames of two exposures
+
+
+def test_a_folder_that_is_named(codes: Draw, tmp_path: Path) -> None:
+    capture = clspeckle.Capture.from_arrays({"dark": codes(2, 64.0)}, camera={"bits": 10, "f_number": 5.6})
+    with pytest.raises(errors.ClspeckleError, match="the path of the capture set is empty; name a folder"):
+        capture.write("")
+    capture.write(tmp_path / "set")
+    assert clspeckle.Capture.open(tmp_path / "set").summary()["sequences"][0]["frames"] == 2
