@@ -1,7 +1,8 @@
 """Every message that says what to type has a test that types it.
 
-advice.txt lists fragments of messages, each with the test that provokes the message and follows it; a dash stands where the words
-name something and advise nothing. What looks like such a message is found in the sources that read, check and write files."""
+advice.txt lists fragments of messages, each with the test that provokes the message and follows it; a dash stands where
+the words name something and advise nothing. What looks like such a message is found in the sources that read, check and
+write files."""
 
 from __future__ import annotations
 
@@ -15,10 +16,7 @@ TABLE = Path(__file__).with_name("advice.txt")
 SOURCES = [
     *sorted((ROOT / "io").rglob("*.cpp")),
     *sorted((ROOT / "diagnosis" / "capture").glob("*.cpp")),
-    *(
-        ROOT / "tools" / f"{name}.cpp"
-        for name in ("capture", "capture_init", "files", "input", "render", "statistics")
-    ),
+    *(ROOT / "tools" / f"{name}.cpp" for name in ("capture", "capture_init", "files", "input", "render", "statistics")),
 ]
 # Options, lines of Python, names of files with what is wanted of them, and what is to be saved, named or converted.
 ADVISES = re.compile(

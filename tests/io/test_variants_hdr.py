@@ -1,4 +1,4 @@
-"""Radiance HDR and EXR in many variants: the values of readers of this file's own, written apart from the program's, and of OpenEXR's."""
+"""Radiance HDR and EXR in many variants: the values of readers of this file's own, and of OpenEXR's."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def new_runs(rgbe: Array) -> bytes:
 HEADERS = {
     "radiance": "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {h} +X {w}\n",
     "rgbe": "#?RGBE\nFORMAT=32-bit_rle_rgbe\n\n-Y {h} +X {w}\n",
-    "comments": "#?RADIANCE\n# a comment\nSOFTWARE=x\nGAMMA=1\nFORMAT=32-bit_rle_rgbe\nPRIMARIES=0 0\n\n-Y {h} +X {w}\n",
+    "comments": "#?RADIANCE\n# a comment\nSOFTWARE=x\nGAMMA=1\nFORMAT=32-bit_rle_rgbe\n\n-Y {h} +X {w}\n",
     "crlf": "#?RADIANCE\r\nFORMAT=32-bit_rle_rgbe\r\n\r\n-Y {h} +X {w}\n",
 }
 
@@ -198,7 +198,10 @@ def test_exr_windows_and_tiles(tmp_path: Path, window: tuple[int, int]) -> None:
     for size in SIZES:
         for kind in ("half", "float"):
             values = plane(size, kind)
-            corners = (np.array(window, np.int32), np.array([window[0] + size[0] - 1, window[1] + size[1] - 1], np.int32))
+            corners = (
+                np.array(window, np.int32),
+                np.array([window[0] + size[0] - 1, window[1] + size[1] - 1], np.int32),
+            )
             images.exr(tmp_path / "a.exr", {"Y": values}, dataWindow=corners, displayWindow=corners)
             np.testing.assert_array_equal(decoded(tmp_path / "a.exr")["Y"], values)
             Dump(tmp_path / "a.exr").check(values, 0)

@@ -75,7 +75,12 @@ def test_doubts_have_a_way_out(tmp_path: Path, name: str) -> None:
 def test_words_in_the_other_order_are_no_doubt(tmp_path: Path) -> None:
     """Big-endian arrays, codes of 16 bits, and codes in upper bits."""
     codes = np.random.default_rng(1).integers(0, 1024, (9, 140))
-    for array in (codes.astype(">u2"), (codes * 64).astype("<u2"), (codes * 63).astype(">u2"), (codes // 8).astype("<u2")):
+    for array in (
+        codes.astype(">u2"),
+        (codes * 64).astype("<u2"),
+        (codes * 63).astype(">u2"),
+        (codes // 8).astype("<u2"),
+    ):
         np.save(tmp_path / "a.npy", array)
         assert Dump(tmp_path / "a.npy").warnings == []
 

@@ -39,17 +39,22 @@ def test_palettes(tmp_path: Path, bits: int) -> None:
         codes = noise(size, 1, 2**bits - 1)
         palette = np.random.default_rng(index).integers(0, 256, (2**bits, 3))
         with (tmp_path / "a.png").open("wb") as stream:
-            png.Writer(*size, palette=palette.tolist(), bitdepth=bits, interlace=index % 2 == 1).write(stream, codes.tolist())
+            png.Writer(*size, palette=palette.tolist(), bitdepth=bits, interlace=index % 2 == 1).write(
+                stream, codes.tolist()
+            )
         Dump(tmp_path / "a.png").check(palette[codes], 255)
 
 
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"compress_level": 0}, {"compress_type": 2}])
 @pytest.mark.parametrize("mode", ["1", "L", "P", "I;16", "RGB"])
 def test_pillow(tmp_path: Path, mode: str, options: dict) -> None:
-    image = {"1": lambda: Image.fromarray(noise((41, 23)) > 127),
-             "P": lambda: Image.fromarray(noise((41, 23), 3)).quantize(100),
-             "I;16": lambda: Image.fromarray(noise((41, 23), 1, 65535))}.get(  # fmt: skip
-                 mode, lambda: Image.fromarray(noise((41, 23), len(mode))))()
+    image = {
+        "1": lambda: Image.fromarray(noise((41, 23)) > 127),
+        "P": lambda: Image.fromarray(noise((41, 23), 3)).quantize(100),
+        "I;16": lambda: Image.fromarray(noise((41, 23), 1, 65535)),
+    }.get(  # fmt: skip
+        mode, lambda: Image.fromarray(noise((41, 23), len(mode)))
+    )()
     image.save(tmp_path / "a.png", **options)
     with Image.open(tmp_path / "a.png") as read:
         expected = np.asarray(read.convert("RGB") if mode == "P" else read).astype(int) * (255 if mode == "1" else 1)

@@ -67,46 +67,122 @@ def split_apng(folder: Path) -> None:
 
 # Name: what makes the file, how it is rendered, the advice, what follows it, and how the file is rendered then.
 FILES: dict[str, tuple[Write, str, str, Write, str]] = {
-    "gif": (lambda f: Image.fromarray(images.gray8()).save(f / "a.gif"), "a.gif", "convert it to PNG, TIFF or NPY",
-            lambda f: reopened(f, "a.gif", "b.png"), "b.png"),
-    "webp": (lambda f: Image.fromarray(images.gray8()).save(f / "a.webp"), "a.webp", "convert it to PNG, TIFF or NPY",
-             lambda f: reopened(f, "a.webp", "b.png"), "b.png"),
-    "hdf5": (lambda f: (f / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100)), "a.h5", "numpy.save(\"image.npy\", array)",
-             lambda f: np.save(f / "image.npy", images.gray8()), "image.npy"),
-    "gzip": (lambda f: (f / "a.pgm.gz").write_bytes(gzip.compress(b"P5 8 8 255\n" + bytes(range(64)))), "a.pgm.gz", "unpack it",
-             lambda f: (f / "a.pgm").write_bytes(gzip.decompress((f / "a.pgm.gz").read_bytes())), "a.pgm"),
+    "gif": (
+        lambda f: Image.fromarray(images.gray8()).save(f / "a.gif"),
+        "a.gif",
+        "convert it to PNG, TIFF or NPY",
+        lambda f: reopened(f, "a.gif", "b.png"),
+        "b.png",
+    ),
+    "webp": (
+        lambda f: Image.fromarray(images.gray8()).save(f / "a.webp"),
+        "a.webp",
+        "convert it to PNG, TIFF or NPY",
+        lambda f: reopened(f, "a.webp", "b.png"),
+        "b.png",
+    ),
+    "hdf5": (
+        lambda f: (f / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100)),
+        "a.h5",
+        'numpy.save("image.npy", array)',
+        lambda f: np.save(f / "image.npy", images.gray8()),
+        "image.npy",
+    ),
+    "gzip": (
+        lambda f: (f / "a.pgm.gz").write_bytes(gzip.compress(b"P5 8 8 255\n" + bytes(range(64)))),
+        "a.pgm.gz",
+        "unpack it",
+        lambda f: (f / "a.pgm").write_bytes(gzip.decompress((f / "a.pgm.gz").read_bytes())),
+        "a.pgm",
+    ),
     "zip": (zipped, "a.zip", "is a ZIP archive; unpack it", unzip, "b.png"),
-    "no_frames": (lambda f: np.save(f / "a.npy", np.ones((0, 9, 9))), "a.npy", "save it with at least one frame",
-                  lambda f: np.save(f / "a.npy", np.ones((1, 9, 9))), "a.npy"),
+    "no_frames": (
+        lambda f: np.save(f / "a.npy", np.ones((0, 9, 9))),
+        "a.npy",
+        "save it with at least one frame",
+        lambda f: np.save(f / "a.npy", np.ones((1, 9, 9))),
+        "a.npy",
+    ),
     "apng": (apng, "a.png", "Write the images into files of their own to read all", split_apng, "b?.png"),
-    "png_behind": (lambda f: (f / "a.png").write_bytes(2 * test_variants_pages.png(images.gray8())), "a.png",
-                   "Write the images into files of their own to read all",
-                   lambda f: [(f / f"b{i}.png").write_bytes(test_variants_pages.png(images.gray8())) for i in range(2)],
-                   "b?.png"),
-    "bitmap": (lambda f: Image.fromarray(images.gray8() > 99).save(f / "a.pbm"), "a.pbm", "pbmtopgm 1 1 a.pbm > gray.pgm",
-               lambda f: Image.fromarray(images.gray8()).save(f / "gray.pgm"), "gray.pgm"),
-    "no_series": (lambda f: (f / "a.pgm").write_bytes(b"P5 8 8 255\n" + bytes(range(64)) + b"P5 4 4 255\n" + bytes(range(16))),
-                  "a.pgm", "pamsplit a.pgm image%d.pgm",
-                  lambda f: (f / "image0.pgm").write_bytes(b"P5 8 8 255\n" + bytes(range(64))), "image0.pgm"),
-    "lossy_tiff": (lambda f: Image.fromarray(images.gray8()).save(f / "a.tif", compression="jpeg"), "a.tif",
-                   "save it without, or with deflate or LZW",
-                   lambda f: reopened(f, "a.tif", "a.tif", compression="tiff_deflate"), "a.tif"),
-    "reduced_only": (lambda f: tifffile.imwrite(f / "a.tif", np.stack([images.gray8()] * 2), subfiletype=1), "a.tif",
-                     "Name one behind the file's name, for example a.tif:page=0", lambda f: None, "a.tif:page=0"),
-    "wide_palette": (lambda f: (f / "a.tif").write_bytes(test_variants_tiff.tiff_of(
-                         images.gray16().tobytes(), (images.WIDTH, images.HEIGHT), 16, photometric=3, colors=(0,) * 196608)), "a.tif",
-                     "has a palette of a kind that is not read; convert it to RGB",
-                     lambda f: tifffile.imwrite(f / "a.tif", images.rgb(images.gray16()), photometric="rgb"), "a.tif"),
-    "palette_with_opacity": (lambda f: (f / "a.tif").write_bytes(test_variants_tiff.tiff_of(
-                                 bytes(2 * images.gray8().size), (images.WIDTH, images.HEIGHT), 8, photometric=3, channels=2,
-                                 colors=tuple(range(256)) * 3)), "a.tif", "has a palette and an opacity",
-                             lambda f: tifffile.imwrite(f / "a.tif", images.rgb(images.gray8()), photometric="rgb"), "a.tif"),
-    "orientation": (lambda f: turned_tiff(f, 6), "a.tif", "Turn them and save them without that word",
-                    lambda f: tifffile.imwrite(f / "a.tif", np.rot90(images.gray8(), -1)), "a.tif"),
-    "runs_of_bmp": (lambda f: (f / "a.bmp").write_bytes(b"BM" + bytes(8) + b"\x36\0\0\0\x28\0\0\0\x08\0\0\0\x08\0\0\0\x01\0\x10\0"
-                                                        + bytes(500)), "a.bmp", "Convert it to PNG",
-                    lambda f: iio.imwrite(f / "a.png", images.gray8()), "a.png"),
-}  # fmt: skip
+    "png_behind": (
+        lambda f: (f / "a.png").write_bytes(2 * test_variants_pages.png(images.gray8())),
+        "a.png",
+        "Write the images into files of their own to read all",
+        lambda f: [(f / f"b{i}.png").write_bytes(test_variants_pages.png(images.gray8())) for i in range(2)],
+        "b?.png",
+    ),
+    "bitmap": (
+        lambda f: Image.fromarray(images.gray8() > 99).save(f / "a.pbm"),
+        "a.pbm",
+        "pbmtopgm 1 1 a.pbm > gray.pgm",
+        lambda f: Image.fromarray(images.gray8()).save(f / "gray.pgm"),
+        "gray.pgm",
+    ),
+    "no_series": (
+        lambda f: (f / "a.pgm").write_bytes(b"P5 8 8 255\n" + bytes(range(64)) + b"P5 4 4 255\n" + bytes(range(16))),
+        "a.pgm",
+        "pamsplit a.pgm image%d.pgm",
+        lambda f: (f / "image0.pgm").write_bytes(b"P5 8 8 255\n" + bytes(range(64))),
+        "image0.pgm",
+    ),
+    "lossy_tiff": (
+        lambda f: Image.fromarray(images.gray8()).save(f / "a.tif", compression="jpeg"),
+        "a.tif",
+        "save it without, or with deflate or LZW",
+        lambda f: reopened(f, "a.tif", "a.tif", compression="tiff_deflate"),
+        "a.tif",
+    ),
+    "reduced_only": (
+        lambda f: tifffile.imwrite(f / "a.tif", np.stack([images.gray8()] * 2), subfiletype=1),
+        "a.tif",
+        "Name one behind the file's name, for example a.tif:page=0",
+        lambda f: None,
+        "a.tif:page=0",
+    ),
+    "wide_palette": (
+        lambda f: (f / "a.tif").write_bytes(
+            test_variants_tiff.tiff_of(
+                images.gray16().tobytes(), (images.WIDTH, images.HEIGHT), 16, photometric=3, colors=(0,) * 196608
+            )
+        ),
+        "a.tif",
+        "has a palette of a kind that is not read; convert it to RGB",
+        lambda f: tifffile.imwrite(f / "a.tif", images.rgb(images.gray16()), photometric="rgb"),
+        "a.tif",
+    ),
+    "palette_with_opacity": (
+        lambda f: (f / "a.tif").write_bytes(
+            test_variants_tiff.tiff_of(
+                bytes(2 * images.gray8().size),
+                (images.WIDTH, images.HEIGHT),
+                8,
+                photometric=3,
+                channels=2,
+                colors=tuple(range(256)) * 3,
+            )
+        ),
+        "a.tif",
+        "has a palette and an opacity",
+        lambda f: tifffile.imwrite(f / "a.tif", images.rgb(images.gray8()), photometric="rgb"),
+        "a.tif",
+    ),
+    "orientation": (
+        lambda f: turned_tiff(f, 6),
+        "a.tif",
+        "Turn them and save them without that word",
+        lambda f: tifffile.imwrite(f / "a.tif", np.rot90(images.gray8(), -1)),
+        "a.tif",
+    ),
+    "runs_of_bmp": (
+        lambda f: (f / "a.bmp").write_bytes(
+            b"BM" + bytes(8) + b"\x36\0\0\0\x28\0\0\0\x08\0\0\0\x08\0\0\0\x01\0\x10\0" + bytes(500)
+        ),
+        "a.bmp",
+        "Convert it to PNG",
+        lambda f: iio.imwrite(f / "a.png", images.gray8()),
+        "a.png",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -130,7 +206,9 @@ def ideal_and(folder: Path) -> None:
     np.save(folder / "mask.npy", np.ones((images.HEIGHT, images.WIDTH), np.uint8))
     (folder / "codes.raw").write_bytes(images.gray8().tobytes())
     (folder / "config.json").write_text('{"aperture": {"f_number": 8}}')
-    (folder / "materials.json").write_text('{"materials": [{"id": 0, "roughness_rms_m": 1e-5, "degree_of_polarization": 0.5}]}')
+    (folder / "materials.json").write_text(
+        '{"materials": [{"id": 0, "roughness_rms_m": 1e-5, "degree_of_polarization": 0.5}]}'
+    )
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "whiteLuminance": 100.0},
                  {"Y": images.real()}).write(str(folder / "white.exr"))  # fmt: skip
     (folder / "mixed").mkdir()
@@ -146,40 +224,87 @@ RAW = f"{images.WIDTH}x{images.HEIGHT},8"
 # Name: what is refused or warned of, the advice, and what follows it.
 RENDER: dict[str, tuple[list, str, list]] = {
     "raw": (["codes.raw"], "raw frames must be described: ", ["codes.raw", "--raw", RAW]),
-    "two_channels": (["whole.exr:R", "--channel", "G"], 'two channels are named, "R" and "G"; name one', ["whole.exr:R"]),
-    "channel_or_raw": (["codes.raw", "--raw", RAW, "--channel", "R"], "give either --channel or --raw", ["codes.raw", "--raw", RAW]),
+    "two_channels": (
+        ["whole.exr:R", "--channel", "G"],
+        'two channels are named, "R" and "G"; name one',
+        ["whole.exr:R"],
+    ),
+    "channel_or_raw": (
+        ["codes.raw", "--raw", RAW, "--channel", "R"],
+        "give either --channel or --raw",
+        ["codes.raw", "--raw", RAW],
+    ),
     "raw_of_nothing": (["--raw", RAW], "name them, or leave it out", ["codes.raw", "--raw", RAW]),
     "nothing": ([], "give an ideal image, a scene, or --depth or --position", SCENE),
     "two_surfaces": (["--depth", "z.npy", "--position", "p.npy"], "give either --depth or --position, not both", SCENE),
     "input_and_depth": (["ideal.npy", *SURFACE], "give either an input file or --depth or --position", ["ideal.npy"]),
-    "plane_of_an_image": (["ideal.npy", "--albedo", "a.npy"], "--normal, --albedo and --visibility belong to a scene",
-                          [*SCENE, "--albedo", "a.npy"]),
-    "configuration": (["config.json"], "a configuration is given with --config", ["ideal.npy", "--config", "config.json"]),
-    "no_sensor": (["ideal.npy", "--no-sensor"], "choose a --format that begins with float-",
-                  ["ideal.npy", "--no-sensor", "--format", "float-npy"]),
+    "plane_of_an_image": (
+        ["ideal.npy", "--albedo", "a.npy"],
+        "--normal, --albedo and --visibility belong to a scene",
+        [*SCENE, "--albedo", "a.npy"],
+    ),
+    "configuration": (
+        ["config.json"],
+        "a configuration is given with --config",
+        ["ideal.npy", "--config", "config.json"],
+    ),
+    "no_sensor": (
+        ["ideal.npy", "--no-sensor"],
+        "choose a --format that begins with float-",
+        ["ideal.npy", "--no-sensor", "--format", "float-npy"],
+    ),
     "no_pattern": (SURFACE, "name the projected pattern with --pattern IMAGE", SCENE),
     "pattern_of_an_image": (["ideal.npy", *PATTERN], "which takes no --pattern; a scene has", ["ideal.npy"]),
-    "lamp_on_a_scene": ([*SCENE, "--illumination", "incoherent"], "--illumination incoherent needs an ideal image",
-                        ["ideal.npy", "--illumination", "incoherent"]),
+    "lamp_on_a_scene": (
+        [*SCENE, "--illumination", "incoherent"],
+        "--illumination incoherent needs an ideal image",
+        ["ideal.npy", "--illumination", "incoherent"],
+    ),
     "motion": (["ideal.npy", "--motion", "replace"], "does not tell how it moves", ["ideal.npy"]),
     "no_camera": (["--depth", "z.npy", *PATTERN, *LASER], "give --fx, --fy, --cx and --cy in pixels", SCENE),
-    "refresh": (["ideal.npy", "--refresh", "mask"], "--refresh mask: the input has no refresh mask",
-                ["ideal.npy", "--refresh", "mask", "--refresh-mask", "mask.npy"]),
+    "refresh": (
+        ["ideal.npy", "--refresh", "mask"],
+        "--refresh mask: the input has no refresh mask",
+        ["ideal.npy", "--refresh", "mask", "--refresh-mask", "mask.npy"],
+    ),
     "frames": (["stack.npy", "--frames", 4], "--frames 4: the input has 3 frames", ["stack.npy", "--frames", 3]),
-    "no_materials": (["ideal.npy", "--material", "plane_ids.npy"], "add --materials FILE",
-                     ["ideal.npy", "--material", "plane_ids.npy", "--materials", "materials.json"]),
-    "no_ids": ([*SCENE, "--materials", "materials.json"], "or --material IMAGE",
-               [*SCENE, "--materials", "materials.json", "--material", "ids.npy"]),
-    "no_room": (["ideal.npy", "--exposure-gain", "auto", "--black-level", 900], "the black level (900 dn) leaves no room for",
-                ["ideal.npy", "--exposure-gain", "auto", "--black-level", 64]),
-    "too_dark": (["tiny.npy", "--exposure-gain", "auto"], "scale it with --irradiance-scale",
-                 ["tiny.npy", "--exposure-gain", "auto", "--irradiance-scale", 1e38]),
-    "white_luminance": (["white.exr"], "its whiteLuminance (100 cd/m^2) is ignored: 1 is full scale (--irradiance-scale)",
-                        ["whole.exr", "--irradiance-scale", 0.01, "--exposure-gain", "auto"]),
+    "no_materials": (
+        ["ideal.npy", "--material", "plane_ids.npy"],
+        "add --materials FILE",
+        ["ideal.npy", "--material", "plane_ids.npy", "--materials", "materials.json"],
+    ),
+    "no_ids": (
+        [*SCENE, "--materials", "materials.json"],
+        "or --material IMAGE",
+        [*SCENE, "--materials", "materials.json", "--material", "ids.npy"],
+    ),
+    "no_room": (
+        ["ideal.npy", "--exposure-gain", "auto", "--black-level", 900],
+        "the black level (900 dn) leaves no room for",
+        ["ideal.npy", "--exposure-gain", "auto", "--black-level", 64],
+    ),
+    "too_dark": (
+        ["tiny.npy", "--exposure-gain", "auto"],
+        "scale it with --irradiance-scale",
+        ["tiny.npy", "--exposure-gain", "auto", "--irradiance-scale", 1e38],
+    ),
+    "white_luminance": (
+        ["white.exr"],
+        "its whiteLuminance (100 cd/m^2) is ignored: 1 is full scale (--irradiance-scale)",
+        ["whole.exr", "--irradiance-scale", 0.01, "--exposure-gain", "auto"],
+    ),
     "several_kinds": (["mixed"], "say which, for example 'mixed/*.png'", ["mixed/*.png"]),
-    "full_scale_of_nothing": (["ideal.npy:full_scale=0"], "full_scale=0 is no number above 0", ["ideal.npy:full_scale=2"]),
-    "output_is_an_input": (["ideal.npy", "-o", ".", "--format", "npy", "--no-preview", "--frames", 1], "", ["ideal.npy"]),
-}  # fmt: skip
+    "full_scale_of_nothing": (
+        ["ideal.npy:full_scale=0"],
+        "full_scale=0 is no number above 0",
+        ["ideal.npy:full_scale=2"],
+    ),
+    "output_is_an_input": (
+        ["ideal.npy", "-o", ".", "--format", "npy", "--no-preview", "--frames", 1],
+        "",
+        ["ideal.npy"],
+    ),
+}
 
 
 @pytest.mark.parametrize("name", RENDER)
@@ -217,14 +342,33 @@ def test_what_an_earlier_run_wrote(ok, refused, tmp_path: Path) -> None:
 MAKE = ["capture", "make", "drawn", "--width", 32, "--height", 24, "--frames", 2, "--sequences"]
 DARK = [*MAKE, "dark"]
 CAPTURE: dict[str, tuple[list, str, list]] = {
-    "pitch": ([*MAKE, "dots_static", "--dots-count", 10000], "(--dots-pitch, --dots-count)", [*MAKE, "dots_static", "--dots-count", 12]),
+    "pitch": (
+        [*MAKE, "dots_static", "--dots-count", 10000],
+        "(--dots-pitch, --dots-count)",
+        [*MAKE, "dots_static", "--dots-count", 12],
+    ),
     "names": ([*MAKE, "nothing"], "the sequences are dark, flat,", DARK),
-    "none": ([*MAKE, ""], "for example --sequences dark,board_static,board_moving", [*MAKE, "dark,board_static,board_moving"]),
-    "pupil": ([*MAKE, "board_static", "--f-number", 0.5], "can be drawn, use a larger one", [*MAKE, "board_static", "--f-number", 4]),
-    "twice": ([*DARK, "--effect", "defocus", "--effect", "defocus"], "a set has one strength of each", [*DARK, "--effect", "defocus"]),
-    "dots_alone": ([*MAKE, "board_static", "--effect", "ghost_dots"], "add dots_static or dots_moving",
-                   [*MAKE, "dots_static", "--effect", "ghost_dots"]),
-}  # fmt: skip
+    "none": (
+        [*MAKE, ""],
+        "for example --sequences dark,board_static,board_moving",
+        [*MAKE, "dark,board_static,board_moving"],
+    ),
+    "pupil": (
+        [*MAKE, "board_static", "--f-number", 0.5],
+        "can be drawn, use a larger one",
+        [*MAKE, "board_static", "--f-number", 4],
+    ),
+    "twice": (
+        [*DARK, "--effect", "defocus", "--effect", "defocus"],
+        "a set has one strength of each",
+        [*DARK, "--effect", "defocus"],
+    ),
+    "dots_alone": (
+        [*MAKE, "board_static", "--effect", "ghost_dots"],
+        "add dots_static or dots_moving",
+        [*MAKE, "dots_static", "--effect", "ghost_dots"],
+    ),
+}
 
 
 @pytest.mark.parametrize("name", CAPTURE)
@@ -278,7 +422,9 @@ def test_a_stack_among_frames(ok, refused, tmp_path: Path) -> None:
 def test_statistics(ok, refused, tmp_path: Path) -> None:
     np.save(tmp_path / "one.npy", images.gray8())
     np.save(tmp_path / "two.npy", np.stack([images.gray8()] * 2))
-    assert "--temporal needs two frames or more: a stack, or several files" in refused("statistics", "one.npy", "--temporal")
+    assert "--temporal needs two frames or more: a stack, or several files" in refused(
+        "statistics", "one.npy", "--temporal"
+    )
     ok("statistics", "two.npy", "--temporal")
     np.save(tmp_path / "other.npy", images.gray8()[1:])
     assert "--temporal needs frames of one size" in refused("statistics", "one.npy", "other.npy", "--temporal")
@@ -319,11 +465,15 @@ def test_descriptions(ok, refused, tmp_path: Path) -> None:
     # Floating point, in a folder that is described anew.
     codes = np.load(folder / "dark.npy")
     np.save(folder / "flat.npy", codes.astype(np.float32))
-    assert "save the frames as the converter gives them, or move the file" in refused("capture", "init", "drawn", "--force")
+    assert "save the frames as the converter gives them, or move the file" in refused(
+        "capture", "init", "drawn", "--force"
+    )
     np.save(folder / "flat.npy", codes)
     ok("capture", "init", "drawn", "--force")
     np.save(folder / "flat.npy", (codes // 4).astype(np.uint8))
-    assert "has 8-bit samples, which hold codes of 8 bits only" in refused("capture", "init", "drawn", "--force", "--bits", 12)
+    assert "has 8-bit samples, which hold codes of 8 bits only" in refused(
+        "capture", "init", "drawn", "--force", "--bits", 12
+    )
     np.save(folder / "flat.npy", codes)
     ok("capture", "init", "drawn", "--force", "--bits", 12)
     np.save(folder / "dots.npy", codes)
@@ -348,6 +498,7 @@ def test_white_that_was_only_marked(ok, tmp_path: Path) -> None:
 
 def test_a_gap_of_two_sets(ok, refused, tmp_path: Path) -> None:
     """Sets that cannot be compared, and what the messages want of them."""
+
     def make(name: str, *more: object) -> None:
         ok("capture", "make", name, "--width", 48, "--height", 32, "--frames", 4, "--sequences", *more)
 

@@ -174,7 +174,11 @@ IMAGE_ARGUMENTS: dict[str, tuple[Callable[[World, Any], Any], list[Any]]] = {
     ),
     "Sensor.gain_map": (
         lambda w, v: clspeckle.Sensor(SHAPE, gain_map=v, context=w.context),
-        GIVEN_IMAGES + SIZED + NOT_FINITE + NEGATIVE + [("mean 2", np.full(SHAPE, 2.0), errors.InvalidDataError, "0.9 to 1.1")],
+        GIVEN_IMAGES
+        + SIZED
+        + NOT_FINITE
+        + NEGATIVE
+        + [("mean 2", np.full(SHAPE, 2.0), errors.InvalidDataError, "0.9 to 1.1")],
     ),
     "geometry.depth": (
         lambda w, v: w.pattern.lookup(clspeckle.Geometry(depth=v, intrinsics=(1, 1, 0, 0))),
