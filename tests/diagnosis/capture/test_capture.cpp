@@ -397,7 +397,8 @@ TEST_F(CaptureFolder, RefusesDescriptionsThatCannotBe) {
     expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "copy it again"});
     put("set/capture.json", json.substr(0, json.find("clspeckle-capture") + 4));
     expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "ends before it is complete"});
-    put("set/capture.json", "{\"name\": \"Pr\xfc" "fstand\"}"); // Latin-1
+    put("set/capture.json", "{\"name\": \"Pr\xfc"
+                            "fstand\"}"); // Latin-1
     expect_open_refused(CLSP_ERROR_INVALID_ARGUMENT, {"capture.json: is not valid JSON", "save it in that encoding"});
     std::string wide = "\xff\xfe";
     for (const char c : json)
@@ -432,7 +433,7 @@ TEST_F(CaptureFolder, RefusesArraysThatCannotBe) {
     refuse("dark.npy", npy("<u2", "(3, 24, 16)", 2 * 3 * kPixels), CLSP_ERROR_INVALID_DATA,
            {"16 x 24", "24 x 16", "exchanged"});
     refuse("dark.npy", npy("<u2", "(16, 24, 3)", 2 * 3 * kPixels), CLSP_ERROR_INVALID_DATA,
-           {"3 channels", "(frames, height, width)"});
+           {"3 channels", "one number for each pixel", "dark.npy:R"});
     const std::string field = "capture.json: /sequences/0/file names it", expected = "(frames, height, width), uint16";
     refuse("dark.npy", npy("<u2", "(0, 16, 24)", 0), CLSP_ERROR_IO,
            {"dark.npy: holds an empty array (0 x 16 x 24)", "at least one frame", field, expected});
@@ -500,9 +501,10 @@ TEST(Capture, SummaryIsCutToFitAndWarnsOfWhatIsOdd) {
         code = static_cast<std::uint16_t>(code / 8 * 8);
     capture.add_sequence("coarse", CLSP_SCENE_FLAT, true, coarse);
     const std::string json = capture.summary_json();
-    for (const char *words : {"1 of 2 dots lie so far outside", "all 3 frames are the same", "the sequence is saturated",
-                              "hardly any light", "one frame only", "frame 2 is frame 0 again",
-                              "all codes are multiples of 8", "even lamp light shows no motion"})
+    for (const char *words :
+         {"1 of 2 dots lie so far outside", "all 3 frames are the same", "the sequence is saturated",
+          "hardly any light", "one frame only", "frame 2 is frame 0 again", "all codes are multiples of 8",
+          "even lamp light shows no motion"})
         EXPECT_NE(json.find(words), std::string::npos) << words << " is not in " << json;
     std::uint64_t length = 0;
     ASSERT_EQ(clspCaptureGetSummaryJson(capture, 0, nullptr, &length), CLSP_SUCCESS);
