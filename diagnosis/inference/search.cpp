@@ -164,6 +164,7 @@ class Search {
     bool is_large() const { return begin_excess_ > kScreening.large * static_cast<double>(runner_.count()); }
 
     double begin_excess_ = 0.0;
+    int swaps_ = 0; // that were tried while effects were added
     bool patient_ = false; // first effects are screened along lines in any case, and more of them get a fit
     std::vector<ScreenedEffect> screened_;
     ReplicateRunner &runner_;
@@ -549,12 +550,11 @@ bool Search::leads_out(const SearchState &common, const SearchState &wide) {
 }
 
 bool Search::grow_all(SearchState &state, const FittedModel &baseline, Until until) {
-    int swaps = 0;
     while (!is_explained(state) && fits_.may_go_on()) {
         if (until == Until::kFar && goes_far(state))
             return false;
         // Where little is left, an early choice that was wrong is as likely as an effect that is missing.
-        if (state.models.size() > 1 && nearly_explained(state.models.back()) && swaps++ < kGrowth.most_swaps) {
+        if (state.models.size() > 1 && nearly_explained(state.models.back()) && swaps_++ < kGrowth.most_swaps) {
             // As they are beside all the others: what was put aside early may have changed most.
             screen(state, state.models.back(), true);
             if (swap(fits_, state, state.progress))
@@ -656,7 +656,9 @@ void Search::find() {
     const SearchState begin = first_state(kBegin, kSecond);
     begin_excess_ = fits_.excess_square(begin.models.empty() ? baseline_ : begin.models.back());
     state_ = explain(baseline_);
-    if (is_large() && fits_.may_go_on() && !is_explained(state_)) {
+    // Another first effect explains no more of what a part of the capture had left alone.
+    const bool may_be_explained = start_.unexplained.size() == 0;
+    if (may_be_explained && is_large() && fits_.may_go_on() && !is_explained(state_)) {
         patient_ = true;
         SearchState first = first_state(kSecond, kEnd);
         const FittedModel current = first.models.empty() ? baseline_ : first.models.back();

@@ -128,7 +128,7 @@ struct Thresholds {
         double doubtful = 0.25;
         // rounds | of the fit of one strength | work
         int fit_rounds = 3;
-        // swaps | in a row | work
+        // swaps | of a search | work
         int most_swaps = 3;
         // times | likelihood ratios count by half: the fits' error is of the order of the data's |
         // tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf

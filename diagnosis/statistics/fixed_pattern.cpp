@@ -46,13 +46,6 @@ std::vector<float> without_far_out(const std::vector<float> &image, double devia
     return result;
 }
 
-double square_sum(const std::vector<float> &image) {
-    double sum = 0.0;
-    for (const float value : image)
-        sum += double(value) * double(value);
-    return sum;
-}
-
 double soft_count(const Geometry &geometry, const std::vector<float> &image, double threshold, double step) {
     double count = 0.0;
     for (std::size_t i = 0; i < geometry.pixels; ++i) {
@@ -101,13 +94,13 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
         mean[i] -= geometry.is_used(i) ? (*in.dark_frame)[i] : 0.0f;
     const FieldCoefficients field = fit_field(geometry, mean, kFieldTerms);
     const std::vector<float> pattern = without_field(geometry, mean, field);
+    const double deviation = bulk_deviation(geometry, pattern);
+    std::vector<float> bulk = without_far_out(pattern, deviation);
+    bulk = without_field(geometry, bulk, fit_field(geometry, bulk, kFieldTerms)); // they bent the field
     Powers powers;
     for (std::size_t y = 0; y < geometry.height; ++y)
-        powers.add(pattern.data() + y * geometry.width, geometry.width);
-    const double used = double(geometry.used), whole_variance = powers.square / used;
-    const double deviation = bulk_deviation(geometry, pattern);
-    const std::vector<float> bulk = without_far_out(pattern, deviation);
-    const double variance = square_sum(bulk) / used;
+        powers.add(bulk.data() + y * geometry.width, geometry.width);
+    const double used = double(geometry.used), variance = powers.square / used;
     // Of one frame pattern and noise are one, whose amount is no gap: photon noise would pass for a pattern.
     const bool told = geometry.frames > 1;
     const double temporal = told ? in.frames.pixel_variance / double(geometry.frames) : variance;
@@ -119,15 +112,16 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     sink.put("sensor", "fixed_pattern_columns", "log", log_ratio(line_variance(geometry, bulk, false), variance));
     sink.put("sensor", "fixed_pattern_rows", "log", log_ratio(line_variance(geometry, bulk, true), variance));
     sink.put("sensor", "fixed_pattern_skewness", "asinh",
-             std::asinh(powers.cube / used / std::pow(whole_variance + 1e-6, 1.5)));
+             std::asinh(powers.cube / used / std::pow(variance + 1e-6, 1.5)));
     sink.put("sensor", "fixed_pattern_kurtosis", "log",
-             std::log((powers.fourth / used + 1e-6) / (whole_variance * whole_variance + 1e-6)));
+             std::log((powers.fourth / used + 1e-6) / (variance * variance + 1e-6)));
     // Hot pixels: a count that begins softly, so that it is never exactly nothing.
     const auto count = [&](double threshold, double step) {
         return soft_count(geometry, pattern, threshold * deviation, step * deviation);
     };
     sink.put_count("sensor", "hot_pixels_6_sigma", count(kFarOut, 0.5));
     sink.put_count("sensor", "hot_pixels_12_sigma", count(12.0, 1.0));
+    sink.put_count("sensor", "hot_pixels_48_sigma", count(48.0, 4.0));
     if (is_flat) {
         std::vector<float> negative(pattern);
         for (float &value : negative)

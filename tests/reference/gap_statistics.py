@@ -224,8 +224,9 @@ def fixed_pattern(s: Sequence) -> Values:
     for _ in range(5):
         weight = np.exp(-((used / deviation) ** 2) / 18)
         deviation = np.sqrt((weight * used**2).sum() / weight.sum() / 0.9)
-    pattern = np.where(np.abs(pattern) > 6 * deviation, 0, pattern)  # pixels far out are counted beside
-    variance, whole_variance = float((pattern[s.mask] ** 2).mean()), float((used**2).mean())
+    _, pattern = fit_field(s, np.where(np.abs(pattern) > 6 * deviation, 0, pattern), 5)  # pixels far out are counted beside
+    bulk = pattern[s.mask]
+    variance = float((bulk**2).mean())
     values: Values = {}
     if s.scene == "flat":
         e, n = s.residual, s.mask.sum()
@@ -241,8 +242,8 @@ def fixed_pattern(s: Sequence) -> Values:
         count = s.mask.sum(axis=axis)
         lines = np.divide(pattern.sum(axis=axis) ** 2, count, out=np.zeros(count.shape), where=count > 0)
         values[name, "all"] = log_ratio(float(lines.mean()), variance)
-    values["fixed_pattern_skewness", "all"] = float(np.arcsinh((used**3).mean() / (whole_variance + 1e-6) ** 1.5))
-    values["fixed_pattern_kurtosis", "all"] = float(np.log(((used**4).mean() + 1e-6) / (whole_variance**2 + 1e-6)))
+    values["fixed_pattern_skewness", "all"] = float(np.arcsinh((bulk**3).mean() / (variance + 1e-6) ** 1.5))
+    values["fixed_pattern_kurtosis", "all"] = float(np.log(((bulk**4).mean() + 1e-6) / (variance**2 + 1e-6)))
 
     def soft_count(sign: int, threshold: float, step: float) -> float:
         count = (1 / (1 + np.exp(-(sign * used / deviation - threshold) / step))).sum()
@@ -250,6 +251,7 @@ def fixed_pattern(s: Sequence) -> Values:
 
     values["hot_pixels_6_sigma", "all"] = soft_count(1, 6.0, 0.5)
     values["hot_pixels_12_sigma", "all"] = soft_count(1, 12.0, 1.0)
+    values["hot_pixels_48_sigma", "all"] = soft_count(1, 48.0, 4.0)
     if s.scene == "flat":
         values["cold_pixels_6_sigma", "all"] = soft_count(-1, 6.0, 0.5)
     values["fixed_pattern_correlation_x1", "all"] = covariance(pattern, s.mask, 1, 0) / variance

@@ -248,6 +248,9 @@ TEST(GapStatistics, SensorEffectsMoveTheirStatistics) {
     EXPECT_GT(named(layout, lattice).at("histogram_roughness"), before.at("histogram_roughness") + 3.0);
     EXPECT_NEAR(named(layout, hot).at("hot_pixels_12_sigma"), std::sqrt(8.0 + 0.375), 0.6); // 7680 pixels: 8 of them
     EXPECT_NEAR(before.at("hot_pixels_12_sigma"), std::sqrt(0.375), 0.2);
+    EXPECT_NEAR(named(layout, hot).at("hot_pixels_48_sigma"), std::sqrt(8.0 + 0.375), 0.6);
+    for (const char *const law : {"fixed_pattern", "fixed_pattern_skewness", "fixed_pattern_kurtosis"}) // is the bulk's
+        EXPECT_NEAR(named(layout, hot).at(law), before.at(law), 0.05) << law;
     EXPECT_NEAR(named(layout, mosaic).at("mosaic_rows"), 1.5, 0.1); // one site in four is 3 DN brighter
     EXPECT_NEAR(named(layout, mosaic).at("mosaic_checker"), -1.5, 0.1);
     EXPECT_GT(named(layout, steps).at("block_edges_8"), before.at("block_edges_8") + 0.1);
