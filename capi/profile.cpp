@@ -5,6 +5,7 @@
 #include "files.hpp"
 #include "lists.hpp"
 #include "profile_handle.hpp"
+#include "report/profile_files.hpp"
 #include "report/profile_json.hpp"
 #include "status.hpp"
 #include "structs.hpp"
@@ -69,6 +70,32 @@ void check_camera(const PipelineModel &model, const CameraProfile &profile) {
     }
 }
 
+void set_profile(ClspPipeline pipeline, ClspProfile profile, unsigned maps) {
+    const auto target = object(pipeline);
+    const auto p = object(profile);
+    const PipelineModel model = target->model();
+    check_camera(model, *p);
+    maps &= p->maps();
+    Pipeline::PixelMaps pixels;
+    const auto take = [&](ProfileMapKind kind, const std::optional<ProfileMap> &map, std::vector<float> &to) {
+        if (!(maps & kind))
+            return;
+        to = *map_values(*p, kind);
+        pixels.holds.insert(pixels.holds.end(), map->holds.begin(), map->holds.end());
+    };
+    take(kDarkMap, p->dark_map, pixels.dark_frame_dn);
+    take(kGainMap, p->gain_map, pixels.gain_map);
+    Pipeline::Effects effects;
+    for (const ProfileEffect &effect : p->effects) {
+        if ((!model.dots && (find_effect(effect.id).sets & kSetsDots)) || p->is_held(effect.id, maps))
+            continue;
+        std::vector<double> &values = effects[effect.id];
+        for (const ProfileParameter &parameter : effect.parameters)
+            values.push_back(parameter.value);
+    }
+    target->set_camera(effects, std::move(pixels));
+}
+
 } // namespace
 
 extern "C" {
@@ -109,6 +136,7 @@ CLSP_API ClspStatus clspProfileGetInfo(ClspProfile profile, ClspProfileInfo *inf
         result.level = p->level;
         copy_text(result.version, p->version);
         copy_text(result.capture, p->capture);
+        result.maps = p->maps();
         write_struct(required(info, "info"), result, "info");
     });
 }
@@ -158,7 +186,34 @@ CLSP_API ClspStatus clspProfileGetJson(ClspProfile profile, uint64_t capacity, c
 CLSP_API ClspStatus clspProfileWrite(ClspProfile profile, const char *path) {
     return guarded("clspProfileWrite", [&] {
         const auto p = object(profile);
-        write_file(&required(path, "path"), profile_json(*p));
+        write_profile(*p, file_to_write(&required(path, "path")));
+    });
+}
+
+CLSP_API ClspStatus clspProfileGetMap(ClspProfile profile, uint32_t map, ClspProfileMap *info, float *values) {
+    return guarded("clspProfileGetMap", [&] {
+        const auto p = object(profile);
+        if ((map != kDarkMap && map != kGainMap) || !(p->maps() & map))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("map is {}; the profile has {}", map,
+                                    p->maps() == 0          ? "none"
+                                    : p->maps() == kDarkMap ? "CLSP_PROFILE_MAP_DARK, 1"
+                                    : p->maps() == kGainMap ? "CLSP_PROFILE_MAP_GAIN, 2"
+                                                            : "CLSP_PROFILE_MAP_DARK, 1, and CLSP_PROFILE_MAP_GAIN, 2"));
+        const auto kind = static_cast<ProfileMapKind>(map);
+        const ProfileMap &of = kind == kDarkMap ? *p->dark_map : *p->gain_map;
+        if (values) {
+            const auto from = map_values(*p, kind);
+            std::copy(from->begin(), from->end(), values);
+        }
+        if (!info)
+            return;
+        ClspProfileMap result{};
+        result.map = map;
+        result.frame_count = of.frame_count;
+        result.standard_error = of.standard_error;
+        copy_text(result.path, p->path.empty() ? "" : map_path(*p, kind));
+        write_struct(*info, result, "info");
     });
 }
 
@@ -212,20 +267,17 @@ CLSP_API ClspStatus clspProfileDescribe(ClspProfile profile, const char *sequenc
 }
 
 CLSP_API ClspStatus clspPipelineSetProfile(ClspPipeline pipeline, ClspProfile profile) {
-    return guarded("clspPipelineSetProfile", [&] {
-        const auto target = object(pipeline);
-        const auto p = object(profile);
-        const PipelineModel model = target->model();
-        check_camera(model, *p);
-        Pipeline::Effects effects;
-        for (const ProfileEffect &effect : p->effects) {
-            if (!model.dots && (find_effect(effect.id).sets & kSetsDots))
-                continue;
-            std::vector<double> &values = effects[effect.id];
-            for (const ProfileParameter &parameter : effect.parameters)
-                values.push_back(parameter.value);
-        }
-        target->set_effects(effects);
+    return guarded("clspPipelineSetProfile", [&] { set_profile(pipeline, profile, kDarkMap | kGainMap); });
+}
+
+CLSP_API ClspStatus clspPipelineSetProfileMaps(ClspPipeline pipeline, ClspProfile profile, uint32_t maps) {
+    return guarded("clspPipelineSetProfileMaps", [&] {
+        if (maps & ~(kDarkMap | kGainMap))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("maps is {}, it must be a sum of CLSP_PROFILE_MAP_DARK, 1, and "
+                                    "CLSP_PROFILE_MAP_GAIN, 2",
+                                    maps));
+        set_profile(pipeline, profile, maps);
     });
 }
 

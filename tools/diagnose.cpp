@@ -122,6 +122,35 @@ clspeckle::Diagnosis diagnose_or_compare(const clspeckle::Context &context, cons
     }
 }
 
+/** Files of a profile's maps, as the library names them. */
+std::vector<std::string> map_files(const std::string &profile) {
+    if (profile.empty())
+        return {};
+    const fs::path path(profile);
+    const fs::path stem = path.parent_path() / (path.extension() == ".json" ? path.stem() : path.filename());
+    return {stem.string() + ".dark.npy", stem.string() + ".gain.npy"};
+}
+
+/** What was written, and why less than there could be. */
+std::vector<std::string> profile_lines(const std::string &path) {
+    const auto profile = clspeckle::Profile::open(path);
+    std::vector<std::string> lines = {"Camera profile, for render --profile: " + path};
+    const auto tell = [&](std::uint32_t map, const char *what) {
+        if (!(profile.info().maps & map))
+            return;
+        const ClspProfileMap about = profile.map(map);
+        lines.push_back(fmt::format("  {}: {} of {} frames, noise left {:.3g}{}", about.path, what, about.frame_count,
+                                    about.standard_error, map == CLSP_PROFILE_MAP_DARK ? " DN" : ""));
+    };
+    tell(CLSP_PROFILE_MAP_DARK, "offsets of the pixels");
+    tell(CLSP_PROFILE_MAP_GAIN, "gains of the pixels");
+    const Json root = Json::parse(profile.json());
+    if (const auto maps = root.find("maps"); maps != root.end())
+        for (const Json &note : (*maps)["notes"])
+            lines.push_back("  " + note.get<std::string>());
+    return lines;
+}
+
 } // namespace
 
 void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
@@ -137,14 +166,23 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     for (const std::string &other : {arguments.json, arguments.html, arguments.emva})
         if (!arguments.profile.empty() && arguments.profile == other)
             throw InputError(fmt::format("--profile {}: another option names the same file; give each its own", other));
-    for (const std::string &path : {arguments.json, arguments.html, arguments.emva, arguments.profile})
+    std::vector<std::string> files = {arguments.json, arguments.html, arguments.emva, arguments.profile};
+    for (const std::string &path : map_files(arguments.profile)) {
+        for (const std::string &other : {arguments.json, arguments.html, arguments.emva})
+            if (path == other)
+                throw InputError(fmt::format("--profile {}: its map {} is what another option names, too; give each file a "
+                                             "name of its own",
+                                             arguments.profile, path));
+        files.push_back(path);
+    }
+    for (const std::string &path : files)
         for (const std::string &set : {arguments.folder, arguments.sim})
             if (!set.empty())
                 check_report_file(path, set);
     if (to_file)
         check_writable(arguments.json);
-    for (const std::string &path : {arguments.html, arguments.emva, arguments.profile})
-        if (!path.empty())
+    for (const std::string &path : files)
+        if (!path.empty() && path != "-" && path != arguments.json)
             check_writable(path);
     std::vector<clspeckle::Hypothesis> hypotheses;
     for (const std::string &path : arguments.hypotheses)
@@ -191,7 +229,8 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     if (!arguments.html.empty())
         console.print("For a browser: " + arguments.html);
     if (!arguments.profile.empty())
-        console.print("Camera profile, for render --profile: " + arguments.profile);
+        for (const std::string &line : profile_lines(arguments.profile))
+            console.print(line);
 }
 
 } // namespace tools

@@ -453,6 +453,7 @@ struct Arguments {
     std::string config;
     std::string profile;
     std::string profile_sequence;
+    std::string profile_maps;
     bool dump_config = false;
     std::map<std::string, std::string> options;
     std::vector<std::string> effects;
@@ -481,8 +482,10 @@ int render(Arguments &arguments, tools::Console &console) {
     if (!arguments.config.empty())
         config.load(arguments.config);
     if (!arguments.profile.empty())
-        for (const std::string &text : config.load_profile(arguments.profile, arguments.profile_sequence))
+        for (const std::string &text : config.load_profile(arguments.profile, arguments.profile_sequence, arguments.profile_maps != "off"))
             console.warn(text);
+    else if (!arguments.profile_maps.empty())
+        throw tools::InputError(fmt::format("--profile-maps {}: name the profile, too: --profile FILE", arguments.profile_maps));
     else if (!arguments.profile_sequence.empty())
         throw tools::InputError(fmt::format("--profile-sequence {}: name the profile, too: --profile FILE",
                                             arguments.profile_sequence));
@@ -496,6 +499,8 @@ int render(Arguments &arguments, tools::Console &console) {
         else
             config.set_effect(tools::parse_effect(effect), tools::Layer::command_line);
     }
+    for (const std::string &text : config.doubled())
+        console.warn(text);
     const bool has_input =
         !arguments.input.inputs.empty() || !arguments.input.depth.empty() || !arguments.input.position.empty();
     std::unique_ptr<tools::Input> input;
@@ -848,6 +853,12 @@ int run(int argc, char **argv) {
         .add_option("--profile-sequence", arguments.profile_sequence,
                     "With the light, scene and motion of this sequence of the profile: a lab's conditions, not the camera's")
         ->type_name("NAME");
+    render_command
+        .add_option("--profile-maps", arguments.profile_maps,
+                    "on: the profile's maps, where it has any, are the patterns of the camera's own pixels (default); off: such "
+                    "patterns are drawn anew from its effects")
+        ->type_name("WORD")
+        ->check(CLI::IsMember({"on", "off"}));
     render_command
         .add_option(
             "--effect", arguments.effects,

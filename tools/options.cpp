@@ -12,6 +12,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <tuple>
 
 namespace tools {
 
@@ -592,7 +593,17 @@ void Config::clear_effects() {
     effects_.clear();
 }
 
-std::vector<std::string> Config::load_profile(const std::string &path, const std::string &sequence) {
+std::vector<std::string> Config::doubled() const {
+    std::vector<std::string> result;
+    for (const EffectSetting &effect : effects())
+        if (const auto held = held_.find(effect.id); held != held_.end() && layer(held->second) == Layer::profile)
+            result.push_back(fmt::format("--effect {} is drawn on top of {}, which holds the camera's own; --profile-maps "
+                                         "off leaves the maps out",
+                                         effect_text(effect), text(held->second)));
+    return result;
+}
+
+std::vector<std::string> Config::load_profile(const std::string &path, const std::string &sequence, bool maps) {
     const clspeckle::Profile profile = clspeckle::Profile::open(path);
     const ClspProfileInfo camera = profile.info();
     profile_ = path;
@@ -618,9 +629,22 @@ std::vector<std::string> Config::load_profile(const std::string &path, const std
     if (axis != std::vector<double>{(camera.width - 1.0) / 2.0, (camera.height - 1.0) / 2.0})
         take("lens.principal_point_px", axis);
 
+    const Json root = Json::parse(profile.json());
+    for (const auto &[number, name, id] : {std::tuple{CLSP_PROFILE_MAP_DARK, "dark", "sensor.dark_frame"},
+                                          std::tuple{CLSP_PROFILE_MAP_GAIN, "gain", "sensor.gain_map"}}) {
+        if (!maps || !(camera.maps & number))
+            continue;
+        profile.map_values(number); // refused if it is not as it was written
+        take(id, profile.map(number).path);
+        for (const Json &effect : root["maps"][name]["holds"])
+            held_[effect.get<std::string>()] = id;
+    }
+
     std::vector<std::string> left_out;
     for (const ClspProfileEffect &effect : profile.effects()) {
         const EffectSetting setting{effect.id, {effect.values, effect.values + effect.parameter_count}};
+        if (held_.count(setting.id))
+            continue;
         if (changes_dots(setting.id))
             left_out.push_back(
                 fmt::format("{}: the effect {} is left out: it changes the dots that the library draws, and "
@@ -629,7 +653,6 @@ std::vector<std::string> Config::load_profile(const std::string &path, const std
         else
             set_effect(setting, Layer::profile);
     }
-    const Json root = Json::parse(profile.json());
     for (const Json &hypothesis : root["hypotheses"])
         left_out.push_back(fmt::format("{}: {} is left out: it is a hypothesis, which only diagnose can simulate", path,
                                        hypothesis["effect"].get<std::string>()));

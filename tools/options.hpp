@@ -80,9 +80,12 @@ class Config {
      * Takes a camera profile over. Later values of the command line replace its own, which replaced() tells; but for what its
      * effects were measured with. What a configuration or a scene says otherwise is refused.
      * @param sequence whose light, scene and motion are rendered; empty: none's.
+     * @param maps whether its maps are used, in the place of the effects that they hold.
      * @return what of the profile is left out, and why.
      */
-    std::vector<std::string> load_profile(const std::string &path, const std::string &sequence);
+    std::vector<std::string> load_profile(const std::string &path, const std::string &sequence, bool maps);
+    /** What of the effects that are on comes on top of a profile's map that holds such a pattern, in words. */
+    std::vector<std::string> doubled() const;
     /** Refuses an image of another size than the profile's. */
     void check_image(std::uint32_t width, std::uint32_t height, const std::string &name) const;
     /** What the command line has in the place of the profile's values, in words. */
@@ -133,6 +136,7 @@ class Config {
     std::uint32_t profile_width_ = 0;
     std::uint32_t profile_height_ = 0;
     std::vector<std::string> replaced_;
+    std::map<std::string, std::string> held_; ///< Effects that a map of the profile holds, with its option.
 };
 
 } // namespace tools

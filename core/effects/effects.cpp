@@ -297,6 +297,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "prnu").prnu = v[0]; },
      {kInLight}, {kInFlat, SceneMotion::kAny, 2},
      "a pattern that grows with the light and stays in the pixels", "", {1}}
+        .is_fixed(FixedPattern::kGain)
         .told_from("bayer_mismatch", "flat with more frames, for the 2 x 2 means"),
     Effect{"column_gain", "sensor", "the columns' gains vary, constant in time",
      "stages/sensor.cl: sensor_fixed_pattern (COLUMN_PRNU)", kSetsSensor,
@@ -304,6 +305,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "column_gain").column_prnu = v[0]; },
      {kInLight}, {kInFlat},
      "stripes along the columns that grow with the light and stay", "", {1}}
+        .is_fixed(FixedPattern::kGain)
         .told_from("column_fpn", "dark, or flat at two levels of light: gains show in proportion to the light")
         .told_from("prnu", "flat with more frames, for the means of the columns"),
     Effect{"row_gain", "sensor", "the rows' gains vary, constant in time",
@@ -312,6 +314,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "row_gain").row_prnu = v[0]; },
      {kInLight}, {kInFlat, SceneMotion::kAny, 2},
      "stripes along the rows that grow with the light and stay", "", {1}}
+        .is_fixed(FixedPattern::kGain)
         .told_from("row_noise", "flat with more frames: gains stay, row noise is new in each frame")
         .told_from("prnu", "flat with more frames, for the means of the rows"),
     Effect{"dsnu", "sensor", "the pixels' offsets vary", "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
@@ -319,6 +322,7 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "dsnu").dsnu_dn = v[0]; },
      {kInAll}, {kInDark | kInFlat | kInDots, SceneMotion::kAny, 2},
      "a pattern of offsets that stays in the pixels", "", {1}}
+        .is_fixed(FixedPattern::kOffset)
         .told_from("hot_pixels", "dark with more frames and a longer exposure")
         .told_from("column_fpn", "dark with more frames"),
     Effect{"column_fpn", "sensor", "the columns' offsets vary, constant in time",
@@ -326,13 +330,15 @@ std::vector<Effect> make_catalogue() {
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "column_fpn").column_offset_dn = v[0]; },
      {kInAll}, {kInDark | kInFlat},
-     "stripes along the columns that stay", "", {1}},
+     "stripes along the columns that stay", "", {1}}
+        .is_fixed(FixedPattern::kOffset),
     Effect{"row_fpn", "sensor", "the rows' offsets vary, constant in time",
      "stages/sensor_pixel.h: expose_pixel (OFFSET)", kSetsSensor,
      {{"sigma_dn", "DN", 0.0, 65535.0, 0.8, 4.0}},
      [](Model &m, Values v) { sensor(m, "row_fpn").row_offset_dn = v[0]; },
      {kInAll}, {kInDark | kInFlat},
      "stripes along the rows that stay", "", {1}}
+        .is_fixed(FixedPattern::kOffset)
         .told_from("row_gain", "dark, or flat at two levels of light: gains show in proportion to the light")
         .told_from("row_noise", "dark with more frames: row noise is new in each frame"),
     Effect{"periodic_offset", "sensor", "a fixed wave of offsets, a sin(2 pi (u x + v y) + phase)",
@@ -348,6 +354,7 @@ std::vector<Effect> make_catalogue() {
      },
      {kInAll}, {kInDark | kInFlat},
      "a pattern of waves that stays, also in the dark", "", {1}}
+        .is_fixed(FixedPattern::kOffset)
         .measured_by("frequency_x", "wave_frequency_x", "wave_frequency_error")
         .measured_by("frequency_y", "wave_frequency_y", "wave_frequency_error"),
     Effect{"hot_pixels", "sensor", "few pixels with large offsets",
@@ -358,13 +365,15 @@ std::vector<Effect> make_catalogue() {
          m.sensor->hot_pixel_mean_dn = v[1];
      },
      {kInAll}, {kInDark | kInFlat | kInDots},
-     "few pixels far above the others, also in the dark", "", {1}},
+     "few pixels far above the others, also in the dark", "", {1}}
+        .is_fixed(FixedPattern::kOffset),
     Effect{"pixel_dull", "sensor", "few pixels with a gain of 70 to 100 %",
      "stages/sensor.cl: sensor_fixed_pattern (DULL)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.0002, 0.002}},
      [](Model &m, Values v) { sensor(m, "pixel_dull").dull_pixel_fraction = v[0]; },
      {kInLight}, {kInFlat},
-     "few pixels below the others, the more so the more light there is", "", {1}},
+     "few pixels below the others, the more so the more light there is", "", {1}}
+        .is_fixed(FixedPattern::kGain),
     Effect{"telegraph_noise", "sensor",
      "some pixels jump by a step in half of the frames: up (0), or by half of it up or down (1)",
      "stages/sensor_pixel.h: expose_pixel (TELEGRAPH)", kSetsSensor,

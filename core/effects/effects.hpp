@@ -78,6 +78,9 @@ enum class OpenReading {
     kWhatMoves,   // the picture with its dots, or the dots alone
 };
 
+// What a pixel has by the effect in every frame alike, so that a map of the pixels holds it: an offset or a relative gain.
+enum class FixedPattern { kNone, kOffset, kGain };
+
 // An effect that a capture may not tell from this one, and the capture that would.
 struct ConfusableEffect {
     const char *id, *capture;
@@ -103,6 +106,7 @@ struct Effect {
     unsigned acts_shaped = 0;   // scenes where it acts only if a hypothesis makes the ideal image uneven
     bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
     OpenReading open_reading = OpenReading::kNone;
+    FixedPattern fixed_pattern = FixedPattern::kNone;
     std::vector<EffectForms> forms = {};
     std::vector<MeasuredParameter> measured_parameters = {};
     std::vector<ConfusableEffect> confusable_effects = {};
@@ -110,6 +114,7 @@ struct Effect {
     Effect scales_light() const { return with(&Effect::whole_image, true); }
     Effect needs_gaussian_field() const { return with(&Effect::gaussian_only, true); }
     Effect also_acts_where_light_is_shaped(unsigned scenes) const { return with(&Effect::acts_shaped, scenes); }
+    Effect is_fixed(FixedPattern pattern) const { return with(&Effect::fixed_pattern, pattern); }
     Effect is_even() const { return with(&Effect::even, true); }
     Effect leaves_open(OpenReading reading) const { return with(&Effect::open_reading, reading); }
     Effect with_forms(const char *parameter, std::vector<double> values, bool told_by_fit = false) const {

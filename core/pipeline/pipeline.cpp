@@ -299,15 +299,25 @@ void Pipeline::configure(const PipelineModel &wanted) {
     use_model(wanted, changed_parts(model(), wanted));
 }
 
-void Pipeline::use_effects(Effects effects) {
+void Pipeline::use_effects(Effects effects, PixelMaps maps) {
     keep_maps();
     PipelineModel base = base_ ? *base_ : model();
     // What the host may have changed since: the exposure.
     if (base.sensor)
         base.sensor->exposure_gain_dn = stages_.sensor->parameters().exposure_gain_dn;
+    const PipelineModel before = with_effects(base, effects_);
+    if (!maps.dark_frame_dn.empty())
+        base.sensor->dark_frame_dn = maps.dark_frame_dn.data();
+    if (!maps.gain_map.empty())
+        base.sensor->gain_map = maps.gain_map.data();
     const PipelineModel with = with_effects(base, effects);
     // Stages whose effects stay as they were are left alone.
-    use_model(with, changed_parts(with_effects(base, effects_), with));
+    use_model(with, changed_parts(before, with));
+    // The base's pointers stay good: what is moved keeps its place.
+    if (!maps.dark_frame_dn.empty())
+        dark_frame_ = std::move(maps.dark_frame_dn);
+    if (!maps.gain_map.empty())
+        gain_map_ = std::move(maps.gain_map);
     effects_ = std::move(effects);
     if (effects_.empty())
         base_.reset();
@@ -323,11 +333,28 @@ void Pipeline::set_effect(const std::string &id, const double *values, std::uint
 }
 
 void Pipeline::set_effects(const Effects &wanted) {
+    set_camera(wanted, {});
+}
+
+void Pipeline::set_camera(const Effects &wanted, PixelMaps maps) {
+    const auto check = [&](const std::vector<float> &map, const float *own, const char *name) {
+        if (!map.empty() && own && !std::equal(map.begin(), map.end(), own))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("the sensor has a {0} already, and the camera has another one; make the sensor without "
+                                    "{0}, or set the camera without its maps",
+                                    name));
+    };
+    if (stages_.sensor) {
+        check(maps.dark_frame_dn, stages_.sensor->parameters().dark_frame_dn, "dark_frame_dn");
+        check(maps.gain_map, stages_.sensor->parameters().gain_map, "gain_map");
+    }
     Effects effects = effects_;
+    for (const std::string &id : maps.holds)
+        effects.erase(id);
     for (const auto &[id, values] : wanted)
         effects[id] =
             check_effect_values(find_effect(id), values.data(), static_cast<std::uint32_t>(values.size()));
-    use_effects(std::move(effects));
+    use_effects(std::move(effects), std::move(maps));
 }
 
 void Pipeline::clear_effect(const std::string &id) {

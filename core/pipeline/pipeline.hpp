@@ -82,6 +82,13 @@ class Pipeline {
     // Several at once, beside those that are on.
     using Effects = std::map<std::string, std::vector<double>>;
     void set_effects(const Effects &effects);
+    // The camera's own pixels: maps take the place of effects that they hold. Both are tightly packed; empty: none. They
+    // stay when effects go. Throws kInvalidArgument if the sensor has other maps already.
+    struct PixelMaps {
+        std::vector<float> dark_frame_dn, gain_map;
+        std::vector<std::string> holds;
+    };
+    void set_camera(const Effects &effects, PixelMaps maps);
     // Off again.
     void clear_effect(const std::string &id);
     void clear_effects() { use_effects({}); }
@@ -109,7 +116,7 @@ class Pipeline {
     // applied: the parts that have been changed, also if a later one throws.
     void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
     void use_model(const PipelineModel &wanted, unsigned parts);
-    void use_effects(Effects effects);
+    void use_effects(Effects effects, PixelMaps maps = {});
     // The sensor's maps, which changes of the sensor must not lose.
     void keep_maps();
     // The sensor's lag and the airflow begin anew.

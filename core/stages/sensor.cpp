@@ -5,6 +5,7 @@
 #include "fft/cpu/lanes.hpp"
 #include "stages/philox.hpp"
 #include "stages/sensor_camera.hpp"
+#include "stages/sensor_response.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -22,14 +23,6 @@ double top_code_of(const SensorParameters &p) {
 // Distance of neighbouring codes.
 double code_step_of(const SensorParameters &p) {
     return p.effective_bits == 0 ? 1.0 : double(1u << (p.bits - p.effective_bits));
-}
-
-// Mean signal of the dark current in DN.
-double dark_signal_of(const SensorParameters &p) {
-    if (p.dark_current_e_per_s == 0.0)
-        return 0.0;
-    const double doublings = (p.temperature_c - p.dark_current_reference_temperature_c) / p.dark_current_doubling_k;
-    return p.conversion_gain_dn_per_e * p.dark_current_e_per_s * p.exposure_time_s * std::exp2(doublings);
 }
 
 double check_range(double value, double low, double high, const char *name) {
@@ -63,7 +56,7 @@ void check_electrons(const SensorParameters &p) {
     if (p.dark_current_e_per_s > 0.0 && p.conversion_gain_dn_per_e == 0.0)
         throw Error(Status::kInvalidArgument,
                     "dark_current_e_per_s needs to know what an electron is: set conversion_gain_dn_per_e, which is 0");
-    const double dark = dark_signal_of(p);
+    const double dark = dark_signal_dn(p);
     if (!(dark <= kLargestNumber))
         throw Error(Status::kInvalidArgument,
                     fmt::format("dark_current_e_per_s, temperature_c and exposure_time_s give a dark signal of {} DN; "
@@ -317,7 +310,7 @@ void Sensor::make_switches() {
     define("CODE_STEP", code_step_of(p) != 1.0);
     define("MOSAIC", has_mosaic(p));
     define("PRNU", bool(pixel_gain_));
-    define("DARK_CURRENT", dark_signal_of(p) > 0.0);
+    define("DARK_CURRENT", dark_signal_dn(p) > 0.0);
     define("SHOT_NOISE", p.shot_noise);
     define("LAG", bool(lag_state_));
     define("CUBIC", p.cubic_nonlinearity != 0.0);
@@ -395,7 +388,7 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
     c.crosstalk = real(p.crosstalk_fraction);
     for (int site = 0; site < 4; ++site)
         c.mosaic[site] = real(p.mosaic_gain[site]);
-    c.dark_signal = real(dark_signal_of(p));
+    c.dark_signal = real(dark_signal_dn(p));
     c.dn_per_electron = real(p.conversion_gain_dn_per_e);
     c.electrons_per_dn = real(p.conversion_gain_dn_per_e > 0.0 ? 1.0 / p.conversion_gain_dn_per_e : 0.0);
     c.saturation = real(p.saturation_dn);

@@ -91,6 +91,7 @@ SearchStart climb(const std::shared_ptr<Context> &context, const Capture &captur
         const std::vector<const Candidate *> visible = visible_in(part.layout, candidates);
         start.unexplained = unexplained_by(left, own);
         SearchResult found = search(own, visible, start, of_rung, progress);
+        start.work += found.work * own.capture_work() / runner.capture_work();
         const Eigen::VectorXd deviations = left_by(found.last(), options.residual_level);
         left.clear();
         for (Eigen::Index k = 0; k < deviations.size(); ++k)

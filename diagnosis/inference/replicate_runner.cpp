@@ -475,10 +475,14 @@ std::uint64_t ReplicateRunner::work_of(const EffectSettings &effects, std::size_
 }
 
 double ReplicateRunner::work() const {
+    return static_cast<double>(shared_->work.load()) / capture_work();
+}
+
+double ReplicateRunner::capture_work() const {
     std::uint64_t capture = 0;
     for (std::size_t s = 0; s < shared_->layout.sequences.size(); ++s)
         capture += work_of({}, s, shared_->layout.sequences[s].frame_count);
-    return static_cast<double>(shared_->work.load()) / static_cast<double>(capture);
+    return static_cast<double>(capture);
 }
 
 void ReplicateRunner::sort_by_work() {

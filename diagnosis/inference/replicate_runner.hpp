@@ -122,6 +122,8 @@ class ReplicateRunner {
     // interference patterns and filters in them. The same for the same questions, whatever was known already and
     // however many threads there are.
     double work() const;
+    // What one capture takes, in units that runners of other parts of it share.
+    double capture_work() const;
 
     // Called before each sequence, on the caller's thread; throws to cancel. Of a worker's runner: the worker's.
     std::function<void()> checkpoint;

@@ -24,6 +24,7 @@ struct SearchStart {
     std::vector<SearchStep> steps; // how each was found
     // By statistic: what is known to be no model's to explain, a standard deviation; empty: nothing is.
     Eigen::VectorXd unexplained;
+    double work = 0.0; // what it took to find that, in captures of the search that begins with it
 };
 
 struct SearchResult {

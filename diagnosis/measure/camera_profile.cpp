@@ -3,6 +3,7 @@
 #include "capture/json_file.hpp"
 #include "effects/effects.hpp"
 #include "measure/verdict.hpp"
+#include "runtime/hash.hpp"
 #include "simulator/sequence_model.hpp"
 
 #include <algorithm>
@@ -49,10 +50,40 @@ void set_sampling(const Capture &given, const EffectSettings &catalogue, CameraP
     profile.fill_factor = integrates ? 0.0 : aperture.fill_factor;
 }
 
+std::optional<ProfileMap> profile_map(std::optional<PatternMap> &map, const char *name, FixedPattern pattern) {
+    if (!map)
+        return {};
+    ProfileMap result;
+    result.file = std::string("camera.") + name + ".npy"; // until it is written
+    for (const Effect &effect : effect_catalogue())
+        if (effect.fixed_pattern == pattern)
+            result.holds.push_back(effect.id);
+    result.sequences = std::move(map->sequences);
+    result.frame_count = map->frame_count;
+    result.standard_error = map->standard_error;
+    result.pixel_part = map->pixel_part;
+    result.row_part = map->row_part;
+    result.column_part = map->column_part;
+    result.hash = hash_of(map->values);
+    result.values = std::make_shared<const std::vector<float>>(std::move(map->values));
+    return result;
+}
+
 } // namespace
 
+std::uint64_t hash_of(const std::vector<float> &values) {
+    return fnv1a(reinterpret_cast<const std::uint8_t *>(values.data()), values.size() * sizeof(float));
+}
+
+bool CameraProfile::is_held(const std::string &effect, unsigned maps) const {
+    const auto holds = [&](const std::optional<ProfileMap> &map) {
+        return map && std::count(map->holds.begin(), map->holds.end(), effect) > 0;
+    };
+    return ((maps & kDarkMap) && holds(dark_map)) || ((maps & kGainMap) && holds(gain_map));
+}
+
 CameraProfile camera_profile(ReplicateRunner &runner, const Capture &given, const DiagnosisResult &result,
-                             const EffectSettings &effects, const CalibratedLevels &levels) {
+                             const EffectSettings &effects, const CalibratedLevels &levels, PatternMaps maps) {
     const CaptureLayout &layout = given.layout;
     CameraProfile profile;
     profile.width = layout.width;
@@ -74,6 +105,9 @@ CameraProfile camera_profile(ReplicateRunner &runner, const Capture &given, cons
             catalogue.push_back(setting);
     }
     set_sampling(given, catalogue, profile);
+    profile.dark_map = profile_map(maps.dark, "dark", FixedPattern::kOffset);
+    profile.gain_map = profile_map(maps.gain, "gain", FixedPattern::kGain);
+    profile.map_notes = std::move(maps.notes);
 
     const CalibrationResult &calibration =
         result.calibration_after.light.empty() ? result.calibration : result.calibration_after;

@@ -4,9 +4,11 @@
 
 #include "inference/replicate_runner.hpp"
 #include "measure/diagnosis_result.hpp"
+#include "measure/pattern_maps.hpp"
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -53,6 +55,21 @@ struct ProfileDrift {
     double deviation = 0.0;
 };
 
+// The numbers of CLSP_PROFILE_MAP_*.
+enum ProfileMapKind : unsigned { kDarkMap = 1, kGainMap = 2 };
+
+// A map of the camera's pixels, in a file beside the profile's.
+struct ProfileMap {
+    std::string file;               // its name, without a folder
+    std::uint64_t hash = 0;         // FNV-1a of the values' bytes
+    std::vector<std::string> holds; // effects that it stands for
+    std::vector<std::string> sequences;
+    std::uint32_t frame_count = 0;
+    double standard_error = 0.0; // of a pixel: PatternMap
+    double pixel_part = 1.0, row_part = 1.0, column_part = 1.0;
+    std::shared_ptr<const std::vector<float>> values; // null: they are in the file
+};
+
 struct CameraProfile {
     // The camera, as the simulator has it.
     std::uint32_t width = 0, height = 0, bits = 0;
@@ -66,6 +83,14 @@ struct CameraProfile {
     double fill_factor = 0.0;
     std::vector<ProfileEffect> effects;    // of the catalogue
     std::vector<ProfileEffect> hypotheses; // the caller's own, which only a diagnosis can simulate
+    // Patterns of its own pixels: DN above the black level; gains over the image's mean.
+    std::optional<ProfileMap> dark_map, gain_map;
+    std::vector<std::string> map_notes; // why one is missing
+    std::string path;                   // of the file that it was read from; empty: of none
+
+    unsigned maps() const { return (dark_map ? kDarkMap : 0u) | (gain_map ? kGainMap : 0u); }
+    // Whether one of these maps holds the effect's pattern.
+    bool is_held(const std::string &effect, unsigned maps) const;
 
     // The lab.
     std::vector<ProfileSequence> sequences;
@@ -82,8 +107,10 @@ struct CameraProfile {
     std::uint64_t seed = 0;
 };
 
+std::uint64_t hash_of(const std::vector<float> &values);
+
 // given: the capture as it was recorded. result: all but the profile. effects, levels: of the last model.
 CameraProfile camera_profile(ReplicateRunner &runner, const Capture &given, const DiagnosisResult &result,
-                             const EffectSettings &effects, const CalibratedLevels &levels);
+                             const EffectSettings &effects, const CalibratedLevels &levels, PatternMaps maps);
 
 } // namespace clsp

@@ -8,6 +8,8 @@
 
 namespace clsp {
 
+constexpr double kMostZeros = 1e-4; // of dark codes: beyond it the cut-off takes 0.2 % of the variance away
+
 struct ClippedDark {
     std::string unknown;                                     // why it cannot be told; empty: it can
     double level = 0.0, level_error = 0.0;                   // DN; standard errors hold the misfit of a Gaussian, too

@@ -20,7 +20,6 @@ constexpr double kQuantization = 1.0 / 12.0; // DN^2
 // The standard's numbers: sections 6.6 and 6.7.
 constexpr double kGainPart = 0.7, kLinearFrom = 0.05, kLinearTo = 0.95, kLeastVariance = 0.24;
 constexpr double kMostLost = 0.01;  // of a flat's pixels at an end of the scale
-constexpr double kMostZeros = 1e-4; // of dark codes: beyond it the cut-off takes 0.2 % of the variance away
 constexpr double kSaturated = 0.5;  // of a flat's pixels at the top
 constexpr double kSameExposure = 0.01, kSameLevel = 0.02;          // in parts of the larger
 constexpr double kContradiction = 5.0, kLeastContradiction = 0.05; // standard errors, and parts of the variance
@@ -28,7 +27,6 @@ constexpr double kGrows = 3.0;                                     // standard e
 constexpr double kMisfit = 0.01;   // chance of the points' scatter, below which it widens the interval
 constexpr double kLeastLag = 0.02; // of the noise
 constexpr double kSamePeak = 0.01; // of the largest variance
-constexpr double kDefect = 6.0;    // standard deviations from the rest of the pixels
 constexpr std::size_t kBins = 32;  // of a resting scene's pixels, by their means
 constexpr double kMostDrift = 0.3, kMostShared = 0.05; // of its variance
 
@@ -657,29 +655,6 @@ VarianceComponents part_of(const VarianceComponents &components, double part) {
     result.row *= part;
     result.column *= part;
     return result;
-}
-
-// Pixels that stand out of the image without its trend are defects, not the sensor's fixed pattern.
-double leave_out_defects(const ImageShape &shape, const std::vector<double> &image, std::vector<std::uint8_t> &counts) {
-    std::vector<double> sorted;
-    for (std::size_t i = 0; i < shape.size(); ++i)
-        if (counts[i])
-            sorted.push_back(image[i]);
-    const auto quantile = [&](double share) {
-        const auto at = sorted.begin() + std::ptrdiff_t(share * double(sorted.size() - 1));
-        std::nth_element(sorted.begin(), at, sorted.end());
-        return *at;
-    };
-    if (sorted.size() < 2)
-        return 0.0;
-    const double median = quantile(0.5), deviation = 0.5 * (quantile(0.8413) - quantile(0.1587));
-    double out = 0.0;
-    for (std::size_t i = 0; i < shape.size(); ++i)
-        if (counts[i] && std::abs(image[i] - median) > kDefect * deviation) {
-            counts[i] = 0;
-            out += 1.0;
-        }
-    return out / double(sorted.size());
 }
 
 EmvaSpatial spatial_of(const std::string &name, const FrameStack &stack, const HighPass &filtered) {

@@ -14,6 +14,7 @@ template <std::size_t Degree> using SquareOf = Eigen::Matrix<double, kTerms<Degr
 using Terms = TermsOf<2>;
 using Square = SquareOf<2>;
 
+constexpr double kDefect = 6.0; // standard deviations from the rest of the pixels
 // Pixels in strips of so many rows or columns may share whatever they like: row patterns, a speckle's grain.
 constexpr std::size_t kStrip = 8;
 
@@ -162,6 +163,28 @@ std::vector<double> without_trend(const ImageShape &shape, std::vector<double> i
     for (std::size_t i = 0; i < shape.size(); ++i)
         image[i] = fit.rest(image[i], terms_at<kPatternTrend>(shape, i));
     return image;
+}
+
+double leave_out_defects(const ImageShape &shape, const std::vector<double> &image, std::vector<std::uint8_t> &counts) {
+    std::vector<double> sorted;
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        if (counts[i])
+            sorted.push_back(image[i]);
+    const auto quantile = [&](double share) {
+        const auto at = sorted.begin() + std::ptrdiff_t(share * double(sorted.size() - 1));
+        std::nth_element(sorted.begin(), at, sorted.end());
+        return *at;
+    };
+    if (sorted.size() < 2)
+        return 0.0;
+    const double median = quantile(0.5), deviation = 0.5 * (quantile(0.8413) - quantile(0.1587));
+    double out = 0.0;
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        if (counts[i] && std::abs(image[i] - median) > kDefect * deviation) {
+            counts[i] = 0;
+            out += 1.0;
+        }
+    return out / double(sorted.size());
 }
 
 SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,

@@ -33,6 +33,10 @@ constexpr std::size_t kPatternTrend = 4;
 std::vector<double> without_trend(const ImageShape &shape, std::vector<double> image,
                                   const std::vector<std::uint8_t> &counts);
 
+// Pixels that stand out of the image without its trend are defects, not the sensor's fixed pattern: takes them out of
+// `counts`. The part of the counted pixels that they were.
+double leave_out_defects(const ImageShape &shape, const std::vector<double> &image, std::vector<std::uint8_t> &counts);
+
 // A polynomial of degree 2: 1, u, v, u^2, u v, v^2, with u and v from -1/2 to 1/2 across the image.
 struct SmoothTrend {
     std::array<double, 6> terms{}, errors{}; // least squares; robust to whatever rows, columns and neighbors share

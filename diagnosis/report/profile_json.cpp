@@ -4,6 +4,7 @@
 #include "effects/effects.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 #include <initializer_list>
@@ -15,7 +16,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char *kFormat = "clspeckle-camera-profile";
-constexpr std::uint32_t kVersion = 1;
+// 2: with maps. What has none is written as 1, which older releases read.
+constexpr std::uint32_t kFirstVersion = 1, kVersion = 2;
 constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 20;
 constexpr std::size_t kMostEntries = 4096; // of a list
 
@@ -25,7 +27,10 @@ class ProfileWriter {
     explicit ProfileWriter(Json &to) : to_(to) {}
 
     void format(const char *key, const char *text) { to_[key] = text; }
-    void version(const char *key, std::uint32_t number) { to_[key] = number; }
+    std::uint32_t version(const char *key, std::uint32_t number) {
+        to_[key] = number;
+        return number;
+    }
     void number(const char *key, double value, double, double, const char *) { to_[key] = value; }
     void given_number(const char *key, const std::optional<double> &value, double, double, const char *) {
         if (value)
@@ -46,6 +51,14 @@ class ProfileWriter {
         visit(inner);
         to_[key] = std::move(object);
     }
+    template <typename T, typename Visit>
+    void given_object(const char *key, std::optional<T> &value, const char *what, Visit visit) {
+        if (value)
+            object(key, what, [&](ProfileWriter &inner) { visit(inner, *value); });
+    }
+    void hash(const char *key, std::uint64_t value) { to_[key] = fmt::format("{:016x}", value); }
+    void file(const char *key, const std::string &name) { to_[key] = name; }
+    void shape(const char *key, const CameraProfile &profile) { to_[key] = {profile.height, profile.width}; }
     template <typename Entry, typename Visit>
     void list(const char *key, std::vector<Entry> &entries, const char *, Visit visit) {
         Json list = Json::array();
@@ -96,14 +109,41 @@ class ProfileReader {
             refuse(key, fmt::format("is {}; expected \"{}\": name a file that clspeckle diagnose --profile wrote",
                                     found == from_.end() ? "missing" : shown(*found), text));
     }
-    void version(const char *key, std::uint32_t number) {
+    std::uint32_t version(const char *key, std::uint32_t) {
         std::uint32_t given = 0;
         count(key, given, 1, 1000000, "the format's number");
-        if (given != number)
+        if (given > kVersion)
             refuse(key,
-                   fmt::format("is {}; clSpeckle {} reads version {}: use a newer clSpeckle, or diagnose the capture "
-                               "again with this one",
-                               given, CLSP_PROJECT_VERSION, number));
+                   fmt::format("is {}; clSpeckle {} reads versions {} to {}: use a newer clSpeckle, or diagnose the "
+                               "capture again with this one",
+                               given, CLSP_PROJECT_VERSION, kFirstVersion, kVersion));
+        return given;
+    }
+    template <typename T, typename Visit>
+    void given_object(const char *key, std::optional<T> &value, const char *what, Visit visit) {
+        keys_.insert(key);
+        if (from_.contains(key))
+            object(key, what, [&](ProfileReader &inner) { visit(inner, value.emplace()); });
+    }
+    void hash(const char *key, std::uint64_t &value) {
+        const char *expected = "16 hexadecimal digits, the FNV-1a hash of the map's values";
+        const Json &given = take(key, expected);
+        const std::string text = given.is_string() ? given.get<std::string>() : "";
+        const auto result = std::from_chars(text.data(), text.data() + text.size(), value, 16);
+        if (text.size() != 16 || result.ec != std::errc() || result.ptr != text.data() + text.size())
+            refuse(key, fmt::format("is {}; expected {}", shown(given), expected));
+    }
+    // In the profile's folder: what it leads to is part of the camera.
+    void file(const char *key, std::string &name) {
+        const char *expected = "the name of a file beside the profile, without a folder";
+        text(key, name, expected);
+        if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
+            refuse(key, fmt::format("is \"{}\"; expected {}", name, expected));
+    }
+    void shape(const char *key, const CameraProfile &profile) {
+        const Json expected = {profile.height, profile.width};
+        if (const Json &given = take(key, "[height, width]"); given != expected)
+            refuse(key, fmt::format("is {}; expected {}, the camera's height and width", shown(given), shown(expected)));
     }
     void number(const char *key, double &value, double low, double high, const char *what) {
         const std::string expected = fmt::format("a number from {} to {}, {}", low, high, what);
@@ -262,10 +302,26 @@ template <typename Io> void visit_effect(Io &io, ProfileEffect &effect, bool cat
     io.flag("conditional", effect.conditional, "whether it rests on a scene in which something unknown remains");
 }
 
+template <typename Io> void visit_map(Io &io, const CameraProfile &profile, ProfileMap &map, const char *error_key) {
+    io.file("file", map.file);
+    io.shape("shape", profile);
+    io.hash("fnv1a", map.hash);
+    io.texts("holds", map.holds, "a list of effects of the catalogue");
+    io.texts("sequences", map.sequences, "a list of names of sequences");
+    io.count("frames", map.frame_count, 1, 4294967295u, "how many frames it is of");
+    io.number(error_key, map.standard_error, 0.0, 65535.0, "the noise that is left in a pixel's value");
+    io.object("noise_taken_out", "an object, by what the pattern was multiplied", [&](auto &parts) {
+        parts.number("pixels", map.pixel_part, 0.0, 1.0, "the factor of single pixels");
+        parts.number("rows", map.row_part, 0.0, 1.0, "the factor of whole rows");
+        parts.number("columns", map.column_part, 0.0, 1.0, "the factor of whole columns");
+    });
+}
+
 // The one list of keys.
 template <typename Io> void visit(Io &io, CameraProfile &p) {
     io.format("format", kFormat);
-    io.version("version", kVersion);
+    const std::uint32_t version =
+        io.version("version", p.maps() || !p.map_notes.empty() ? kVersion : kFirstVersion);
     io.object("camera", "an object, the simulator's settings", [&](auto &camera) {
         camera.count("width", p.width, 8, 16384, "columns of an image");
         camera.count("height", p.height, 8, 16384, "rows of an image");
@@ -286,6 +342,16 @@ template <typename Io> void visit(Io &io, CameraProfile &p) {
             [](auto &entry, ProfileEffect &effect) { visit_effect(entry, effect, true); });
     io.list("hypotheses", p.hypotheses, "a list of the user's own effects",
             [](auto &entry, ProfileEffect &effect) { visit_effect(entry, effect, false); });
+    if (version > kFirstVersion)
+        io.object("maps", "an object, the patterns of the camera's own pixels", [&](auto &maps) {
+            maps.given_object("dark", p.dark_map, "an object, the map of offsets", [&](auto &map, ProfileMap &of) {
+                visit_map(map, p, of, "standard_error_dn");
+            });
+            maps.given_object("gain", p.gain_map, "an object, the map of gains", [&](auto &map, ProfileMap &of) {
+                visit_map(map, p, of, "standard_error");
+            });
+            maps.texts("notes", p.map_notes, "a list of words on maps that are missing");
+        });
     io.object("lab", "an object, the conditions that the capture was recorded in", [&](auto &lab) {
         lab.list("sequences", p.sequences, "a list of sequences", [](auto &entry, ProfileSequence &s) {
             entry.text("name", s.name, "a sequence's name");
@@ -349,6 +415,13 @@ CameraProfile read_profile(const std::string &path) {
     ProfileReader reader(checks, root, "");
     visit(reader, profile);
     reader.finish();
+    profile.path = path;
+    for (const auto &[name, map] : {std::pair{"dark", &profile.dark_map}, std::pair{"gain", &profile.gain_map}})
+        for (std::size_t i = 0; *map && i < (*map)->holds.size(); ++i)
+            if (!in_catalogue((*map)->holds[i]))
+                checks.refuse(fmt::format("/maps/{}/holds/{}", name, i),
+                              fmt::format("is \"{}\"; clSpeckle {} has no such effect: use the clSpeckle that wrote it",
+                                          (*map)->holds[i], CLSP_PROJECT_VERSION));
     const auto names = [](const auto &list, auto member) {
         std::vector<std::string> result;
         for (const auto &entry : list)

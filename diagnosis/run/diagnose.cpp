@@ -375,7 +375,7 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                      [](const GapPlace &a, const GapPlace &b) { return std::abs(a.z) > std::abs(b.z); });
     result.held_out = runner.parted();
     result.screened = found.screened;
-    result.work_captures = found.work;
+    result.work_captures = below.work + found.work;
     result.ended_early = found.ended_early;
     if (found.ended_early)
         result.notes.push_back(fmt::format("the search ended after the work of {:.0f} simulated captures; fewer "
@@ -438,8 +438,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
     result.emva = std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
+    const CalibratedLevels &levels = last.model.replicates().levels;
     result.profile = std::make_shared<const CameraProfile>(
-        camera_profile(runner, given, result, last.effects, last.model.replicates().levels));
+        camera_profile(runner, given, result, last.effects, levels,
+                       measure_pattern_maps(given, result, last.effects, levels, tell)));
     std::vector<const GapModel *> models = {&found.baseline.model};
     if (final)
         models.push_back(&final->model);

@@ -13,6 +13,8 @@ from cli_support import frames
 SIZE = ["--width", 96, "--height", 80, "--frames", 12]
 EFFECTS = {"shot_noise": {"dn_per_electron": 0.4}, "crosstalk": {"fraction": 0.15}, "row_noise": {"sigma_dn": 3.0}, "dsnu": {"sigma_dn": 4.0}}
 """Strong ones, of four kinds: in proportion to the light, between pixels, new in each frame, fixed."""
+DRAWN = set(EFFECTS) - {"dsnu"}
+"""Without those that a map holds."""
 
 
 def effect_options(effects: dict[str, dict[str, float]]) -> list[str]:
@@ -34,7 +36,7 @@ def diagnosed(program: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def here(diagnosed: Path, tmp_path: Path) -> Path:
-    for name in ("camera.json", "report.json"):
+    for name in ("camera.json", "camera.dark.npy", "camera.gain.npy", "report.json"):
         shutil.copy(diagnosed / name, tmp_path)
     return tmp_path
 
@@ -66,7 +68,8 @@ def render_again(ok, folder: Path, real: Path, into: str, *options: object) -> N
 
 def test_profile_holds_the_camera(diagnosed: Path) -> None:
     profile = json.loads((diagnosed / "camera.json").read_text())
-    assert (profile["format"], profile["version"]) == ("clspeckle-camera-profile", 1)
+    assert (profile["format"], profile["version"]) == ("clspeckle-camera-profile", 2)
+    assert {"dark", "gain"} <= set(profile["maps"]), "test_cli_profile_maps.py's"
     camera = profile["camera"]
     assert (camera["width"], camera["height"], camera["bits"]) == (96, 80, 10)
     assert (camera["pixel_pitch_m"], camera["f_number"], camera["wavelength_m"]) == (2.9e-6, 5.6, 940e-9)
@@ -114,14 +117,14 @@ def test_command_line_replaces_and_says_so(ok, here: Path) -> None:
     assert summary["profile"]["file"] == "camera.json"
     assert summary["config"]["aperture"]["f_number"] == 8
     assert summary["config"]["effects"]["row_noise"] == {"sigma_dn": 1.0}
-    assert set(summary["config"]["effects"]) == set(EFFECTS)
+    assert set(summary["config"]["effects"]) == DRAWN
     replaced = summary["profile"]["replaced"]
     assert replaced[0] == "--f-number 8.0 replaces 5.6"
     assert replaced[1].startswith("--effect row_noise:sigma_dn=1 replaces row_noise:sigma_dn=")
     text = ok(*common, "--f-number", 8, "--exposure-gain", 100).out
     assert "profile     camera.json\n            --f-number 8.0 replaces 5.6\n" in text
     off = ok(*common, "--effect", "none", "--exposure-gain", 100, "--json").json()
-    assert off["config"]["effects"] == {} and len(off["profile"]["replaced"]) == len(EFFECTS)
+    assert off["config"]["effects"] == {} and len(off["profile"]["replaced"]) == len(DRAWN)
     # What was rendered can be rendered again without the profile.
     one = ok(*common, "--profile-sequence", "board_moving", "--seed", 4).code
     again = ok("render", "ideal.npy", "-o", "again", "--config", "out/config.json").code
@@ -168,7 +171,7 @@ def damaged(profile: dict, path: str, value: object) -> str:
     ("path", "value", "words"),
     [
         ("/format", "clspeckle-capture", ['/format is "clspeckle-capture"', '"clspeckle-camera-profile"', "diagnose --profile"]),
-        ("/version", 2, ["/version is 2", "reads version 1", "newer clSpeckle"]),
+        ("/version", 3, ["/version is 3", "reads versions 1 to 2", "newer clSpeckle"]),
         ("/camera/bits", None, ["/camera/bits is missing", "8 to 16"]),
         ("/camera/bits", 10.5, ["/camera/bits is 10.5", "whole number from 8 to 16"]),
         ("/camera/f_number", "8", ['/camera/f_number is "8"', "a number from 0.1 to 1000"]),
@@ -228,7 +231,7 @@ def test_what_render_cannot_have_is_left_out_with_words(ok, here: Path) -> None:
     np.save(here / "ideal.npy", np.ones((80, 96), np.float32))
     run = ok("render", "ideal.npy", "-o", "out", "--profile", "changed.json", "--profile-sequence", profile["lab"]["lights"][0]["sequences"][0], "--json")
     summary = run.json()
-    assert set(summary["config"]["effects"]) == set(EFFECTS)
+    assert set(summary["config"]["effects"]) == DRAWN
     text = " ".join(summary["warnings"])
     assert "the effect zero_order:relative_intensity=8 is left out" in text
     assert "haze is left out: it is a hypothesis" in text

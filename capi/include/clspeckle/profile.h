@@ -4,7 +4,8 @@
  *
  * clspDiagnosisGetProfile() (diagnosis.h) makes one of a diagnosis, clspProfileWrite() writes it as a JSON file, clspProfileOpen() reads
  * such a file (docs/profile.md lists its keys). A profile holds the simulator's settings, every effect of the diagnosis's last model with
- * its parameters, and apart from them the lab's conditions, which are no part of the camera: the light of each sequence. A pipeline becomes
+ * its parameters, maps of the camera's own pixels where the capture tells them, and apart from them the lab's conditions, which are no part
+ * of the camera: the light of each sequence. Maps are files beside the profile's, and are read when they are used. A pipeline becomes
  * that camera in two steps: clspProfileDescribe() before its stages are made, clspPipelineSetProfile() afterwards. Nothing but the last one
  * needs an OpenCL device.
  *
@@ -24,6 +25,12 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/** @name Maps of a camera's pixels, to be added up */
+/** @{ */
+#define CLSP_PROFILE_MAP_DARK 1u /**< Offsets in DN above the black level: ClspSensorDesc::dark_frame_dn. */
+#define CLSP_PROFILE_MAP_GAIN 2u /**< Gains over the image's mean: ClspSensorDesc::gain_map. */
+/** @} */
 
 /** The camera, and where the profile is from. */
 typedef struct ClspProfileInfo {
@@ -52,6 +59,8 @@ typedef struct ClspProfileInfo {
     double level;                  /**< Of false alarms, of the diagnosis. */
     char version[16];              /**< Of clSpeckle, that wrote it. */
     char capture[256];             /**< The capture set's name; empty if it has none. */
+    uint32_t maps;                 /**< CLSP_PROFILE_MAP_* that it has, added up. */
+    uint32_t reserved_maps;        /**< 0. */
 } ClspProfileInfo;
 
 /** An effect of the camera. */
@@ -80,6 +89,16 @@ typedef struct ClspProfileSequence {
     char name[CLSP_MAX_CAPTURE_NAME]; /**< Its name. */
 } ClspProfileSequence;
 
+/** A map of the camera's pixels. */
+typedef struct ClspProfileMap {
+    uint32_t struct_size;  /**< Size of the struct as the caller knows it. */
+    uint32_t map;          /**< CLSP_PROFILE_MAP_DARK or CLSP_PROFILE_MAP_GAIN. */
+    uint32_t frame_count;  /**< How many frames it is of. */
+    uint32_t reserved;     /**< 0. */
+    double standard_error; /**< Noise over time that was left in the mean of so many frames, of a pixel: DN, or relative. */
+    char path[4096];       /**< Of its file; empty of a profile that was not read from one. */
+} ClspProfileMap;
+
 /**
  * Reads a profile; *profile gets one reference. Everything is checked: keys, effects and the ranges of their parameters.
  * @return CLSP_ERROR_IO for a file that cannot be read, CLSP_ERROR_INVALID_ARGUMENT for one that is no profile, or one of a later format;
@@ -103,9 +122,18 @@ CLSP_API ClspStatus clspProfileGetSequence(ClspProfile profile, uint32_t index, 
  * @param length   size of the whole text with its final 0; may be NULL.
  */
 CLSP_API ClspStatus clspProfileGetJson(ClspProfile profile, uint64_t capacity, char *text, uint64_t *length);
-/** Writes it to a file, which appears, or replaces an older one, only when it is complete.
- *  @return CLSP_ERROR_IO if it cannot be written. */
+/** Writes it to a file, and its maps to files beside it: NAME.json, NAME.dark.npy, NAME.gain.npy. They appear, or replace older ones, only
+ *  when all are complete. @return CLSP_ERROR_IO if one cannot be written; errors of clspProfileGetMap(). */
 CLSP_API ClspStatus clspProfileWrite(ClspProfile profile, const char *path);
+/**
+ * A map that the profile has, with its values.
+ * @param map    CLSP_PROFILE_MAP_DARK or CLSP_PROFILE_MAP_GAIN.
+ * @param info   with its struct_size set; may be NULL.
+ * @param values height x width floats, tightly packed; may be NULL, and no file is read then.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for a map that it has not, CLSP_ERROR_IO for a file that cannot be read, CLSP_ERROR_INVALID_DATA for
+ *         one that is not as it was written; the message says what to do.
+ */
+CLSP_API ClspStatus clspProfileGetMap(ClspProfile profile, uint32_t map, ClspProfileMap *info, float *values);
 
 /**
  * Writes the camera's settings into descriptions of stages, which keep all else: size, bits, sampling, f-number, pixel pitch, wavelength,
@@ -119,10 +147,15 @@ CLSP_API ClspStatus clspProfileDescribe(ClspProfile profile, const char *sequenc
 /**
  * Switches the profile's effects on, beside those that are on already, as clspPipelineSetEffect() does each: not for the per-frame path, and
  * at the sensor's exposure of the moment. Effects on dots are left out of a pipeline that draws none, as its frames bring their own pattern.
+ * The profile's maps become the sensor's, in the place of the effects that they hold; they stay when effects are cleared.
  * After an error everything is as it was.
- * @return CLSP_ERROR_INVALID_ARGUMENT for a pipeline of another camera: size, bits, pixel pitch or wavelength differ, or there is no sensor.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for a pipeline of another camera: size, bits, pixel pitch or wavelength differ, there is no sensor, or
+ *         it has a dark frame or gain map of its own; errors of clspProfileGetMap().
  */
 CLSP_API ClspStatus clspPipelineSetProfile(ClspPipeline pipeline, ClspProfile profile);
+/** The same with some of the profile's maps. @param maps CLSP_PROFILE_MAP_*, added up; those that the profile has not are left out. 0: none;
+ *  all fixed patterns are drawn anew from their deviations. */
+CLSP_API ClspStatus clspPipelineSetProfileMaps(ClspPipeline pipeline, ClspProfile profile, uint32_t maps);
 
 #ifdef __cplusplus
 }

@@ -94,7 +94,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     summary = run(folder, BIN / "clspeckle", "diagnose", "set", *reports)
     (folder / "summary.txt").write_bytes(summary.stdout)
     np.save(folder / "ideal.npy", np.ones(SHAPE, np.float32))
-    render = [BIN / "clspeckle", "render", "ideal.npy", "-o", "expected", "--profile", "camera.json"]
+    render = [BIN / "clspeckle", "render", "ideal.npy", "-o", "expected", "--profile", "camera.json", "--profile-maps", "off"]
     run(folder, *render, *COMMON.split())
     return folder
 

@@ -90,6 +90,7 @@ def path(tmp_path: Path) -> Path:
 def test_attributes(path: Path) -> None:
     with clspeckle.Profile.open(path) as profile:
         assert profile.data == PROFILE
+        assert profile.maps == {}
         assert (profile.shape, profile.bits, profile.capture, profile.verdict) == (SHAPE, 10, "bench", "named")
         assert (profile.black_level_dn, profile.read_noise_dn) == (60.5, 3.25)
         assert {effect.effect: effect.parameters for effect in profile.effects} == EFFECTS
@@ -170,7 +171,46 @@ def test_files(path: Path) -> None:
         clspeckle.Profile.open(path.with_name("none.json"))
 
 
-def test_of_a_diagnosis(context: clspeckle.Context) -> None:
+def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Context) -> None:
+    profile.write(path)
+    read = clspeckle.Profile.open(path)
+    assert read.maps == profile.maps and set(read.maps) == {"dark", "gain"}
+    dark = read.maps["dark"]
+    assert (dark.file, dark.sequences, dark.frames) == ("camera.dark.npy", ("dark",), 8)
+    assert dark.holds == ("dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels")
+    assert dark.standard_error == pytest.approx(np.sqrt((16 + 1 / 12) / 8), rel=0.05)
+    for name in read.maps:
+        np.testing.assert_array_equal(read.map_values(name), np.load(path.with_name(f"camera.{name}.npy")))
+    ideal = np.ones(read.shape, np.float32)
+    given = {"sequence": "flat", "seed": 4, "context": context}
+    maps = {"dark_frame_dn": read.map_values("dark"), "gain_map": read.map_values("gain")}
+    with (
+        clspeckle.Pipeline.from_profile(read, **given) as camera,
+        clspeckle.Pipeline.from_profile(read, maps=False, **maps, **given) as by_hand,
+        clspeckle.Pipeline.from_profile(read, maps=False, **given) as anew,
+    ):
+        np.testing.assert_array_equal(camera.render(ideal), by_hand.render(ideal))
+        anew.set_effect("dsnu", sigma_dn=30)
+        anew.set_profile(read)
+        assert "dsnu" not in anew.effects
+        frames = [pipeline.render(ideal, frame_index=5, refresh="all") for pipeline in (camera, anew)]
+        np.testing.assert_array_equal(*frames)
+        with pytest.raises(TypeError, match="maps"):
+            anew.set_profile(read, maps=2)  # type: ignore[arg-type]
+    with pytest.raises(errors.InvalidArgumentError, match="the sensor has a gain_map already"):
+        clspeckle.Pipeline.from_profile(read, gain_map=np.ones(read.shape), **given)
+    with pytest.raises(errors.InvalidArgumentError, match="the profile has 'dark', 'gain'"):
+        read.map_values("flat")
+    np.save(path.with_name("camera.gain.npy"), np.ones(read.shape, np.float32))
+    with pytest.raises(errors.InvalidDataError, match="is not as it was written"):
+        read.map_values("gain")
+    path.with_name("camera.gain.npy").unlink()
+    with pytest.raises(errors.InputOutputError, match="the gain map of"):
+        clspeckle.Pipeline.from_profile(read, **given)
+    clspeckle.Pipeline.from_profile(read, maps=False, **given).close()
+
+
+def test_of_a_diagnosis(context: clspeckle.Context, tmp_path: Path) -> None:
     random = np.random.default_rng(7)
     codes = {
         name: np.rint(64 + level + random.normal(0, 4, (8, 48, 64))).astype(np.uint16)
@@ -181,6 +221,7 @@ def test_of_a_diagnosis(context: clspeckle.Context) -> None:
     assert profile.verdict == found.verdict
     assert profile.data["provenance"]["capture"] == ""
     assert profile.sequences[1].gain_dn == pytest.approx(300, abs=1)
+    check_maps(profile, tmp_path / "camera.json", context)
     with (
         clspeckle.compare(codes, codes, null_replicates=12, evidence=False, context=context) as comparison,
         pytest.raises(errors.InvalidStateError, match="comparison"),

@@ -54,6 +54,7 @@ class Profile : public test::DeviceTest {
         return {context, clspeckle::Phase(context, phase), clspeckle::Aperture(context, aperture),
                 with_sensor ? clspeckle::Sensor(context, sensor) : clspeckle::Sensor()};
     }
+    void check_maps(const clspeckle::Profile &made, const clspeckle::Profile &read);
     std::vector<std::uint16_t> render(const clspeckle::Pipeline &pipeline) {
         const clspeckle::Buffer ones(context, queue, std::vector<float>(kWidth * kHeight, 1.0f));
         const clspeckle::Buffer output(context, kWidth * kHeight * sizeof(std::uint16_t));
@@ -65,6 +66,68 @@ class Profile : public test::DeviceTest {
         return output.read<std::uint16_t>(queue, kWidth * kHeight);
     }
 };
+
+// made: of a diagnosis of dark and flat frames; read: the same from the file that it was written to.
+void Profile::check_maps(const clspeckle::Profile &made, const clspeckle::Profile &read) {
+    constexpr std::uint32_t kBoth = CLSP_PROFILE_MAP_DARK | CLSP_PROFILE_MAP_GAIN;
+    ASSERT_EQ(made.info().maps, kBoth);
+    ASSERT_EQ(read.info().maps, kBoth);
+    EXPECT_STREQ(made.map(CLSP_PROFILE_MAP_DARK).path, "") << "it is in no file yet";
+    const ClspProfileMap about = read.map(CLSP_PROFILE_MAP_GAIN);
+    EXPECT_EQ(about.map, CLSP_PROFILE_MAP_GAIN);
+    EXPECT_EQ(about.frame_count, 8u);
+    EXPECT_EQ(about.path, (folder / "camera.gain.npy").string());
+    EXPECT_NEAR(read.map(CLSP_PROFILE_MAP_DARK).standard_error, std::sqrt((16.0 + 1.0 / 12.0) / 8.0), 0.05);
+    const auto dark = read.map_values(CLSP_PROFILE_MAP_DARK), gain = read.map_values(CLSP_PROFILE_MAP_GAIN);
+    EXPECT_EQ(dark, made.map_values(CLSP_PROFILE_MAP_DARK));
+    for (const float value : gain)
+        EXPECT_NEAR(value, 1.0f, 0.05f) << "no pattern but what noise leaves";
+
+    // A pipeline with the profile is one whose sensor has the maps, and none of the effects that they hold.
+    auto phase = clspeckle::make<ClspPhaseDesc>();
+    auto aperture = clspeckle::make<ClspApertureDesc>();
+    auto sensor = clspeckle::make<ClspSensorDesc>();
+    read.describe(&phase, &aperture, nullptr, &sensor, "flat");
+    const auto pipeline_of = [&](const ClspSensorDesc &desc) {
+        return clspeckle::Pipeline(context, clspeckle::Phase(context, phase), clspeckle::Aperture(context, aperture),
+                                   clspeckle::Sensor(context, desc));
+    };
+    ClspSensorDesc with_maps = sensor;
+    with_maps.dark_frame_dn = dark.data();
+    with_maps.gain_map = gain.data();
+    const auto pipeline = pipeline_of(sensor), by_hand = pipeline_of(with_maps), drawn = pipeline_of(sensor);
+    pipeline.set_effect("dsnu", {40.0}); // the map takes its place
+    ASSERT_CLSP_OK(clspPipelineSetProfile(pipeline, read));
+    EXPECT_EQ(render(pipeline), render(by_hand));
+    ASSERT_CLSP_OK(clspPipelineSetProfile(pipeline, made)) << "the same maps again";
+    pipeline.clear_effects();
+    EXPECT_EQ(render(pipeline), render(by_hand)) << "maps stay";
+    pipeline.set_effect("row_noise", {3.0});
+    by_hand.set_effect("row_noise", {3.0});
+    EXPECT_EQ(render(pipeline), render(by_hand)) << "beside the maps";
+    const auto plain = render(drawn);
+    ASSERT_CLSP_OK(clspPipelineSetProfileMaps(drawn, read, 0));
+    EXPECT_EQ(render(drawn), plain) << "nothing was found";
+
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "maps is 4", clspPipelineSetProfileMaps(drawn, read, 4));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "map is 3; the profile has CLSP_PROFILE_MAP_DARK",
+                      clspProfileGetMap(read, 3, nullptr, nullptr));
+    std::vector<float> own(kWidth * kHeight, 2.0f);
+    with_maps.dark_frame_dn = own.data();
+    const auto other = pipeline_of(with_maps);
+    const auto before = render(other);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "the sensor has a dark_frame_dn already",
+                      clspPipelineSetProfile(other, read));
+    ASSERT_CLSP_OK(clspPipelineSetProfileMaps(other, read, 0)) << "what the message says";
+    ASSERT_CLSP_OK(clspPipelineSetProfileMaps(other, read, CLSP_PROFILE_MAP_GAIN));
+    EXPECT_EQ(render(other), before);
+    std::filesystem::remove(folder / "camera.dark.npy");
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspPipelineSetProfile(drawn, read));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspProfileWrite(read, (folder / "copy.json").string().c_str()));
+    EXPECT_FALSE(std::filesystem::exists(folder / "copy.gain.npy")) << "all or nothing";
+    ASSERT_CLSP_OK(clspPipelineSetProfileMaps(drawn, read, CLSP_PROFILE_MAP_GAIN));
+    ASSERT_CLSP_OK(clspPipelineSetProfile(drawn, made)) << "its values are in memory";
+}
 
 TEST_F(Profile, GettersGiveWhatTheFileSays) {
     ClspProfile profile = nullptr;
@@ -94,6 +157,9 @@ TEST_F(Profile, GettersGiveWhatTheFileSays) {
     EXPECT_EQ(info.read_noise_dn, 3.25);
     EXPECT_EQ(info.fill_factor, 0.25);
     EXPECT_EQ(info.level, 0.02);
+    EXPECT_EQ(info.maps, 0u);
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "map is 1; the profile has none",
+                      clspProfileGetMap(profile, CLSP_PROFILE_MAP_DARK, nullptr, nullptr));
     EXPECT_STREQ(info.version, "0.1.0");
     EXPECT_STREQ(info.capture, "bench");
 
@@ -262,6 +328,7 @@ TEST_F(Profile, OfADiagnosisAndNotOfAComparison) {
     EXPECT_NEAR(profile.sequences()[1].gain_dn, 300.0, 1.0);
     EXPECT_NO_THROW(profile.write(path));
     EXPECT_EQ(clspeckle::Profile::open(path).json(), diagnosis.profile().json());
+    check_maps(profile, clspeckle::Profile::open(path));
     options.profile = profile;
     EXPECT_THROW(clspeckle::diagnose(context, capture, options), clspeckle::Error) << "it makes one";
     const auto comparison = clspeckle::compare(context, capture, capture, options);

@@ -831,7 +831,21 @@ class Profile : public detail::Shared<Profile, ClspProfile, clspProfileRetain, c
         return detail::list_of(clspProfileGetSequence, handle_, info().sequence_count);
     }
     std::string json() const { return detail::text_of(clspProfileGetJson, handle_); }
+    /** The profile, and its maps beside it. */
     void write(const std::string &path) const { check(clspProfileWrite(handle_, path.c_str())); }
+    /** What is known of a map that the profile has. @param map CLSP_PROFILE_MAP_DARK or CLSP_PROFILE_MAP_GAIN. */
+    ClspProfileMap map(std::uint32_t map) const {
+        auto result = make<ClspProfileMap>();
+        check(clspProfileGetMap(handle_, map, &result, nullptr));
+        return result;
+    }
+    /** Its values, height x width. */
+    std::vector<float> map_values(std::uint32_t map) const {
+        const ClspProfileInfo camera = info();
+        std::vector<float> result(std::size_t{camera.width} * camera.height);
+        check(clspProfileGetMap(handle_, map, nullptr, result.data()));
+        return result;
+    }
     /** Writes the camera's settings into descriptions, which keep all else; null: not wanted.
      *  @param sequence whose gain, exposure time and f-number are written, too; empty: the gain stays. */
     void describe(ClspPhaseDesc *phase, ClspApertureDesc *aperture, ClspLensDesc *lens, ClspSensorDesc *sensor,
@@ -883,8 +897,12 @@ class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetai
         clspeckle::check(clspPipelineSetEffect(handle_, id.c_str(), values.empty() ? nullptr : values.data(),
                                                static_cast<std::uint32_t>(values.size())));
     }
-    /** Switches a profile's effects on; not for the per-frame path. */
+    /** Switches a profile's effects on, and gives the sensor its maps; not for the per-frame path. */
     void set_profile(const Profile &profile) const { clspeckle::check(clspPipelineSetProfile(handle_, profile)); }
+    /** @param maps CLSP_PROFILE_MAP_*, added up: which maps; 0: all fixed patterns are drawn anew. */
+    void set_profile(const Profile &profile, std::uint32_t maps) const {
+        clspeckle::check(clspPipelineSetProfileMaps(handle_, profile, maps));
+    }
     /** Switches an effect off; one that is off stays off. */
     void clear_effect(const std::string &id) const { clspeckle::check(clspPipelineClearEffect(handle_, id.c_str())); }
     /** Switches all effects off. */

@@ -52,6 +52,7 @@ inline void init(ClspFrame &value) { check(clspFrameInit(&value, sizeof(value)))
 inline void init(ClspProfileInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspProfileEffect &value) { value.struct_size = sizeof(value); }
 inline void init(ClspProfileSequence &value) { value.struct_size = sizeof(value); }
+inline void init(ClspProfileMap &value) { value.struct_size = sizeof(value); }
 inline void init(ClspDeviceInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspContextDesc &value) { check(clspContextDescInit(&value, sizeof(value))); }
 inline void init(ClspContextInfo &value) { value.struct_size = sizeof(value); }

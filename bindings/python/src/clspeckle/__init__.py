@@ -49,7 +49,7 @@ from .motion import Motion, MotionInput
 from .pattern import Geometry, Pattern
 from .phase import FieldGrid, Phase, field_grid
 from .pipeline import Frame, Pipeline, PipelineParameters, simulate
-from .profile import Profile, ProfileEffect, ProfileSequence
+from .profile import Profile, ProfileEffect, ProfileMap, ProfileSequence
 from .runtime import (
     Buffer,
     Context,
@@ -116,6 +116,7 @@ __all__ = [
     "PipelineParameters",
     "Profile",
     "ProfileEffect",
+    "ProfileMap",
     "ProfileSequence",
     "Queue",
     "RankedEffect",

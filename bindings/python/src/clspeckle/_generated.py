@@ -63,6 +63,7 @@ CLSP_BAYER_RGGB, CLSP_BAYER_BGGR, CLSP_BAYER_GRBG, CLSP_BAYER_GBRG = 1, 2, 3, 4
 CLSP_EXPOSURE_CORRELATION_FIELD, CLSP_EXPOSURE_CORRELATION_GAUSSIAN = 0, 1
 CLSP_REFRESH_MASK, CLSP_REFRESH_ALL = 0, 1
 CLSP_ILLUMINATION_LASER, CLSP_ILLUMINATION_INCOHERENT, CLSP_ILLUMINATION_DARK = 0, 1, 2
+CLSP_PROFILE_MAP_DARK, CLSP_PROFILE_MAP_GAIN = 1, 2
 CLSP_DISK_CACHE_AUTO, CLSP_DISK_CACHE_OFF, CLSP_DISK_CACHE_ON = 0, 1, 2
 CLSP_QUEUE_PROFILING, CLSP_QUEUE_OUT_OF_ORDER = 1, 2
 CLSP_MAX_TUNING_SIZES, CLSP_MAX_TUNING_FRAMES = 64, 10000
@@ -499,7 +500,7 @@ class ClspProfileInfo(Structure):
         ("verdict", _u32), ("residual_detected", _u32), ("reserved", _u32), ("seed", _u64), ("pixel_pitch_m", _f64),
         ("f_number", _f64), ("wavelength_m", _f64), ("degree_of_polarization", _f64), ("principal_point_x_px", _f64),
         ("principal_point_y_px", _f64), ("black_level_dn", _f64), ("read_noise_dn", _f64), ("fill_factor", _f64),
-        ("level", _f64), ("version", _char * 16), ("capture", _char * 256),
+        ("level", _f64), ("version", _char * 16), ("capture", _char * 256), ("maps", _u32), ("reserved_maps", _u32),
     ]
 
 
@@ -514,6 +515,13 @@ class ClspProfileSequence(Structure):
     _fields_ = [
         ("struct_size", _u32), ("scene", _u32), ("moving", _u32), ("reserved", _u32), ("f_number", _f64),
         ("exposure_ms", _f64), ("mean_dn", _f64), ("light_dn", _f64), ("gain_dn", _f64), ("name", _char * 64),
+    ]
+
+
+class ClspProfileMap(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("map", _u32), ("frame_count", _u32), ("reserved", _u32), ("standard_error", _f64),
+        ("path", _char * 4096),
     ]
 
 
@@ -728,10 +736,12 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspProfileGetSequence": (_void, _u32, _P(ClspProfileSequence)),
     "clspProfileGetJson": (_void, _u64, _P(_char), _P(_u64)),
     "clspProfileWrite": (_void, _text),
+    "clspProfileGetMap": (_void, _u32, _P(ClspProfileMap), _P(_f32)),
     "clspProfileDescribe": (
         _void, _text, _P(ClspPhaseDesc), _P(ClspApertureDesc), _P(ClspLensDesc), _P(ClspSensorDesc),
     ),
     "clspPipelineSetProfile": (_void, _void),
+    "clspPipelineSetProfileMaps": (_void, _void, _u32),
     "clspDeviceList": (_u32, _P(ClspDeviceInfo), _P(_u32)),
     "clspDeviceExplain": (_text, _u64, _P(_char), _P(_u64)),
     "clspContextDescInit": (_P(ClspContextDesc), _u32),
@@ -779,5 +789,6 @@ STRUCTS: tuple[type[Structure], ...] = (
     ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspLensDesc, ClspMaterial, ClspPatternDesc, ClspGeometry,
     ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc,
     ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspProfileInfo, ClspProfileEffect,
-    ClspProfileSequence, ClspDeviceInfo, ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize, ClspTuningDesc,
+    ClspProfileSequence, ClspProfileMap, ClspDeviceInfo, ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize,
+    ClspTuningDesc,
 )

@@ -387,6 +387,7 @@ class Pipeline(Stage):
         profile: Profile,
         *,
         sequence: str | None = None,
+        maps: bool = True,
         pattern: Pattern | None = None,
         dots: Dots | None = None,
         materials: MaterialTable | Iterable[Material] | None = None,
@@ -394,11 +395,12 @@ class Pipeline(Stage):
         context: Context | None = None,
         **parameters: Unpack[PipelineParameters],
     ) -> Pipeline:
-        """A pipeline that is a profile's camera, with its effects.
+        """A pipeline that is a profile's camera, with its maps and effects.
 
         Args:
             profile: the camera.
             sequence: name of one of the profile's, whose light it gets; None: the default exposure.
+            maps: as for :meth:`set_profile`.
             pattern, dots, materials, motion, context: as for :meth:`from_parameters`. Effects on dots are left out of
                 a camera that draws none.
             **parameters: :class:`PipelineParameters` beside the profile's or in their place; `effects` likewise.
@@ -415,7 +417,7 @@ class Pipeline(Stage):
             profile.shape, pattern=pattern, dots=dots, materials=materials, motion=motion, context=context, **given
         )
         try:
-            made.set_profile(profile)
+            made.set_profile(profile, maps=maps)
             for effect, values in wanted:
                 made.set_effect(effect, **values)
         except BaseException:
@@ -675,21 +677,33 @@ class Pipeline(Stage):
             self._effects[found.id] = values
             self._after_effects()
 
-    def set_profile(self, profile: Profile) -> None:
+    def set_profile(self, profile: Profile, *, maps: bool = True) -> None:
         """Switches a profile's effects on, beside those that are on. Blocks, and builds programs.
 
         Effects on dots are left out of a pipeline that draws none, as its frames bring their own pattern.
 
+        Args:
+            profile: the camera.
+            maps: True: the profile's maps, where it has any, become the sensor's dark frame and gain map, in the place
+                of the effects that they hold; they stay when effects are cleared. False: fixed patterns are drawn anew.
+
         Raises:
             InvalidArgumentError: the pipeline is another camera: size, bits, pixel pitch or wavelength differ, or it
-                has no sensor.
+                has no sensor, or a dark frame or gain map of its own.
+            InputOutputError, InvalidDataError: a map cannot be read or is not as it was written.
         """
+        used = _check.flag(maps, "maps")
         if not isinstance(profile, Profile):
             raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
         with exclusive(self, profile, also=self._stages):
             self._settle()
-            _library.call("clspPipelineSetProfile", self._get(), profile._get())
+            _library.call("clspPipelineSetProfileMaps", self._get(), profile._get(), 3 * used)
+            held = {effect for one in profile.maps.values() for effect in one.holds if used}
+            for effect in held:
+                self._effects.pop(effect, None)
             for effect in profile.effects:
+                if effect.effect in held:
+                    continue
                 if self.dots is not None or "stages/dots.cl" not in find_effect(effect.effect).kernel:
                     self._effects[effect.effect] = dict(effect.parameters)
             self._after_effects()

@@ -16,10 +16,13 @@ import json
 import os
 from typing import Any
 
-from . import _check, _library
+import numpy as np
+import numpy.typing as npt
+
+from . import _check, _library, errors
 from ._handle import Handle, create, exclusive
 
-__all__ = ["Profile", "ProfileEffect", "ProfileSequence"]
+__all__ = ["Profile", "ProfileEffect", "ProfileMap", "ProfileSequence"]
 
 _NORMALIZATIONS = {number: word for word, number in _library.words("NORMALIZATION").items()}
 _FIELDS = {number: word for word, number in _library.words("FIELD").items()}
@@ -62,6 +65,25 @@ class ProfileSequence:
     """Above black, of the simulator's; 0 in the dark."""
     gain_dn: float
     """DN per unit of an ideal image that is 1 on flat and board and at a dot's peak; 0 in the dark."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ProfileMap:
+    """A map of the camera's own pixels."""
+
+    file: str
+    """Name of its file, beside the profile's."""
+    holds: tuple[str, ...]
+    """Effects that it takes the place of."""
+    sequences: tuple[str, ...]
+    """Whose frames it is of."""
+    frames: int
+    """How many."""
+    standard_error: float
+    """Noise over time that was left in the mean of so many frames, of a pixel: DN, or relative."""
+
+
+_MAPS = {"dark": 1, "gain": 2}
 
 
 class Profile(Handle):
@@ -113,6 +135,17 @@ class Profile(Handle):
             for entry in data["effects"]
         )
         self.sequences = tuple(ProfileSequence(**{"exposure_ms": None, **entry}) for entry in data["lab"]["sequences"])
+        self.maps = {
+            name: ProfileMap(
+                entry["file"],
+                tuple(entry["holds"]),
+                tuple(entry["sequences"]),
+                entry["frames"],
+                entry["standard_error_dn" if name == "dark" else "standard_error"],
+            )
+            for name, entry in data.get("maps", {}).items()
+            if name in _MAPS
+        }
         self.capture: str = provenance["capture"]
         self.verdict: str = provenance["verdict"]
 
@@ -123,9 +156,29 @@ class Profile(Handle):
         return result
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the profile to a JSON file, which appears, or replaces an older one, only when it is complete."""
+        """Writes the profile to a JSON file, and its maps beside it: NAME.json, NAME.dark.npy, NAME.gain.npy.
+
+        They appear, or replace older ones, only when all are complete.
+        """
         with exclusive(self):
             _library.call("clspProfileWrite", self._get(), _check.path(path, "path"))
+
+    def map_values(self, name: str) -> npt.NDArray[np.float32]:
+        """A map that the profile has, (height, width): "dark", offsets in DN above the black level, or "gain", gains over
+        the image's mean.
+
+        Raises:
+            InputOutputError: its file cannot be read.
+            InvalidDataError: its file is not as it was written; the message says what to do.
+        """
+        if name not in self.maps:
+            raise errors.InvalidArgumentError(
+                f"name is {name!r}; the profile has {', '.join(map(repr, self.maps)) or 'no map'}"
+            )
+        values = np.empty(self.shape, np.float32)
+        with exclusive(self):
+            _library.call("clspProfileGetMap", self._get(), _MAPS[name], None, _check.pointer(values))
+        return values
 
     def parameters(self, sequence: str | None = None) -> dict[str, Any]:
         """The camera's settings as keyword arguments of :meth:`Pipeline.from_parameters
