@@ -611,7 +611,7 @@ void Search::finish(SearchState &state, const FittedModel &baseline) {
             break;
         }
     }
-    if (is_explained(state) && state.models.size() > 2)
+    if (is_explained(state) && state.models.size() > 1)
         prune(fits_, state, state.progress);
 }
 

@@ -174,7 +174,8 @@ def test_files(path: Path) -> None:
 def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Context) -> None:
     profile.write(path)
     read = clspeckle.Profile.open(path)
-    assert read.maps == profile.maps and set(read.maps) == {"dark", "gain"}
+    assert read.maps == profile.maps
+    assert set(read.maps) == {"dark", "gain"}
     dark = read.maps["dark"]
     assert (dark.file, dark.sequences, dark.frames) == ("camera.dark.npy", ("dark",), 8)
     assert dark.holds == ("dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels")
@@ -182,8 +183,8 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
     for name in read.maps:
         np.testing.assert_array_equal(read.map_values(name), np.load(path.with_name(f"camera.{name}.npy")))
     ideal = np.ones(read.shape, np.float32)
-    given = {"sequence": "flat", "seed": 4, "context": context}
-    maps = {"dark_frame_dn": read.map_values("dark"), "gain_map": read.map_values("gain")}
+    given: dict[str, Any] = {"sequence": "flat", "seed": 4, "context": context}
+    maps: dict[str, Any] = {"dark_frame_dn": read.map_values("dark"), "gain_map": read.map_values("gain")}
     with (
         clspeckle.Pipeline.from_profile(read, **given) as camera,
         clspeckle.Pipeline.from_profile(read, maps=False, **maps, **given) as by_hand,
@@ -193,8 +194,8 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
         anew.set_effect("dsnu", sigma_dn=30)
         anew.set_profile(read)
         assert "dsnu" not in anew.effects
-        frames = [pipeline.render(ideal, frame_index=5, refresh="all") for pipeline in (camera, anew)]
-        np.testing.assert_array_equal(*frames)
+        mapped, again = (pipeline.render(ideal, frame_index=5, refresh="all") for pipeline in (camera, anew))
+        np.testing.assert_array_equal(mapped, again)
         with pytest.raises(TypeError, match="maps"):
             anew.set_profile(read, maps=2)  # type: ignore[arg-type]
     with pytest.raises(errors.InvalidArgumentError, match="the sensor has a gain_map already"):

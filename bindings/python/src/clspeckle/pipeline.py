@@ -698,9 +698,9 @@ class Pipeline(Stage):
         with exclusive(self, profile, also=self._stages):
             self._settle()
             _library.call("clspPipelineSetProfileMaps", self._get(), profile._get(), 3 * used)
-            held = {effect for one in profile.maps.values() for effect in one.holds if used}
-            for effect in held:
-                self._effects.pop(effect, None)
+            held = {name for one in profile.maps.values() for name in one.holds if used}
+            for name in held:
+                self._effects.pop(name, None)
             for effect in profile.effects:
                 if effect.effect in held:
                     continue

@@ -164,8 +164,8 @@ class Profile(Handle):
             _library.call("clspProfileWrite", self._get(), _check.path(path, "path"))
 
     def map_values(self, name: str) -> npt.NDArray[np.float32]:
-        """A map that the profile has, (height, width): "dark", offsets in DN above the black level, or "gain", gains over
-        the image's mean.
+        """A map that the profile has, (height, width): "dark", offsets in DN above the black level, or "gain", gains
+        over the image's mean.
 
         Raises:
             InputOutputError: its file cannot be read.
