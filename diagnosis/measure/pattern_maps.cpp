@@ -15,6 +15,7 @@
 namespace clsp {
 namespace {
 
+constexpr double kBeyondChance = 4.0; // standard errors of a variance, at two frames: of more frames it is more
 constexpr double kMostSignal = 0.9; // of the full well or of the converter's range: patterns are cut off beyond it
 
 // Variances of the two-way layout: of single pixels, of rows' means, of columns' means, each without what the others
@@ -175,12 +176,14 @@ void hold_pattern(const ImageShape &shape, const std::vector<double> &image, con
     for (std::size_t i = 0; i < shape.size(); ++i)
         squares += usual[i] ? rest(i) * rest(i) : 0.0;
     const double free = used - double(shape.height + shape.width) + 1.0;
-    const auto part = [](double square, double of_noise) {
-        return square > of_noise ? std::sqrt(1.0 - of_noise / square) : 0.0;
+    // A variance is that of a pattern where it is beyond what its own error and the noise's make by chance.
+    const auto part = [](double square, double of_noise, double freedom) {
+        const double by_chance = of_noise * (1.0 + kBeyondChance * std::sqrt(4.0 / std::max(freedom, 1.0)));
+        return square > by_chance ? std::sqrt(1.0 - of_noise / square) : 0.0;
     };
-    map.pixel_part = part(free > 0.0 ? squares / free : 0.0, noise.pixel);
-    map.row_part = part(row_square, noise.row);
-    map.column_part = part(column_square, noise.column);
+    map.pixel_part = part(free > 0.0 ? squares / free : 0.0, noise.pixel, free);
+    map.row_part = part(row_square, noise.row, double(shape.height) - 1.0);
+    map.column_part = part(column_square, noise.column, double(shape.width) - 1.0);
     map.standard_error = std::sqrt(noise.total());
     map.values.resize(shape.size());
     double all = 0.0, counted = 0.0;
@@ -197,6 +200,25 @@ void hold_pattern(const ImageShape &shape, const std::vector<double> &image, con
     const double shift = middle - all / std::max(1.0, counted);
     for (std::size_t i = 0; i < shape.size(); ++i)
         map.values[i] = static_cast<float>(counts[i] ? map.values[i] + shift : middle);
+}
+
+// A map whose noise is larger than its pattern is not the camera's: patterns drawn anew are nearer.
+std::optional<PatternMap> told(PatternMap map, const char *name, const char *unit, std::vector<std::string> &notes) {
+    double sum = 0.0, squares = 0.0;
+    for (const float value : map.values) {
+        sum += double(value);
+        squares += double(value) * double(value);
+    }
+    const double count = double(map.values.size()), mean = sum / count;
+    const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+    if (deviation > 0.0 && deviation >= map.standard_error)
+        return map;
+    notes.push_back(deviation > 0.0 ? fmt::format("no {} map: its noise, {:.3g}{}, is larger than its pattern, {:.3g}{}; "
+                                                  "record more frames{}",
+                                                  name, map.standard_error, unit, deviation, unit,
+                                                  *unit ? "" : ", or with more light")
+                                    : fmt::format("no {} map: the frames show no pattern beyond their noise", name));
+    return {};
 }
 
 class Measurement {
@@ -313,7 +335,7 @@ class Measurement {
         hold_pattern(shape_, offsets_, counts_, dark_noise_, middle, map);
         for (double &offset : offsets_)
             offset += middle;
-        return map;
+        return told(std::move(map), "dark", " DN", notes);
     }
 
     std::optional<PatternMap> gain_map(std::vector<std::string> &notes) {
@@ -359,7 +381,7 @@ class Measurement {
                      map);
         for (float &gain : map.values)
             gain = std::max(gain, 0.0f);
-        return map;
+        return told(std::move(map), "gain", "", notes);
     }
 
     // Makes the mean frame one of relative gains: light above the dark, straightened, over the smooth light that lamp

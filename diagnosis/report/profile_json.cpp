@@ -310,7 +310,7 @@ template <typename Io> void visit_map(Io &io, const CameraProfile &profile, Prof
     io.texts("sequences", map.sequences, "a list of names of sequences");
     io.count("frames", map.frame_count, 1, 4294967295u, "how many frames it is of");
     io.number(error_key, map.standard_error, 0.0, 65535.0, "the noise that is left in a pixel's value");
-    io.object("noise_taken_out", "an object, by what the pattern was multiplied", [&](auto &parts) {
+    io.object("pattern_kept", "an object, by what the pattern was multiplied", [&](auto &parts) {
         parts.number("pixels", map.pixel_part, 0.0, 1.0, "the factor of single pixels");
         parts.number("rows", map.row_part, 0.0, 1.0, "the factor of whole rows");
         parts.number("columns", map.column_part, 0.0, 1.0, "the factor of whole columns");

@@ -122,6 +122,7 @@ def test_check_counts_what_the_diagnosis_says(ok, cli, program: Path, tmp_path: 
     assert other.code == 1 and "another plan" in other.err
 
 
+@pytest.mark.nightly
 def test_power_counts_what_is_noticed_and_named(ok, cli, refused, program: Path, tmp_path: Path) -> None:
     """One effect, six strengths, two numbers of frames: the weak one is named with 16 frames."""
     common = ["gap", "power", "--generator", WITHHELD, "--python", sys.executable]

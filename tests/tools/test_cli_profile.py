@@ -36,7 +36,7 @@ def diagnosed(program: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def here(diagnosed: Path, tmp_path: Path) -> Path:
-    for name in ("camera.json", "camera.dark.npy", "camera.gain.npy", "report.json"):
+    for name in ("camera.json", "camera.dark.npy", "report.json"):
         shutil.copy(diagnosed / name, tmp_path)
     return tmp_path
 
@@ -69,7 +69,8 @@ def render_again(ok, folder: Path, real: Path, into: str, *options: object) -> N
 def test_profile_holds_the_camera(diagnosed: Path) -> None:
     profile = json.loads((diagnosed / "camera.json").read_text())
     assert (profile["format"], profile["version"]) == ("clspeckle-camera-profile", 2)
-    assert {"dark", "gain"} <= set(profile["maps"]), "test_cli_profile_maps.py's"
+    assert set(profile["maps"]) == {"dark", "notes"}, "test_cli_profile_maps.py's"
+    assert profile["maps"]["notes"] == ["no gain map: the frames show no pattern beyond their noise"]
     camera = profile["camera"]
     assert (camera["width"], camera["height"], camera["bits"]) == (96, 80, 10)
     assert (camera["pixel_pitch_m"], camera["f_number"], camera["wavelength_m"]) == (2.9e-6, 5.6, 940e-9)

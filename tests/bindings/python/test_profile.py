@@ -190,6 +190,8 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
         clspeckle.Pipeline.from_profile(read, maps=False, **maps, **given) as by_hand,
         clspeckle.Pipeline.from_profile(read, maps=False, **given) as anew,
     ):
+        for pipeline in (camera, by_hand):
+            pipeline.clear_effect()  # maps stay
         np.testing.assert_array_equal(camera.render(ideal), by_hand.render(ideal))
         anew.set_effect("dsnu", sigma_dn=30)
         anew.set_profile(read)
@@ -213,8 +215,9 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
 
 def test_of_a_diagnosis(context: clspeckle.Context, tmp_path: Path) -> None:
     random = np.random.default_rng(7)
+    offsets, gains = random.normal(64, 3, (48, 64)), random.normal(1, 0.02, (48, 64))
     codes = {
-        name: np.rint(64 + level + random.normal(0, 4, (8, 48, 64))).astype(np.uint16)
+        name: np.rint(offsets + level * gains + random.normal(0, 4, (8, 48, 64))).astype(np.uint16)
         for name, level in (("dark", 0), ("flat", 300))
     }
     with clspeckle.diagnose(codes, null_replicates=12, max_effects=1, evidence=False, context=context) as found:

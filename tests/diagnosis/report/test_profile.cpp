@@ -81,7 +81,7 @@ void Profile::check_maps(const clspeckle::Profile &made, const clspeckle::Profil
     const auto dark = read.map_values(CLSP_PROFILE_MAP_DARK), gain = read.map_values(CLSP_PROFILE_MAP_GAIN);
     EXPECT_EQ(dark, made.map_values(CLSP_PROFILE_MAP_DARK));
     for (const float value : gain)
-        EXPECT_NEAR(value, 1.0f, 0.05f) << "no pattern but what noise leaves";
+        EXPECT_NEAR(value, 1.0f, 0.1f) << "a pattern of 2 %";
 
     // A pipeline with the profile is one whose sensor has the maps, and none of the effects that they hold.
     auto phase = clspeckle::make<ClspPhaseDesc>();
@@ -107,7 +107,7 @@ void Profile::check_maps(const clspeckle::Profile &made, const clspeckle::Profil
     EXPECT_EQ(render(pipeline), render(by_hand)) << "beside the maps";
     const auto plain = render(drawn);
     ASSERT_CLSP_OK(clspPipelineSetProfileMaps(drawn, read, 0));
-    EXPECT_EQ(render(drawn), plain) << "nothing was found";
+    EXPECT_NE(render(drawn), plain) << "patterns of the deviations";
 
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "maps is 4", clspPipelineSetProfileMaps(drawn, read, 4));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "map is 3; the profile has CLSP_PROFILE_MAP_DARK",
@@ -118,9 +118,9 @@ void Profile::check_maps(const clspeckle::Profile &made, const clspeckle::Profil
     const auto before = render(other);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "the sensor has a dark_frame_dn already",
                       clspPipelineSetProfile(other, read));
+    EXPECT_EQ(render(other), before);
     ASSERT_CLSP_OK(clspPipelineSetProfileMaps(other, read, 0)) << "what the message says";
     ASSERT_CLSP_OK(clspPipelineSetProfileMaps(other, read, CLSP_PROFILE_MAP_GAIN));
-    EXPECT_EQ(render(other), before);
     std::filesystem::remove(folder / "camera.dark.npy");
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspPipelineSetProfile(drawn, read));
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspProfileWrite(read, (folder / "copy.json").string().c_str()));
@@ -298,6 +298,8 @@ TEST_F(Profile, OfADiagnosisAndNotOfAComparison) {
     sensor.width = kWidth;
     sensor.height = kHeight;
     sensor.exposure_gain_dn = 300.0;
+    sensor.dsnu_dn = 3.0;
+    sensor.prnu = 0.02;
     const clspeckle::Sensor camera(context, sensor);
     const clspeckle::Buffer output(context, kWidth * kHeight * sizeof(std::uint16_t));
     for (const bool flat : {false, true}) {
