@@ -310,9 +310,9 @@ clspeckle::Capture empty_capture(const CaptureMakeArguments &a, const DotPattern
 } // namespace
 
 DotPattern read_dots(const std::string &file, double sigma_px) {
-    Json root = read_json(file);
-    if (root.is_object() && root.contains("dots"))
-        root = Json(root["dots"]);
+    const JsonDocument document = read_json(file);
+    const bool inside = document.root().is_object() && document.root().contains("dots");
+    const Json &root = inside ? document.root()["dots"] : document.root();
     const auto refuse = [&](const std::string &what) {
         throw InputError(fmt::format(
             "{}: {}; expected {{\"sigma_px\": 2.2, \"positions_px\": [[x, y], ...]}} or a capture.json", file, what));
@@ -324,7 +324,7 @@ DotPattern read_dots(const std::string &file, double sigma_px) {
         pattern.sigma_px = root["sigma_px"].get<double>();
     for (const Json &point : root["positions_px"]) {
         if (!point.is_array() || point.size() != 2 || !point[0].is_number() || !point[1].is_number())
-            refuse(fmt::format("the position {} is no [x, y]", point.dump()));
+            refuse(fmt::format("the position {} is no [x, y]", shown(point)));
         pattern.positions_px.push_back(point[0].get<double>());
         pattern.positions_px.push_back(point[1].get<double>());
     }

@@ -88,10 +88,10 @@ void mark(std::vector<std::uint8_t> &pixels, const image_io::Plane &plane, long 
 /** The begin of a text that may be anything, for a message. */
 std::string quotation(const std::string &text) {
     constexpr std::size_t most = 40;
-    std::string shown;
+    std::string result;
     for (const char c : text.substr(0, most))
-        shown += c >= ' ' && c <= '~' ? c : '?';
-    return text.size() > most ? shown + "..." : shown;
+        result += c >= ' ' && c <= '~' ? c : '?';
+    return text.size() > most ? result + "..." : result;
 }
 
 /** The numbers of a line; one that is no number comes back as NaN, and ends it. */
@@ -117,7 +117,7 @@ double number_at(const Json &json, const std::string &path, const char *section,
     if (!json.is_object() || !json.contains(name))
         throw InputError(fmt::format("{}: {}.{} is missing", path, section, name));
     if (!json.at(name).is_number())
-        throw InputError(fmt::format("{}: {}.{} is {}, expected a number", path, section, name, json.at(name).dump()));
+        throw InputError(fmt::format("{}: {}.{} is {}, expected a number", path, section, name, shown(json.at(name))));
     return json.at(name).get<double>();
 }
 
@@ -142,7 +142,7 @@ DotDirections read_directions(const std::string &path) {
     const std::string byte_order_mark = "\xef\xbb\xbf";
     for (std::size_t begin = text.rfind(byte_order_mark, 0) == 0 ? byte_order_mark.size() : 0; begin < text.size();) {
         const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::string line = text.substr(begin, std::min(end, text.find('#', begin)) - begin);
+        const std::string whole = text.substr(begin, end - begin), line = whole.substr(0, whole.find('#'));
         begin = end + 1;
         ++line_number;
         const std::vector<double> numbers = numbers_of(line);
@@ -176,7 +176,8 @@ std::vector<double> projected(DotDirections directions, std::uint32_t projection
 }
 
 void read_geometry(const std::string &path, ClspDepthDesc &desc) {
-    const Json root = read_json(path);
+    const JsonDocument document = read_json(path);
+    const Json &root = document.root();
     if (!root.is_object() || !root.contains("camera") || !root.contains("laser"))
         throw InputError(fmt::format("{}: has no \"camera\" and \"laser\"; see clspeckle depth --help", path));
     const Json &camera = root.at("camera"), &laser = root.at("laser");
@@ -202,7 +203,7 @@ void read_geometry(const std::string &path, ClspDepthDesc &desc) {
         else if (projection != "tangent_plane")
             throw InputError(fmt::format("{}: laser.pattern.projection is {}, expected \"tangent_plane\" or "
                                          "\"direction_cosines\"",
-                                         path, projection.dump()));
+                                         path, shown(projection)));
     }
     if (root.contains("depth_range_m")) {
         const auto range = numbers(root.at("depth_range_m"), "depth_range_m", 2);

@@ -87,7 +87,8 @@ struct Wanted {
 };
 
 Wanted read_wanted(const std::string &path) {
-    const Json file = read_json(path);
+    const JsonDocument document = read_json(path);
+    const Json &file = document.root();
     const bool orders = file.is_object() && file.contains("orders"),
                directions = file.is_object() && file.contains("directions");
     if (!orders && !directions)

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 std::int32_t order_number(const Json &value, const std::string &where) {
     const double found = json_number(value, where);
     if (!(std::abs(found) <= 1e6) || found != std::floor(found))
-        throw InputError(fmt::format("{} is {}, an order is an integer", where, value.dump()));
+        throw InputError(fmt::format("{} is {}, an order is an integer", where, shown(value)));
     return static_cast<std::int32_t>(found);
 }
 
@@ -50,7 +50,7 @@ image_io::Plane read_phase(const std::string &path, Console &console) {
 
 double json_number(const Json &value, const std::string &where) {
     if (!value.is_number())
-        throw InputError(fmt::format("{} is {}, a number is needed", where, value.dump()));
+        throw InputError(fmt::format("{} is {}, a number is needed", where, shown(value)));
     return value.get<double>();
 }
 
@@ -74,7 +74,7 @@ DotList read_dot_list(const Json &file, const std::string &path, const char *key
         const Json &entry = list[k];
         if (!entry.is_array() || entry.size() < 2 || entry.size() > 3)
             throw InputError(
-                fmt::format("{} is {}; two numbers and an optional weight are needed", where, entry.dump()));
+                fmt::format("{} is {}; two numbers and an optional weight are needed", where, shown(entry)));
         for (std::size_t i = 0; i < 2; ++i) {
             const std::string number = fmt::format("{}[{}]", where, i);
             if (dots.orders)
@@ -96,7 +96,8 @@ Design read_design(const std::string &path, Console &console) {
     const std::string stem = without_npy(path), file = stem + ".json";
     Design design;
     design.phase = read_phase(stem + ".npy", console);
-    const Json about = read_json(file);
+    const JsonDocument document = read_json(file);
+    const Json &about = document.root();
     if (!about.is_object())
         throw InputError(fmt::format("{}: expected an object with \"pixel_pitch_m\" and \"wavelength_m\"", file));
     design.pixel_pitch_m = member(about, file, "pixel_pitch_m");
@@ -104,14 +105,14 @@ Design read_design(const std::string &path, Console &console) {
     if (about.contains("periodic")) {
         const Json &periodic = about.at("periodic");
         if (!periodic.is_boolean())
-            throw InputError(fmt::format("{}: \"periodic\" is {}, expected true or false", file, periodic.dump()));
+            throw InputError(fmt::format("{}: \"periodic\" is {}, expected true or false", file, shown(periodic)));
         design.periodic = periodic.get<bool>();
     }
     if (about.contains("levels")) {
         const Json &levels = about.at("levels");
         const double most = std::numeric_limits<std::uint32_t>::max();
         if (!levels.is_number_integer() || levels.get<double>() < 0 || levels.get<double>() > most)
-            throw InputError(fmt::format("{}: \"levels\" is {}, expected an integer, 0 or above", file, levels.dump()));
+            throw InputError(fmt::format("{}: \"levels\" is {}, expected an integer, 0 or above", file, shown(levels)));
         design.levels = levels.get<std::uint32_t>();
     }
     const char *list = design.periodic ? "orders" : "directions", *other = design.periodic ? "directions" : "orders";
@@ -124,7 +125,8 @@ Design read_design(const std::string &path, Console &console) {
 }
 
 std::vector<double> read_direction_cosines(const std::string &path) {
-    const Json file = read_json(path);
+    const JsonDocument document = read_json(path);
+    const Json &file = document.root();
     if (file.is_object() && file.contains("directions")) // exact, where a layout has both
         return read_dot_list(file, path, "directions").directions;
     if (!file.is_object() || !file.contains("orders"))

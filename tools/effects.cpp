@@ -91,11 +91,11 @@ EffectSetting effect_from_json(const std::string &id, const Json &parameters, co
     const ClspEffectInfo &effect = find(id, where);
     if (!parameters.is_object())
         throw InputError(fmt::format("{} must be an object of numbers, got {}; for example {}", where,
-                                     parameters.dump(), effect_parameters(complete(effect, {}, where)).dump()));
+                                     shown(parameters), effect_parameters(complete(effect, {}, where)).dump()));
     std::map<std::string, double> given;
     for (const auto &[name, value] : parameters.items()) {
         if (!value.is_number())
-            throw InputError(fmt::format("{}: {} must be a number, got {}", where, name, value.dump()));
+            throw InputError(fmt::format("{}: {} must be a number, got {}", where, name, shown(value)));
         given.emplace(name, value.get<double>());
     }
     return complete(effect, given, where);

@@ -38,7 +38,8 @@ std::optional<FrameFormat> format_of_run(const std::string &folder) {
     if (!fs::is_regular_file(path, code))
         return {};
     try {
-        const Json config = read_json(path);
+        const JsonDocument document = read_json(path);
+        const Json &config = document.root();
         if (config.is_object() && config.contains("aperture") && config.contains("sensor"))
             return FrameFormat(config.at("render").at("format").get<std::string>());
     } catch (const std::exception &) {

@@ -254,7 +254,8 @@ void run_gap_check(const GapCheckArguments &arguments, Console &console) {
         more.insert(more.end(), {"--frames", fmt::format("{}", *arguments.frames)});
     const Generator generator = run_generator(arguments, "all", more, "check", console);
     const fs::path folder = fs::path(arguments.folder) / "score";
-    const Json score = read_json((folder / "score.json").string());
+    const JsonDocument document = read_json((folder / "score.json").string());
+    const Json &score = document.root();
     give_json(arguments, score, console);
     console.print(score_table(score));
     console.print(
@@ -274,7 +275,8 @@ void run_gap_power(const GapPowerArguments &arguments, Console &console) {
         more.insert(more.end(), {"--repeats", fmt::format("{}", *arguments.repeats)});
     const Generator generator = run_generator(arguments, "power", more, "study", console);
     const fs::path folder = arguments.folder;
-    const Json power = read_json((folder / "power.json").string());
+    const JsonDocument document = read_json((folder / "power.json").string());
+    const Json &power = document.root();
     give_json(arguments, power, console);
     std::uint64_t sets = 0, failed = 0;
     for (const Json &row : power["rows"]) {

@@ -39,15 +39,6 @@ constexpr std::uintmax_t most_source_bytes = 1 << 20;
 const std::vector<std::string> file_keys = {"id", "stage", "summary", "point", "parameters", "opencl"};
 const std::vector<std::string> parameter_keys = {"weak", "strong", "minimum", "maximum", "unit"};
 
-/** What was given, for a message: briefly, and nothing that a terminal would obey. */
-std::string shown(const Json &value) {
-    if (value.is_object() || value.is_array())
-        return value.is_object() ? "an object" : "an array";
-    constexpr std::size_t most = 60;
-    const std::string text = value.dump(-1, ' ', true);
-    return text.size() > most ? text.substr(0, most) + " ..." : text;
-}
-
 void check_keys(const Json &object, const std::vector<std::string> &known, const std::string &where) {
     if (!object.is_object())
         throw InputError(fmt::format("{} must be an object, got {}", where, shown(object)));
@@ -126,7 +117,8 @@ std::string source_of(const fs::path &path, const std::string &where) {
 } // namespace
 
 clspeckle::Hypothesis read_hypothesis(const std::string &path) {
-    const Json root = read_json(path);
+    const JsonDocument document = read_json(path);
+    const Json &root = document.root();
     check_keys(root, file_keys, path);
     clspeckle::Hypothesis result;
     result.id = text_of(root, "id", nullptr, path);

@@ -604,6 +604,14 @@ template <typename T> T get(const Json &object, const char *key, const std::stri
     }
 }
 
+const Json nothing, no = false, empty = Json::object();
+
+/** A member of an object, not its copy. */
+const Json &member_of(const Json &object, const char *key, const Json &otherwise) {
+    const auto found = object.find(key);
+    return found == object.end() ? otherwise : *found;
+}
+
 /** A table from a list of objects; ids that it does not name are of the defaults. */
 std::vector<ClspMaterial> load_materials(const Json &list, const std::string &path) {
     struct Member {
@@ -630,7 +638,7 @@ std::vector<ClspMaterial> load_materials(const Json &list, const std::string &pa
         if (id == entry.end() || !id->is_number_integer() || id->get<std::int64_t>() < 0 ||
             id->get<std::int64_t>() >= static_cast<std::int64_t>(CLSP_MAX_MATERIALS))
             throw InputError(fmt::format("{}: \"id\" of a material must be an integer from 0 to {}, got {}", path,
-                                         CLSP_MAX_MATERIALS - 1, id == entry.end() ? "none" : id->dump()));
+                                         CLSP_MAX_MATERIALS - 1, id == entry.end() ? "none" : shown(*id)));
         const auto index = id->get<std::size_t>();
         while (table.size() <= index)
             table.push_back(clspeckle::make<ClspMaterial>());
@@ -653,13 +661,13 @@ std::vector<ClspMaterial> load_materials(const Json &list, const std::string &pa
             }
             if (!value.is_number() && value != "inf")
                 throw InputError(fmt::format("{}: \"{}\" of the material {} must be a number or \"inf\", got {}", path,
-                                             key, index, value.dump()));
+                                             key, index, shown(value)));
             table[index].*(known->value) = value.is_number() ? value.get<double>() : no_limit;
             has_time |= key == "correlation_time_s";
         }
-        const Json living = entry.value("living", Json(false));
+        const Json &living = member_of(entry, "living", no);
         if (!living.is_boolean())
-            throw InputError(fmt::format("{}: \"living\" must be true or false, got {}", path, living.dump()));
+            throw InputError(fmt::format("{}: \"living\" must be true or false, got {}", path, shown(living)));
         // Skin, hair, worn cloth and liquids keep nothing of their speckle from one frame to the next.
         if (living.get<bool>() && !has_time)
             table[index].correlation_time_s = 0.0;
@@ -696,15 +704,16 @@ std::vector<MovingObject> load_objects(const Json &list, std::size_t material_co
 
 /** Takes over what a sequence.json says. */
 Sequence load_sequence(const std::string &path, Config &config) {
-    const Json root = read_json(path);
-    if (!root.is_object() || root.value("format", Json()) != "clspeckle-gbuffer-sequence")
+    const JsonDocument document = read_json(path);
+    const Json &root = document.root();
+    if (!root.is_object() || member_of(root, "format", nothing) != "clspeckle-gbuffer-sequence")
         throw InputError(
             fmt::format("{}: is not a scene description (\"format\" is not \"clspeckle-gbuffer-sequence\"); a "
                         "configuration is given with --config",
                         path));
-    if (root.value("version", Json()) != 1)
+    if (member_of(root, "version", nothing) != 1)
         throw InputError(fmt::format("{}: version {} of the format is not known, only 1", path,
-                                     root.value("version", Json()).dump()));
+                                     shown(member_of(root, "version", nothing))));
     const std::filesystem::path folder = std::filesystem::path(path).parent_path();
     const auto names = get<std::vector<std::string>>(root, "frames", path, "a list of file names");
     if (names.empty())
@@ -728,8 +737,8 @@ Sequence load_sequence(const std::string &path, Config &config) {
     // Keys of the file and the options they set; any other key is refused, since a default in its place would pass
     // unnoticed.
     using Keys = std::vector<std::pair<std::string, std::string>>;
-    const auto take = [&](const Json &parent, const std::string &name, const Keys &keys) {
-        const Json object = parent.value(name, Json::object());
+    const auto take = [&](const Json &parent, const char *name, const Keys &keys) -> const Json & {
+        const Json &object = member_of(parent, name, empty);
         if (!object.is_object())
             throw InputError(fmt::format("{}: \"{}\" must be an object", path, name));
         for (const auto &[key, value] : object.items()) {
@@ -760,7 +769,7 @@ Sequence load_sequence(const std::string &path, Config &config) {
           {"f_number", "aperture.f_number"},
           {"pixel_pitch_m", "aperture.pixel_pitch_m"}});
     take(root, "motion", {{"rule", "motion.rule"}, {"translate", "motion.translate"}});
-    const Json laser = take(root, "laser",
+    const Json &laser = take(root, "laser",
                             {{"wavelength_m", "aperture.wavelength_m"},
                              {"laser_from_geometry", "pattern.laser_from_geometry"},
                              {"pattern", ""}});
@@ -924,7 +933,8 @@ std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
         input->oddities.push_back(fmt::format("{}: {}; the frames before and after are taken as neighbours in time",
                                               std::filesystem::path(files.front()).parent_path().string(), missing));
     if (!paths.materials.empty()) {
-        const Json root = read_json(paths.materials);
+        const JsonDocument document = read_json(paths.materials);
+        const Json &root = document.root();
         if (!root.is_object() || !root.contains("materials"))
             throw InputError(paths.materials + ": has no list \"materials\"");
         std::vector<ClspMaterial> table = load_materials(root["materials"], paths.materials);

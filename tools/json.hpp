@@ -1,20 +1,18 @@
 /**
  * @file json.hpp
- * @brief JSON, its members in the order of the file.
+ * @brief JSON, as the program names it.
  */
 #ifndef CLSPECKLE_TOOLS_JSON_HPP
 #define CLSPECKLE_TOOLS_JSON_HPP
 
-#include <nlohmann/json.hpp>
-
-#include <string>
+#include "io/json_file.hpp"
 
 namespace tools {
 
-using Json = nlohmann::ordered_json;
-
-/** Reads a JSON file; throws InputError with the file's name and the place of the fault. */
-Json read_json(const std::string &path);
+using Json = image_io::Json;
+using image_io::JsonDocument;
+using image_io::read_json;
+using image_io::shown;
 
 } // namespace tools
 

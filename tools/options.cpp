@@ -281,10 +281,6 @@ std::vector<Option> make_table() {
     return table;
 }
 
-std::string shown(const Json &value) {
-    return value.dump();
-}
-
 std::string joined(const std::vector<std::string> &words, const char *last) {
     std::string text;
     for (std::size_t i = 0; i < words.size(); ++i)
@@ -534,7 +530,8 @@ void Config::set_text(const Option &o, const std::string &text, Layer layer, con
 }
 
 void Config::load(const std::string &path) {
-    const Json root = read_json(path);
+    const JsonDocument document = read_json(path);
+    const Json &root = document.root();
     if (!root.is_object())
         throw InputError(
             path + ": a configuration is a JSON object of sections, for example {\"aperture\": {\"f_number\": 8}}");

@@ -15,10 +15,6 @@
 namespace clsp {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{64} << 20; // a million dots take 40 MB
-
 class Parser : public JsonChecks {
   public:
     using JsonChecks::JsonChecks;
@@ -138,7 +134,8 @@ void read_sequence(const Parser &parser, const Json &entry, std::size_t index, C
 } // namespace
 
 CaptureDescription read_capture_json(const std::string &path) {
-    const Json root = read_json_file(path, kMaxJsonBytes);
+    const JsonDocument file = read_json_file(path);
+    const Json &root = file.root();
     const Parser parser(path);
     if (!root.is_object())
         parser.refuse("/", "is no object; expected {\"format\": \"clspeckle-capture\", \"version\": 1, ...}");

@@ -1,20 +1,21 @@
 // JSON that users write: read with messages that name file, key, what was there and what was expected.
 #pragma once
 
+#include "io/json_file.hpp"
+
 #include <array>
 #include <cstdint>
 #include <initializer_list>
-#include <nlohmann/json.hpp>
 #include <string>
 
 namespace clsp {
 
-// Throws kIo if the file cannot be read, kInvalidArgument if it is larger, no JSON, nested more than a hundred levels
-// deep, or has a key twice.
-nlohmann::ordered_json read_json_file(const std::string &path, std::uint64_t most_bytes);
+using Json = image_io::Json;
+using image_io::JsonDocument;
+using image_io::shown;
 
-// A value as a message shows it.
-std::string shown(const nlohmann::ordered_json &value);
+// Throws kIo if the file cannot be read, kInvalidArgument if it is refused (io/json_file.hpp).
+JsonDocument read_json_file(const std::string &path);
 
 // To as many digits that 2.9e-6 m is 2.9 um and back.
 double rounded(double value);
@@ -23,7 +24,6 @@ double rounded(double value);
 // path, "/camera/bits".
 class JsonChecks {
   public:
-    using Json = nlohmann::ordered_json;
     explicit JsonChecks(std::string path) : path_(std::move(path)) {}
 
     [[noreturn]] void refuse(const std::string &field, const std::string &what) const;

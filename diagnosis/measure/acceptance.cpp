@@ -13,9 +13,6 @@
 namespace clsp {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 20;
 constexpr const char *kSections[] = {"quantities", "statistics"};
 constexpr const char *kLimit = "a number of at least 0, alone or with a unit: 0.2, \"0.2 DN\", \"3 %\"";
 
@@ -69,7 +66,8 @@ std::string key_of(const Measurable &what, std::size_t parts) {
 } // namespace
 
 Tolerances read_tolerances(const std::string &path) {
-    const Json root = read_json_file(path, kMostBytes);
+    const JsonDocument file = read_json_file(path);
+    const Json &root = file.root();
     const JsonChecks checks(path);
     const std::string example = R"({"quantities": {"temporal_noise": "0.2 DN", "flat/mean_signal": "1 %"}})";
     if (!root.is_object() || root.empty())

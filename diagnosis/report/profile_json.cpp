@@ -13,12 +13,9 @@
 namespace clsp {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr const char *kFormat = "clspeckle-camera-profile";
 // 2: with maps. What has none is written as 1, which older releases read.
 constexpr std::uint32_t kFirstVersion = 1, kVersion = 2;
-constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 20;
 constexpr std::size_t kMostEntries = 4096; // of a list
 
 // Puts the members of one object into JSON.
@@ -407,7 +404,8 @@ std::string profile_json(const CameraProfile &profile) {
 }
 
 CameraProfile read_profile(const std::string &path) {
-    const Json root = read_json_file(path, kMostBytes);
+    const JsonDocument file = read_json_file(path);
+    const Json &root = file.root();
     const JsonChecks checks(path);
     if (!root.is_object())
         checks.refuse("/", fmt::format("is {}; expected {{\"format\": \"{}\", ...}}", shown(root), kFormat));

@@ -206,7 +206,7 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
         ({"parameters": {"a" * 32: {"weak": 1, "strong": 2}}}, "its name has 32 bytes"),
         ({"parameters": {"slope": {"weak": 1, "strong": 2, "unit": "u" * 16}}}, "its unit 16"),
         ({"parameters": {"slope": {"weak": 1, "strong": 1, "minimum": 1, "maximum": 1}}}, "a minimum below the maximum"),
-        ({"parameters": {"slope": {"weak": [1], "strong": 1}}}, '"weak" must be a number, got an array'),
+        ({"parameters": {"slope": {"weak": [1], "strong": 1}}}, '"weak" must be a number, got [1]'),
         ({"opencl": None}, '"opencl" is missing'),
         ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest known key is "opencl"'),
     ],

@@ -208,7 +208,7 @@ def test_damaged_profiles_are_refused(refused, here: Path, path: str, value: obj
         ("[" * 200 + "]" * 200, "nested more than 100 levels deep"),
         ("[]", "/ is []; expected {"),
         ('{"format": 1, "format": 2}', 'the key "format" is given twice'),
-        (" " * (5 << 20), "bytes; at most 4194304 are taken"),
+        (" " * (65 << 20), "has 68157440 bytes; a JSON file may have 67108864"),
     ],
 )
 def test_files_that_are_none_are_refused(refused, here: Path, text: str, words: str) -> None:

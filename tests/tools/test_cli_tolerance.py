@@ -64,7 +64,7 @@ def test_the_docs_example(ok, camera: Path, tmp_path: Path) -> None:
         ('{"quantities": {"temporal_noise": null}}', ["is null; expected a number"]),
         ('{"quantities": {"temporal_noise": "inf DN"}}', ['is "inf DN"; expected a number']),
         ('{"quantities": {"temporal_noise": "1 px"}}', ['is in "px"; expected "DN", or "%"']),
-        ('{"quantities": {"temporal_noise": 1, "temporal_noise": 2}}', ['"temporal_noise" is given twice']),
+        ('{"quantities": {"temporal_noise": 1, "temporal_noise": 2}}', ['"quantities.temporal_noise" is given twice']),
         ('{"quantity": {"temporal_noise": 1}}', ['/quantity is not known; expected "quantities" or "statistics"']),
         ('{"quantities": 3}', ["/quantities is 3; expected an object"]),
         ('{"quantities": {}}', ["has no tolerances"]),

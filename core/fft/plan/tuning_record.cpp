@@ -1,5 +1,6 @@
 #include "fft/plan/tuning_record.hpp"
 
+#include "io/json_file.hpp"
 #include "runtime/error.hpp"
 #include "runtime/whole_file.hpp"
 
@@ -7,32 +8,22 @@
 #include <cmath>
 #include <filesystem>
 #include <fmt/core.h>
-#include <fstream>
-#include <iterator>
-#include <nlohmann/json.hpp>
 
 namespace clsp {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using image_io::Json;
+using image_io::shown;
 
 constexpr const char *kFormat = "clspeckle-tuning";
 // Beyond these, a file is not what it says.
-constexpr std::uintmax_t kMostBytes = 4u << 20;
 constexpr std::size_t kMostText = 1024, kMostEntries = 4096;
 constexpr std::uint32_t kLongestSide = 1u << 16;
 constexpr double kLongestMs = 1e7;
 
 [[noreturn]] void refuse(const std::string &what) {
     throw Error(Status::kInvalidData, what);
-}
-
-// For messages.
-std::string shown(const Json &json) {
-    constexpr std::size_t kMost = 60;
-    const std::string text = json.dump();
-    return text.size() <= kMost ? text : text.substr(0, kMost) + "..";
 }
 
 // A member of an object, with its place for messages.
@@ -211,13 +202,13 @@ void TuningFile::merge(const TuningRecord &measured) {
 }
 
 TuningFile parse_tuning(const std::string &text) {
-    Json json;
+    image_io::JsonDocument document;
     try {
-        json = Json::parse(text);
-    } catch (const Json::exception &) {
-        refuse("it is no whole JSON document");
+        document = image_io::parse_json(text, "the file");
+    } catch (const image_io::JsonError &error) {
+        refuse(error.what());
     }
-    const Node root(json, "the file");
+    const Node root(document.root(), "the file");
     if (!root.has("format") || root.at("format").text() != kFormat)
         refuse(fmt::format("\"format\" is not \"{}\"", kFormat));
     const std::uint32_t version = root.at("format_version").integer(0, ~std::uint32_t{0});
@@ -258,12 +249,14 @@ TuningFile load_tuning(const std::string &path) {
         return {};
     if (!fs::is_regular_file(status))
         throw Error(Status::kIo, "it is no file that can be read");
-    if (fs::file_size(path, failed) > kMostBytes)
-        refuse(fmt::format("it has more than {} bytes", kMostBytes));
-    std::ifstream file(path, std::ios::binary);
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
-    if (!file)
-        throw Error(Status::kIo, "it cannot be read");
+    std::string text;
+    try {
+        text = image_io::read_json_text(path);
+    } catch (const image_io::JsonError &error) {
+        refuse(error.what());
+    } catch (const image_io::ReadError &error) {
+        throw Error(Status::kIo, error.what());
+    }
     return parse_tuning(text);
 }
 

@@ -50,6 +50,8 @@ def test_round_trip(tmp_path: Path) -> None:
         ({"wavelength_m": 1e-6}, '"pixel_pitch_m" is missing'),
         ('{"pixel_pitch_m": 1e-6, "pixel_pitch_m": 2e-6}', "given twice"),
         ('{"pixel_pitch_m": NaN, "wavelength_m": 1e-6}', "no JSON number"),
+        ("{" + ", ".join(f'"{key}": 1' for key in [*range(100000), 7]) + "}", '"7" is given twice'),
+        ("[" * 80000, "nested too deep"),
         ("[]", "an object"),
         ("{", "no DOE design"),
     ],

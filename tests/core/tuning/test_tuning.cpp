@@ -150,7 +150,7 @@ TEST_F(Tuning, AWrongFileIsIgnoredWithOneWarningAndRenewed) {
     for (int i = 0; i < 3; ++i)
         EXPECT_EQ(std::string::npos, std::string(aperture_info(made, 48, 32).fft_source).find(path));
     EXPECT_EQ(1,
-              log.count(CLSP_LOG_WARNING, "the tuning record " + path + " is ignored: it is no whole JSON document"));
+              log.count(CLSP_LOG_WARNING, "the tuning record " + path + " is ignored: the file: is not valid JSON"));
     EXPECT_EQ(1, log.count(CLSP_LOG_WARNING, ""));
     const clspeckle::Tuning tuning(made, desc());
     EXPECT_EQ(tuning.json(), content());

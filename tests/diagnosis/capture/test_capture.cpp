@@ -359,7 +359,7 @@ TEST_F(CaptureFolder, RefusesDescriptionsThatCannotBe) {
         {"\"read_noise_dn\": 4.0", "\"read_noise_dn\": null", {"/camera/read_noise_dn is null"}},
         {"\"read_noise_dn\": 4.0", "\"read_noise_dn\": NaN", {"not valid JSON", "neither NaN nor Infinity"}},
         {"\"read_noise_dn\": 4.0", "\"read_noise_dn\": 1e999", {"not valid JSON"}},
-        {"\"read_noise_dn\": 4.0", "\"bits\": 10", {"\"bits\" is given twice"}},
+        {"\"read_noise_dn\": 4.0", "\"bits\": 10", {"\"camera.bits\" is given twice"}},
         {",\n  \"read_noise_dn\": 4.0", "", {"/camera/read_noise_dn is missing"}},
         {"\"wavelength_nm\": 940.0", "\"wavelength_nm\": 0", {"/laser/wavelength_nm is 0"}},
         {"\"sigma_px\": 2.2", "\"sigma_px\": -2.2", {"/dots/sigma_px is -2.2"}},

@@ -9,6 +9,7 @@ Equations and defects: ``doe.h``; thesis sections 2.6 and 3.3.
 
 from __future__ import annotations
 
+import collections
 import ctypes
 import dataclasses
 import json
@@ -100,6 +101,10 @@ class DoeElement:
                 about = json.load(file, object_pairs_hook=_without_double_keys, parse_constant=_no_constant)
         except OSError as error:
             raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be read: {error}") from error
+        except RecursionError as error:
+            raise errors.InvalidDataError(
+                f"{stem}.npy with {stem}.json is no DOE design: the JSON is nested too deep"
+            ) from error
         except (EOFError, ValueError) as error:
             raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error}") from error
         try:
@@ -147,8 +152,8 @@ def _without_double_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """JSON leaves open which of two equal keys counts, so neither is taken."""
     result = dict(pairs)
     if len(result) != len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f'the key "{next(k for k in keys if keys.count(k) > 1)}" is given twice; keep one of them')
+        twice = collections.Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise ValueError(f'the key "{twice}" is given twice; keep one of them')
     return result
 
 
