@@ -5,22 +5,27 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <system_error>
 
 namespace image_io {
 
 AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
-    static std::atomic<unsigned> counter{0};
-    const std::size_t slash = path_.find_last_of('/');
-    const std::string folder = slash == std::string::npos ? "" : path_.substr(0, slash + 1);
-    const std::string name = slash == std::string::npos ? path_ : path_.substr(slash + 1);
-    temporary_path_ = fmt::format("{}.{}.{}-{}.part", folder, name, ::getpid(), counter++);
     check_target();
-    stream_ = std::fopen(temporary_path_.c_str(), "wb");
-    if (!stream_)
-        throw WriteError(path_, std::string("cannot be written: ") + std::strerror(errno));
+    int descriptor = -1;
+    try {
+        temporary_path_ = make_temporary_file(path_, lock_, descriptor);
+    } catch (const std::system_error &error) {
+        throw WriteError(path_, std::string("cannot be written: ") + std::strerror(error.code().value()));
+    }
+    stream_ = ::fdopen(descriptor, "wb");
+    if (!stream_) {
+        const int code = errno;
+        ::close(descriptor);
+        std::remove(temporary_path_.c_str());
+        throw WriteError(path_, std::string("cannot be written: ") + std::strerror(code));
+    }
 }
 
 AtomicFile::~AtomicFile() {

@@ -6,6 +6,8 @@
 #ifndef CLSPECKLE_IO_ATOMIC_FILE_HPP
 #define CLSPECKLE_IO_ATOMIC_FILE_HPP
 
+#include "io/temporary.hpp"
+
 #include <cstddef>
 #include <cstdio>
 #include <stdexcept>
@@ -41,6 +43,7 @@ class AtomicFile {
     void check_target() const;
     std::string path_;
     std::string temporary_path_;
+    TemporaryLock lock_;
     std::FILE *stream_ = nullptr;
     bool done_ = false;
 };

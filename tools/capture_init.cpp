@@ -424,8 +424,9 @@ void describe_dark(const std::vector<Found> &sequences, const std::optional<doub
                              ? dark
                              : darkest([](const Found &f) { return f.frames > 1 && !(f.laser() && f.moving); });
     if (!still && !given_noise_dn)
-        throw InputError("no two frames are of a scene at rest, so that frames tell no read noise; record two dark frames "
-                         "or more, or give the data sheet's (--read-noise-dn)");
+        throw InputError(
+            "no two frames are of a scene at rest, so that frames tell no read noise; record two dark frames "
+            "or more, or give the data sheet's (--read-noise-dn)");
     const double noise =
         given_noise_dn ? *given_noise_dn : std::sqrt(std::max(0.0, still->variance() - kQuantizationVariance));
     if (!given_noise_dn && (still->variance() <= kQuantizationVariance || still->at_zero > kClipped))
@@ -496,19 +497,14 @@ Json dots_of_file(const std::string &file) {
 
 /** Refuses what the check would refuse, in its words. */
 void check_description(image_io::AtomicFile &file, const std::string &path, Console &console) {
-    struct Copy {
-        std::string path;
-        ~Copy() { std::remove(path.c_str()); }
-    };
-    const Copy copy{file.temporary_path() + ".json"}; // by this ending the reader knows a description
     file.close();
-    fs::copy_file(file.temporary_path(), copy.path, fs::copy_options::overwrite_existing);
+    const std::string &written = file.temporary_path();
     try {
-        (void)clspeckle::Capture::open(copy.path, progress_on(console));
+        (void)clspeckle::Capture::open(written, progress_on(console));
     } catch (const clspeckle::Error &error) {
         std::string message = error.message();
-        for (std::size_t at = message.find(copy.path); at != std::string::npos; at = message.find(copy.path))
-            message.replace(at, copy.path.size(), path);
+        for (std::size_t at = message.find(written); at != std::string::npos; at = message.find(written))
+            message.replace(at, written.size(), path);
         throw clspeckle::Error(error.status(), error.opencl_code(), error.function(), message, error.build_log());
     }
 }

@@ -19,7 +19,7 @@ clspeckle::Context make_context(const std::string &device) {
     auto desc = clspeckle::make<ClspContextDesc>();
     desc.device = device.empty() ? nullptr : device.c_str();
     // Otherwise the library prints, and more than warnings if it is told to.
-    if (const char *log = std::getenv("CLSPECKLE_LOG"); !log || !*log)
+    if (const char *log = ::secure_getenv("CLSPECKLE_LOG"); !log || !*log)
         desc.log = show_warning;
     return clspeckle::Context(desc);
 }

@@ -225,7 +225,7 @@ Generator run_generator(const GeneratorArguments &a, const char *action, const s
     if (!result.figures)
         words.emplace_back("--no-figures");
     words.insert(words.end(), more.begin(), more.end());
-    const char *path = std::getenv("PYTHONPATH");
+    const char *path = ::secure_getenv("PYTHONPATH");
     const std::string packages = package.parent_path().string() + (path && *path ? std::string(":") + path : "");
     ::setenv("PYTHONPATH", packages.c_str(), 1);
     ::setenv("PYTHONDONTWRITEBYTECODE", "1", 1); // the package may lie where nobody may write

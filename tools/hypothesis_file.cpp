@@ -1,6 +1,7 @@
 #include "hypothesis_file.hpp"
 
 #include "errors.hpp"
+#include "io/inside.hpp"
 #include "json.hpp"
 #include "text.hpp"
 
@@ -145,7 +146,11 @@ clspeckle::Hypothesis read_hypothesis(const std::string &path) {
                         path, CLSP_MAX_EFFECT_PARAMETERS));
     for (const auto &[name, value] : parameters->items())
         result.parameters.push_back(parameter_of(name, value, fmt::format("{}: the parameter \"{}\"", path, name)));
-    result.opencl_source = source_of(fs::path(path).parent_path() / text_of(root, "opencl", nullptr, path), path);
+    const std::string source = text_of(root, "opencl", nullptr, path);
+    if (image_io::leaves_folder(source))
+        throw InputError(fmt::format(
+            "{}: \"opencl\" is {}, outside the folder of the file: copy it there, or link to it", path, shown(source)));
+    result.opencl_source = source_of(fs::path(path).parent_path() / source, path);
     return result;
 }
 

@@ -3,6 +3,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "io/channels.hpp"
+#include "io/inside.hpp"
 #include "io/series.hpp"
 #include "json.hpp"
 #include "text.hpp"
@@ -721,8 +722,16 @@ Sequence load_sequence(const std::string &path, Config &config) {
     Sequence sequence;
     sequence.is_sequence = true;
     std::vector<std::string> &files = sequence.files;
+    const auto inside = [&](const std::string &name, const char *key) {
+        if (image_io::leaves_folder(name))
+            throw InputError(
+                fmt::format("{}: \"{}\" names {}, outside the folder of the file: copy it there, or link to "
+                            "it",
+                            path, key, shown(name)));
+        return (folder / name).string();
+    };
     for (const std::string &name : names)
-        files.push_back((folder / name).string());
+        files.push_back(inside(name, "frames"));
     if (root.contains("materials"))
         sequence.materials = load_materials(root["materials"], path);
     if (root.contains("moving_objects"))
@@ -755,7 +764,7 @@ Sequence load_sequence(const std::string &path, Config &config) {
                 continue;
             Json setting = value;
             if (known->second == "pattern.image" && value.is_string())
-                setting = (folder / value.get<std::string>()).string();
+                setting = inside(value.get<std::string>(), "pattern.file");
             config.set(option(known->second), setting, Layer::sequence, fmt::format("{}: \"{}\"", path, key));
         }
         return object;
@@ -770,9 +779,9 @@ Sequence load_sequence(const std::string &path, Config &config) {
           {"pixel_pitch_m", "aperture.pixel_pitch_m"}});
     take(root, "motion", {{"rule", "motion.rule"}, {"translate", "motion.translate"}});
     const Json &laser = take(root, "laser",
-                            {{"wavelength_m", "aperture.wavelength_m"},
-                             {"laser_from_geometry", "pattern.laser_from_geometry"},
-                             {"pattern", ""}});
+                             {{"wavelength_m", "aperture.wavelength_m"},
+                              {"laser_from_geometry", "pattern.laser_from_geometry"},
+                              {"pattern", ""}});
     take(laser, "pattern",
          {{"file", "pattern.image"},
           {"half_extent_x", "pattern.half_extent_x"},

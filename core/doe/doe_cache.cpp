@@ -1,59 +1,18 @@
 #include "doe/doe_cache.hpp"
 
-#include "runtime/whole_file.hpp"
+#include "runtime/hash.hpp"
 
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fmt/core.h>
-#include <fstream>
 #include <type_traits>
 
 namespace clsp {
 namespace {
 
-namespace fs = std::filesystem;
-
 // Changes whenever the same description gives another pattern, or the file another layout.
 constexpr char kMagic[16] = "clsp-pattern-2\n";
-
-// Two FNV-1a hashes of 64 bits over 8-byte words, from different bases, each finished by the mixer of splitmix64
-// (Steele, Lea, Flood 2014).
-class Hash {
-  public:
-    void add(const void *data, std::size_t bytes) {
-        const auto *from = static_cast<const unsigned char *>(data);
-        add_word(bytes);
-        for (; bytes >= sizeof(std::uint64_t); bytes -= sizeof(std::uint64_t), from += sizeof(std::uint64_t)) {
-            std::uint64_t word;
-            std::memcpy(&word, from, sizeof word);
-            add_word(word);
-        }
-        std::uint64_t last = 0;
-        std::memcpy(&last, from, bytes);
-        add_word(last);
-    }
-    void add(double value) {
-        static_assert(sizeof value == sizeof(std::uint64_t), "a word");
-        add(&value, sizeof value);
-    }
-    std::array<std::uint64_t, 2> digest() const { return {mixed(a_), mixed(b_)}; }
-
-  private:
-    static std::uint64_t mixed(std::uint64_t z) {
-        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-        z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-        return z ^ (z >> 31);
-    }
-    void add_word(std::uint64_t word) {
-        a_ = (a_ ^ word) * 0x100000001b3u;
-        a_ ^= a_ >> 32; // words are added whole: the upper bits must come down
-        b_ = (b_ ^ mixed(word)) * 0x100000001b3u;
-        b_ ^= b_ >> 29;
-    }
-    std::uint64_t a_ = 0xcbf29ce484222325u, b_ = 0x9ae16a3b2f90404fu;
-};
 
 static_assert(std::is_trivially_copyable_v<DoePowerBudget>, "the budget is stored as it is");
 
@@ -65,15 +24,15 @@ struct Header {
 };
 
 std::uint64_t content_hash(const DoePatternResult &result) {
-    Hash hash;
+    WideHash hash;
     hash.add(&result.budget, sizeof result.budget);
     hash.add(result.texels.data(), result.texels.size() * sizeof(float));
     hash.add(result.dot_shares.data(), result.dot_shares.size() * sizeof(double));
     return hash.digest()[0];
 }
 
-fs::path path_of(const std::string &folder, const std::string &key) {
-    return fs::path(folder) / (key + ".doe");
+std::string name_of(const std::string &key) {
+    return key + ".doe";
 }
 
 } // namespace
@@ -81,7 +40,7 @@ fs::path path_of(const std::string &folder, const std::string &key) {
 std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, const std::string &device_name) {
     const DoePatternParameters &p = element.parameters;
     const DoeDefects &d = p.defects;
-    Hash hash;
+    WideHash hash;
     hash.add(kMagic, sizeof kMagic);
     hash.add(device_name.data(), device_name.size());
     for (const double value : {double(p.width),
@@ -122,35 +81,30 @@ std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, 
     return fmt::format("{:016x}{:016x}", digest[0], digest[1]);
 }
 
-std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, const std::string &key) {
-    const fs::path path = path_of(folder, key);
-    std::error_code ignored;
-    if (!fs::is_regular_file(path, ignored))
-        return nullptr;
-    const std::uint64_t size = fs::file_size(path, ignored);
-    std::ifstream file(path, std::ios::binary);
+std::shared_ptr<DoePatternResult> load_doe_pattern(const CacheFolder &folder, const std::string &key) {
+    CacheFolder::File file = folder.open(name_of(key));
     Header header{};
-    if (ignored || !file.read(reinterpret_cast<char *>(&header), sizeof header))
+    if (!file || !file.read(&header, sizeof header))
         return nullptr;
     const std::uint64_t texels = std::uint64_t{header.budget.image_width} * header.budget.image_height;
     constexpr std::uint64_t kMost = std::uint64_t{1} << 32;
-    if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 ||
+    if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 || key.size() != sizeof header.key ||
         std::memcmp(header.key, key.data(), sizeof header.key) != 0 || header.texel_count != texels || texels > kMost ||
-        header.dot_count > kMost || size != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
+        header.dot_count > kMost ||
+        file.size() != sizeof header + texels * sizeof(float) + header.dot_count * sizeof(double))
         return nullptr;
     auto result = std::make_shared<DoePatternResult>();
     result->budget = header.budget;
     result->texels.resize(texels);
     result->dot_shares.resize(header.dot_count);
-    if (!file.read(reinterpret_cast<char *>(result->texels.data()), std::streamsize(texels * sizeof(float))) ||
-        !file.read(reinterpret_cast<char *>(result->dot_shares.data()),
-                   std::streamsize(header.dot_count * sizeof(double))) ||
+    if (!file.read(result->texels.data(), texels * sizeof(float)) ||
+        !file.read(result->dot_shares.data(), header.dot_count * sizeof(double)) ||
         content_hash(*result) != header.hash)
         return nullptr;
     return result;
 }
 
-void store_doe_pattern(const std::string &folder, const std::string &key, const DoePatternResult &result) {
+void store_doe_pattern(const CacheFolder &folder, const std::string &key, const DoePatternResult &result) {
     Header header{};
     std::memcpy(header.magic, kMagic, sizeof kMagic);
     std::memcpy(header.key, key.data(), sizeof header.key);
@@ -158,7 +112,7 @@ void store_doe_pattern(const std::string &folder, const std::string &key, const 
     header.dot_count = result.dot_shares.size();
     header.hash = content_hash(result);
     header.budget = result.budget;
-    write_whole_file(path_of(folder, key), [&](image_io::AtomicFile &file) {
+    folder.write(name_of(key), [&](image_io::AtomicFile &file) {
         file.write(&header, sizeof header);
         file.write(result.texels.data(), result.texels.size() * sizeof(float));
         file.write(result.dot_shares.data(), result.dot_shares.size() * sizeof(double));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "doe/doe_element.hpp"
+#include "runtime/cache_folder.hpp"
 
 #include <memory>
 #include <string>
@@ -12,8 +13,8 @@ namespace clsp {
 std::string doe_pattern_key(const DoeElement &element, const BeamProfile &beam, const std::string &device_name);
 
 // nullptr if there is no whole, undamaged file of this key.
-std::shared_ptr<DoePatternResult> load_doe_pattern(const std::string &folder, const std::string &key);
+std::shared_ptr<DoePatternResult> load_doe_pattern(const CacheFolder &folder, const std::string &key);
 // A cache that cannot be written costs time, not correctness: failures are silent.
-void store_doe_pattern(const std::string &folder, const std::string &key, const DoePatternResult &result);
+void store_doe_pattern(const CacheFolder &folder, const std::string &key, const DoePatternResult &result);
 
 } // namespace clsp

@@ -71,8 +71,10 @@ std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &con
         const std::uint64_t bytes = result->texels.size() * sizeof(float) + result->dot_shares.size() * sizeof(double);
         context->results().keep(key, result, bytes);
     };
+    const CacheFolder folder(p.cache_dir,
+                             [&](const std::string &message) { context->log(LogLevel::kWarning, message); });
     if (!p.cache_dir.empty())
-        if (auto stored = load_doe_pattern(p.cache_dir, key)) {
+        if (auto stored = load_doe_pattern(folder, key)) {
             remember(stored);
             return std::make_shared<DoePattern>(std::move(stored), DoeSource::kDisk);
         }
@@ -100,7 +102,7 @@ std::shared_ptr<DoePattern> make_doe_pattern(const std::shared_ptr<Context> &con
     finish_texels(std::move(light.texel_shares), *result);
     remember(result);
     if (!p.cache_dir.empty())
-        store_doe_pattern(p.cache_dir, key, *result);
+        store_doe_pattern(folder, key, *result);
     return std::make_shared<DoePattern>(std::move(result), DoeSource::kComputed);
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fmt/core.h>
+#include <sys/auxv.h>
 #include <unistd.h>
 #include <vector>
 
@@ -17,6 +18,8 @@ constexpr const char kPrefix[] = "CLSPECKLE_";
 // The library's variables.
 std::map<std::string, std::string> read_environment() {
     std::map<std::string, std::string> variables;
+    if (::getauxval(AT_SECURE)) // they are those of somebody with fewer rights, as secure_getenv() has it
+        return variables;
     for (char **entry = environ; entry && *entry; ++entry) {
         const std::string text = *entry;
         const std::size_t name_end = text.find('=');
@@ -29,9 +32,9 @@ std::map<std::string, std::string> read_environment() {
 std::string default_cache_dir(const std::string &chosen) {
     if (!chosen.empty())
         return chosen;
-    if (const char *dir = std::getenv("XDG_CACHE_HOME"); dir && *dir)
+    if (const char *dir = ::secure_getenv("XDG_CACHE_HOME"); dir && *dir)
         return std::string(dir) + "/clspeckle";
-    if (const char *dir = std::getenv("HOME"); dir && *dir)
+    if (const char *dir = ::secure_getenv("HOME"); dir && *dir)
         return std::string(dir) + "/.cache/clspeckle";
     return {};
 }
@@ -116,6 +119,7 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
                                      : parameters.disk_cache;
     if (disk_cache == DiskCache::kOn || (disk_cache == DiskCache::kAuto && !is_pocl))
         cache.cache_dir = context->cache_dir_;
+    cache.warn = [c = context.get()](const std::string &message) { c->log(LogLevel::kWarning, message); };
     context->programs_ = std::make_unique<ProgramCache>(context->context_, context->device_, cache);
     return context;
 }

@@ -74,7 +74,7 @@ int kind_rank(const DeviceRecord &record) {
 std::string effective_selector(const std::string &selector) {
     if (!selector.empty())
         return selector;
-    const char *variable = std::getenv("CLSPECKLE_DEVICE");
+    const char *variable = ::secure_getenv("CLSPECKLE_DEVICE");
     return variable ? variable : "";
 }
 

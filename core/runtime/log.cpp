@@ -9,7 +9,7 @@
 namespace clsp {
 
 LogFunction environment_log() {
-    const char *variable = std::getenv("CLSPECKLE_LOG");
+    const char *variable = ::secure_getenv("CLSPECKLE_LOG");
     const std::string wanted = variable ? variable : "";
     if (wanted.empty() || wanted == "off")
         return {};

@@ -4,7 +4,7 @@
 #include "runtime/embedded_kernels.hpp"
 #include "runtime/error.hpp"
 #include "runtime/hash.hpp"
-#include "runtime/whole_file.hpp"
+#include "runtime/program_file.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -12,6 +12,7 @@
 #include <fmt/core.h>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -50,8 +51,9 @@ void check_kernel_dir(const std::string &folder) {
             if (fs::path(kernel->name).filename() == entry.path().filename())
                 places += fmt::format("{}{}", places.empty() ? "" : " or ", kernel->name);
         if (!places.empty())
-            throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, but the built-in kernel is {}; put it there",
-                                                 folder, name, places));
+            throw Error(Status::kIo,
+                        fmt::format("kernel_dir \"{}\" holds {}, but the built-in kernel is {}; put it there", folder,
+                                    name, places));
         if (entry.path().extension() == ".cl")
             throw Error(Status::kIo, fmt::format("kernel_dir \"{}\" holds {}, which is the path of no built-in kernel; "
                                                  "kernels/ of the sources has their paths",
@@ -59,12 +61,13 @@ void check_kernel_dir(const std::string &folder) {
     }
 }
 
-constexpr char kCacheMagic[] = "clspeckle-program-1\n";
+constexpr char kCacheMagic[] = "clspeckle-program-2\n";
 
 } // namespace
 
 ProgramCache::ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters)
-    : context_(context), device_(device), parameters_(std::move(parameters)) {
+    : context_(context), device_(device), parameters_(std::move(parameters)),
+      folder_(parameters_.cache_dir, parameters_.warn) {
     if (!parameters_.kernel_dir.empty() && !fs::is_directory(parameters_.kernel_dir))
         throw Error(Status::kIo,
                     fmt::format("kernel_dir \"{}\" is not a folder; it should hold .cl and .h files that replace "
@@ -131,10 +134,12 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
 
     const std::string text = expanded(file, generated, 0);
     const std::string options = common_options_ + ' ' + defines;
-    const std::string path = parameters_.cache_dir.empty() ? "" : disk_path(text, options);
+    const bool on_disk = !parameters_.cache_dir.empty();
+    const std::string head = on_disk ? head_of_file(text, options) : "";
+    const std::string name = fmt::format("{:016x}.clbin", fnv1a(head));
     cl::Program program;
-    if (!path.empty())
-        program = load(path, options);
+    if (on_disk)
+        program = load(name, head, options);
     if (program()) {
         ++from_disk_;
     } else {
@@ -154,39 +159,30 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
                         error.err(), log);
         }
         ++built_;
-        if (!path.empty())
-            store(program, path, options);
+        if (on_disk)
+            store(program, name, head);
     }
     programs_.emplace(key, program);
     return program;
 }
 
-std::string ProgramCache::disk_path(const std::string &source_text, const std::string &options) const {
-    // Device and options are also stored in full and compared before a file is used.
-    const std::uint64_t hash = fnv1a(source_text, fnv1a(options, fnv1a(device_key_)));
-    return (fs::path(parameters_.cache_dir) / fmt::format("{:016x}.clbin", hash)).string();
+// What a program's file begins with: magic, the device key and options in full, the source's hash. Anything that does
+// not fit makes the program be built anew.
+std::string ProgramCache::head_of_file(const std::string &source_text, const std::string &options) const {
+    WideHash source;
+    source.add(source_text.data(), source_text.size());
+    const auto digest = source.digest();
+    return kCacheMagic + device_key_ + options + '\n' + fmt::format("{:016x}{:016x}\n", digest[0], digest[1]);
 }
 
-// A cache file: magic, the device key and options in full, the binary's size and hash, the binary. Anything that does
-// not fit makes the program be built anew.
-cl::Program ProgramCache::load(const std::string &path, const std::string &options) const {
-    std::string content;
-    if (!read_file(path, content))
-        return {};
-    const std::string head = kCacheMagic + device_key_ + options + '\n';
-    if (content.compare(0, head.size(), head) != 0)
-        return {};
-    std::uint64_t size = 0, hash = 0;
-    if (content.size() < head.size() + 2 * sizeof size)
-        return {};
-    std::memcpy(&size, content.data() + head.size(), sizeof size);
-    std::memcpy(&hash, content.data() + head.size() + sizeof size, sizeof hash);
-    const std::string binary = content.substr(head.size() + 2 * sizeof size);
-    if (binary.size() != size || fnv1a(binary) != hash)
+cl::Program ProgramCache::load(const std::string &name, const std::string &head, const std::string &options) const {
+    CacheFolder::File file = folder_.open(name);
+    const std::optional<std::string> binary = read_program_file(file, head);
+    if (!binary)
         return {};
     try {
         std::vector<cl_int> status;
-        cl::Program program(context_, {device_}, cl::Program::Binaries{{binary.begin(), binary.end()}}, &status);
+        cl::Program program(context_, {device_}, cl::Program::Binaries{{binary->begin(), binary->end()}}, &status);
         program.build({device_}, options.c_str());
         return program;
     } catch (const cl::Error &) {
@@ -194,8 +190,8 @@ cl::Program ProgramCache::load(const std::string &path, const std::string &optio
     }
 }
 
-// A cache that cannot be written costs time, not correctness: failures are silent.
-void ProgramCache::store(const cl::Program &program, const std::string &path, const std::string &options) const {
+// A cache that cannot be written costs time, not correctness.
+void ProgramCache::store(const cl::Program &program, const std::string &name, const std::string &head) const {
     try {
         const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
         const auto devices = program.getInfo<CL_PROGRAM_DEVICES>();
@@ -203,14 +199,7 @@ void ProgramCache::store(const cl::Program &program, const std::string &path, co
             if (devices[i]() != device_() || binaries[i].empty())
                 continue;
             const std::string binary(binaries[i].begin(), binaries[i].end());
-            const std::uint64_t size = binary.size(), hash = fnv1a(binary);
-            const std::string head = kCacheMagic + device_key_ + options + '\n';
-            write_whole_file(path, [&](image_io::AtomicFile &file) {
-                file.write(head.data(), head.size());
-                file.write(&size, sizeof size);
-                file.write(&hash, sizeof hash);
-                file.write(binary.data(), binary.size());
-            });
+            folder_.write(name, [&](image_io::AtomicFile &file) { write_program_file(file, head, binary); });
         }
     } catch (const cl::Error &) {
     }

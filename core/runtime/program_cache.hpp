@@ -1,10 +1,12 @@
 // Compiled OpenCL programs of a context: in memory, and on disk where that helps.
 #pragma once
 
+#include "runtime/cache_folder.hpp"
 #include "runtime/opencl.hpp"
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
@@ -16,6 +18,7 @@ class ProgramCache {
     struct Parameters {
         std::string kernel_dir; // files here replace the built-in ones; "" for none
         std::string cache_dir;  // "" turns the disk cache off
+        std::function<void(const std::string &)> warn;
     };
 
     ProgramCache(const cl::Context &context, const cl::Device &device, Parameters parameters);
@@ -35,13 +38,14 @@ class ProgramCache {
   private:
     std::string source(const std::string &file, const GeneratedHeader *generated) const;
     std::string expanded(const std::string &file, const GeneratedHeader *generated, int depth) const;
-    std::string disk_path(const std::string &source_text, const std::string &options) const;
-    cl::Program load(const std::string &path, const std::string &options) const;
-    void store(const cl::Program &program, const std::string &path, const std::string &options) const;
+    std::string head_of_file(const std::string &source_text, const std::string &options) const;
+    cl::Program load(const std::string &name, const std::string &head, const std::string &options) const;
+    void store(const cl::Program &program, const std::string &name, const std::string &head) const;
 
     cl::Context context_;
     cl::Device device_;
     Parameters parameters_;
+    CacheFolder folder_;
     std::string common_options_;
     std::string device_key_;
     std::mutex mutex_;

@@ -2,6 +2,7 @@
 
 #include "capture/json_file.hpp"
 #include "capture/sequence_files.hpp"
+#include "io/inside.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -26,13 +27,7 @@ class Parser : public JsonChecks {
         const std::string field = where + "/" + key;
         if (value.empty() || value.find('\0') != std::string::npos)
             refuse(field, fmt::format("is {}; expected {}", shown(value), expected));
-        bool leaves = value[0] == '/' || value[0] == '\\' || (value.size() > 1 && value[1] == ':');
-        for (std::size_t start = 0; start <= value.size();) {
-            const std::size_t end = std::min(value.find_first_of("/\\", start), value.size());
-            leaves |= value.substr(start, end - start) == "..";
-            start = end + 1;
-        }
-        if (leaves)
+        if (image_io::leaves_folder(value))
             refuse(
                 field,
                 fmt::format(

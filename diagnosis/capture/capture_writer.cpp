@@ -4,12 +4,14 @@
 #include "capture/capture_validation.hpp"
 #include "capture/stored_sequence.hpp"
 #include "io/formats.hpp"
+#include "io/temporary.hpp"
 #include "runtime/error.hpp"
 
-#include <atomic>
+#include <cstdio>
+#include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
-#include <unistd.h>
+#include <system_error>
 
 namespace clsp {
 namespace {
@@ -43,12 +45,11 @@ std::string foreign_entry(const fs::path &folder) {
 class TemporaryFolder {
   public:
     explicit TemporaryFolder(const fs::path &folder) {
-        static std::atomic<unsigned> counter{0};
-        path_ = folder.parent_path() / fmt::format(".{}.{}-{}.part", folder.filename().string(), ::getpid(), counter++);
-        std::error_code code;
-        fs::create_directory(path_, code);
-        if (code)
-            fail(folder, code);
+        try {
+            path_ = image_io::make_temporary_folder(folder.string(), lock_);
+        } catch (const std::system_error &error) {
+            fail(folder, error.code());
+        }
     }
     ~TemporaryFolder() {
         std::error_code ignored;
@@ -63,9 +64,11 @@ class TemporaryFolder {
     void put_in_place(const fs::path &folder) {
         std::error_code code;
         fs::path old;
+        // At once, where the file system can: the old one is behind the temporary name then.
+        if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0)
+            return;
         if (fs::exists(folder, code)) {
-            old = path_;
-            old += ".old";
+            old = path_.parent_path() / ("old" + path_.filename().string()); // which nobody sweeps away
             fs::rename(folder, old, code);
             if (code)
                 fail(folder, code);
@@ -82,6 +85,7 @@ class TemporaryFolder {
 
   private:
     fs::path path_;
+    image_io::TemporaryLock lock_;
 };
 
 } // namespace

@@ -4,12 +4,12 @@
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "simulator/source_includes.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <fmt/core.h>
 #include <set>
-#include <sstream>
 #include <string>
 #include <utility>
 
@@ -33,19 +33,6 @@ bool is_identifier(const std::string &name) {
     const auto digit = [](unsigned char c) { return c >= '0' && c <= '9'; };
     return !name.empty() && letter(static_cast<unsigned char>(name.front())) &&
            std::all_of(name.begin(), name.end(), [&](unsigned char c) { return letter(c) || digit(c); });
-}
-
-bool includes_files(const std::string &source) {
-    std::istringstream lines(source);
-    for (std::string line; std::getline(lines, line);) {
-        std::size_t i = line.find_first_not_of(" \t");
-        if (i == std::string::npos || line[i] != '#')
-            continue;
-        i = line.find_first_not_of(" \t", i + 1);
-        if (i != std::string::npos && line.compare(i, 7, "include") == 0)
-            return true;
-    }
-    return false;
 }
 
 // The caller's text comes last: its macros change nothing of ours, and a function with other arguments than declared is

@@ -87,7 +87,7 @@ DeviceSums::DeviceSums(std::shared_ptr<Context> context, bool may_give_up)
 DeviceSums::~DeviceSums() = default;
 
 StatisticsChoice environment_statistics_choice() {
-    const char *set = std::getenv("CLSPECKLE_STATISTICS");
+    const char *set = ::secure_getenv("CLSPECKLE_STATISTICS");
     const std::string choice = set ? set : "";
     if (choice.empty() || choice == "auto")
         return StatisticsChoice::kAuto;

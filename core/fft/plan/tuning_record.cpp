@@ -268,11 +268,14 @@ void save_tuning(const std::string &path, const TuningFile &file) {
 }
 
 void check_tuning_place(const std::string &path) {
-    std::error_code ignored;
-    const fs::path probe = fs::absolute(path).string() + ".probe";
-    if (fs::is_directory(path, ignored) || !write_whole_file(probe, [](image_io::AtomicFile &) {}))
+    std::error_code failed;
+    const fs::path whole = fs::absolute(path);
+    fs::create_directories(whole.parent_path(), failed);
+    try {
+        const image_io::AtomicFile probe(whole.string());
+    } catch (const image_io::WriteError &) {
         refuse_place(path);
-    fs::remove(probe, ignored);
+    }
 }
 
 std::vector<EngineChoice> tuned_choices(const TuningFile &file, const TunedDevice &device, bool any_driver,

@@ -5,7 +5,9 @@
 #include <fstream>
 #include <iterator>
 #include <set>
+#include <sys/stat.h>
 #include <thread>
+#include <unistd.h>
 
 namespace {
 
@@ -381,7 +383,7 @@ TEST_F(Programs, SecondContextLoadsFromTheDisk) {
     EXPECT_EQ(first.built, second.from_cache);
     EXPECT_EQ(first.words, second.words);
     for (const fs::path &path : cache_files())
-        EXPECT_EQ(std::string::npos, path.filename().string().find(std::to_string(getpid()))) << "left over: " << path;
+        EXPECT_EQ(".clbin", path.extension()) << "left over: " << path;
     auto off = cached();
     off.disk_cache = CLSP_DISK_CACHE_OFF;
     EXPECT_EQ(0u, fill(off).from_cache);
@@ -449,6 +451,88 @@ TEST_F(Programs, CorruptedCacheFilesAreIgnoredAndReplaced) {
     fs::remove(files[0]);
     fs::create_directory(files[0]);
     EXPECT_EQ(first.words, fill(cached()).words);
+}
+
+TEST_F(Programs, AFileOfAnotherSourceIsNotLoaded) {
+    const Outcome built_in = fill(cached());
+    const auto files = cache_files();
+    ASSERT_EQ(1u, files.size());
+    const std::string of_built_in = read(files[0]);
+    fs::remove(files[0]);
+    const fs::path kernels = folder.path() / "kernels";
+    edit_kernel(kernels, "common/philox.h", "0x9E3779B9u", "0x9E3779BBu");
+    auto desc = cached();
+    desc.kernel_dir = kernels.c_str();
+    const Outcome edited = fill(desc);
+    EXPECT_NE(built_in.words, edited.words);
+    fs::remove_all(kernels / "common");
+    for (const fs::path &path : cache_files())
+        if (path.extension() == ".clbin")
+            fs::rename(path, files[0]); // under the name of the other one
+    const Outcome again = fill(cached());
+    EXPECT_EQ(built_in.words, again.words);
+    EXPECT_EQ(0u, again.from_cache);
+    EXPECT_EQ(of_built_in.size(), read(files[0]).size());
+}
+
+// Whoever can write there runs code of his own here.
+TEST_F(Programs, WhatOthersMayWriteIsNotLoaded) {
+    const Outcome first = fill(cached());
+    const auto files = cache_files();
+    ASSERT_EQ(1u, files.size());
+    std::vector<std::string> lines;
+    const auto log = [](void *data, std::uint32_t, const char *message) {
+        static_cast<std::vector<std::string> *>(data)->emplace_back(message);
+    };
+    const auto loaded = [&] {
+        auto desc = cached();
+        desc.log = log;
+        desc.log_data = &lines;
+        lines.clear();
+        const Outcome outcome = fill(desc);
+        EXPECT_EQ(first.words, outcome.words);
+        return outcome.from_cache > 0;
+    };
+    EXPECT_TRUE(loaded());
+    EXPECT_TRUE(lines.empty());
+    for (const int mode : {0770, 0707, 0777}) {
+        fs::permissions(folder.path(), fs::perms(mode));
+        EXPECT_FALSE(loaded()) << mode;
+        ASSERT_EQ(1u, lines.size());
+        const std::string advice = "`chmod go-w " + folder.path().string() + "`";
+        EXPECT_NE(std::string::npos, lines[0].find("others may write into it")) << lines[0];
+        ASSERT_NE(std::string::npos, lines[0].find(advice)) << lines[0];
+        ASSERT_EQ(0, std::system(advice.substr(1, advice.size() - 2).c_str()));
+        EXPECT_TRUE(loaded()) << "the advice did not help";
+    }
+    for (const int mode : {0660, 0606}) {
+        fs::permissions(files[0], fs::perms(mode));
+        EXPECT_FALSE(loaded()) << mode;
+        EXPECT_TRUE(loaded()) << "it was not replaced";
+    }
+    const fs::path elsewhere = folder.path() / "elsewhere";
+    fs::rename(files[0], elsewhere);
+    fs::create_symlink(elsewhere, files[0]);
+    EXPECT_FALSE(loaded()) << "through a link";
+    EXPECT_TRUE(loaded()) << "it was not replaced";
+    if (::geteuid() == 0) { // only root can give files away
+        ASSERT_EQ(0, ::chown(files[0].c_str(), 65534, 65534));
+        EXPECT_FALSE(loaded());
+        ASSERT_EQ(0, ::chown(folder.path().c_str(), 65534, 65534));
+        EXPECT_FALSE(loaded());
+        ASSERT_EQ(1u, lines.size());
+        EXPECT_NE(std::string::npos, lines[0].find("it belongs to the user 65534, not to 0")) << lines[0];
+        ASSERT_EQ(0, ::chown(folder.path().c_str(), 0, 0));
+    }
+    // A folder that the library makes is nobody else's, whatever the umask says.
+    const mode_t before = ::umask(0);
+    auto desc = cached();
+    const std::string made = folder.path() / "made" / "here";
+    desc.cache_dir = made.c_str();
+    fill(desc);
+    ::umask(before);
+    EXPECT_EQ(fs::perms(0700), fs::status(made).permissions());
+    EXPECT_GT(fill(desc).from_cache, 0u);
 }
 
 TEST_F(Programs, AFolderThatCannotBeWrittenIsFine) {
@@ -528,7 +612,8 @@ TEST_F(Programs, BrokenKernelGivesTheBuildLog) {
         EXPECT_EQ(CLSP_ERROR_BUILD, error.status());
         EXPECT_NE(std::string::npos, error.build_log().find("this_is_not_declared"));
     }
-    // A compiler that counts lines of the whole program: a directive, the file's first line, a directive, common/philox.h.
+    // A compiler that counts lines of the whole program: a directive, the file's first line, a directive,
+    // common/philox.h.
     build_log = "<kernel>:4:25: error: this_is_not_declared";
     EXPECT_CLSP_FAILS(CLSP_ERROR_BUILD, "stages/philox.cl",
                       clspPhiloxEnqueueFill(own, queue, &philox, &image.view, 0, nullptr, nullptr));
@@ -604,7 +689,8 @@ TEST_F(Buffers, CopiesThereAndBack) {
     EXPECT_CLSP_OK(clspBufferRelease(nullptr));
 }
 
-// Equal places of buffers that begin alike share a cache's few sets: an image's pixel and its phase would drive each other out.
+// Equal places of buffers that begin alike share a cache's few sets: an image's pixel and its phase would drive each
+// other out.
 TEST_F(Buffers, LargeOnesBeginAtDifferentPlacesOfTheirPages) {
     constexpr std::size_t bytes = std::size_t{4} << 20, page = std::size_t{2} << 20;
     std::set<std::size_t> places;

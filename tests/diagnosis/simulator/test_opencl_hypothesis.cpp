@@ -2,6 +2,7 @@
 // numbers, and source that cannot be used.
 #include "diagnosis/simulator/gap_simulator_support.hpp"
 
+#include "simulator/source_includes.hpp"
 #include "stages/philox.hpp"
 
 #include <algorithm>
@@ -195,10 +196,47 @@ TEST_F(OpenclHypothesis, SourceThatCannotBeUsedIsRefused) {
     }
     bad.opencl_source = "float hypotesis(uint x) { return x; }";
     EXPECT_TRUE(contains(refused(bad, Status::kBuild), "it must define float hypothesis("));
-    for (const char *line : {"#include \"philox.h\"\n", "  # include <stdio.h>\n"}) {
+    // As a compiler reads it, not as it is spelled.
+    for (const char *line : {"#include \"philox.h\"\n",
+                             "  # include <stdio.h>\n",
+                             "%:include \"a\"\n",
+                             "%: include \"a\"\n",
+                             "?\?=include \"a\"\n",
+                             "#inc\\\nlude \"a\"\n",
+                             "#\\\ninclude \"a\"\n",
+                             "#inc?\?/\nlude \"a\"\n",
+                             "#inc\\ \t\nlude \"a\"\n",
+                             "#inc\\\r\nlude \"a\"\n",
+                             "%\\\n:include \"a\"\n",
+                             "/* a */ # /* b */ include \"a\"\n",
+                             "#/* b\n */ /**/ include \"a\"\n",
+                             "/* #\n*/ #include \"a\"\n",
+                             "\"# /*\"\n# /*/ */ include \"a\"\n",
+                             "'\n#include \"a\"\n",
+                             "#\vinclude \"a\"\n",
+                             "\r#include \"a\"\n",
+                             "#\xc2\xa0include \"a\"\n",
+                             "#include_next \"a\"\n",
+                             "#import \"a\"\n",
+                             "#embed \"a\"\n",
+                             "#if __has_include(\"a\")\n#endif\n",
+                             "#define A #\n A include \"a\"\n#include A\n",
+                             "#include/**/\"a\"\n",
+                             "// ?\?/\n#include \"a\"\n"}) {
         bad.opencl_source = line + good.opencl_source;
         EXPECT_TRUE(contains(refused(bad, Status::kInvalidArgument), "must stand alone")) << line;
     }
+    for (const char *line : {"#define included 1\n", "// it includes noise: #1 of many\n", "#define imports\n",
+                             "#define A(x) #x\n", "int has_include;\n", "/* ? include */\n", "# // include\n"})
+        EXPECT_FALSE(includes_files(line + good.opencl_source)) << line;
+    // Of a size that a quadratic reader would take minutes for.
+    std::string hashes, comments;
+    for (int i = 0; i < 200000; ++i) {
+        hashes += "#/*";
+        comments += "/**/";
+    }
+    EXPECT_FALSE(includes_files(hashes + comments));
+    EXPECT_TRUE(includes_files(hashes + comments + "include"));
     for (const char *name : {"constant", "global", "half", "float"}) {
         bad = good;
         bad.parameters[0].name = name;

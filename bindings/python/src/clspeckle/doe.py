@@ -14,6 +14,7 @@ import ctypes
 import dataclasses
 import json
 import os
+import secrets
 from typing import Any
 
 import numpy as np
@@ -126,12 +127,16 @@ class DoeElement:
         for key, value in (("orders", self.orders), ("directions", self.directions)):
             if value is not None:
                 about[key] = _check.array(value, key).tolist()
-        temporary = {suffix: f"{stem}{suffix}.{os.getpid()}" for suffix in (".npy", ".json")}
+        # Named as the C library names what is not complete.
+        temporary = {
+            suffix: os.path.join(os.path.dirname(stem), f".clspeckle-{secrets.token_hex(8)}.part{suffix}")
+            for suffix in (".npy", ".json")
+        }
         try:
             text = json.dumps(about, allow_nan=False)
-            with open(temporary[".npy"], "wb") as file:
+            with open(temporary[".npy"], "xb") as file:
                 np.save(file, phase)
-            with open(temporary[".json"], "w", encoding="utf-8") as file:
+            with open(temporary[".json"], "x", encoding="utf-8") as file:
                 file.write(text)
             for suffix in temporary:
                 if os.path.isdir(stem + suffix):
