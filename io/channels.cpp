@@ -106,6 +106,8 @@ const char *said(Role role) {
         return "a mask";
     case Role::material:
         return "materials";
+    case Role::map:
+        return "a map (one channel)";
     default:
         return "a picture (Y, or R, G, B)";
     }
@@ -161,7 +163,7 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
         if (!names.empty() && std::find(group.begin(), group.end(), names) == group.end())
             group.push_back(names);
     };
-    if (role == Role::image) {
+    if (role == Role::image || role == Role::map) {
         const Names top = layers.picture("");
         std::vector<Names> lone;
         Names opaque;

@@ -113,6 +113,11 @@ std::string join_name(const ImageName &name) {
     return name.channel.empty() ? name.path : name.path + ":" + name.channel;
 }
 
+std::string page_name(const std::string &name, std::uint64_t page) {
+    const auto [path, channel] = split_name(name);
+    return fmt::format("{}:page={}{}{}", path, page, channel.empty() ? "" : ",", channel);
+}
+
 namespace {
 
 /** Takes page=N and full_scale=N out of the channel's name. */
@@ -146,8 +151,9 @@ void take_settings(const std::string &path, ReadRequest &request) {
     }
     const bool light = request.role == Role::image || request.role == Role::albedo || request.role == Role::visibility;
     if (request.full_scale && !light)
-        throw ReadError(path, "full_scale=N is of light and parts of it; depths, normals, masks and materials are the "
-                              "numbers that they are. For depths --depth-scale does it");
+        throw ReadError(path,
+                        "full_scale=N is of light and parts of it; depths, normals, masks, materials, dark frames "
+                        "and gains are the numbers that they are. For depths --depth-scale does it");
 }
 
 /** Another reader's images with another number that means 1. */
@@ -260,6 +266,19 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
     if (request.full_scale)
         reader = std::make_unique<FullScale>(std::move(reader), *request.full_scale);
     return reader;
+}
+
+std::unique_ptr<Reader> open_one(const std::string &name, const ReadRequest &request) {
+    auto reader = open(name, request);
+    const Info &info = reader->info();
+    if (info.frame_count == 1)
+        return reader;
+    std::string but; // an array may be meant otherwise
+    for (const std::string &warning : info.warnings)
+        but += ". But " + warning;
+    throw ReadError(reader->path(),
+                    fmt::format("holds {} images, one is needed; name it behind the file's name, for example {}{}",
+                                info.frame_count, page_name(name, 0), but));
 }
 
 std::unique_ptr<ChannelFile> open_channels(const std::string &path) {

@@ -29,6 +29,8 @@ struct ImageName {
 ImageName split_name(const std::string &name, const std::function<bool(const std::string &)> &is_path = {});
 /** The name of what split_name() took apart. */
 std::string join_name(const ImageName &name);
+/** The name of one image of several. */
+std::string page_name(const std::string &name, std::uint64_t page);
 
 /** Types of samples that are written. */
 enum class Sample { uint8, uint16, float32 };
@@ -97,6 +99,8 @@ std::string listed(const char *word, const std::function<bool(const Format &)> &
 
 /** Opens an image; its content tells the format. @param name as split_name() takes it. */
 std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &request = {});
+/** Opens an image where one is needed: a file of several is refused with a name for one of them. */
+std::unique_ptr<Reader> open_one(const std::string &name, const ReadRequest &request = {});
 /** Opens a file for its named channels; null if its format has none. Throws ReadError if it cannot be read at all. */
 std::unique_ptr<ChannelFile> open_channels(const std::string &path);
 

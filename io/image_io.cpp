@@ -200,24 +200,6 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
 
 namespace detail {
 
-unsigned enough_bits(std::uint32_t code) {
-    unsigned bits = 10;
-    while (bits < 16 && code >> bits != 0)
-        bits += 2;
-    return bits;
-}
-
-unsigned bits_if_swapped(const unsigned char *bytes, std::size_t size_bytes, bool big_endian) {
-    std::uint32_t as_read = 0, as_swapped = 0;
-    for (std::size_t i = 0; i + 1 < size_bytes; i += 2) {
-        const std::uint32_t first = bytes[i], second = bytes[i + 1];
-        as_read |= big_endian ? first << 8 | second : second << 8 | first;
-        as_swapped |= big_endian ? second << 8 | first : first << 8 | second;
-    }
-    const bool swapped = size_bytes >= 128 && as_swapped < 16384 && as_swapped > 255 && as_read >= 16384;
-    return swapped ? enough_bits(as_swapped) : 0;
-}
-
 unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes) {
     if (size_bytes < 8)
         return 0;

@@ -62,6 +62,7 @@ struct Info {
     bool lossy = false;                ///< The compression changes numbers.
     bool white_is_zero = false;        ///< The file says so; values are turned, so that more is brighter.
     bool full_scale_given = false;     ///< By ReadRequest::full_scale.
+    bool looks_swapped = false;        ///< Its bytes seem to lie in the other order, as a warning says.
     bool one_page = false;             ///< The reader took ReadRequest::page into account.
 };
 
@@ -182,12 +183,6 @@ class Writer {
 };
 
 namespace detail {
-
-/** Of a camera: 10, 12, 14 or 16 that hold a code. */
-unsigned enough_bits(std::uint32_t code);
-/** How many bits words of 16 need with their bytes swapped, where that is more likely what they are: as they are their
- * high bytes vary, while the low ones stay small. 0: they are as they should be. */
-unsigned bits_if_swapped(const unsigned char *bytes, std::size_t size_bytes, bool big_endian);
 
 /** The orientation that EXIF data tell, which begin as a TIFF file does; 0: none. */
 unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes);

@@ -13,8 +13,9 @@
 
 namespace image_io {
 
-/** What a plane is: it tells which of a file's channels are meant where none is named. */
-enum class Role { image, depth, position, normal, albedo, visibility, mask, material };
+/** What a plane is: it tells which of a file's channels are meant where none is named. A map has a number for each
+ * pixel of a sensor or an element, which is what it is. */
+enum class Role { image, depth, position, normal, albedo, visibility, mask, material, map };
 
 /** What is wanted of a file. */
 struct ReadRequest {

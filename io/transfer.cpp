@@ -55,14 +55,6 @@ bool is_srgb(const std::vector<float> &entries) {
     return entries.size() > 16;
 }
 
-Transfer unknown(const std::string &said_by, const std::string &because) {
-    Transfer transfer;
-    transfer.curve = Transfer::Curve::unknown;
-    transfer.said_by = said_by;
-    transfer.unknown_because = because;
-    return transfer;
-}
-
 Transfer of_table(std::vector<float> entries, const std::string &said_by) {
     if (is_srgb(entries))
         return srgb(said_by);
@@ -82,7 +74,7 @@ Transfer tone_curve(const Profile &profile, std::size_t at, const std::string &s
         if (count == 1)
             return power(profile.u16(at + 12) / 256.0, said_by);
         if (count > 65536 || !profile.has(at + 12, std::size_t{2} * count))
-            return unknown(said_by, "a tone curve that is cut short");
+            return unknown_transfer(said_by, "a tone curve that is cut short");
         std::vector<float> entries(count);
         for (std::uint32_t i = 0; i < count; ++i)
             entries[i] = static_cast<float>(profile.u16(at + 12 + 2 * i)) / 65535.0f;
@@ -91,7 +83,7 @@ Transfer tone_curve(const Profile &profile, std::size_t at, const std::string &s
     constexpr std::size_t counts[] = {1, 3, 4, 5, 7};
     const std::uint32_t type = profile.u16(at + 8);
     if (!profile.is(at, "para") || type > 4 || !profile.has(at + 12, 4 * counts[std::min(type, 4u)]))
-        return unknown(said_by, "a tone curve of a kind that is not known here");
+        return unknown_transfer(said_by, "a tone curve of a kind that is not known here");
     double p[7] = {};
     for (std::size_t i = 0; i < counts[type]; ++i)
         p[i] = profile.fixed(at + 12 + 4 * i);
@@ -138,13 +130,21 @@ Transfer srgb(const std::string &said_by) {
 
 Transfer power(double exponent, const std::string &said_by) {
     if (!(exponent > 0 && std::isfinite(exponent)))
-        return unknown(said_by, fmt::format("the power {}", exponent));
+        return unknown_transfer(said_by, fmt::format("the power {}", exponent));
     Transfer transfer;
     transfer.said_by = said_by;
     if (std::abs(exponent - 1) < 0.01) // chunks and profiles keep two to five digits
         return transfer;
     transfer.curve = Transfer::Curve::power;
     transfer.exponent = exponent;
+    return transfer;
+}
+
+Transfer unknown_transfer(const std::string &said_by, const std::string &because) {
+    Transfer transfer;
+    transfer.curve = Transfer::Curve::unknown;
+    transfer.said_by = said_by;
+    transfer.unknown_because = because;
     return transfer;
 }
 
@@ -158,15 +158,15 @@ Transfer transfer_of_icc(const unsigned char *data, std::size_t size_bytes) {
         Transfer transfer = tone_curve(profile, red, said_by);
         for (const std::size_t other : {green, blue})
             if (other && other != red && !transfer.is_like(tone_curve(profile, other, said_by)))
-                return unknown(said_by, "other curves for red, green and blue");
+                return unknown_transfer(said_by, "other curves for red, green and blue");
         return transfer;
     }
-    return profile.holds("sRGB") ? srgb(said_by) : unknown(said_by, "no tone curve that is known here");
+    return profile.holds("sRGB") ? srgb(said_by) : unknown_transfer(said_by, "no tone curve that is known here");
 }
 
 Transfer transfer_of_cicp(unsigned characteristics, bool full_range, const std::string &said_by) {
     if (!full_range)
-        return unknown(said_by, "a narrow range, with black and white within the codes");
+        return unknown_transfer(said_by, "a narrow range, with black and white within the codes");
     Transfer transfer;
     transfer.said_by = said_by;
     switch (characteristics) {
@@ -191,8 +191,8 @@ Transfer transfer_of_cicp(unsigned characteristics, bool full_range, const std::
         transfer.curve = Transfer::Curve::hlg;
         return transfer;
     default:
-        return unknown(said_by,
-                       fmt::format("the transfer characteristics {}, which are not known here", characteristics));
+        return unknown_transfer(
+            said_by, fmt::format("the transfer characteristics {}, which are not known here", characteristics));
     }
 }
 

@@ -31,6 +31,8 @@ struct Transfer {
 Transfer srgb(const std::string &said_by);
 /** @param exponent close to 1 it is linear. */
 Transfer power(double exponent, const std::string &said_by);
+/** Of what is there and cannot be read. @param because what it has, for messages. */
+Transfer unknown_transfer(const std::string &said_by, const std::string &because);
 /** Of an ICC profile, by its tone curves; one without any is known by its name only. */
 Transfer transfer_of_icc(const unsigned char *data, std::size_t size_bytes);
 /** Of the transfer characteristics of ITU-T H.273, as PNG's chunk cICP has them. @param full_range else black and white

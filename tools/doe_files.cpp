@@ -55,7 +55,7 @@ double json_number(const Json &value, const std::string &where) {
 }
 
 image_io::Plane read_plane(const std::string &path, Console &console) {
-    const auto reader = image_io::open(path);
+    const auto reader = image_io::open_one(path);
     std::vector<std::string> warnings;
     image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
     for (const std::string &warning : warnings)

@@ -39,6 +39,8 @@ class FileSeries {
                 width = reader->info().width;
                 height = reader->info().height;
                 sample_ = reader->info().sample;
+                if (!reader->info().warnings.empty())
+                    but = ". But " + reader->info().warnings.front();
             }
             check_size(*reader);
             // Whole numbers are parts of their type's full scale: of two types they would be of two scales.
@@ -71,6 +73,7 @@ class FileSeries {
     std::uint32_t width = 0;
     std::uint32_t height = 0;
     std::uint64_t frame_count = 0;
+    std::string but; ///< What an error about the size adds: how else the first file may be meant.
 
   private:
     std::pair<std::size_t, std::uint64_t> locate(std::uint64_t frame) const {
@@ -248,12 +251,15 @@ class Planes {
     void check(std::uint32_t width, std::uint32_t height, std::uint64_t frames, const std::string &reference) const {
         for (const auto &[name, series] : planes_) {
             if (series.width != width || series.height != height)
-                throw InputError(fmt::format("{}: the --{} image has {} x {} pixels, {} has {} x {}",
+                throw InputError(fmt::format("{}: the --{} image has {} x {} pixels, {} has {} x {}{}",
                                              series.first_path(), name, series.width, series.height, reference, width,
-                                             height));
+                                             height, series.but));
             if (series.frame_count != 1 && series.frame_count != frames)
-                throw InputError(fmt::format("{}: the --{} image has {} frames; 1 or {} are needed",
-                                             series.first_path(), name, series.frame_count, frames));
+                throw InputError(fmt::format(
+                    "{}: the --{} image has {} frames, {}; name one of them behind the file's name, for example {}",
+                    series.first_path(), name, series.frame_count,
+                    frames == 1 ? "one is needed" : fmt::format("1 or {} are needed", frames),
+                    image_io::page_name(series.first_path(), 0)));
         }
     }
 
@@ -335,8 +341,14 @@ class IdealInput final : public Input {
         check_light(data.irradiance, data.name, "ideal image", choice_, warnings);
         if (frame == 0 && full_scale_ <= 0)
             check_full_scale(data.irradiance, data.name, "", warnings);
-        if (full_scale_ > 0)
+        if (full_scale_ > 0) {
+            const double named = data.irradiance.full_scale;
+            if (data.irradiance.full_scale_given && named != full_scale_)
+                throw InputError(fmt::format("{}: two numbers are named that mean 1, full_scale={} behind the file and "
+                                             "--full-scale {}; name one",
+                                             data.name, named, full_scale_));
             data.irradiance.full_scale = full_scale_;
+        }
         data.irradiance.normalize();
         if (scale_ != 1.0) {
             for (float &value : data.irradiance.values)
@@ -842,9 +854,13 @@ std::string check_full_scale(const Plane &plane, const std::string &name, const 
     const bool integers = plane.sample.rfind("int", 0) == 0 || plane.sample.rfind("uint", 0) == 0;
     if (plane.full_scale_given || !integers || !(largest > 1))
         return "";
+    // One of the bits of signed numbers is the sign.
+    const bool is_signed = plane.sample[0] == 'i';
+    const unsigned most = static_cast<unsigned>(std::stoul(plane.sample.substr(is_signed ? 3 : 4))) - is_signed;
     unsigned bits = 8;
-    while (bits < 32 && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
+    while (bits < most && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
         bits += 2;
+    bits = std::min(bits, most);
     // The file's own word, but for codes that were brought to 16 bits, which is what the word is for.
     const bool told = plane.significant_bits > 0 && plane.significant_bits < 16 && bits < 16 &&
                       largest < std::ldexp(1.0f, static_cast<int>(plane.significant_bits));

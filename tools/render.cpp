@@ -105,11 +105,18 @@ struct StageTimes {
 };
 
 /** A plane for one of the stages, with its size checked. */
-std::vector<float> read_plane(const std::string &path, bool scaled, std::vector<std::string> &warnings,
+std::vector<float> read_plane(const std::string &path, image_io::Role role, std::vector<std::string> &warnings,
                               std::uint32_t *width, std::uint32_t *height, std::string *advice = nullptr,
                               image_io::Encoding encoding = image_io::Encoding::as_stored) {
-    const auto reader = image_io::open(path);
-    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::mean, encoding);
+    image_io::ReadRequest request;
+    request.role = role;
+    const auto reader = image_io::open_one(path, request);
+    // Colors may make a picture, which is decoded, but no number.
+    const bool picture = encoding != image_io::Encoding::as_stored;
+    const auto colors = picture ? image_io::Colors::mean : image_io::Colors::refused;
+    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings, colors, encoding);
+    // The numbers of a map are what they are.
+    const bool scaled = role != image_io::Role::map;
     const std::string scale = scaled ? check_full_scale(plane, path, path, warnings) : "";
     if (advice)
         *advice = scale;
@@ -208,7 +215,8 @@ class Renderer {
         aperture.degree_of_polarization = polarization;
         std::vector<float> pupil;
         if (const std::string path = config_.text("aperture.pupil_image"); !path.empty()) {
-            pupil = plane(path, "pupil image", true, &aperture.pupil_width, &aperture.pupil_height, 1.0);
+            pupil =
+                plane(path, "pupil image", image_io::Role::image, &aperture.pupil_width, &aperture.pupil_height, 1.0);
             aperture.pupil = CLSP_PUPIL_IMAGE;
             aperture.pupil_image = pupil.data();
         }
@@ -263,8 +271,8 @@ class Renderer {
         if (input_.scene) {
             auto pattern = clspeckle::make<ClspPatternDesc>();
             const std::string path = config_.text("pattern.image");
-            const std::vector<float> texels =
-                plane(path, "pattern", true, &pattern.width, &pattern.height, INFINITY, encoding_of(config_));
+            const std::vector<float> texels = plane(path, "pattern", image_io::Role::image, &pattern.width,
+                                                    &pattern.height, INFINITY, encoding_of(config_));
             pattern.texels = texels.data();
             pattern.half_extent_x = config_.number("pattern.half_extent_x");
             pattern.half_extent_y = config_.number("pattern.half_extent_y");
@@ -495,12 +503,12 @@ class Renderer {
             throw InputError(fmt::format("--frames {}: the input has {} frames", frames_, input_.frame_count));
     }
 
-    std::vector<float> plane(const std::string &path, const char *what, bool scaled, std::uint32_t *width,
+    std::vector<float> plane(const std::string &path, const char *what, image_io::Role role, std::uint32_t *width,
                              std::uint32_t *height, double high,
                              image_io::Encoding encoding = image_io::Encoding::as_stored) {
         image_io::Plane plane;
         std::string advice;
-        plane.values = read_plane(path, scaled, warnings_, width, height, &advice, encoding);
+        plane.values = read_plane(path, role, warnings_, width, height, &advice, encoding);
         plane.width = *width;
         plane.height = *height;
         if (std::isinf(high))
@@ -517,7 +525,7 @@ class Renderer {
             return {};
         std::uint32_t width = 0;
         std::uint32_t height = 0;
-        std::vector<float> map = read_plane(path, false, warnings_, &width, &height);
+        std::vector<float> map = read_plane(path, image_io::Role::map, warnings_, &width, &height);
         if (width != width_ || height != height_)
             throw InputError(fmt::format("{}: the {} has {} x {} pixels, the image {} x {}", path, what, width, height,
                                          width_, height_));

@@ -297,8 +297,10 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
             files.push_back(std::move(file));
     std::optional<image_io::Plane> mask_plane;
     if (!arguments.mask.empty()) {
-        const auto reader = image_io::open(arguments.mask);
-        mask_plane = image_io::read_gray(*reader, 0, warnings);
+        image_io::ReadRequest request;
+        request.role = image_io::Role::mask;
+        const auto reader = image_io::open_one(arguments.mask, request);
+        mask_plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::refused);
         check_values(*mask_plane, arguments.mask, "mask", std::numeric_limits<double>::infinity());
     }
 

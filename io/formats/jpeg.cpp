@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <csetjmp>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 #include <jpeglib.h>
@@ -45,6 +46,7 @@ class Decoder {
             info_.mem->max_memory_to_use = most_memory_bytes;
             jpeg_stdio_src(&info_, stream);
             jpeg_save_markers(&info_, JPEG_APP0 + 1, 0xffff);
+            jpeg_save_markers(&info_, JPEG_APP0 + 2, 0xffff);
             jpeg_read_header(&info_, TRUE);
         });
     }
@@ -61,6 +63,15 @@ class Decoder {
             info_.dct_method = JDCT_ISLOW;
             jpeg_start_decompress(&info_);
         });
+    }
+    /** The parts of the ICC profile, in order; empty: they are not all there. */
+    std::vector<unsigned char> profile() {
+        JOCTET *data = nullptr;
+        unsigned size = 0;
+        guarded([&] { (void)jpeg_read_icc_profile(&info_, &data, &size); });
+        std::vector<unsigned char> bytes(data, data + size);
+        std::free(data);
+        return bytes;
     }
     void read_row(unsigned char *row) {
         guarded([&] { jpeg_read_scanlines(&info_, &row, 1); });
@@ -99,10 +110,17 @@ unsigned orientation_of(const jpeg_decompress_struct &info) {
     return 0;
 }
 
+bool has_profile(const jpeg_decompress_struct &info) {
+    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next)
+        if (marker->data_length >= 12 && std::memcmp(marker->data, "ICC_PROFILE", 12) == 0)
+            return true;
+    return false;
+}
+
 class JpegReader final : public Reader {
   public:
     explicit JpegReader(const std::string &path) : Reader(path), file_(path) {
-        const Decoder decoder(file_.stream());
+        Decoder decoder(file_.stream());
         check(decoder, "");
         const jpeg_decompress_struct &info = decoder.info();
         check_size(info.image_width, info.image_height);
@@ -118,6 +136,11 @@ class JpegReader final : public Reader {
         info_.full_scale = 255;
         info_.lossy = true;
         info_.transfer = srgb("the format");
+        if (has_profile(info)) {
+            const std::vector<unsigned char> profile = decoder.profile();
+            info_.transfer = profile.empty() ? unknown_transfer("its ICC profile", "content of which parts are missing")
+                                             : transfer_of_icc(profile.data(), profile.size());
+        }
         info_.warnings.push_back(
             "the compression of JPEG is lossy. Where intensities matter use linear PNG, TIFF or EXR "
             "files");

@@ -2,6 +2,7 @@
 // memory for whatever shape a header claims, and neither swaps bytes nor converts types.
 #include "io/npy_header.hpp"
 
+#include "io/byte_order.hpp"
 #include "io/formats.hpp"
 #include "io/half.hpp"
 
@@ -124,6 +125,14 @@ template <typename T> float to_float(const unsigned char *bytes) {
     T value;
     std::memcpy(&value, bytes, sizeof(T));
     return static_cast<float>(value);
+}
+
+double real_number(const unsigned char *bytes, std::size_t size) {
+    double value;
+    if (size != sizeof value)
+        return size == 2 ? detail::half_to_float(bytes) : to_float<float>(bytes);
+    std::memcpy(&value, bytes, sizeof value);
+    return value;
 }
 
 float bool_to_float(const unsigned char *bytes) {
@@ -263,16 +272,45 @@ class NpyReader final : public Reader {
                 text, info_.frame_count, height, width));
     }
 
-    /** Words of 16 bits whose bytes are in the other order show by high bytes that vary while the low ones stay small.
-     */
+    /** What each order of their bytes would make of the numbers. Whole numbers may be meant as they are; such
+     * floating-point numbers no image has. */
     void look_at_byte_order() {
-        if (type_->full_scale != 65535)
+        const std::size_t size = type_->size_bytes;
+        if (size == 1)
             return;
-        std::vector<unsigned char> bytes(
-            static_cast<std::size_t>(std::min<std::uint64_t>(file_.size() - data_offset_, 65536)) & ~std::size_t{1});
-        file_.seek(data_offset_);
-        file_.read(bytes.data(), bytes.size());
-        if (const unsigned bits = detail::bits_if_swapped(bytes.data(), bytes.size(), swap_); bits > 0)
+        detail::WholeNumbers whole(size);
+        detail::RealNumbers real(size);
+        const bool is_real = type_->code[0] == 'f';
+        // A border may be black.
+        constexpr std::uint64_t most = 16, block_bytes = 4096;
+        const std::uint64_t data_bytes = (file_.size() - data_offset_ - info_.surplus_bytes) / size * size;
+        const std::uint64_t blocks = std::clamp<std::uint64_t>(data_bytes / block_bytes, 1, most);
+        std::vector<unsigned char> bytes(static_cast<std::size_t>(std::min(data_bytes, block_bytes)));
+        for (std::uint64_t block = 0; block < blocks; ++block) {
+            file_.seek(data_offset_ + data_bytes / size * block / blocks * size);
+            file_.read(bytes.data(), bytes.size());
+            for (std::size_t at = 0; at < bytes.size(); at += size) {
+                unsigned char as_read[8] = {}, as_swapped[8] = {};
+                std::reverse_copy(&bytes[at], &bytes[at] + size, swap_ ? as_read : as_swapped);
+                std::copy(&bytes[at], &bytes[at] + size, swap_ ? as_swapped : as_read);
+                if (is_real) {
+                    real.add(real_number(as_read, size), real_number(as_swapped, size));
+                } else {
+                    std::uint64_t number;
+                    std::memcpy(&number, as_read, sizeof number);
+                    whole.add(number);
+                }
+            }
+        }
+        if (real.look_swapped())
+            fail(fmt::format("{:.0f} % of its numbers are such as no image has ({}), and with their bytes in the other "
+                             "order nearly none is: its words have swapped bytes. Save array.byteswap()",
+                             100 * real.odd_share(),
+                             size == 2 ? "not finite, negative or subnormal"
+                                       : "not finite, beyond 1e30 or closer to 0 than 1e-30"));
+        const unsigned bits = whole.bits_if_swapped();
+        info_.looks_swapped = bits > 0;
+        if (info_.looks_swapped)
             info_.warnings.push_back(
                 fmt::format("its words look as if their bytes were swapped: in the other order none "
                             "needs more than {} bits. If so, save array.byteswap()",

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
+#include <set>
 
 namespace image_io::format_files {
 
@@ -20,10 +22,10 @@ using Context = std::unique_ptr<spng_ctx, ContextDeleter>;
 class PngReader final : public Reader {
   public:
     PngReader(const std::string &path, const ReadRequest &request) : Reader(path), file_(path) {
-        look_for_more_images(request);
+        look_at_chunks();
+        refuse_several_images(request);
         const Context context = start();
         read_transfer(context.get());
-        width_bytes_ = 0;
         info_.width = header_.width;
         info_.height = header_.height;
         const bool indexed = header_.color_type == SPNG_COLOR_TYPE_INDEXED;
@@ -35,13 +37,15 @@ class PngReader final : public Reader {
         info_.channels = (gray ? 1 : 3) + (info_.alpha ? 1 : 0);
         info_.sample = two_bytes ? "uint16" : "uint8";
         info_.full_scale = two_bytes ? 65535 : 255;
-        // G8 and RGB8 widen 1, 2 and 4 bits and look palettes up; PNG gives the samples as they are, in host order.
-        output_format_ = indexed                                                         ? SPNG_FMT_RGB8
-                         : header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE && !two_bytes ? SPNG_FMT_G8
-                                                                                         : SPNG_FMT_PNG;
-        width_bytes_ = std::size_t{info_.width} * info_.channels * (two_bytes ? 2 : 1);
+        // G8 widens 1, 2 and 4 bits; PNG gives the samples as they are, in host order, and indices bit by bit.
+        output_format_ = header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE && !two_bytes ? SPNG_FMT_G8 : SPNG_FMT_PNG;
+        width_bytes_ = indexed ? (std::size_t{info_.width} * header_.bit_depth + 7) / 8
+                               : std::size_t{info_.width} * info_.channels * (two_bytes ? 2 : 1);
+        if (indexed)
+            check(spng_get_plte(context.get(), &palette_));
         // Deflate cannot shrink by more than 1032, and rows of less than a byte per pixel are an eighth at the least.
-        if (width_bytes_ / (two_bytes || header_.bit_depth == 8 ? 1 : 24) * info_.height > file_.size() * 1040)
+        const std::size_t least = two_bytes || indexed || header_.bit_depth == 8 ? 1 : 8;
+        if (width_bytes_ / least * info_.height > file_.size() * 1040)
             fail(fmt::format("is truncated or damaged: {} bytes cannot hold {} x {} pixels", file_.size(), info_.width,
                              info_.height));
     }
@@ -58,7 +62,7 @@ class PngReader final : public Reader {
             check(spng_decode_image(context.get(), image.data(), image.size(), output_format_, 0));
             finish(context.get());
             for (std::uint32_t y = 0; y < info_.height; ++y) {
-                convert(image.data() + y * width_bytes_, row);
+                convert(image.data() + y * width_bytes_, y, row);
                 sink(row.data());
             }
             return;
@@ -69,78 +73,112 @@ class PngReader final : public Reader {
             const int status = spng_decode_row(context.get(), bytes.data(), bytes.size());
             if (status != SPNG_OK && !(status == SPNG_EOI && y + 1 == info_.height))
                 check(status);
-            convert(bytes.data(), row);
+            convert(bytes.data(), y, row);
             sink(row.data());
         }
         finish(context.get());
     }
 
   private:
-    /** Several images in one file: an animation, or files behind each other as a pipe gives them. */
-    void look_for_more_images(const ReadRequest &request) {
-        const auto number = [](const unsigned char *bytes) {
-            return std::uint32_t{bytes[0]} << 24 | std::uint32_t{bytes[1]} << 16 | std::uint32_t{bytes[2]} << 8 |
-                   bytes[3];
-        };
-        std::uint64_t images = 1, at = 8;
-        unsigned char chunk[12];
+    static std::uint32_t number(const unsigned char *bytes) {
+        return std::uint32_t{bytes[0]} << 24 | std::uint32_t{bytes[1]} << 16 | std::uint32_t{bytes[2]} << 8 | bytes[3];
+    }
+
+    /** Which chunks there are, and what libspng does not read: an animation, cICP, and EXIF data behind the image. */
+    void look_at_chunks() {
+        std::uint64_t at = 8;
+        unsigned char head[8];
         bool ended = false;
         while (!ended && at + 12 <= file_.size()) {
             file_.seek(at);
-            file_.read(chunk, sizeof chunk);
-            if (!std::memcmp(chunk + 4, "cICP", 4) && number(chunk) == 4 && at + 16 <= file_.size()) {
+            file_.read(head, sizeof head);
+            const std::uint64_t length = number(head);
+            const std::string name(reinterpret_cast<const char *>(head + 4), 4);
+            chunks_.insert(name);
+            if ((name == "cICP" || name == "acTL" || name == "eXIf") && at + 12 + length <= file_.size()) {
+                // As much as any of them needs; behind the data is their checksum.
+                std::vector<unsigned char> data(static_cast<std::size_t>(std::min<std::uint64_t>(length + 4, 65536)));
+                file_.read(data.data(), data.size());
                 // Primaries, transfer characteristics, matrix, full range.
-                info_.transfer = transfer_of_cicp(chunk[9], chunk[11] != 0, "its chunk cICP");
-                has_cicp_ = true;
+                if (name == "cICP" && length == 4 && number(&data[4]) == checksum(head + 4, data.data()))
+                    cicp_ = transfer_of_cicp(data[1], data[3] != 0, "its chunk cICP");
+                if (name == "acTL" && length >= 4)
+                    images_ = std::max<std::uint64_t>(1, number(data.data()));
+                if (name == "eXIf")
+                    warn_of_orientation(detail::orientation_of_exif(data.data(), data.size()));
             }
-            if (!std::memcmp(chunk + 4, "acTL", 4))
-                images = std::max<std::uint64_t>(1, number(chunk + 8));
-            ended = !std::memcmp(chunk + 4, "IEND", 4);
-            at += 12 + std::uint64_t{number(chunk)};
+            ended = name == "IEND";
+            at += 12 + length;
         }
-        if (images > 1 && !request.page)
+        end_ = ended ? std::min(at, file_.size()) : file_.size();
+    }
+
+    /** Of a chunk of four bytes: its name and its data. */
+    static std::uint32_t checksum(const unsigned char *name, const unsigned char *data) {
+        std::uint32_t sum = 0xffffffff;
+        for (const unsigned char *part : {name, data})
+            for (std::size_t i = 0; i < 4; ++i) {
+                sum ^= part[i];
+                for (int bit = 0; bit < 8; ++bit)
+                    sum = sum >> 1 ^ ((sum & 1) != 0 ? 0xedb88320 : 0);
+            }
+        return ~sum;
+    }
+
+    /** An animation, or files behind each other as a pipe gives them. */
+    void refuse_several_images(const ReadRequest &request) {
+        if (images_ > 1 && !request.page)
             fail(fmt::format("is an animation of {0} images (APNG), of which the first one can be read: {1}:page=0. "
                              "Write the images into files of their own to read all",
-                             images, path_));
-        if (!ended || at >= file_.size())
+                             images_, path_));
+        if (end_ == file_.size())
             return;
-        file_.seek(at);
+        file_.seek(end_);
         const bool another = file_.get() == 0x89 && file_.get() == 'P' && file_.get() == 'N' && file_.get() == 'G';
         if (another && !request.page)
             fail(fmt::format("holds another PNG image behind the first one, which can be read: {}:page=0. Write the "
                              "images into files of their own to read all",
                              path_));
         if (!another)
-            info_.surplus_bytes = file_.size() - at;
+            info_.surplus_bytes = file_.size() - end_;
     }
 
-    /** Of several chunks the most exact one holds. */
+    /** Of several chunks the most exact one holds, whether it can be read or not: libspng passes over what is damaged.
+     */
     void read_transfer(spng_ctx *context) {
+        constexpr const char *unreadable = "content that cannot be read (it is damaged, or not where it must be)";
         std::uint8_t intent = 0;
         double gamma = 0;
         spng_iccp profile{};
-        spng_exif exif{};
         spng_sbit bits{};
+        const auto has = [&](const char *name) { return chunks_.count(name) > 0; };
         if (spng_get_sbit(context, &bits) == SPNG_OK)
             info_.significant_bits =
                 header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE || header_.color_type == SPNG_COLOR_TYPE_GRAYSCALE_ALPHA
                     ? bits.grayscale_bits
                     : std::max({bits.red_bits, bits.green_bits, bits.blue_bits});
-        if (has_cicp_) {
-            // It goes before all others.
+        else if (has("sBIT"))
+            info_.warnings.push_back(fmt::format("its chunk sBIT has {} and is ignored", unreadable));
+        if (has("tRNS"))
+            info_.warnings.push_back("the opacity that its chunk tRNS tells is ignored");
+        if (has("cICP")) {
+            info_.transfer = cicp_ ? *cicp_ : unknown_transfer("its chunk cICP", unreadable);
         } else if (spng_get_iccp(context, &profile) == SPNG_OK) {
             info_.transfer =
                 transfer_of_icc(reinterpret_cast<const unsigned char *>(profile.profile), profile.profile_len);
             if (info_.transfer.curve == Transfer::Curve::unknown && std::strstr(profile.profile_name, "sRGB"))
                 info_.transfer = srgb("its ICC profile");
-        } else if (spng_get_srgb(context, &intent) == SPNG_OK) {
-            info_.transfer = srgb("its chunk sRGB");
-        } else if (spng_get_gama(context, &gamma) == SPNG_OK) {
-            info_.transfer = gamma > 0 ? power(1 / gamma, "its chunk gAMA") : Transfer{};
+        } else if (has("iCCP")) {
+            info_.transfer = unknown_transfer("its chunk iCCP", unreadable);
+        } else if (has("sRGB")) {
+            info_.transfer = spng_get_srgb(context, &intent) == SPNG_OK
+                                 ? srgb("its chunk sRGB")
+                                 : unknown_transfer("its chunk sRGB", unreadable);
+        } else if (has("gAMA")) {
+            info_.transfer = spng_get_gama(context, &gamma) == SPNG_OK && gamma > 0
+                                 ? power(1 / gamma, "its chunk gAMA")
+                                 : unknown_transfer("its chunk gAMA", unreadable);
         }
-        if (spng_get_exif(context, &exif) == SPNG_OK)
-            warn_of_orientation(
-                detail::orientation_of_exif(reinterpret_cast<const unsigned char *>(exif.data), exif.length));
     }
 
     Context start() {
@@ -168,7 +206,23 @@ class PngReader final : public Reader {
         fail(fmt::format("is damaged: {}", spng_strerror(status)));
     }
 
-    void convert(const unsigned char *bytes, std::vector<float> &row) const {
+    void convert(const unsigned char *bytes, std::uint32_t y, std::vector<float> &row) const {
+        if (header_.color_type == SPNG_COLOR_TYPE_INDEXED) {
+            const unsigned bits = header_.bit_depth, in_byte = 8 / bits;
+            for (std::size_t x = 0; x < info_.width; ++x) {
+                const auto shift = static_cast<unsigned>(8 - bits * (x % in_byte + 1));
+                const unsigned entry = bytes[x / in_byte] >> shift & ((1u << bits) - 1);
+                if (entry >= palette_.n_entries)
+                    fail(fmt::format("is damaged: pixel ({}, {}) has the color {} of its palette, which has {}; write "
+                                     "or copy it again",
+                                     x, y, entry, palette_.n_entries));
+                const spng_plte_entry &color = palette_.entries[entry];
+                row[3 * x] = color.red;
+                row[3 * x + 1] = color.green;
+                row[3 * x + 2] = color.blue;
+            }
+            return;
+        }
         if (info_.full_scale == 255) {
             for (std::size_t i = 0; i < row.size(); ++i)
                 row[i] = bytes[i];
@@ -182,8 +236,12 @@ class PngReader final : public Reader {
     }
 
     detail::InputFile file_;
-    bool has_cicp_ = false;
+    std::set<std::string> chunks_;
+    std::optional<Transfer> cicp_;
+    std::uint64_t images_ = 1;
+    std::uint64_t end_ = 0; ///< Of the first image.
     spng_ihdr header_{};
+    spng_plte palette_{};
     std::size_t width_bytes_ = 0;
     int output_format_ = 0;
 };

@@ -1,6 +1,7 @@
 // PNM after the Netpbm specification: P2 and P3 (text), P5 and P6 (binary, two bytes big-endian above 255), one image
 // or several behind each other. Not by stb_image 2.27: it reads no text, drops the maximum value, leaves the words of
 // 16 bits unswapped, takes the first image only, and gives what was in memory for pixels that a file lacks.
+#include "io/byte_order.hpp"
 #include "io/formats.hpp"
 
 #include <fmt/format.h>
@@ -188,7 +189,12 @@ class PnmReader final : public Reader {
         std::vector<unsigned char> bytes(2 * static_cast<std::size_t>(std::min<std::uint64_t>(image.samples(), 32768)));
         file_.seek(image.offset);
         file_.read(bytes.data(), bytes.size());
-        if (const unsigned bits = detail::bits_if_swapped(bytes.data(), bytes.size(), true); bits > 0)
+        detail::WholeNumbers words(2);
+        for (std::size_t i = 0; 2 * i < bytes.size(); ++i)
+            words.add(sample(image, bytes, i));
+        const unsigned bits = words.bits_if_swapped();
+        info_.looks_swapped = bits > 0;
+        if (info_.looks_swapped)
             info_.warnings.push_back(
                 fmt::format("its words look little-endian, though PNM is big-endian: with their bytes swapped none "
                             "needs more than {} bits. If so, read its pixels as raw words: --raw {}",

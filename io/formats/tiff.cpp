@@ -12,6 +12,7 @@
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
 
 namespace image_io::format_files {
 
@@ -147,6 +148,8 @@ class TiffReader final : public Reader {
         const void *profile = nullptr;
         if (TIFFGetField(tiff_.get(), TIFFTAG_ICCPROFILE, &profile_bytes, &profile))
             info_.transfer = transfer_of_icc(static_cast<const unsigned char *>(profile), profile_bytes);
+        else if (stored_tag(TIFFTAG_ICCPROFILE))
+            info_.transfer = unknown_transfer("its ICC profile", "content that cannot be read (it is damaged or cut)");
         if (!messages_.first_error.empty())
             broken("is damaged");
         find_stack(request, layout);
@@ -347,7 +350,31 @@ class TiffReader final : public Reader {
         return TIFFGetFieldDefaulted(tiff_.get(), tag, &value) ? value : fallback;
     }
 
-    Layout read_layout() const {
+    /** A tag as the page's directory has it, the lower 16 bits: libtiff leaves out, or changes, what does not fit. */
+    std::optional<std::uint16_t> stored_tag(std::uint16_t tag) {
+        const bool big = TIFFIsBigTIFF(tiff_.get()) != 0, swapped = TIFFIsByteSwapped(tiff_.get()) != 0;
+        const auto word = [&](const unsigned char *bytes) {
+            return static_cast<std::uint16_t>(swapped ? bytes[0] << 8 | bytes[1] : bytes[1] << 8 | bytes[0]);
+        };
+        // Directories of 65536 entries or more are none that libtiff takes.
+        const std::size_t count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12, value_at = big ? 12 : 8;
+        unsigned char count[8];
+        file_.seek(TIFFCurrentDirOffset(tiff_.get()));
+        file_.read(count, count_bytes);
+        std::vector<unsigned char> entries(entry_bytes * word(big && swapped ? count + 6 : count));
+        file_.read(entries.data(), entries.size());
+        for (std::size_t at = 0; at < entries.size(); at += entry_bytes)
+            if (word(&entries[at]) == tag) {
+                const std::uint16_t type = word(&entries[at + 2]);
+                const std::size_t above = type == TIFF_LONG8  ? 6
+                                          : type == TIFF_LONG ? 2
+                                                              : 0; // words, the highest first
+                return word(&entries[at + value_at + (swapped ? above : 0)]);
+            }
+        return std::nullopt;
+    }
+
+    Layout read_layout() {
         Layout layout;
         layout.width = field<std::uint32_t>(TIFFTAG_IMAGEWIDTH, 0);
         layout.height = field<std::uint32_t>(TIFFTAG_IMAGELENGTH, 0);
@@ -380,6 +407,12 @@ class TiffReader final : public Reader {
         std::uint16_t *extra = nullptr;
         (void)TIFFGetFieldDefaulted(tiff_.get(), TIFFTAG_EXTRASAMPLES, &extra_count, &extra);
         const bool gray = layout.photometric == PHOTOMETRIC_MINISBLACK || layout.photometric == PHOTOMETRIC_MINISWHITE;
+        // libtiff takes a palette without colors for gray.
+        if (layout.photometric == PHOTOMETRIC_MINISBLACK && layout.channels == 1 && layout.bits >= 8 &&
+            stored_tag(TIFFTAG_PHOTOMETRIC) == PHOTOMETRIC_PALETTE)
+            fail("says that its numbers are those of a palette (photometric interpretation 3), and has no colors of "
+                 "one (tag ColorMap), or is damaged there. If they are gray, save it as min-is-black, for example "
+                 "tifffile.imwrite(path, image, photometric=\"minisblack\")");
         if (layout.photometric == PHOTOMETRIC_PALETTE)
             look_up_palette(layout);
         else if (!gray && layout.photometric != PHOTOMETRIC_RGB)

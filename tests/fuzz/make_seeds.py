@@ -8,8 +8,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path += [str(HERE.parent / "tools"), str(HERE.parent / "io")]
 import cli_images as images  # noqa: E402
+import numpy as np  # noqa: E402
+import png  # noqa: E402
 import test_variants_pages as pages  # noqa: E402
 import test_variants_tiff as tiff  # noqa: E402
+from PIL import Image  # noqa: E402
 
 # The registry's names, by the endings of the samples.
 FORMATS = {
@@ -42,6 +45,19 @@ def main(folder: Path) -> None:
     codes = images.gray8()
     for i, (chunks, _) in enumerate(pages.CURVES.values()):
         (folder / "PNG" / f"curve_{i}.png").write_bytes(pages.png(codes, *chunks))
+    for i, one in enumerate(pages.UNREADABLE.values()):
+        (folder / "PNG" / f"unreadable_{i}.png").write_bytes(pages.png(codes, one))
+    with (folder / "PNG" / "short_palette.png").open("wb") as stream:
+        colors = [(i, 9, 9) for i in range(15)]
+        png.Writer(*codes.shape[::-1], palette=colors, bitdepth=4).write(stream, (codes >> 4).tolist())
+    (folder / "TIFF" / "no_palette.tif").write_bytes(
+        tiff.tiff_of(codes.tobytes(), codes.shape[::-1], 8, ">", photometric=3)
+    )
+    for name in ("<f4", ">f8", "<f2", ">i4"):
+        np.save(folder / "NPY" / f"swapped_{name[1:]}.npy", (codes / 256).astype(name).byteswap())
+    profile = pages.gray_profile(pages.curve(*range(9)))
+    Image.fromarray(codes).save(folder / "JPEG" / "profile.jpg", icc_profile=profile)
+    Image.fromarray(codes).save(folder / "TIFF" / "profile.tif", icc_profile=profile)
     for bits in (1, 4, 10, 12):
         (folder / "TIFF" / f"packed_{bits}.tif").write_bytes(tiff.packed_tiff(codes >> 8 - min(bits, 8), bits))
     palette = tuple(range(0, 65536, 4096)) * 3

@@ -85,6 +85,70 @@ def test_words_in_the_other_order_are_no_doubt(tmp_path: Path) -> None:
         assert Dump(tmp_path / "a.npy").warnings == []
 
 
+def light(shape: tuple[int, ...] = (40, 60)) -> Array:
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    image = np.exp(-((x - 20.0) ** 2 + (y - 18.0) ** 2) / 200)
+    image[: shape[0] // 3] = 0  # a black border tells nothing
+    return image
+
+
+REALS = {
+    "light": light(),
+    "few steps": np.rint(8 * light()) / 8,
+    "codes": np.rint(1000 * light()),
+    "depth": np.where(light() > 0.01, 1 + light(), np.inf),
+    "metres and none": np.where(light() > 0.01, 1.5, np.nan),
+    "bright": 1e5 * light(),
+    "normals": np.random.default_rng(4).normal(size=(40, 60)),
+}
+
+
+@pytest.mark.parametrize("name", REALS)
+@pytest.mark.parametrize("size", [2, 4, 8])
+def test_reals_with_swapped_bytes_are_told_and_the_advice_reads_them(tmp_path: Path, name: str, size: int) -> None:
+    if size == 2 and name in ("normals", "bright"):
+        return  # of 16 bits signed numbers look alike in both orders
+    for order in "<>":
+        array = REALS[name].astype(f"{order}f{size}")
+        np.save(tmp_path / "a.npy", array)
+        good = Dump(tmp_path / "a.npy")
+        assert not good.error and good.warnings == []
+        np.testing.assert_array_equal(good.values[0], array.astype(np.float32))
+        np.save(tmp_path / "a.npy", array.byteswap())
+        error = Dump(tmp_path / "a.npy").error
+        advice = re.search(r"swapped bytes. Save (array\.byteswap\(\))", error)
+        assert advice and "% of its numbers are such as no image has" in error
+        np.save(tmp_path / "a.npy", eval(advice[1], {"array": np.load(tmp_path / "a.npy")}))
+        np.testing.assert_array_equal(Dump(tmp_path / "a.npy").values, good.values)
+
+
+@pytest.mark.parametrize("size", [2, 4, 8])
+def test_odd_reals_in_their_own_order_are_taken(tmp_path: Path, size: int) -> None:
+    """Dim light, the largest number as background, noise around 0, and numbers of another type."""
+    random = np.random.default_rng(5)
+    top = np.finfo(f"f{size}").max
+    for array in (
+        light() * 1e-4,
+        np.where(light() > 0.5, light(), top),
+        random.normal(size=(40, 60)),
+        np.frombuffer(random.integers(300, 60000, 2400).astype(f"<i{size}").tobytes(), f"<f{size}").reshape(40, 60),
+        np.full((40, 60), np.inf),
+        np.zeros((40, 60)),
+    ):
+        for order in "<>":
+            np.save(tmp_path / "a.npy", array.astype(f"{order}f{size}"))
+            assert not Dump(tmp_path / "a.npy").error
+
+
+@pytest.mark.parametrize("dtype", ["i2", "u2", "i4", "u4", "i8", "u8"])
+def test_integers_with_swapped_bytes(tmp_path: Path, dtype: str) -> None:
+    millimetres = (500 + 900 * light()).astype(f"<{dtype}")
+    np.save(tmp_path / "a.npy", millimetres)
+    assert Dump(tmp_path / "a.npy").warnings == []
+    np.save(tmp_path / "a.npy", millimetres.byteswap())
+    assert "none needs more than 12 bits. If so, save array.byteswap()" in Dump(tmp_path / "a.npy").warnings[0]
+
+
 def test_archives_and_pickles(tmp_path: Path) -> None:
     array = values("<u2", (9, 14))
     for save in (np.savez, np.savez_compressed):

@@ -253,6 +253,66 @@ def test_png_tells_how_numbers_stand_for_light(tmp_path: Path, name: str) -> Non
         assert given.transfer.startswith(expected) and given.warnings == []
 
 
+def broken_sum(one: bytes) -> bytes:
+    return one[:-1] + bytes([one[-1] ^ 1])
+
+
+def behind(data: bytes, extra: bytes) -> bytes:
+    """With a chunk between image and end."""
+    return data[:-12] + extra + data[-12:]
+
+
+CUT = zlib.compress(gray_profile(curve(0, 9, 99)))[:-9]
+# Chunks that say how numbers stand for light, and cannot be read.
+UNREADABLE = {
+    "cICP of 3 bytes": chunk(b"cICP", bytes([1, 13, 0])),
+    "cICP of 5 bytes": chunk(b"cICP", bytes([1, 13, 0, 1, 0])),
+    "cICP, checksum": broken_sum(chunk(b"cICP", bytes([1, 13, 0, 1]))),
+    "iCCP, cut": chunk(b"iCCP", b"p\0\0" + CUT),
+    "iCCP, no name": chunk(b"iCCP", b"x" * 90),
+    "iCCP, checksum": broken_sum(icc("sRGB")),
+    "sRGB of 2 bytes": chunk(b"sRGB", b"\0\0"),
+    "sRGB, unknown intent": chunk(b"sRGB", b"\x09"),
+    "gAMA of 3 bytes": chunk(b"gAMA", b"\0\0\1"),
+    "gAMA of 0": gamma(0),
+    "gAMA, checksum": broken_sum(gamma(1 / 2.2)),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_png_chunks_that_cannot_be_read_are_no_silence(tmp_path: Path, name: str) -> None:
+    one = UNREADABLE[name]
+    (tmp_path / "a.png").write_bytes(png(STACK[0], one))
+    assert Dump(tmp_path / "a.png").transfer.startswith("content that cannot be read")
+    # The next word of the file is no better one.
+    if one[4:8] != b"gAMA":
+        (tmp_path / "a.png").write_bytes(png(STACK[0], one, gamma(1)))
+        assert Dump(tmp_path / "a.png").transfer.startswith("content that cannot be read")
+    cli = DUMP.with_name("clspeckle")
+    command = [cli, "render", "a.png", "-o", "out"]
+    said = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert said.returncode != 0 and f"its chunk {one[4:8].decode()} has content that cannot be read" in said.stderr
+    assert "--transfer linear takes them as they are" in said.stderr
+    subprocess.run([*command, "--transfer", "linear"], cwd=tmp_path, check=True)
+
+
+def test_png_chunks_at_the_wrong_place(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(behind(png(STACK[0]), gamma(1 / 2.2)))
+    assert Dump(tmp_path / "a.png").transfer.startswith("content that cannot be read")
+    # EXIF data may stand behind the image.
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    (tmp_path / "a.png").write_bytes(behind(png(STACK[0]), chunk(b"eXIf", exif.tobytes()[6:])))
+    assert "(orientation 6)" in Dump(tmp_path / "a.png").warnings[0]
+
+
+def test_other_png_chunks_that_are_ignored_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(STACK[0], chunk(b"sBIT", b"\x0a\x0a")))
+    assert "its chunk sBIT has content that cannot be read" in Dump(tmp_path / "a.png").warnings[0]
+    Image.fromarray(noise(SIZE)).save(tmp_path / "a.png", transparency=3)
+    assert "chunk tRNS" in Dump(tmp_path / "a.png").warnings[0]
+
+
 # Numbers of the standards: ITU-R BT.709, BT.2100 (PQ: 0.5081 is 100 of 10000 cd/m^2; HLG: half the range is 1/12).
 LIGHT = {
     1: lambda v: np.where(v < 0.081, v / 4.5, ((v + 0.099) / 1.099) ** (1 / 0.45)),
@@ -280,8 +340,32 @@ def test_light_of_cicp(tmp_path: Path, code: int) -> None:
 @pytest.mark.parametrize(("profile", "expected"), [("sRGB", "sRGB"), (None, "linear")])
 def test_tiff_and_jpeg_profiles(tmp_path: Path, profile: str | None, expected: str) -> None:
     data = ImageCms.ImageCmsProfile(ImageCms.createProfile(profile)).tobytes() if profile else gray_profile(curve())
-    Image.fromarray(noise(SIZE, 3)).save(tmp_path / "a.tif", icc_profile=data)
-    assert Dump(tmp_path / "a.tif").transfer == expected
+    for name in ("a.tif", "a.jpg"):
+        Image.fromarray(noise(SIZE, 3)).save(tmp_path / name, icc_profile=data)
+        assert Dump(tmp_path / name).transfer == expected
+
+
+def test_profiles_that_are_cut(tmp_path: Path) -> None:
+    """Of a JPEG file one part of two is missing; of a TIFF file the end, so that libtiff leaves out the tag."""
+    data = gray_profile(curve(*range(40000)[:256], *[1] * 39744))
+    Image.fromarray(noise(SIZE)).save(tmp_path / "a.jpg", icc_profile=data)
+    whole = (tmp_path / "a.jpg").read_bytes()
+    assert Dump(tmp_path / "a.jpg").transfer == "a table of 40000 numbers"
+    second = whole.index(b"ICC_PROFILE\0\2\2") - 4
+    length = struct.unpack(">H", whole[second + 2 : second + 4])[0]
+    (tmp_path / "a.jpg").write_bytes(whole[:second] + whole[second + 2 + length :])
+    assert Dump(tmp_path / "a.jpg").transfer.startswith("content of which parts are missing")
+    for order in "<>":
+        for big in (False, True):
+            tifffile.imwrite(tmp_path / "a.tif", STACK[0], iccprofile=data, byteorder=order, bigtiff=big)
+            assert Dump(tmp_path / "a.tif").transfer == "a table of 40000 numbers"
+            with tifffile.TiffFile(tmp_path / "a.tif") as read:
+                tag = read.pages[0].tags[34675]
+                place, words = tag.offset + (12 if big else 8), "Q" if big else "I"
+            cut = bytearray((tmp_path / "a.tif").read_bytes())
+            struct.pack_into(order + words, cut, place, len(cut) + 1000)
+            (tmp_path / "a.tif").write_bytes(cut)
+            assert Dump(tmp_path / "a.tif").transfer.startswith("content that cannot be read")
 
 
 def test_animations_are_refused_but_for_their_first_image(tmp_path: Path) -> None:

@@ -45,6 +45,25 @@ def test_palettes(tmp_path: Path, bits: int) -> None:
         Dump(tmp_path / "a.png").check(palette[codes], 255)
 
 
+@pytest.mark.parametrize("interlace", [False, True])
+@pytest.mark.parametrize("bits", [1, 2, 4, 8])
+def test_colors_beyond_the_palette_are_refused(tmp_path: Path, bits: int, interlace: bool) -> None:
+    for size in SIZES[1:]:
+        codes = np.zeros((size[1], size[0]), np.uint8)
+        palette = [(9, 8, 7)] * (2**bits - 1)
+        for last in (2**bits - 2, 2**bits - 1):
+            codes[-1, -1] = last
+            with (tmp_path / "a.png").open("wb") as stream:
+                writer = png.Writer(*size, palette=palette or [(1, 1, 1)], bitdepth=bits, interlace=interlace)
+                writer.write(stream, codes.tolist())
+            given = Dump(tmp_path / "a.png")
+            if last < len(palette):
+                given.check(np.array(palette)[codes], 255)
+            else:
+                place = f"pixel ({size[0] - 1}, {size[1] - 1})"
+                assert f"{place} has the color {last} of its palette, which has {len(palette)}" in given.error
+
+
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"compress_level": 0}, {"compress_type": 2}])
 @pytest.mark.parametrize("mode", ["1", "L", "P", "I;16", "RGB"])
 def test_pillow(tmp_path: Path, mode: str, options: dict) -> None:

@@ -177,6 +177,21 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str, Callable[[Path], object]
         "convert it to RGB",
         lambda p: tifffile.imwrite(p, tifffile.imread(p), photometric="rgb"),
     ),
+    "palette_without_colors": (
+        lambda p: p.write_bytes(tiff_of(noise(SIZE).tobytes(), SIZE, 8, photometric=3)),
+        'photometric="minisblack")',
+        minisblack,
+    ),
+    "palette_of_16_bits": (
+        lambda p: p.write_bytes(tiff_of(noise(SIZE, 1, 65535).tobytes(), SIZE, 16, ">", photometric=3)),
+        'photometric="minisblack")',
+        minisblack,
+    ),
+    "palette_cut_short": (
+        lambda p: p.write_bytes(tiff_of(noise(SIZE).tobytes(), SIZE, 8, photometric=3, colors=(1, 2, 3))),
+        'photometric="minisblack")',
+        minisblack,
+    ),
     "three_of_gray": (
         lambda p: tifffile.imwrite(p, noise(SIZE, 3), photometric="minisblack", planarconfig="contig"),
         "Save each channel as an image of its own",

@@ -207,6 +207,25 @@ def test_a_scene_without_surfaces(ok, scene: Path, plane: np.ndarray, words: str
 # --- full scale ---
 
 
+KINDS = {"i1": np.int8, "i2": np.int16, "i4": np.int32, "i8": np.int64, "u4": np.uint32, "u8": np.uint64}
+WHOLE = [*(f"{kind}.npy" for kind in KINDS), "i1.tif", "i2.tif", "i4.tif", "u4.tif"]
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_integers_that_fill_their_type(ok, tmp_path: Path, name: str) -> None:
+    """The number that is advised is the type's largest: half of that of an unsigned one."""
+    top = np.iinfo(KINDS[name[:2]]).max
+    values = np.full((32, 48), top // 2 + 1, KINDS[name[:2]])
+    values[5, 7] = top
+    (np.save if name.endswith("npy") else tifffile.imwrite)(tmp_path / name, values)
+    told = light(ok, tmp_path, name)[1]
+    for pattern, before in ((r"(--full-scale \S+) makes", [name]), (None, [])):
+        advice = re.search(pattern, told)[1].split() if pattern else [f"{name}:full_scale={top}"]
+        given, said = light(ok, tmp_path, *before, *advice)
+        np.testing.assert_allclose(given, values / top, rtol=1e-6)
+        assert given.max() == 1 and "full scale" not in said
+
+
 @pytest.mark.parametrize("name", ["u2.npy", "i2.npy", "i4.npy", "u4.tif", "u2.png", "u2.tif"])
 def test_integers_of_unknown_full_scale(ok, tmp_path: Path, name: str) -> None:
     codes = images.gray10()
@@ -261,6 +280,14 @@ def test_full_scale_is_of_light(ok, refused, scene: Path) -> None:
     message = refused("render", "--depth", "mm.npy:full_scale=1000", *ARGUMENTS)
     assert "For depths --depth-scale does it" in message
     ok("render", "--depth", "mm.npy", "--depth-scale", 0.001, *ARGUMENTS)
+
+
+def test_two_full_scales(ok, refused, tmp_path: Path) -> None:
+    np.save(tmp_path / "codes.npy", images.gray10())
+    message = refused("render", "codes.npy:full_scale=1023", "--full-scale", 4095, "-o", "out")
+    assert "full_scale=1023 behind the file and --full-scale 4095; name one" in message
+    for arguments in (["codes.npy:full_scale=1023", "--full-scale", 1023], ["codes.npy", "--full-scale", 1023]):
+        np.testing.assert_array_equal(light(ok, tmp_path, *arguments)[0], images.scaled(images.gray10(), 1023))
 
 
 def test_png_tells_significant_bits(ok, tmp_path: Path) -> None:
