@@ -10,12 +10,15 @@ Equations and defects: ``doe.h``; thesis sections 2.6 and 3.3.
 from __future__ import annotations
 
 import collections
+import contextlib
 import ctypes
 import dataclasses
 import json
 import os
 import secrets
-from typing import Any
+import sys
+from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +28,9 @@ from ._handle import Handle, create
 from ._progress import Call, Progress
 from .pattern import Pattern
 from .runtime import Context, resolve_context
+
+if sys.platform != "win32":
+    import fcntl
 
 __all__ = ["Beam", "DoeDefects", "DoeElement", "DoePattern", "DoePatternInfo"]
 
@@ -127,30 +133,37 @@ class DoeElement:
         for key, value in (("orders", self.orders), ("directions", self.directions)):
             if value is not None:
                 about[key] = _check.array(value, key).tolist()
-        # Named as the C library names what is not complete.
-        temporary = {
-            suffix: os.path.join(os.path.dirname(stem), f".clspeckle-{secrets.token_hex(8)}.part{suffix}")
-            for suffix in (".npy", ".json")
-        }
         try:
             text = json.dumps(about, allow_nan=False)
-            with open(temporary[".npy"], "xb") as file:
-                np.save(file, phase)
-            with open(temporary[".json"], "x", encoding="utf-8") as file:
-                file.write(text)
-            for suffix in temporary:
-                if os.path.isdir(stem + suffix):
-                    raise IsADirectoryError(f"{stem}{suffix} is a folder")
-            for suffix, written in temporary.items():
-                os.replace(written, stem + suffix)
+            with contextlib.ExitStack() as files:
+                parts = {suffix: files.enter_context(_unfinished(stem + suffix)) for suffix in (".npy", ".json")}
+                np.save(parts[".npy"], phase)
+                parts[".json"].write(text.encode())
+                for suffix, part in parts.items():
+                    part.flush()
+                    if os.path.isdir(stem + suffix):
+                        raise IsADirectoryError(f"{stem}{suffix} is a folder")
+                for suffix, part in parts.items():
+                    os.replace(part.name, stem + suffix)
         except OSError as error:
             raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be written: {error}") from error
         except (TypeError, ValueError) as error:
             raise errors.InvalidDataError(f"the design cannot be written: {error}") from error
+
+
+@contextlib.contextmanager
+def _unfinished(path: str) -> Iterator[BinaryIO]:
+    """A file beside `path`, removed unless it is renamed. Named and locked as the C library's are: what nobody locks
+    any more is removed by others."""
+    name = os.path.join(os.path.dirname(path), f".clspeckle-{secrets.token_hex(8)}.part{os.path.splitext(path)[1]}")
+    with open(name, "xb") as file:
+        if sys.platform != "win32":
+            fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            yield file
         finally:
-            for written in temporary.values():
-                if os.path.exists(written):
-                    os.remove(written)
+            if os.path.exists(name):
+                os.remove(name)
 
 
 def _without_double_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
