@@ -38,11 +38,19 @@ class Parser : public JsonChecks {
     }
     void note_unknown(const Json &object, const std::string &where, std::initializer_list<const char *> known,
                       const std::string &sequence, std::vector<CaptureWarning> &warnings) const {
+        constexpr std::size_t kMostTold = 20;
+        std::size_t unknown = 0;
         for (const auto &[key, value] : object.items())
-            if (std::none_of(known.begin(), known.end(), [&k = key](const char *name) { return k == name; }))
+            if (std::none_of(known.begin(), known.end(), [&k = key](const char *name) { return k == name; }) &&
+                ++unknown <= kMostTold)
                 warnings.push_back({sequence,
                                     fmt::format("{}: the key {}/{} is not known and is ignored", path(), where, key),
                                     "unknown_key"});
+        if (unknown > kMostTold)
+            warnings.push_back({sequence,
+                                fmt::format("{}: {} further keys of {}/ are not known and are ignored", path(),
+                                            unknown - kMostTold, where),
+                                "unknown_key"});
     }
 };
 

@@ -105,6 +105,18 @@ def test_large_files_take_little_time(refuse: Callable[[str, bytes], str], kind:
     refuse(kind, MANY)
 
 
+def test_many_unknown_keys_are_counted(ok: Callable[..., Run], camera: Path, tmp_path: Path) -> None:
+    about = json.loads((camera / "capture.json").read_text())
+    (tmp_path / "set").mkdir()
+    for frames in camera.glob("*.npy"):
+        (tmp_path / "set" / frames.name).symlink_to(frames)
+    (tmp_path / "set" / "capture.json").write_text(json.dumps({**about, **{f"key{i}": 1 for i in range(WIDE)}}))
+    told = ok("capture", "check", "set", preexec_fn=limit_work).err
+    assert "the key /key19 is not known and is ignored" in told
+    assert f"{WIDE - 20} further keys of / are not known and are ignored" in told
+    assert "/key20 " not in told
+
+
 def test_a_byte_order_mark_is_taken(ok: Callable[..., Run], tmp_path: Path) -> None:
     write_frame(tmp_path)
     (tmp_path / "config.json").write_bytes(b"\xef\xbb\xbf" + b'{"render": {"format": "npy"}}')
