@@ -820,8 +820,17 @@ LightChoice light_choice(const Config &config) {
 
 void check_light(Plane &plane, const std::string &path, const char *what, LightChoice choice,
                  std::vector<std::string> &warnings) {
-    std::size_t negative = 0, nonfinite = 0;
+    std::size_t negative = 0, nonfinite = 0, lit = 0, odd = 0;
     float least = 0;
+    for (const float value : plane.values)
+        if (value != 0 && std::isfinite(value)) {
+            ++lit;
+            odd += std::abs(value) < 1e-30f || std::abs(value) > 1e30f ? 1 : 0;
+        }
+    if (2 * odd > lit)
+        warnings.push_back(fmt::format("{}: {} of the {} numbers of the {} that are not 0 are closer to 0 than 1e-30 "
+                                       "or beyond 1e30, as no light is: were numbers of another type stored as such?",
+                                       path, odd, lit, what));
     for (float &value : plane.values) {
         if (choice.clip_negative && value < 0 && std::isfinite(value)) {
             ++negative;

@@ -395,7 +395,9 @@ class Renderer {
         const std::uint64_t oversampling = config_.integer("aperture.oversampling");
         const bool padded =
             aperture.grid_width != width_ * oversampling || aperture.grid_height != height_ * oversampling;
-        const double contrast = moments_.standard_deviation / (moments_.mean - black_level());
+        // A frame without light has none.
+        const double light = moments_.mean - black_level();
+        const double contrast = light > 0 ? moments_.standard_deviation / light : NAN;
         const double saturated = static_cast<double>(saturated_) / static_cast<double>(pixels * frames_);
         const double frame_milliseconds = frame_times_.mean();
         const double rate = static_cast<double>(frames_) / run_seconds_;
@@ -467,8 +469,8 @@ class Renderer {
         for (const EffectSetting &effect : config_.effects())
             console_.print("effect      " + effect_text(effect));
         const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";
-        console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {:.4f}",
-                                   moments_.mean, moments_.standard_deviation, of, contrast));
+        console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {}", moments_.mean,
+                                   moments_.standard_deviation, of, light > 0 ? fmt::format("{:.4f}", contrast) : "-"));
         if (has_sensor_)
             console_.print(fmt::format("saturated   {:.4f} % of all pixels", 100 * saturated));
         std::string times;

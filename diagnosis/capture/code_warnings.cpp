@@ -1,6 +1,7 @@
 #include "capture/code_warnings.hpp"
 
 #include "capture/capture_validation.hpp"
+#include "io/byte_order.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -100,8 +101,35 @@ std::optional<CodeLattice> told_apart(CodeLattice lattice, const std::vector<Seq
     return std::nullopt;
 }
 
-std::string upper_bits(const CaptureLayout &layout, unsigned shift) {
+// What the codes tell of the dark, else what capture.json does.
+struct Camera {
+    const CaptureLayout &layout;
+    double black_level_dn, noise_dn;
+
+    Camera(const CaptureLayout &of, const DarkLevel &dark, double measured_noise_dn)
+        : layout(of), black_level_dn(dark.level_dn), noise_dn(measured_noise_dn) {}
+
+    // Once the codes are taken back.
+    double black_level(const CodeLattice &lattice) const {
+        return std::max(0.0, std::round(1e3 * (black_level_dn - taken_off(lattice)) / lattice.step) / 1e3);
+    }
+    double read_noise(const CodeLattice &lattice) const {
+        const auto rounded = [](double noise) { return std::round(1e3 * noise) / 1e3; };
+        if (noise_dn <= 0.0)
+            return rounded(layout.read_noise_dn / lattice.step);
+        // What the steps add where they are no whole numbers, and what the converter's rounding does.
+        const bool whole = lattice.step == std::round(lattice.step);
+        const double square = (noise_dn * noise_dn - (whole ? 0.0 : 1.0 / 12.0)) / (lattice.step * lattice.step);
+        return rounded(std::sqrt(std::max(0.0, square - 1.0 / 12.0)));
+    }
+};
+
+std::string upper_bits(const Camera &camera, unsigned shift) {
+    const CaptureLayout &layout = camera.layout;
+    const CodeLattice lattice{std::ldexp(1.0, int(shift)), 0.0, 0, 0, 0};
     const unsigned bits = layout.bits - shift;
+    const std::string numbers = fmt::format("{}, black_level_dn to {:.6g} and read_noise_dn to {:.6g}", bits,
+                                            camera.black_level(lattice), camera.read_noise(lattice));
     std::string text =
         fmt::format("all codes are multiples of {}: the converter has {} effective bits", 1u << shift, bits);
     if (bits < kMinCaptureBits)
@@ -109,13 +137,11 @@ std::string upper_bits(const CaptureLayout &layout, unsigned shift) {
     if (layout.bits == kMaxCaptureBits)
         return text +
                fmt::format(", or the codes stand in the upper bits of their words. Then set /camera/msb_aligned to "
-                           "true (or divide the codes by {}), bits to {} and the black level and read noise to "
-                           "match",
-                           1u << shift, bits);
+                           "true (or divide the codes by {}), bits to {}",
+                           1u << shift, numbers);
     return text +
-           fmt::format(". Divide the codes by {}, and set bits to {} and the black level and read noise to match "
-                       "(with /camera/msb_aligned the bits alone do it)",
-                       1u << shift, bits);
+           fmt::format(". Divide the codes by {} (with /camera/msb_aligned they need not be), and set bits to {}",
+                       1u << shift, numbers);
 }
 
 // The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs.
@@ -130,30 +156,29 @@ unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, st
 }
 
 // How to come back to the converter's codes.
-std::string back(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
+std::string back(const Camera &camera, const CodeLattice &lattice, std::uint32_t largest) {
     const double offset = taken_off(lattice);
     const std::string codes = offset == 0.0  ? "codes"
                               : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
                                              : fmt::format("(codes - {:.5g})", offset);
     return fmt::format("record without digital gain and scaling, or take it back: numpy.rint({} / "
                        "{:.6g}).astype(numpy.uint16), bits {}, black_level_dn {:.6g} and read_noise_dn {:.6g}",
-                       codes, lattice.step, bits_before(layout, lattice, largest),
-                       std::max(0.0, std::round(1e3 * (layout.black_level_dn - offset) / lattice.step) / 1e3),
-                       std::round(1e3 * layout.read_noise_dn / lattice.step) / 1e3);
+                       codes, lattice.step, bits_before(camera.layout, lattice, largest), camera.black_level(lattice),
+                       camera.read_noise(lattice));
 }
 
-std::string stretched(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
+std::string stretched(const Camera &camera, const CodeLattice &lattice, std::uint32_t largest) {
     const double step = lattice.step;
     std::string share = fmt::format("{:.0f} of {:.0f} codes", step - 1.0, step);
     if (std::abs(step - std::round(step)) > 0.1)
         share = fmt::format("{:.0f} of 100 codes", 100.0 * (1.0 - 1.0 / step));
     return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
                        "stretched, most likely of {} bits; {}",
-                       share, lattice.first, lattice.last, step, bits_before(layout, lattice, largest),
-                       back(layout, lattice, largest));
+                       share, lattice.first, lattice.last, step, bits_before(camera.layout, lattice, largest),
+                       back(camera, lattice, largest));
 }
 
-std::string gaps_text(const CaptureLayout &layout, const CodeGaps &gaps, std::uint32_t largest) {
+std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t largest) {
     const auto examples = [](const std::vector<std::uint16_t> &codes) {
         constexpr std::size_t kMost = 4;
         std::string text;
@@ -166,7 +191,7 @@ std::string gaps_text(const CaptureLayout &layout, const CodeGaps &gaps, std::ui
             "{} of {} codes from {} to {} never occur ({}), each {:.4g}th one is left: a digital gain of "
             "{:.4g} stretched the codes; {}",
             gaps.missing.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.missing), gaps.lattice->step,
-            gaps.lattice->step, back(layout, *gaps.lattice, largest));
+            gaps.lattice->step, back(camera, *gaps.lattice, largest));
     if (!gaps.missing.empty())
         return fmt::format("{} of {} codes from {} to {} never occur ({}), though their neighbours do, often: the "
                            "converter misses them, or the codes went through a table (gamma), a digital gain or lossy "
@@ -181,7 +206,9 @@ std::string gaps_text(const CaptureLayout &layout, const CodeGaps &gaps, std::ui
 } // namespace
 
 std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
-                                          const std::vector<SequenceSummary> &summaries) {
+                                          const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
+                                          double noise_dn) {
+    const Camera camera(layout, dark, noise_dn);
     std::vector<CaptureWarning> warnings;
     std::set<std::uint16_t> together;
     std::uint32_t largest = 0, largest_of_all = 0;
@@ -195,12 +222,23 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
         varied = varied || summaries[i].minimum != summaries[i].maximum;
     }
     const std::vector<std::uint16_t> all(together.begin(), together.end());
+    image_io::detail::WholeNumbers words(2);
+    for (const std::uint16_t code : all)
+        words.add(code);
+    if (const unsigned bits = words.bits_if_swapped(); bits > 0) {
+        warnings.push_back({"",
+                            fmt::format("the codes look as if their bytes were swapped: in the other order none needs "
+                                        "more than {} bits. If so, save codes.byteswap() and set bits to {}",
+                                        bits, bits),
+                            "swapped_bytes"});
+        return warnings;
+    }
     if (const unsigned shift = common_shift(all); shift > 0) {
-        warnings.push_back({"", upper_bits(layout, shift), "upper_bits"});
+        warnings.push_back({"", upper_bits(camera, shift), "upper_bits"});
         return warnings;
     }
     if (const auto lattice = find_lattice(all)) {
-        warnings.push_back({"", stretched(layout, *lattice, largest), "stretched_codes"});
+        warnings.push_back({"", stretched(camera, *lattice, largest), "stretched_codes"});
         return warnings;
     }
     // What several sequences show is told once, with the numbers of the one that shows most.
@@ -209,9 +247,9 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
     for (std::size_t i = 0; i < scans.size(); ++i) {
         const std::string &name = summaries[i].name;
         if (const unsigned shift = common_shift(scans[i].codes, !scans[i].gaps.missing.empty()); shift > 0) {
-            warnings.push_back({name, upper_bits(layout, shift), "upper_bits"});
+            warnings.push_back({name, upper_bits(camera, shift), "upper_bits"});
         } else if (const auto lattice = find_lattice(scans[i].codes)) {
-            warnings.push_back({name, stretched(layout, *lattice, scans[i].maximum), "stretched_codes"});
+            warnings.push_back({name, stretched(camera, *lattice, scans[i].maximum), "stretched_codes"});
         } else if (const CodeGaps &gaps = scans[i].gaps; !gaps.missing.empty() || !gaps.doubled.empty()) {
             sequences += (sequences.empty() ? "" : ", ") + name;
             const auto rank = [&](std::size_t s) {
@@ -231,7 +269,7 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
             gaps.lattice = told_apart(*gaps.lattice, scans, all);
         warnings.push_back({one ? sequences : "",
                             (one ? "" : fmt::format("in {}, of which {}: ", sequences, summaries[most].name)) +
-                                gaps_text(layout, gaps, largest),
+                                gaps_text(camera, gaps, largest),
                             gaps.lattice           ? "stretched_codes"
                             : gaps.missing.empty() ? "doubled_codes"
                                                    : "missing_codes"});

@@ -8,8 +8,9 @@
 
 namespace clsp {
 
-// scans, summaries: by sequence.
+// scans, summaries: by sequence. dark, noise_dn: as the codes tell them, where they do (0: no noise was measured).
 std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
-                                          const std::vector<SequenceSummary> &summaries);
+                                          const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
+                                          double noise_dn);
 
 } // namespace clsp

@@ -68,7 +68,7 @@ class Warnings {
             sequence(s);
         exposures();
         motion();
-        for (CaptureWarning &warning : code_warnings(layout_, scans_, summaries_))
+        for (CaptureWarning &warning : code_warnings(layout_, scans_, summaries_, dark_, noise_))
             warnings_.push_back(std::move(warning));
         geometry();
         return std::move(warnings_);

@@ -1,6 +1,7 @@
 #include "capture/sequence_files.hpp"
 
 #include "capture/capture_validation.hpp"
+#include "io/byte_order.hpp"
 #include "io/series.hpp"
 #include "runtime/error.hpp"
 
@@ -257,6 +258,7 @@ struct TooLarge {
     std::size_t count = 0;
     std::uint32_t x = 0, y = 0; // of the first one
     float code = 0, largest = 0;
+    image_io::detail::WholeNumbers words{2}; // from the first one on
     std::uint32_t first_column = 0, last_column = 0, last_row = 0;
 
     void add(std::uint32_t column, std::uint32_t row, float number) {
@@ -269,6 +271,25 @@ struct TooLarge {
         last_column = std::max(last_column, column);
         last_row = row;
         largest = std::max(largest, number);
+    }
+    // Why the codes are too large, and what to do. info: of the file.
+    std::string advice(std::uint32_t bits, const image_io::Info &info) const {
+        std::string but;
+        for (const std::string &warning : info.warnings)
+            but += ". But " + warning;
+        // In the other order they may fit.
+        if (const unsigned other = words.bits_if_swapped(); other > 0)
+            return info.looks_swapped ? but.substr(2)
+                                      : fmt::format("But its words look as if their bytes were swapped: in the other "
+                                                    "order none needs more than {} bits. If so, save array.byteswap()",
+                                                    other);
+        while (bits < kMaxCaptureBits && largest >= static_cast<float>(1u << bits))
+            ++bits;
+        if (const unsigned significant = info.significant_bits; significant > 0 && significant < 16)
+            but = fmt::format(". The file says that {} bits of a word are the converter's", significant) + but;
+        return fmt::format("Set bits to {} or more, or msb_aligned to true if the camera stores codes in the upper "
+                           "bits{}",
+                           bits, but);
     }
     std::string text(std::size_t pixels) const {
         return fmt::format(
@@ -314,33 +335,25 @@ void SequenceFiles::read(std::uint32_t frame, std::uint32_t first_row, std::uint
                     *to++ = static_cast<std::uint16_t>(code);
                     continue;
                 }
-                if (!(number <= static_cast<float>(maximum))) {
+                if (!(number <= static_cast<float>(maximum)))
                     too_large.add(x, y, number);
-                    continue;
-                }
                 if (too_large.count == 0)
                     *to++ = static_cast<std::uint16_t>(number);
+                else
+                    too_large.words.add(static_cast<std::uint16_t>(number));
             }
         ++y;
     };
     try {
         reading([&] { reader.read_rows(frame - part.first_frame, take); });
         if (too_large.count > 0) {
-            std::uint32_t bits = bits_;
-            while (bits < kMaxCaptureBits && too_large.largest >= static_cast<float>(1u << bits))
-                ++bits;
-            std::string but;
-            if (const unsigned significant = part.info.significant_bits; significant > 0 && significant < 16)
-                but = fmt::format(". The file says that {} bits of a word are the converter's", significant);
-            for (const std::string &warning : part.info.warnings)
-                but += ". But " + warning;
             throw Error(
                 Status::kInvalidData,
                 fmt::format("{}: frame {}{}, pixel ({}, {}): the code is {}, but /camera/bits is {}, so that {} "
-                            "is the top code. {}. Set bits to {} or more, or msb_aligned to true if the camera "
-                            "stores codes in the upper bits{}",
+                            "is the top code. {}. {}",
                             part.path, frame, single_ ? "" : " of the sequence", too_large.x, too_large.y,
-                            too_large.code, bits_, maximum, too_large.text(std::size_t{width_} * y), bits, but));
+                            too_large.code, bits_, maximum, too_large.text(std::size_t{width_} * y),
+                            too_large.advice(bits_, part.info)));
         }
     } catch (const Enough &) {
         reader_.reset(); // it stopped within a frame

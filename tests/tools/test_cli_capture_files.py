@@ -7,6 +7,7 @@ import re
 import sys
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 import tifffile
@@ -158,6 +159,23 @@ def test_words_with_swapped_bytes(ok, refused, tmp_path: Path, frames: np.ndarra
     saved = np.load(tmp_path / "set" / "swapped.npy")
     np.save(tmp_path / "set" / "again.npy", eval(advice[1], {"array": saved}))
     assert checked(ok, tmp_path / "set", "again.npy")[0]["mean_dn"] == pytest.approx(expected["mean_dn"] + 200)
+
+
+def test_words_with_swapped_bytes_of_other_formats(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
+    expected, _ = checked(ok, tmp_path / "set", "dark.npy")
+    for ending, write in ((".png", iio.imwrite), (".tif", tifffile.imwrite)):
+        folder = tmp_path / "set" / ending[1:]
+        folder.mkdir()
+        for i, frame in enumerate(frames + np.uint16(200)):
+            write(folder / f"{i}{ending}", frame.byteswap())
+        described(tmp_path / "set", folder.name)
+        message = refused("capture", "check", "set")
+        assert "none needs more than 10 bits. If so, save array.byteswap()" in message
+        assert "Set bits" not in message
+        for i, frame in enumerate(frames + np.uint16(200)):
+            write(folder / f"{i}{ending}", iio.imread(folder / f"{i}{ending}").byteswap().reshape(frame.shape))
+        given = checked(ok, tmp_path / "set", folder.name)[0]["mean_dn"]
+        assert given == pytest.approx(expected["mean_dn"] + 200)
 
 
 def test_frames_behind(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:

@@ -379,6 +379,23 @@ def test_negative_lobes(ok, refused, scene: Path) -> None:
     assert "1 of 1728 pixels of the albedo were negative" in ok("render", *given, *ARGUMENTS, "--clip-negative").err
 
 
+@pytest.mark.parametrize("plane", ["ideal image", "albedo", "pattern"])
+def test_numbers_of_another_type(ok, scene: Path, plane: str) -> None:
+    """Whole numbers by their bytes, as reals; and a few such numbers, which the tails of a beam have."""
+    shape = (images.HEIGHT, images.WIDTH) if plane == "ideal image" else depth().shape
+    codes = np.random.default_rng(2).integers(1, 1000, shape, dtype=np.int32)
+    tails = np.where(codes < 300, 1e-35, codes / 1000).astype(np.float32)
+    arguments = {
+        "ideal image": ["numbers.npy", "-o", "out"],
+        "albedo": ["--depth", "z.npy", "--albedo", "numbers.npy", *ARGUMENTS],
+        "pattern": ["--depth", "z.npy", "--pattern", "numbers.npy", *ARGUMENTS[: 2 + len(CAMERA)], *PATTERN[2:], *LASER],
+    }[plane]
+    for array, told in ((codes.view(np.float32), True), (tails, False)):
+        np.save(scene / "numbers.npy", array)
+        said = ok("render", *arguments).err
+        assert (f"numbers of the {plane} that are not 0 are closer to 0 than 1e-30" in said) == told
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_numbers_that_are_none(ok, refused, scene: Path, bad: float) -> None:
     values = images.real()

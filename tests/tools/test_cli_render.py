@@ -237,6 +237,13 @@ def test_saturated_share_of_float_frames(ok, ideal: Path) -> None:
     assert values["first_frame"]["contrast"] == pytest.approx(codes["first_frame"]["contrast"], rel=1e-4)
 
 
+def test_a_frame_without_light_has_no_contrast(ok, tmp_path: Path) -> None:
+    np.save(tmp_path / "black.npy", np.zeros((48, 64), np.float32))
+    settings = ["render", "black.npy", "-o", "out", "--illumination", "dark", "--read-noise", 0, "--black-level", 10]
+    assert "standard deviation 0, contrast above the black level -\n" in ok(*settings).out
+    assert ok(*settings, "--json").json()["first_frame"]["contrast"] is None
+
+
 def test_summary_for_eyes_and_quiet(ok, ideal: Path) -> None:
     text = ok("render", ideal, "-o", "out", "--stage-times").out
     for word in (

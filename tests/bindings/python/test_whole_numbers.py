@@ -26,6 +26,9 @@ KINDS: dict[str, tuple[npt.NDArray[Any], str]] = {
     "ten_bits": (CODES.astype(np.uint16) * 4, "have 10 bits"),
     "int32": (CODES.astype(np.int32), "tells no full scale"),
     "int16": (CODES.astype(np.int16) * 4, "tells no full scale"),
+    "int8": ((CODES // 2).astype(np.int8), "of 7 bits"),
+    "int16_filled": ((CODES * 128).astype(np.int16), "of 15 bits"),
+    "bool": (CODES > 128, ""),
     "zeros_and_ones": ((CODES > 128).astype(np.int64), ""),
     "float64": (CODES / 255, ""),
 }
@@ -69,6 +72,7 @@ def test_planes_of_a_scene() -> None:
         given: dict[str, Any] = {"depth": depth, "intrinsics": (30.0, 30.0, 15.5, 11.5), **planes}
         return np.asarray(pattern.lookup(clspeckle.Geometry(**given)))
 
+    np.testing.assert_array_equal(ideal(), ideal(albedo=np.ones(SHAPE, bool), visibility=np.ones(SHAPE, bool)))
     for name in ("albedo", "visibility"):
         expected = ideal(**{name: (CODES / 255).astype(np.float32)})
         for array in (CODES.astype(np.uint8), CODES.astype(np.uint16) * 257):
@@ -76,6 +80,10 @@ def test_planes_of_a_scene() -> None:
         refusal = pytest.raises(clspeckle.errors.ClspeckleError, match=r"from 0 to 1|uint16")
         with warnings.catch_warnings(record=True), refusal:
             ideal(**{name: CODES.astype(np.int32)})
+    with pytest.raises(
+        clspeckle.errors.InvalidFormatError, match="normal has dtype uint8, expected an image of vectors"
+    ):
+        ideal(normal=np.full((*SHAPE, 3), 128, np.uint8))
     with pytest.raises(clspeckle.errors.InvalidFormatError, match=r"depth \* 0.001") as refused:
         ideal(depth=(1000 * depth).astype(np.uint16))
     advice = re.search(r"(depth \* 0.001)", str(refused.value))

@@ -141,11 +141,13 @@ STRETCHES: dict[str, tuple[int, int, Callable[[Array], Array]]] = {
 }
 
 
+@pytest.mark.parametrize("described", [True, False])
 @pytest.mark.parametrize("kind", STRETCHES)
-def test_stretched_codes_are_told_and_taken_back(found, kind: str) -> None:
+def test_stretched_codes_are_told_and_taken_back(found, kind: str, described: bool) -> None:
+    """What the codes tell of the dark is advised, whatever capture.json says: the advice gives a clean set."""
     bits, to, stretch = STRETCHES[kind]
     arrays, camera = recorded(7, bits=bits, frames=16)
-    scale = 2**to / 2**bits
+    scale = 2**to / 2**bits if described else 0.01
     given = {"bits": to, "black_level_dn": camera["black_level_dn"] * scale,
              "read_noise_dn": camera["read_noise_dn"] * scale}  # fmt: skip
     stretched = {name: stretch(codes) for name, codes in arrays.items()}
@@ -161,7 +163,43 @@ def test_stretched_codes_are_told_and_taken_back(found, kind: str) -> None:
         shift = np.unique(codes[unclipped] - arrays[name][unclipped])
         assert len(shift) == 1, "the converter's codes, but for a constant"
     again = found(back, {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])})
-    assert not {"stretched_codes", "missing_codes", "upper_bits"} & set(kinds(again)), again
+    assert again == []
+    shift = float(np.mean(back["dark"]) - np.mean(arrays["dark"]))
+    assert float(advice[3]) == pytest.approx(camera["black_level_dn"] + shift, abs=0.1)
+    assert float(advice[4]) == pytest.approx(camera["read_noise_dn"], rel=0.05)
+
+
+UPPER_BITS = re.compile(
+    r"ivide the codes by (\d+).* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$"
+)
+
+
+@pytest.mark.parametrize(("bits", "words"), [(10, 16), (12, 16), (10, 12)])
+def test_upper_bits_are_told_with_numbers_that_give_a_clean_set(found, bits: int, words: int) -> None:
+    arrays, camera = recorded(8, bits=bits, frames=16)
+    upper = {name: codes << (words - bits) for name, codes in arrays.items()}
+    told = found(upper, {"bits": words, "black_level_dn": 1.0, "read_noise_dn": 1.0})
+    text = next(w["text"] for w in told if w["kind"] == "upper_bits")
+    advice = UPPER_BITS.search(text)
+    assert advice, text
+    numbers = {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])}
+    assert numbers["read_noise_dn"] == pytest.approx(camera["read_noise_dn"], rel=0.05)
+    assert found({name: codes // int(advice[1]) for name, codes in upper.items()}, numbers) == []
+    if words == 16:
+        assert "set /camera/msb_aligned to true" in text
+        assert found(upper, {**numbers, "msb_aligned": True}) == []
+
+
+def test_swapped_bytes_are_told(found) -> None:
+    arrays, camera = recorded(9, bits=12, frames=4)
+    swapped = {name: codes.byteswap() for name, codes in arrays.items()}
+    told = found(swapped, camera | {"bits": 16})
+    assert not {"stretched_codes", "missing_codes", "upper_bits", "unused_bits"} & set(kinds(told))
+    text = next(w["text"] for w in told if w["kind"] == "swapped_bytes")
+    advice = re.search(r"save (codes\.byteswap\(\)) and set bits to (\d+)$", text)
+    assert advice
+    back = {name: eval(advice[1], {"codes": codes}) for name, codes in swapped.items()}
+    assert found(back, camera | {"bits": int(advice[2])}) == []
 
 
 @pytest.mark.parametrize("gain", [1.05, 1.1, 1.25, 4 / 3])
@@ -195,10 +233,10 @@ def test_lowest_bits_that_are_empty(found, bits: int) -> None:
     given = {"bits": bits, **{key: 4 * camera[key] for key in ("black_level_dn", "read_noise_dn")}}
     warnings = found(shifted, given)
     assert kinds(warnings) == ["upper_bits"]
-    advice = re.search(r"Divide the codes by (\d+), and set bits to (\d+) and the black level and read noise", warnings[0]["text"])
+    advice = UPPER_BITS.search(warnings[0]["text"])
     assert advice and "to true" not in warnings[0]["text"]
     step = int(advice[1])
-    again = {"bits": int(advice[2]), **{key: given[key] / step for key in ("black_level_dn", "read_noise_dn")}}
+    again = {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])}
     assert found({name: codes // step for name, codes in shifted.items()}, again) == []
     # The same under msb_aligned.
     words = {name: codes << (16 - bits) for name, codes in shifted.items()}

@@ -171,9 +171,10 @@ def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, 
 def float_plane(
     value: Any, name: str, shape: tuple[int | None, ...] = (None, None), what: str = "an image of real numbers"
 ) -> npt.NDArray[np.float32]:
-    """An image of real numbers as contiguous float32; integers only where float32 holds them exactly."""
+    """An image of real numbers as contiguous float32; integers only where float32 holds them exactly. A bool is 0 or
+    1, as the program takes it."""
     given = array(value, name)
-    if given.dtype.kind not in "fiu":
+    if given.dtype.kind not in "fiub":
         raise errors.InvalidFormatError(
             f"{name} has dtype {given.dtype}, expected {what}: float32 (other real dtypes are converted)"
         )
@@ -234,9 +235,11 @@ def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
     plane = float_plane(given, name, shape)
     if given.dtype.kind not in "iu":
         return plane
-    full = 2 ** (8 * given.dtype.itemsize) - 1 if given.dtype.kind == "u" and given.dtype.itemsize <= 2 else 0
+    top = int(np.iinfo(given.dtype).max)
+    full = top if given.dtype.kind == "u" and given.dtype.itemsize <= 2 else 0
     largest = int(given.max())
-    bits = max(8, largest.bit_length() + largest.bit_length() % 2)
+    # One of the bits of signed numbers is the sign.
+    bits = min(top.bit_length(), max(8, largest.bit_length() + largest.bit_length() % 2))
     advice = f"{name} / {2**bits - 1} makes the top code of {bits} bits 1"
     if full == 0 and largest > 1:
         warnings.warn(
@@ -255,7 +258,7 @@ def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
 def depth_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
     """Depths in metres; of whole numbers the unit is not known."""
     given = array(value, name)
-    if given.dtype.kind in "iu":
+    if given.dtype.kind in "iub":
         raise errors.InvalidFormatError(
             f"{name} has dtype {given.dtype}, whose unit is not known; expected floating-point metres: {name} * 0.001 "
             "if it is in millimetres"

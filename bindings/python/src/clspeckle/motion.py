@@ -71,7 +71,7 @@ class MotionInput:
 def material_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
     """An image of material ids."""
     given = _check.array(value, name)
-    if given.dtype.kind not in "iu":
+    if given.dtype.kind not in "biu":
         raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected integers (uint8)")
     _check.check_shape(given, name, shape)
     if given.dtype != np.uint8 and (int(given.min()) < 0 or int(given.max()) > 255):

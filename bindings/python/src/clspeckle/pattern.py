@@ -90,6 +90,8 @@ def vectors_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
         raise errors.InvalidArgumentError(
             f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4)"
         )
+    if given.dtype.kind == "u" and given.dtype.itemsize <= 2:
+        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected an image of vectors: floating-point")
     return _check.float_plane(given, name, (shape[0], shape[1], None), "an image of vectors")
 
 
