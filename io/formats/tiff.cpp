@@ -259,7 +259,8 @@ class TiffReader final : public Reader {
         return pages_.size() > most ? fmt::format("{}; and {} more", text, pages_.size() - most) : text;
     }
 
-    /** What ImageJ and tifffile write of a stack whose pages they do not list. */
+    /** What ImageJ and tifffile write of a stack whose pages they do not list, and OME of one whose pages are listed:
+     * a set of several files has the same words in each. */
     Stack told_stack(const Layout &layout) const {
         const char *text = nullptr;
         if (!TIFFGetField(tiff_.get(), TIFFTAG_IMAGEDESCRIPTION, &text) || !text)
@@ -270,9 +271,27 @@ class TiffReader final : public Reader {
             return at == std::string::npos ? 0 : std::strtoull(description.c_str() + at + key.size() + 1, nullptr, 10);
         };
         // Writers that know no axes call every image a channel: of more than colors have, they are frames.
+        const auto taken = [](std::uint64_t images, std::uint64_t channels, const char *by) {
+            return Stack{images, channels == images && channels > 4 ? 1 : channels, by};
+        };
+        if (description.find("<OME") != std::string::npos) {
+            std::uint64_t images = 1;
+            const auto size = [&](const std::string &key) {
+                const std::size_t at = description.find(" " + key + "=\"");
+                const std::uint64_t value =
+                    at == std::string::npos ? 1 : std::strtoull(description.c_str() + at + key.size() + 3, nullptr, 10);
+                images *= std::clamp<std::uint64_t>(value, 1, max_frames);
+                return value;
+            };
+            const std::uint64_t channels = size("SizeC") / layout.channels;
+            (void)size("SizeZ");
+            (void)size("SizeT");
+            if (images / layout.channels == pages_.size())
+                return taken(images / layout.channels, std::max<std::uint64_t>(1, channels), "OME");
+        }
         if (description.rfind("ImageJ=", 0) == 0) {
             const std::uint64_t images = number("images"), channels = std::max<std::uint64_t>(1, number("channels"));
-            return {images, channels == images && channels > 4 ? 1 : channels, "ImageJ"};
+            return taken(images, channels, "ImageJ");
         }
         const std::size_t shape = description.find("\"shape\": [");
         if (shape == std::string::npos || description.find("\"truncated\": true") == std::string::npos)

@@ -78,6 +78,27 @@ def test_colors_in_one_directory(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=1,G").values[0], stack[1, ..., 1])
 
 
+def test_channels_of_ome_take_turns(tmp_path: Path) -> None:
+    height, width = STACK.shape[1:]
+    for axes, channels in (("TCYX", 2), ("CZYX", 2), ("TZYX", 1)):
+        stack = STACK[:4].reshape(2, 2, height, width)
+        tifffile.imwrite(tmp_path / "a.ome.tif", stack, ome=True, photometric="minisblack", metadata={"axes": axes})
+        given = Dump(tmp_path / "a.ome.tif")
+        if channels > 1:
+            assert "its 4 images are those of 2 channels in turn, says OME" in given.error
+            np.testing.assert_array_equal(Dump(tmp_path / "a.ome.tif:page=3").values[0], STACK[3])
+        else:
+            assert given.warnings == []
+            np.testing.assert_array_equal(given.values, STACK[:4].astype(np.float32))
+    # Colors are samples of one page; a file of a set has fewer pages than the set.
+    tifffile.imwrite(tmp_path / "a.ome.tif", noise(SIZE, 3), ome=True, photometric="rgb", metadata={"axes": "YXS"})
+    assert Dump(tmp_path / "a.ome.tif").channels == 3
+    tifffile.imwrite(tmp_path / "b.ome.tif", STACK[:2], ome=True, photometric="minisblack", metadata={"axes": "TYX"})
+    text = tifffile.TiffFile(tmp_path / "b.ome.tif").pages[0].description.replace('SizeC="1"', 'SizeC="3"')
+    tifffile.imwrite(tmp_path / "c.tif", STACK[0], description=text, metadata=None)
+    assert Dump(tmp_path / "c.tif").frames == 1
+
+
 def test_a_stack_that_was_cut_says_how_much_is_there(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", STACK, imagej=True, truncate=True, **TIMES)
     data = (tmp_path / "a.tif").read_bytes()
