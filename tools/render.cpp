@@ -168,7 +168,12 @@ class Renderer {
                             config.text("motion.rule"), input.first_name));
         decide_frames();
         warnings_ = input.oddities;
-        first_ = read(0);
+        try {
+            first_ = read(0);
+        } catch (...) {
+            flush_warnings(); // one of them may be the cause
+            throw;
+        }
         if (input.scene && first_.position.empty() &&
             (config.number("camera.fx_px") <= 0 || config.number("camera.fy_px") <= 0))
             throw InputError(

@@ -375,11 +375,15 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
     const auto read = [&] {
         const auto reader = image_io::open(path);
         const image_io::Info &info = reader->info();
-        if (info.channels != 1 || (info.sample != "uint8" && info.sample != "bool") || info.frame_count != 1)
+        if (info.frame_count != 1)
             throw Error(Status::kInvalidData,
-                        fmt::format("{}: is {} of {} with {} channel{}; a mask is one 8-bit gray image{}", path,
-                                    info.frame_count == 1 ? "one image" : "a stack", info.sample, info.channels,
-                                    info.channels == 1 ? "" : "s", advice));
+                        fmt::format("{}: holds {} images, a mask is one: name it in \"mask\", for example \"{}\"{}",
+                                    path, info.frame_count, image_io::page_name(fs::path(path).filename().string(), 0),
+                                    advice));
+        if (info.channels != 1 || (info.sample != "uint8" && info.sample != "bool"))
+            throw Error(Status::kInvalidData,
+                        fmt::format("{}: is one image of {} with {} channel{}; a mask is one 8-bit gray image{}", path,
+                                    info.sample, info.channels, info.channels == 1 ? "" : "s", advice));
         if (info.width != layout.width || info.height != layout.height)
             throw Error(Status::kInvalidData, fmt::format("{}: the mask has {} x {} pixels; /camera says {} x {}{}{}",
                                                           path, info.width, info.height, layout.width, layout.height,

@@ -178,6 +178,24 @@ def test_words_with_swapped_bytes_of_other_formats(ok, refused, tmp_path: Path, 
         assert given == pytest.approx(expected["mean_dn"] + 200)
 
 
+def test_one_image_of_several_is_a_mask(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
+    masks = np.zeros((2, *frames.shape[1:]), np.uint8)
+    masks[:, 3:9, 5:20] = 255
+    tifffile.imwrite(tmp_path / "set" / "masks.tif", masks, photometric="minisblack")
+    described(tmp_path / "set", "dark.npy")
+    path = tmp_path / "set" / "capture.json"
+    text = json.loads(path.read_text())
+    text["sequences"][0]["mask"] = "masks.tif"
+    path.write_text(json.dumps(text))
+    message = refused("capture", "check", "set")
+    named = re.search(r'for example "(masks.tif:page=0)"', message)
+    assert named and "masks.tif: holds 2 images, a mask is one" in message
+    text["sequences"][0]["mask"] = named[1]
+    path.write_text(json.dumps(text))
+    given = ok("capture", "check", "set", "--json", "-").json()["sequences"][0]
+    assert given["masked_fraction"] == pytest.approx(1 - np.mean(masks[0] > 0))
+
+
 def test_frames_behind(ok, refused, tmp_path: Path, frames: np.ndarray) -> None:
     """Height x width x frames."""
     expected, _ = checked(ok, tmp_path / "set", "dark.npy")

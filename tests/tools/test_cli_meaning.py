@@ -379,6 +379,14 @@ def test_negative_lobes(ok, refused, scene: Path) -> None:
     assert "1 of 1728 pixels of the albedo were negative" in ok("render", *given, *ARGUMENTS, "--clip-negative").err
 
 
+def test_a_refusal_comes_with_what_was_said_before(refused, scene: Path) -> None:
+    """Swapped bytes may be the cause of what is refused."""
+    np.save(scene / "swapped.npy", (1000 * depth() + 200).astype(np.int16).byteswap())
+    message = refused("render", "--depth", "swapped.npy", *ARGUMENTS)
+    assert "must be floating-point metres, not int16" in message
+    assert "its words look as if their bytes were swapped" in message
+
+
 @pytest.mark.parametrize("plane", ["ideal image", "albedo", "pattern"])
 def test_numbers_of_another_type(ok, scene: Path, plane: str) -> None:
     """Whole numbers by their bytes, as reals; and a few such numbers, which the tails of a beam have."""
