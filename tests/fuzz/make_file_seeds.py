@@ -33,11 +33,11 @@ SEQUENCE = {
     "version": 1,
     "frames": ["f.npy", "f.npy"],
     "frame_rate_hz": 30,
-    "camera": {"fx_px": 30.0, "fy_px": 30.0, "cx_px": 15.5, "cy_px": 11.5, "depth_kind": "z", "f_number": 4},
+    "camera": {"fx_px": 30.0, "fy_px": 30.0, "cx_px": 15.5, "cy_px": 11.5, "depth_kind": "along_axis", "f_number": 4},
     "laser": {"wavelength_m": 940e-9, "laser_from_geometry": POSE, "pattern": {"file": "f.npy", "half_extent_x": 0.5}},
     "materials": [{"id": 1, "name": "wall", "roughness_rms_m": 1e-5, "living": True, "correlation_time_s": "inf"}],
     "moving_objects": [{"material_ids": [0, 1], "geometry_from_object": [POSE, POSE]}],
-    "motion": {"rule": "off", "translate": [0, 0, 1]},
+    "motion": {"rule": "off", "translate": True},
 }
 DESIGN = {"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9, "periodic": True, "levels": 2, "width": 4, "height": 4}
 HYPOTHESIS = {
