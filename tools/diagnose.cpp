@@ -31,6 +31,8 @@ void check_writable(const std::string &path) {
     std::error_code code;
     if (fs::is_directory(path, code))
         throw OutputError(fmt::format("{}: is a folder; name a file", path));
+    if (fs::exists(path, code) && !fs::is_regular_file(path, code))
+        throw OutputError(fmt::format("{}: is no regular file; name another one", path));
     const fs::path parent = fs::path(path).parent_path();
     const std::string folder = parent.empty() ? "." : parent.string();
     if (!fs::is_directory(folder, code))
@@ -179,6 +181,12 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
         for (const std::string &set : {arguments.folder, arguments.sim})
             if (!set.empty())
                 check_report_file(path, set);
+    std::vector<std::string> inputs = arguments.hypotheses;
+    inputs.insert(inputs.end(), {arguments.tolerances, arguments.camera});
+    for (const std::string &path : files)
+        for (const std::string &input : inputs)
+            if (!path.empty() && !input.empty() && path != "-" && same_file(path, input))
+                throw InputError(fmt::format("{}: is read, too; choose another file for the output", path));
     if (to_file)
         check_writable(arguments.json);
     for (const std::string &path : files)

@@ -593,10 +593,12 @@ void Config::clear_effects() {
 std::vector<std::string> Config::doubled() const {
     std::vector<std::string> result;
     for (const EffectSetting &effect : effects())
-        if (const auto held = held_.find(effect.id); held != held_.end() && layer(held->second) == Layer::profile)
-            result.push_back(fmt::format("--effect {} is drawn on top of {}, which holds the camera's own; --profile-maps "
-                                         "off leaves the maps out",
-                                         effect_text(effect), text(held->second)));
+        if (const auto held = held_.find(effect.id); held != held_.end() && !text(held->second).empty())
+            result.push_back(fmt::format("the effect {} is drawn on top of {}, which holds a camera's own; {}",
+                                         effect_text(effect), text(held->second),
+                                         layer(held->second) == Layer::profile
+                                             ? "--profile-maps off leaves the maps out"
+                                             : "leave one of them out"));
     return result;
 }
 
@@ -629,18 +631,20 @@ std::vector<std::string> Config::load_profile(const std::string &path, const std
     const Json root = Json::parse(profile.json());
     for (const auto &[number, name, id] : {std::tuple{CLSP_PROFILE_MAP_DARK, "dark", "sensor.dark_frame"},
                                           std::tuple{CLSP_PROFILE_MAP_GAIN, "gain", "sensor.gain_map"}}) {
-        if (!maps || !(camera.maps & number))
+        if (!(camera.maps & number))
+            continue;
+        for (const Json &effect : root["maps"][name]["holds"])
+            held_[effect.get<std::string>()] = id;
+        if (!maps)
             continue;
         profile.map_values(number); // refused if it is not as it was written
         take(id, profile.map(number).path);
-        for (const Json &effect : root["maps"][name]["holds"])
-            held_[effect.get<std::string>()] = id;
     }
 
     std::vector<std::string> left_out;
     for (const ClspProfileEffect &effect : profile.effects()) {
         const EffectSetting setting{effect.id, {effect.values, effect.values + effect.parameter_count}};
-        if (held_.count(setting.id))
+        if (maps && held_.count(setting.id))
             continue;
         if (changes_dots(setting.id))
             left_out.push_back(

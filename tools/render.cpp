@@ -471,6 +471,9 @@ class Renderer {
             console_.print("profile     " + config_.profile());
         for (const std::string &text : config_.replaced())
             console_.print("            " + text);
+        for (const auto &[id, name] : {std::pair{"sensor.dark_frame", "dark frame"}, {"sensor.gain_map", "gain map  "}})
+            if (has_sensor_ && !config_.text(id).empty())
+                console_.print(fmt::format("{}  {}", name, config_.text(id)));
         for (const EffectSetting &effect : config_.effects())
             console_.print("effect      " + effect_text(effect));
         const std::string of = has_sensor_ && black_level() != 0 ? " above the black level" : "";

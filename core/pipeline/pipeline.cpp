@@ -138,10 +138,10 @@ PipelineModel Pipeline::model() const {
     }
     if (stages_.sensor) {
         model.sensor = stages_.sensor->parameters();
-        if (!dark_frame_.empty())
-            model.sensor->dark_frame_dn = dark_frame_.data();
-        if (!gain_map_.empty())
-            model.sensor->gain_map = gain_map_.data();
+        if (!dark_frame_.values.empty())
+            model.sensor->dark_frame_dn = dark_frame_.values.data();
+        if (!gain_map_.values.empty())
+            model.sensor->gain_map = gain_map_.values.data();
     }
     return model;
 }
@@ -274,8 +274,12 @@ void Pipeline::keep_maps() {
     if (!stages_.sensor || base_)
         return;
     const SensorParameters &p = stages_.sensor->parameters();
-    const auto keep = [&](std::vector<float> &kept, const float *map) {
-        kept.assign(map, map ? map + std::size_t{p.width} * p.height : map);
+    const auto keep = [&](KeptMap &kept, const float *map) {
+        const std::size_t size = map ? std::size_t{p.width} * p.height : 0;
+        if (size == kept.values.size() && std::equal(map, map + size, kept.values.begin()))
+            return;
+        kept.values.assign(map, map + size);
+        kept.of_camera = false; // the sensor's owner has changed it
     };
     keep(dark_frame_, p.dark_frame_dn);
     keep(gain_map_, p.gain_map);
@@ -299,25 +303,32 @@ void Pipeline::configure(const PipelineModel &wanted) {
     use_model(wanted, changed_parts(model(), wanted));
 }
 
-void Pipeline::use_effects(Effects effects, PixelMaps maps) {
+void Pipeline::use_effects(Effects effects, std::optional<PixelMaps> maps) {
     keep_maps();
     PipelineModel base = base_ ? *base_ : model();
     // What the host may have changed since: the exposure.
     if (base.sensor)
         base.sensor->exposure_gain_dn = stages_.sensor->parameters().exposure_gain_dn;
     const PipelineModel before = with_effects(base, effects_);
-    if (!maps.dark_frame_dn.empty())
-        base.sensor->dark_frame_dn = maps.dark_frame_dn.data();
-    if (!maps.gain_map.empty())
-        base.sensor->gain_map = maps.gain_map.data();
+    // A camera's maps come and go with it.
+    const auto replaces = [&](const std::vector<float> &map, const KeptMap &kept) {
+        return stages_.sensor && (!map.empty() || kept.of_camera);
+    };
+    const bool new_dark_frame = maps && replaces(maps->dark_frame_dn, dark_frame_);
+    const bool new_gain_map = maps && replaces(maps->gain_map, gain_map_);
+    const auto pointer = [](const std::vector<float> &map) { return map.empty() ? nullptr : map.data(); };
+    if (new_dark_frame)
+        base.sensor->dark_frame_dn = pointer(maps->dark_frame_dn);
+    if (new_gain_map)
+        base.sensor->gain_map = pointer(maps->gain_map);
     const PipelineModel with = with_effects(base, effects);
     // Stages whose effects stay as they were are left alone.
     use_model(with, changed_parts(before, with));
     // The base's pointers stay good: what is moved keeps its place.
-    if (!maps.dark_frame_dn.empty())
-        dark_frame_ = std::move(maps.dark_frame_dn);
-    if (!maps.gain_map.empty())
-        gain_map_ = std::move(maps.gain_map);
+    if (new_dark_frame)
+        dark_frame_ = {std::move(maps->dark_frame_dn), true};
+    if (new_gain_map)
+        gain_map_ = {std::move(maps->gain_map), true};
     effects_ = std::move(effects);
     if (effects_.empty())
         base_.reset();
@@ -332,29 +343,32 @@ void Pipeline::set_effect(const std::string &id, const double *values, std::uint
     use_effects(std::move(effects));
 }
 
+void Pipeline::add_effects(Effects effects, const Effects &wanted, std::optional<PixelMaps> maps) {
+    for (const auto &[id, values] : wanted)
+        effects[id] =
+            check_effect_values(find_effect(id), values.data(), static_cast<std::uint32_t>(values.size()));
+    use_effects(std::move(effects), std::move(maps));
+}
+
 void Pipeline::set_effects(const Effects &wanted) {
-    set_camera(wanted, {});
+    add_effects(effects_, wanted);
 }
 
 void Pipeline::set_camera(const Effects &wanted, PixelMaps maps) {
-    const auto check = [&](const std::vector<float> &map, const float *own, const char *name) {
-        if (!map.empty() && own && !std::equal(map.begin(), map.end(), own))
+    keep_maps();
+    const auto check = [](const std::vector<float> &map, const KeptMap &own, const char *name) {
+        if (!map.empty() && !own.values.empty() && !own.of_camera && map != own.values)
             throw Error(Status::kInvalidArgument,
                         fmt::format("the sensor has a {0} already, and the camera has another one; make the sensor without "
                                     "{0}, or set the camera without its maps",
                                     name));
     };
-    if (stages_.sensor) {
-        check(maps.dark_frame_dn, stages_.sensor->parameters().dark_frame_dn, "dark_frame_dn");
-        check(maps.gain_map, stages_.sensor->parameters().gain_map, "gain_map");
-    }
+    check(maps.dark_frame_dn, dark_frame_, "dark_frame_dn");
+    check(maps.gain_map, gain_map_, "gain_map");
     Effects effects = effects_;
     for (const std::string &id : maps.holds)
         effects.erase(id);
-    for (const auto &[id, values] : wanted)
-        effects[id] =
-            check_effect_values(find_effect(id), values.data(), static_cast<std::uint32_t>(values.size()));
-    use_effects(std::move(effects), std::move(maps));
+    add_effects(std::move(effects), wanted, std::move(maps));
 }
 
 void Pipeline::clear_effect(const std::string &id) {

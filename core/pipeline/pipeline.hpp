@@ -83,7 +83,8 @@ class Pipeline {
     using Effects = std::map<std::string, std::vector<double>>;
     void set_effects(const Effects &effects);
     // The camera's own pixels: maps take the place of effects that they hold. Both are tightly packed; empty: none. They
-    // stay when effects go. Throws kInvalidArgument if the sensor has other maps already.
+    // stay when effects go; another camera's, or none, take their place. Throws kInvalidArgument if the sensor has maps
+    // that are no camera's.
     struct PixelMaps {
         std::vector<float> dark_frame_dn, gain_map;
         std::vector<std::string> holds;
@@ -116,7 +117,9 @@ class Pipeline {
     // applied: the parts that have been changed, also if a later one throws.
     void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
     void use_model(const PipelineModel &wanted, unsigned parts);
-    void use_effects(Effects effects, PixelMaps maps = {});
+    // maps: the camera's; nothing: they stay as they are.
+    void use_effects(Effects effects, std::optional<PixelMaps> maps = {});
+    void add_effects(Effects effects, const Effects &wanted, std::optional<PixelMaps> maps = {});
     // The sensor's maps, which changes of the sensor must not lose.
     void keep_maps();
     // The sensor's lag and the airflow begin anew.
@@ -150,7 +153,11 @@ class Pipeline {
     std::vector<FramePlan> plans_; // of the last frames; kept for their memory
     Effects effects_;
     std::optional<PipelineModel> base_; // without effects; while there are any
-    std::vector<float> dark_frame_, gain_map_; // of the base's sensor
+    struct KeptMap {
+        std::vector<float> values;
+        bool of_camera = false; // set_camera() brought it
+    };
+    KeptMap dark_frame_, gain_map_; // of the base's sensor
     // Light at the sensor; the laser's ideal image where it must be apart; the same and the materials behind the lens's
     // distortion; subsurface fractions. Empty where a frame needs none.
     DeviceBuffer light_, irradiance_, distorted_, distorted_material_, distorted_path_, distorted_correlation_,

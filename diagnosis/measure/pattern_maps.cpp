@@ -16,6 +16,7 @@ namespace clsp {
 namespace {
 
 constexpr double kBeyondChance = 4.0; // standard errors of a variance, at two frames: of more frames it is more
+constexpr std::size_t kBlock = 16;   // pixels along a side: more than neighbors share
 constexpr double kMostSignal = 0.9; // of the full well or of the converter's range: patterns are cut off beyond it
 
 // Variances of the two-way layout: of single pixels, of rows' means, of columns' means, each without what the others
@@ -35,7 +36,7 @@ struct MeanFrame {
     std::vector<std::uint8_t> unmasked; // by pixel
     std::vector<std::uint8_t> at_top;   // by pixel: in any frame
     double level = 0.0;                 // of unmasked pixels
-    double zero_share = 0.0;
+    double zero_share = 0.0;            // of codes, but for pixels that are always 0: those are defects, not noise
     Parts noise; // what is left of the noise over time; whole frames that flicker are none of it
 };
 
@@ -76,7 +77,7 @@ MeanFrame mean_frame(const Capture &capture, std::size_t sequence, double code_s
     std::vector<std::uint32_t> columns(width);
     double frame_sum = 0.0, frame_square = 0.0;
     long double squares = 0.0; // of codes
-    std::uint64_t zeros = 0;
+    std::uint64_t zeros = 0, dead = 0; // codes; pixels that are nothing but 0
     for (std::uint32_t t = 0; t < of.frame_count; ++t) {
         checkpoint();
         const std::uint16_t *codes = frame_of(capture, sequence, t, room);
@@ -118,9 +119,10 @@ MeanFrame mean_frame(const Capture &capture, std::size_t sequence, double code_s
     for (std::size_t i = 0; i < pixels; ++i) {
         result.mean[i] = double(sums[i]) / n;
         sum_squares += static_cast<long double>(sums[i]) * sums[i];
+        dead += result.unmasked[i] && sums[i] == 0u;
     }
     result.level = frame_sum / n;
-    result.zero_share = double(zeros) / std::max(1.0, n * used);
+    result.zero_share = (double(zeros) - n * double(dead)) / std::max(1.0, n * (used - double(dead)));
     if (of.frame_count < 2)
         return result;
     const auto variance = [n](double sum, double square) { return std::max(0.0, square - sum * sum / n) / (n - 1.0); };
@@ -141,6 +143,30 @@ MeanFrame mean_frame(const Capture &capture, std::size_t sequence, double code_s
     result.noise = Parts{pixel, rows, columns_part}.times(1.0 / n);
     result.noise.pixel += rounding_variance(whole, code_step);
     return result;
+}
+
+// By how much blocks of pixels differ, where that is more than single pixels of that variance make; else 0.
+template <typename Rest>
+double smooth_deviation(const ImageShape &shape, const std::vector<std::uint8_t> &counts, double pixel_variance,
+                        const Rest &rest) {
+    const std::size_t across = (shape.width + kBlock - 1) / kBlock, down = (shape.height + kBlock - 1) / kBlock;
+    std::vector<double> sums(across * down), used(across * down);
+    for (std::size_t i = 0; i < shape.size(); ++i)
+        if (counts[i]) {
+            const std::size_t block = i / shape.width / kBlock * across + i % shape.width / kBlock;
+            sums[block] += rest(i);
+            ++used[block];
+        }
+    double excess = 0.0, by_pixels = 0.0, squares = 0.0, blocks = 0.0;
+    for (std::size_t b = 0; b < sums.size(); ++b)
+        if (used[b] > 0.0) {
+            const double of_pixels = pixel_variance / used[b];
+            excess += std::pow(sums[b] / used[b], 2) - of_pixels;
+            by_pixels += of_pixels;
+            squares += 2.0 * of_pixels * of_pixels;
+            ++blocks;
+        }
+    return excess > std::max(by_pixels, kBeyondChance * std::sqrt(squares)) ? std::sqrt(excess / blocks) : 0.0;
 }
 
 // An image's pattern, taken apart and put together again without the noise's part of each variance. noise: of the
@@ -185,6 +211,7 @@ void hold_pattern(const ImageShape &shape, const std::vector<double> &image, con
     map.row_part = part(row_square, noise.row, double(shape.height) - 1.0);
     map.column_part = part(column_square, noise.column, double(shape.width) - 1.0);
     map.standard_error = std::sqrt(noise.total());
+    map.smooth_deviation = smooth_deviation(shape, usual, free > 0.0 ? squares / free : 0.0, rest);
     map.values.resize(shape.size());
     double all = 0.0, counted = 0.0;
     for (std::size_t i = 0; i < shape.size(); ++i) {
@@ -203,14 +230,18 @@ void hold_pattern(const ImageShape &shape, const std::vector<double> &image, con
 }
 
 // A map whose noise is larger than its pattern is not the camera's: patterns drawn anew are nearer.
-std::optional<PatternMap> told(PatternMap map, const char *name, const char *unit, std::vector<std::string> &notes) {
-    double sum = 0.0, squares = 0.0;
-    for (const float value : map.values) {
-        sum += double(value);
-        squares += double(value) * double(value);
-    }
-    const double count = double(map.values.size()), mean = sum / count;
-    const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+std::optional<PatternMap> told(PatternMap map, const std::vector<std::uint8_t> &counts, const char *name,
+                               const char *unit, std::vector<std::string> &notes) {
+    double sum = 0.0, squares = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < map.values.size(); ++i)
+        if (counts[i]) {
+            const double value = map.values[i];
+            sum += value;
+            squares += value * value;
+            ++count;
+        }
+    const double mean = sum / std::max(1.0, count);
+    const double deviation = std::sqrt(std::max(0.0, squares / std::max(1.0, count) - mean * mean));
     if (deviation > 0.0 && deviation >= map.standard_error)
         return map;
     notes.push_back(deviation > 0.0 ? fmt::format("no {} map: its noise, {:.3g}{}, is larger than its pattern, {:.3g}{}; "
@@ -335,7 +366,7 @@ class Measurement {
         hold_pattern(shape_, offsets_, counts_, dark_noise_, middle, map);
         for (double &offset : offsets_)
             offset += middle;
-        return told(std::move(map), "dark", " DN", notes);
+        return told(std::move(map), counts_, "dark", " DN", notes);
     }
 
     std::optional<PatternMap> gain_map(std::vector<std::string> &notes) {
@@ -375,13 +406,22 @@ class Measurement {
             counts[i] = weights[i] > 0.0;
             gains[i] = counts[i] ? gains[i] / weights[i] : 1.0;
         }
+        if (std::none_of(counts.begin(), counts.end(), [](std::uint8_t c) { return c; })) {
+            notes.push_back("no gain map: no pixel counts in both a dark sequence and a flat; let their masks share some");
+            return {};
+        }
         PatternMap map = map_of(flats);
         hold_pattern(shape_, gains, counts,
                      noise.times(1.0 / (whole * whole)).plus(dark_noise_.times(std::pow(of_dark / whole, 2))), 1.0,
                      map);
         for (float &gain : map.values)
             gain = std::max(gain, 0.0f);
-        return told(std::move(map), "gain", "", notes);
+        std::optional<PatternMap> result = told(std::move(map), counts, "gain", "", notes);
+        if (result && result->smooth_deviation > 0.0)
+            notes.push_back(fmt::format("the gain map holds light: parts of the image differ by {:.2g} %, which is no "
+                                        "pixel's own; light the flat more evenly, with a diffuser",
+                                        100.0 * result->smooth_deviation));
+        return result;
     }
 
     // Makes the mean frame one of relative gains: light above the dark, straightened, over the smooth light that lamp

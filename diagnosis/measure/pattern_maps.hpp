@@ -22,12 +22,14 @@ struct PatternMap {
     // By which the pattern that the mean shows was multiplied, so that noise does not add to its variance: of single
     // pixels, of whole rows, of whole columns. Defects stay as they are.
     double pixel_part = 1.0, row_part = 1.0, column_part = 1.0;
+    // Of the blocks of pixels: what changes slowly over the image, and is rather the light's than the pixels'.
+    double smooth_deviation = 0.0;
 };
 
 struct PatternMaps {
     std::optional<PatternMap> dark; // DN above the black level
     std::optional<PatternMap> gain; // over the image's mean
-    std::vector<std::string> notes; // why one is missing though the capture has such sequences
+    std::vector<std::string> notes; // why one is missing though the capture has such sequences, or what else is in it
 };
 
 // Of all frames and all pixels of the sequences that were judged and do not change. Larger images have none: it takes

@@ -42,8 +42,13 @@ std::string stem_of(const fs::path &path) {
 
 } // namespace
 
+// Beside the profile; of a link to a profile also beside what it leads to.
 std::string map_path(const CameraProfile &profile, ProfileMapKind kind) {
-    return (fs::path(profile.path).parent_path() / map_of(profile, kind).file).string();
+    const fs::path path(profile.path), beside = path.parent_path() / map_of(profile, kind).file;
+    std::error_code none;
+    if (fs::exists(beside, none) || !fs::is_symlink(path, none))
+        return beside.string();
+    return (fs::weakly_canonical(path, none).parent_path() / map_of(profile, kind).file).string();
 }
 
 std::shared_ptr<const std::vector<float>> map_values(const CameraProfile &profile, ProfileMapKind kind) {

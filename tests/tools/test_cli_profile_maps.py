@@ -149,7 +149,7 @@ def test_options_replace_maps_and_say_so(ok, refused, here: Path) -> None:
     own = ok(*common, "--dark-frame", "own.npy").json()
     assert any("--dark-frame" in text and "camera.dark.npy" in text for text in own["profile"]["replaced"])
     both = ok(*common, "--effect", "dsnu:sigma_dn=3").json()
-    assert any("--effect dsnu:sigma_dn=3 is drawn on top of" in text for text in both["warnings"])
+    assert any("the effect dsnu:sigma_dn=3 is drawn on top of" in text for text in both["warnings"])
     assert "--profile-maps off: name the profile, too" in refused("render", "flat.npy", "-o", "none", "--profile-maps", "off")
     # What was rendered can be rendered again without the profile.
     ok("render", "flat.npy", "-o", "again", "--config", "out/config.json")
@@ -181,6 +181,64 @@ def test_maps_that_are_not_those_are_refused(ok, refused, here: Path, change: st
         assert word in message, message
     assert not (here / "none").exists()
     ok(*common, "-o", "out", "--profile-maps", "off")  # what the message says
+
+
+def test_patterns_on_top_of_a_configuration_are_told(ok, here: Path) -> None:
+    """Without the profile's maps its patterns are drawn: a configuration that has the maps would have them twice."""
+    common = ["render", "flat.npy", "--profile", "camera.json", "--no-preview", "--exposure-gain", 100]
+    printed = ok(*common, "-o", "with").out
+    assert "dark frame  " in printed and "camera.gain.npy" in printed
+    ok(*common, "-o", "anew", "--profile-maps", "off")
+    config = {"sensor": {"dark_frame": str(here / "camera.dark.npy")}}
+    (here / "mine.json").write_text(json.dumps(config))
+    twice = ok(*common, "-o", "twice", "--profile-maps", "off", "--config", "mine.json", "--json").json()
+    told = [text for text in twice["warnings"] if "is drawn on top of" in text]
+    assert any("dsnu" in text and "leave one of them out" in text for text in told) and not any("prnu" in text for text in told)
+
+
+def test_a_link_to_a_profile_finds_its_maps(ok, here: Path) -> None:
+    (here / "elsewhere").mkdir()
+    (here / "elsewhere" / "mine.json").symlink_to(here / "camera.json")
+    ok("render", "flat.npy", "-o", "out", "--profile", "elsewhere/mine.json", "--no-preview", "--exposure-gain", 100)
+
+
+def notes_of(ok, folder: Path, sequences: dict[str, tuple[str, np.ndarray]], masks: dict[str, np.ndarray]) -> tuple[set[str], str]:
+    """The maps of a diagnosis, and its notes on them."""
+    write_set(folder / "real", sequences)
+    capture = json.loads((folder / "real" / "capture.json").read_text())
+    for sequence in capture["sequences"]:
+        if sequence["name"] in masks:
+            sequence["mask"] = f"mask_{sequence['name']}.npy"
+            np.save(folder / "real" / sequence["mask"], masks[sequence["name"]].astype(np.uint8))
+    (folder / "real" / "capture.json").write_text(json.dumps(capture))
+    ok("diagnose", "real", "--profile", "camera.json", "--seed", 1)
+    maps = json.loads((folder / "camera.json").read_text())["maps"]
+    return set(maps) - {"notes"}, " ".join(maps["notes"])
+
+
+def test_a_dead_pixel_takes_no_map_and_uneven_light_is_told(ok, tmp_path: Path) -> None:
+    """A lamp with a spot of 6 % and 12 pixels across is no polynomial of low degree; its blocks differ by about 1.3 %, chance makes 0.14 %."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    spot = 1 + 0.06 * np.exp(-((x - 60) ** 2 + (y - 30) ** 2) / (2 * 12**2))
+    dark, flat = record(np.zeros((HEIGHT, WIDTH)), FRAMES, 1), record(lamp() * spot, FRAMES, 2)
+    dark[:, 20, 30] = flat[:, 20, 30] = 0
+    maps, notes = notes_of(ok, tmp_path, {"dark": ("dark", dark), "flat": ("flat", flat)}, {})
+    assert maps == {"dark", "gain"}
+    assert "the gain map holds light: parts of the image differ by" in notes and "at 0" not in notes
+    assert np.load(tmp_path / "camera.dark.npy")[20, 30] == pytest.approx(-BLACK, abs=1)
+
+
+def test_a_map_below_its_noise_and_masks_without_a_common_pixel(ok, tmp_path: Path) -> None:
+    """DSNU of 0.3 DN is beyond chance in 7680 pixels, but a pixel of 16 frames with a read noise of 3 DN is off by 0.75 DN."""
+    rng = np.random.default_rng(5)
+    offsets = rng.normal(0, 0.3, (HEIGHT, WIDTH))
+    codes = [BLACK + offsets + light + rng.normal(0, noise, (FRAMES, HEIGHT, WIDTH)) for light, noise in ((0, 3), (400, 9))]
+    left = np.broadcast_to(np.arange(WIDTH) < WIDTH // 2, (HEIGHT, WIDTH))
+    dark, flat = (np.clip(np.rint(c), 0, 1023).astype(np.uint16) for c in codes)
+    maps, notes = notes_of(ok, tmp_path, {"dark": ("dark", dark), "flat": ("flat", flat)}, {"dark": left, "flat": ~left})
+    assert not maps
+    assert "no dark map: its noise, 0.75" in notes and "is larger than its pattern, 0.3" in notes
+    assert "no gain map: no pixel counts in both a dark sequence and a flat" in notes
 
 
 @pytest.mark.parametrize(
@@ -226,3 +284,8 @@ def test_files_are_not_overwritten(refused, here: Path, diagnosed: Path) -> None
     assert "its map x.dark.npy is what another option names" in refused("diagnose", diagnosed / "real", "--profile", "x.json", "--json", "x.dark.npy")
     (here / "x.gain.npy").mkdir()
     assert "x.gain.npy: is a folder" in refused("diagnose", diagnosed / "real", "--profile", "x.json", code=3)
+    assert "/dev/null: is no regular file" in refused("diagnose", diagnosed / "real", "--profile", "/dev/null", code=3)
+    (here / "mine.json").write_text("{}")
+    for option in ("--hypothesis", "--tolerance"):
+        message = refused("diagnose", diagnosed / "real", option, "mine.json", "--profile", "mine.json")
+        assert "mine.json: is read, too; choose another file for the output" in message

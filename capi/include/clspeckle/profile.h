@@ -154,7 +154,7 @@ CLSP_API ClspStatus clspProfileDescribe(ClspProfile profile, const char *sequenc
  */
 CLSP_API ClspStatus clspPipelineSetProfile(ClspPipeline pipeline, ClspProfile profile);
 /** The same with some of the profile's maps. @param maps CLSP_PROFILE_MAP_*, added up; those that the profile has not are left out. 0: none;
- *  all fixed patterns are drawn anew from their deviations. */
+ *  all fixed patterns are drawn anew from their deviations. Maps that an earlier profile brought go. */
 CLSP_API ClspStatus clspPipelineSetProfileMaps(ClspPipeline pipeline, ClspProfile profile, uint32_t maps);
 
 #ifdef __cplusplus

@@ -198,6 +198,12 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
         assert "dsnu" not in anew.effects
         mapped, again = (pipeline.render(ideal, frame_index=5, refresh="all") for pipeline in (camera, anew))
         np.testing.assert_array_equal(mapped, again)
+        with clspeckle.Pipeline.from_profile(read, maps=False, **given) as drawn:
+            anew.set_profile(read, maps=False)  # the maps go that the last call brought
+            frames = (pipeline.render(ideal, frame_index=6, refresh="all") for pipeline in (drawn, anew))
+            np.testing.assert_array_equal(*frames)
+            by_hand.set_profile(read, maps=False)  # the sensor's own maps stay
+            assert not np.array_equal(drawn.render(ideal, frame_index=7), by_hand.render(ideal, frame_index=7))
         with pytest.raises(TypeError, match="maps"):
             anew.set_profile(read, maps=2)  # type: ignore[arg-type]
     with pytest.raises(errors.InvalidArgumentError, match="the sensor has a gain_map already"):

@@ -686,6 +686,7 @@ class Pipeline(Stage):
             profile: the camera.
             maps: True: the profile's maps, where it has any, become the sensor's dark frame and gain map, in the place
                 of the effects that they hold; they stay when effects are cleared. False: fixed patterns are drawn anew.
+                Maps that an earlier call brought go.
 
         Raises:
             InvalidArgumentError: the pipeline is another camera: size, bits, pixel pitch or wavelength differ, or it
