@@ -21,6 +21,7 @@ struct Strength {
     std::size_t parameter; // of the effect
     double strength;
     double reach = kStrengths.weakest; // how far it may go where the search ends before (ModelFit::go_on)
+    bool held = false;                 // a lower rung told it: only fine fits move it (ModelFit::polish)
 };
 
 struct ModelEffect {
@@ -41,6 +42,10 @@ struct EffectModel {
     // strength, still to be made; or none.
     std::size_t slight_count(const Eigen::VectorXd &step) const;
     EffectModel first(std::size_t count) const;
+    void hold(bool held) {
+        for (Strength &s : strengths)
+            s.held = held;
+    }
     // Of each strength from that of a model of the same effects.
     Eigen::VectorXd distance_from(const EffectModel &other) const;
     // How far to go with a strength for a finite difference. part: of the usual one; below 0: the other way.
@@ -59,6 +64,12 @@ inline bool is_at(double strength, double end) {
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
 // A step of strengths, each bounded; the largest one.
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrengths.strongest);
+
+// How far each strength may go, down and up; nowhere where it is held.
+struct StrengthBounds {
+    Eigen::VectorXd lower, upper;
+};
+StrengthBounds bounds_of(const EffectModel &model, double strongest = kStrengths.strongest);
 
 // A fitted parameter of a model.
 struct FittedParameter {

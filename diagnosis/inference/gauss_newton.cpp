@@ -50,7 +50,8 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
     const auto solve = [&](GaussNewtonFit &fit, const Eigen::VectorXd &mean) {
         const Eigen::VectorXd target = origin.covariance.whiten(target_of_origin - mean);
         const Eigen::MatrixXd columns = whiten_columns(origin.covariance, fit.jacobian);
-        step = solve_least_squares(columns, target);
+        const StrengthBounds bounds = bounds_of(fit.model, options.strongest);
+        step = solve_bounded(columns, target, bounds.lower, bounds.upper);
         fit.square = (target - columns * step).squaredNorm();
     };
     for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {

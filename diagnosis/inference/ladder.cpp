@@ -101,6 +101,8 @@ SearchStart climb(const std::shared_ptr<Context> &context, const Capture &captur
             continue;
         start.model = std::move(found.model);
         start.steps = std::move(found.steps);
+        // Where all is explained the strengths are right. A large gap above would draw them away, and few come back.
+        start.model.hold(left.empty());
     }
     start.unexplained = unexplained_by(left, runner);
     return start;

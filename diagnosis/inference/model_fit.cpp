@@ -229,7 +229,9 @@ bool ModelFit::go_on(EffectModel &model, Pool &pool, FittedModel &fitted, double
 }
 
 void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, double at) {
+    const std::vector<Strength> before = model.strengths;
     EffectModel moved = model;
+    moved.hold(false);
     if (move_strengths(moved, fitted.step, strongest_) < kFit.least_step)
         return;
     FitOptions fine;
@@ -239,6 +241,8 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
     fine.part = kFit.fine;
     fine.worth = worth_replacing(fitted);
     replace(model, pool, fitted, std::move(moved), fine);
+    for (std::size_t p = 0; p < before.size(); ++p)
+        model.strengths[p].held = before[p].held;
 }
 
 bool ModelFit::replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start,

@@ -671,6 +671,7 @@ void Search::find() {
     if (state_.models.empty())
         return;
     fits_.set_strongest(state_.strongest);
+    state_.model.hold(false);
     fits_.judge(state_.models.back(), state_.models.back().model.replicates(), fits_.options().model_replicates, kEnd,
                 kEnd);
     fits_.confirm(state_.models.back(), kEnd);

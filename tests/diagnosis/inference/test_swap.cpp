@@ -2,6 +2,7 @@
 // simulator's own.
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/candidate.hpp"
+#include "inference/least_squares.hpp"
 #include "inference/swap.hpp"
 #include "inference/thresholds.hpp"
 #include "measure/verdict.hpp"
@@ -315,6 +316,38 @@ TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
     const double polished = fitted.score;
     fits.polish(model, pool, fitted, 0.0);
     EXPECT_LE(fitted.score, polished);
+}
+
+// |t - A b|^2 with b_0 + b_1 = 3, b_1 = 1: without bounds b = (2, 1). With b_0 at most 1 the best b_1 is 1.5, between what both rows ask for.
+TEST_F(Swap, WhatIsBoundedStaysAndTheOthersFollow) {
+    Eigen::MatrixXd a(2, 2);
+    a << 1, 1, 0, 1;
+    const Eigen::Vector2d t(3, 1), wide(9, 9), narrow(1, 9);
+    EXPECT_TRUE(solve_bounded(a, t, -wide, wide).isApprox(Eigen::Vector2d(2, 1), 1e-12));
+    EXPECT_TRUE(solve_bounded(a, t, -wide, narrow).isApprox(Eigen::Vector2d(1, 1.5), 1e-12));
+    EXPECT_TRUE(solve_bounded(a, t, Eigen::Vector2d(2.5, 0), wide).isApprox(Eigen::Vector2d(2.5, 0.75), 1e-12));
+    EXPECT_TRUE(solve_bounded(a, t, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()).isZero());
+}
+
+// A held strength stays in a fit, and moves with all others in a fine one; it is held still.
+TEST_F(Swap, AHeldStrengthMovesInFineFitsAlone) {
+    ReplicateRunner runner(context(), simulated({{"row_noise", {2.0}}, {"dsnu", {2.0}}}, kCaptureSeed + 9), {}, 2);
+    ModelFit fits(runner, options(), {});
+    fits.fit_baseline(0.0);
+    const Candidate &rows = candidate("row_noise");
+    EffectModel model;
+    model.add(rows, 1.0, rows.strength(0, 2.3));
+    model.hold(true);
+    model.add(candidate("dsnu"), 1.0, 0.2);
+    const double held = model.strengths.front().strength, other = model.strengths.back().strength;
+    Pool pool;
+    FittedModel fitted = fits.fit(model, pool, all_replicates(fits));
+    EXPECT_EQ(held, model.strengths.front().strength);
+    EXPECT_NE(other, model.strengths.back().strength);
+    fits.polish(model, pool, fitted, 0.0);
+    EXPECT_NEAR(2.0, model.settings().front().values.front(), 0.15);
+    EXPECT_TRUE(model.strengths.front().held);
+    EXPECT_FALSE(model.strengths.back().held);
 }
 
 // A display's gamma lies beyond where the search for one ends (0.57).
