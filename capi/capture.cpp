@@ -9,6 +9,7 @@
 #include "capture_handle.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
+#include "io/json_file.hpp"
 #include "progress.hpp"
 #include "report/emva_report.hpp"
 #include "status.hpp"
@@ -303,7 +304,7 @@ CLSP_API ClspStatus clspCaptureGetEmva1288Json(ClspCapture capture, uint64_t cap
     return guarded("clspCaptureGetEmva1288Json", [&] {
         const auto c = object(capture);
         validate_capture(*c);
-        give_text(emva_json(emva_of(*c)).dump(1), capacity, text, length, "text");
+        give_text(image_io::json_text(emva_json(emva_of(*c)), 1), capacity, text, length, "text");
     });
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "clspeckle/types.h"
+#include "fork.hpp"
 #include "pipeline/pipeline.hpp"
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
@@ -75,6 +76,7 @@ template <typename Handle> class HandleTable {
     }
 
     std::shared_ptr<Object> get(Handle handle) const {
+        refuse_fork();
         const std::shared_lock<std::shared_mutex> lock(mutex_);
         return find(handle).object;
     }
@@ -85,7 +87,7 @@ template <typename Handle> class HandleTable {
     }
 
     void release(Handle handle) {
-        if (!handle)
+        if (!handle || was_forked())
             return;
         std::unique_ptr<Entry> last; // destroyed after the lock is given up
         const std::unique_lock<std::shared_mutex> lock(mutex_);

@@ -63,6 +63,7 @@ ClspContextDesc context_defaults() {
     if (!queue)
         throw Error(Status::kInvalidArgument,
                     "queue is NULL; make one with clspQueueCreate() or clCreateCommandQueue()");
+    refuse_fork();
     ::cl_context context = nullptr;
     check_opencl(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, nullptr),
                  "clGetCommandQueueInfo");
@@ -106,6 +107,7 @@ CLSP_API ClspStatus clspDeviceList(uint32_t capacity, ClspDeviceInfo *devices, u
             throw Error(Status::kInvalidArgument, "devices is NULL although capacity is not 0");
         if (capacity > 0)
             check_struct_size(devices->struct_size, kFirstSize<ClspDeviceInfo>, "devices");
+        begin_opencl();
         const std::vector<DeviceRecord> records = list_devices();
         const std::uint32_t stride = capacity > 0 ? devices->struct_size : 0;
         for (std::uint32_t i = 0; i < capacity && i < records.size(); ++i) {
@@ -120,6 +122,7 @@ CLSP_API ClspStatus clspDeviceList(uint32_t capacity, ClspDeviceInfo *devices, u
 
 CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, char *text, uint64_t *length) {
     return guarded("clspDeviceExplain", [&] {
+        begin_opencl();
         give_text(explain_devices(text_or_empty(selector)), capacity, text, length, "text");
     });
 }
@@ -129,6 +132,7 @@ CLSP_INIT(ContextDesc, desc, context_defaults())
 CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *context) {
     return guarded("clspContextCreate", [&] {
         required(context, "context");
+        begin_opencl();
         const ClspContextDesc d = desc ? read_struct(desc, context_defaults(), "desc") : context_defaults();
         ContextParameters parameters;
         parameters.host_context = d.cl_context_handle;
@@ -194,7 +198,7 @@ CLSP_API ClspStatus clspQueueFinish(cl_command_queue queue) {
 
 CLSP_API ClspStatus clspQueueRelease(cl_command_queue queue) {
     return guarded("clspQueueRelease", [&] {
-        if (queue)
+        if (queue && !was_forked())
             check_opencl(clReleaseCommandQueue(queue), "clReleaseCommandQueue");
     });
 }
@@ -217,7 +221,7 @@ CLSP_API ClspStatus clspBufferCreate(ClspContext context, uint64_t size_bytes, c
 
 CLSP_API ClspStatus clspBufferRelease(cl_mem mem) {
     return guarded("clspBufferRelease", [&] {
-        if (mem)
+        if (mem && !was_forked())
             check_opencl(clReleaseMemObject(mem), "clReleaseMemObject");
     });
 }
@@ -254,6 +258,7 @@ CLSP_API ClspStatus clspEventWait(uint32_t num_events, const cl_event *events) {
     return guarded("clspEventWait", [&] {
         if (num_events == 0 || !events)
             throw Error(Status::kInvalidArgument, "num_events is 0 or events is NULL; give at least one event");
+        refuse_fork();
         for (std::uint32_t i = 0; i < num_events; ++i)
             if (!events[i])
                 throw Error(Status::kInvalidArgument, fmt::format("events[{}] is NULL", i));
@@ -263,7 +268,7 @@ CLSP_API ClspStatus clspEventWait(uint32_t num_events, const cl_event *events) {
 
 CLSP_API ClspStatus clspEventRelease(cl_event event) {
     return guarded("clspEventRelease", [&] {
-        if (event)
+        if (event && !was_forked())
             check_opencl(clReleaseEvent(event), "clReleaseEvent");
     });
 }

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <mutex>
 #include <set>
+#include <string_view>
 #include <system_error>
 #include <tuple>
 
@@ -38,7 +39,7 @@ std::string random_name() {
     return fmt::format("{}{:0{}x}{}", prefix, number, digits, ending);
 }
 
-bool is_temporary(const std::string &name) {
+bool is_temporary(std::string_view name) {
     if (name.compare(0, prefix.size(), prefix) != 0 ||
         name.compare(std::min(name.size(), prefix.size() + digits), ending.size(), ending) != 0)
         return false;
@@ -53,23 +54,37 @@ std::string folder_of(const std::string &path) {
     return slash == std::string::npos ? "" : path.substr(0, slash + 1);
 }
 
+/** Removes a folder that holds files alone. */
+void remove_folder(int parent, const char *name) noexcept {
+    const int descriptor = ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (descriptor < 0)
+        return;
+    if (DIR *folder = ::fdopendir(descriptor)) {
+        while (const dirent *entry = ::readdir(folder))
+            ::unlinkat(descriptor, entry->d_name, 0); // refused for "." and ".."
+        ::closedir(folder);
+    } else {
+        ::close(descriptor);
+    }
+    ::unlinkat(parent, name, AT_REMOVEDIR);
+}
+
 /** Removes what a killed program of this user left in a folder. */
-void sweep(DIR *folder, const std::string &path) {
+void sweep(DIR *folder) noexcept {
     while (const dirent *entry = ::readdir(folder)) {
-        const std::string name = entry->d_name;
+        const char *name = entry->d_name;
         if (!is_temporary(name))
             continue;
-        const int one = ::openat(::dirfd(folder), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+        const int one = ::openat(::dirfd(folder), name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
         struct stat status {};
         if (one < 0)
             continue;
         // Who writes holds the lock.
         if (::fstat(one, &status) == 0 && status.st_uid == ::geteuid() && ::flock(one, LOCK_EX | LOCK_NB) == 0) {
-            std::error_code ignored;
             if (S_ISREG(status.st_mode))
-                ::unlinkat(::dirfd(folder), name.c_str(), 0);
+                ::unlinkat(::dirfd(folder), name, 0);
             else if (S_ISDIR(status.st_mode))
-                std::filesystem::remove_all(path + name, ignored);
+                remove_folder(::dirfd(folder), name);
         }
         ::close(one);
     }
@@ -90,7 +105,7 @@ void sweep_once(const std::string &path) {
         ::close(descriptor);
         return;
     }
-    sweep(folder, path);
+    sweep(folder);
     ::closedir(folder);
 }
 
@@ -154,13 +169,20 @@ std::string make_temporary_folder(const std::string &path, TemporaryLock &lock) 
         }
         const int descriptor = ::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
         if (descriptor < 0) {
-            if (errno == ENOENT) // swept
+            const int code = errno;
+            if (code == ENOENT) // swept
                 continue;
+            ::rmdir(name.c_str());
+            errno = code;
             fail();
         }
         if (lock.take(descriptor))
             return name;
     }
+}
+
+void remove_temporary_folder(const std::string &path) noexcept {
+    remove_folder(AT_FDCWD, path.c_str());
 }
 
 } // namespace image_io

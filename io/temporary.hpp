@@ -30,6 +30,9 @@ std::string make_temporary_file(const std::string &path, TemporaryLock &lock, in
 /** Makes an empty folder beside `path`. @return its name. Throws std::system_error. */
 std::string make_temporary_folder(const std::string &path, TemporaryLock &lock);
 
+/** Removes a folder that make_temporary_folder() made, or that took its place, and the files in it. */
+void remove_temporary_folder(const std::string &path) noexcept;
+
 } // namespace image_io
 
 #endif // CLSPECKLE_IO_TEMPORARY_HPP

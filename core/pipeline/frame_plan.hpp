@@ -173,6 +173,25 @@ struct Expose {
     void enqueue(CommandChain &chain) { sensor->enqueue_expose(chain, light, number, output); }
 };
 
+// Whether later frames begin with what a step leaves, so that to run it twice is not to run it once: from its first
+// command on, or from its last.
+enum class Moves { kNothing, kFirst, kLast };
+template <typename Step> Moves moves_on(const Step &) {
+    return Moves::kNothing;
+}
+inline Moves moves_on(const AdvancePhase &) {
+    return Moves::kLast;
+}
+inline Moves moves_on(const AdvanceAir &) {
+    return Moves::kFirst;
+}
+inline Moves moves_on(const Image &step) {
+    return step.exposure.exposed && step.exposure.exposed->sensor->lags() ? Moves::kLast : Moves::kNothing;
+}
+inline Moves moves_on(const Expose &step) {
+    return step.sensor->lags() ? Moves::kLast : Moves::kNothing;
+}
+
 } // namespace frame_step
 
 class FramePlan {
@@ -183,9 +202,17 @@ class FramePlan {
         step.check();
         steps_.push_back(std::move(step));
     }
-    void enqueue(CommandChain &chain) {
+    // moved: becomes true with the first step that moves on.
+    void enqueue(CommandChain &chain, bool &moved) {
         for (Step &step : steps_)
-            std::visit([&](auto &s) { s.enqueue(chain); }, step);
+            std::visit(
+                [&](auto &s) {
+                    const frame_step::Moves moves = moves_on(s);
+                    moved = moved || moves == frame_step::Moves::kFirst;
+                    s.enqueue(chain);
+                    moved = moved || moves == frame_step::Moves::kLast;
+                },
+                step);
     }
 
   private:

@@ -653,6 +653,13 @@ void Pipeline::plan_frame(FramePlan &plan, const Frame &frame, bool fresh) {
 void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::size_t count, cl_uint num_waits,
                               const cl_event *waits, cl_event *event) {
     // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
+    if (half_moved_ && count > 0) {
+        if (frames[0].refresh != Refresh::kAll)
+            throw Error(Status::kInvalidState,
+                        "an earlier frame failed after it had begun to move surface, air or lag, so that a frame now would "
+                        "be neither the same nor the next; begin anew with refresh CLSP_REFRESH_ALL");
+        forget_frames();
+    }
     context_->check_queue(queue);
     check_wait_list(context_->cl_context()(), num_waits, waits);
     plans_.resize(std::max(plans_.size(), count));
@@ -671,14 +678,21 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::
         }
 
     CommandChain chain(queue, num_waits, waits, &next_profile_);
-    for (std::size_t i = 0; i < count; ++i) {
-        next_profile_.entries.clear();
-        plans_[i].enqueue(chain);
-        if (i + 1 == count)
-            chain.finish(event);
-        // Only now is it the last frame: a refused one leaves the times of the one before.
-        std::swap(profile_, next_profile_);
-        has_frame_ = true;
+    bool moved = false;
+    try {
+        for (std::size_t i = 0; i < count; ++i) {
+            next_profile_.entries.clear();
+            plans_[i].enqueue(chain, moved);
+            if (i + 1 == count)
+                chain.finish(event);
+            // Only now is it the last frame: a refused one leaves the times of the one before.
+            std::swap(profile_, next_profile_);
+            has_frame_ = true;
+        }
+        half_moved_ = false;
+    } catch (...) {
+        half_moved_ = half_moved_ || moved;
+        throw;
     }
 }
 
@@ -696,11 +710,15 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
     CommandChain save(queue, 0, nullptr);
     phase.enqueue_save(save, saved.get()(), 0);
     check_opencl(clFinish(queue), "clFinish");
+    const bool half_moved = half_moved_;
     const auto restore = [&] {
+        half_moved_ = true; // until it is done
         CommandChain chain(queue, 0, nullptr);
         phase.enqueue_restore(chain, saved.get()(), 0);
         phase.set_epoch(epoch);
         check_opencl(clFinish(queue), "clFinish");
+        forget_frames();
+        half_moved_ = half_moved;
     };
     try {
         enqueue_frame(queue, frame, 0, nullptr, nullptr);
@@ -710,12 +728,12 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         throw;
     }
     restore();
-    forget_frames();
 }
 
 void Pipeline::forget() {
     stages_.phase->forget();
     forget_frames();
+    half_moved_ = false;
 }
 
 void Pipeline::forget_frames() {

@@ -23,6 +23,7 @@ void CommandChain::run(const char *stage, const cl::Kernel &kernel, std::size_t 
                                    depth};
     const std::size_t local[3] = {local_width, 1, 1};
     const cl_uint dimensions = depth > 1 ? 3 : height > 1 ? 2 : 1;
+    make_room();
     cl_event event = nullptr;
     LaunchGuard::launch(queue_, kernel(), {global[0], global[1], global[2], local_width}, [&] {
         check_opencl(clEnqueueNDRangeKernel(queue_, kernel(), dimensions, nullptr, global,
@@ -35,11 +36,17 @@ void CommandChain::run(const char *stage, const cl::Kernel &kernel, std::size_t 
 
 void CommandChain::copy(const char *stage, cl_mem from, std::size_t from_offset, cl_mem to, std::size_t to_offset,
                         std::size_t bytes) {
+    make_room();
     cl_event event = nullptr;
     check_opencl(clEnqueueCopyBuffer(queue_, from, to, from_offset, to_offset, bytes, num_waits_, waits_,
                                      wants_events_ ? &event : nullptr),
                  "clEnqueueCopyBuffer");
     took(stage, event);
+}
+
+void CommandChain::make_room() {
+    if (profile_ && profile_->entries.size() == profile_->entries.capacity())
+        profile_->entries.reserve(2 * profile_->entries.capacity() + 16);
 }
 
 void CommandChain::took(const char *stage, cl_event event) {

@@ -44,6 +44,7 @@ class CommandChain {
 
     // A command of another library: function(num_waits, waits, event or nullptr).
     template <typename Function> void run_foreign(const char *stage, Function function) {
+        make_room();
         cl_event event = nullptr;
         function(num_waits_, waits_, wants_events_ ? &event : nullptr);
         took(stage, event);
@@ -53,6 +54,8 @@ class CommandChain {
     void finish(cl_event *event);
 
   private:
+    // Before a command, so that nothing can fail between it and its event's place.
+    void make_room();
     void took(const char *stage, cl_event event);
 
     cl_command_queue queue_;

@@ -63,6 +63,21 @@ DeviceRecord inspect(const cl::Platform &platform, const cl::Device &device, std
     return record;
 }
 
+// A driver that does not tell its devices: one that cannot be used, so that it is told why.
+DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, const cl::Error &error) {
+    DeviceRecord record;
+    record.platform = platform;
+    record.selector = fmt::format("{}:0", p);
+    record.name = "no device";
+    try {
+        record.platform_name = trimmed(platform.getInfo<CL_PLATFORM_NAME>());
+    } catch (const cl::Error &) {
+        record.platform_name = "a platform without a name";
+    }
+    record.reason = fmt::format("the driver failed to list its devices: {}", opencl_code_name(error.err()));
+    return record;
+}
+
 int kind_rank(const DeviceRecord &record) {
     if (record.type & CL_DEVICE_TYPE_GPU)
         return 0;
@@ -140,16 +155,21 @@ std::vector<DeviceRecord> list_devices() {
     std::vector<cl::Platform> platforms;
     try {
         cl::Platform::get(&platforms);
-    } catch (const cl::Error &) {
+    } catch (const cl::Error &error) {
         // The loader reports "no platform" as an error; to us it is an empty list.
+        constexpr cl_int kNoPlatform = -1001; // CL_PLATFORM_NOT_FOUND_KHR
+        if (error.err() != kNoPlatform)
+            throw from_opencl(error.err(), "clGetPlatformIDs");
     }
     std::vector<DeviceRecord> records;
     for (std::size_t p = 0; p < platforms.size(); ++p) {
         std::vector<cl::Device> devices;
         try {
             platforms[p].getDevices(CL_DEVICE_TYPE_ALL, &devices);
-        } catch (const cl::Error &) {
-            continue; // a platform without devices
+        } catch (const cl::Error &error) {
+            if (error.err() != CL_DEVICE_NOT_FOUND) // else a platform without devices
+                records.push_back(silent_platform(platforms[p], p, error));
+            continue;
         }
         for (std::size_t d = 0; d < devices.size(); ++d)
             records.push_back(inspect(platforms[p], devices[d], p, d));

@@ -37,7 +37,8 @@ class WideHash {
             add_word(word);
         }
         std::uint64_t last = 0;
-        std::memcpy(&last, from, bytes);
+        if (bytes > 0) // nothing may be at nullptr
+            std::memcpy(&last, from, bytes);
         add_word(last);
     }
     void add(double value) {

@@ -73,8 +73,10 @@ MemoryInfo inspect(cl_mem mem, const char *name, ::cl_context context) {
     cl_mem_object_type type = 0;
     std::size_t bytes = 0, offset = 0;
     cl_mem parent = nullptr;
-    if (clGetMemObjectInfo(mem, CL_MEM_CONTEXT, sizeof mem_context, &mem_context, nullptr) != CL_SUCCESS)
-        throw Error(Status::kInvalidArgument, fmt::format("{} is not a valid cl_mem", name), CL_INVALID_MEM_OBJECT);
+    const cl_int asked = clGetMemObjectInfo(mem, CL_MEM_CONTEXT, sizeof mem_context, &mem_context, nullptr);
+    if (asked == CL_INVALID_MEM_OBJECT)
+        throw Error(Status::kInvalidArgument, fmt::format("{} is not a valid cl_mem", name), asked);
+    check_opencl(asked, "clGetMemObjectInfo");
     if (mem_context != context)
         throw Error(Status::kWrongContext,
                     fmt::format("{} belongs to another cl_context than the clSpeckle context", name));

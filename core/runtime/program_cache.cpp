@@ -111,9 +111,13 @@ std::string ProgramCache::source(const std::string &file, const GeneratedHeader 
 std::string ProgramCache::expanded(const std::string &file, const GeneratedHeader *generated, int depth) const {
     if (depth > 8)
         throw Error(Status::kBuild, fmt::format("kernel file \"{}\" includes itself", file));
-    std::istringstream lines(source(file, generated));
-    std::string text = fmt::format("#line 1 \"{}\"\n", file), line;
-    for (int number = 1; std::getline(lines, line); ++number) {
+    // By hand: a stream takes an allocation that fails for the text's end.
+    const std::string whole = source(file, generated);
+    std::string text = fmt::format("#line 1 \"{}\"\n", file);
+    int number = 1;
+    for (std::size_t begin = 0, end; begin < whole.size(); begin = end + 1, ++number) {
+        end = std::min(whole.find('\n', begin), whole.size());
+        const std::string line = whole.substr(begin, end - begin);
         constexpr const char *kInclude = "#include \"";
         if (line.rfind(kInclude, 0) == 0) {
             const std::size_t first = std::strlen(kInclude), last = line.find('"', first);

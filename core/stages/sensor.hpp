@@ -36,6 +36,7 @@ class Sensor {
     void set_exposure_gain(double exposure_gain_dn);
     // The next frame has no frame before it.
     void reset_lag() { lag_started_ = false; }
+    bool lags() const { return bool(lag_state_); }
     // Checks an output image against this sensor, and makes ready for its format.
     // in_last_pass: the frame is an aperture engine's, and needs no kernel of the sensor's own.
     ImageView check_output(const ImageDescription &output, bool in_last_pass = false);

@@ -1,11 +1,13 @@
 #include "capture/capture_check.hpp"
 
 #include "capture/capture_validation.hpp"
+#include "io/json_file.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -139,7 +141,7 @@ std::string capture_summary_json(const Capture &capture) {
                                     {"text", w.text},
                                     {"frames", w.frames},
                                     {"pixels", blocks(w)}});
-    return root.dump(1, ' ', false, Json::error_handler_t::replace);
+    return image_io::json_text(std::move(root), 1);
 }
 
 } // namespace clsp

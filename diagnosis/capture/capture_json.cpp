@@ -218,7 +218,7 @@ std::string capture_json(const CaptureLayout &layout) {
             entry["mask"] = s.name + "_mask.png";
         root["sequences"].push_back(std::move(entry));
     }
-    return root.dump(1) + "\n";
+    return image_io::json_text(std::move(root), 1) + "\n";
 }
 
 } // namespace clsp

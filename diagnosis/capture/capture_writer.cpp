@@ -52,13 +52,12 @@ class TemporaryFolder {
         }
     }
     ~TemporaryFolder() {
-        std::error_code ignored;
         if (!path_.empty())
-            fs::remove_all(path_, ignored);
+            image_io::remove_temporary_folder(path_);
     }
     TemporaryFolder(const TemporaryFolder &) = delete;
     TemporaryFolder &operator=(const TemporaryFolder &) = delete;
-    const fs::path &path() const { return path_; }
+    fs::path path() const { return path_; }
 
     // Renames it; what is there goes away once the new one is in place.
     void put_in_place(const fs::path &folder) {
@@ -68,7 +67,8 @@ class TemporaryFolder {
         if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0)
             return;
         if (fs::exists(folder, code)) {
-            old = path_.parent_path() / ("old" + path_.filename().string()); // which nobody sweeps away
+            const fs::path name(path_);
+            old = name.parent_path() / ("old" + name.filename().string()); // which nobody sweeps away
             fs::rename(folder, old, code);
             if (code)
                 fail(folder, code);
@@ -80,11 +80,11 @@ class TemporaryFolder {
                 fs::rename(old, folder, ignored);
             fail(folder, code);
         }
-        path_ = old;
+        path_ = old.string();
     }
 
   private:
-    fs::path path_;
+    std::string path_; // one that is moved here: nothing can fail between folder and name
     image_io::TemporaryLock lock_;
 };
 

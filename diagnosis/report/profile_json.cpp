@@ -102,7 +102,9 @@ class ProfileReader {
     }
     void format(const char *key, const char *text) {
         keys_.insert(key);
-        if (const auto found = from_.find(key); found == from_.end() || *found != text)
+        // Not as JSON: the library's comparison allocates, and ends the program where that fails.
+        if (const auto found = from_.find(key);
+            found == from_.end() || !found->is_string() || found->get_ref<const std::string &>() != text)
             refuse(key, fmt::format("is {}; expected \"{}\": name a file that clspeckle diagnose --profile wrote",
                                     found == from_.end() ? "missing" : shown(*found), text));
     }
@@ -400,7 +402,7 @@ std::string profile_json(const CameraProfile &profile) {
     ProfileWriter writer(root);
     CameraProfile copy = profile; // what visits also reads into
     visit(writer, copy);
-    return root.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+    return image_io::json_text(std::move(root), 1) + "\n";
 }
 
 CameraProfile read_profile(const std::string &path) {

@@ -5,12 +5,14 @@
 #include "report/emva_report.hpp"
 #include "report/explanations.hpp"
 #include "report/paste.hpp"
+#include "io/json_file.hpp"
 #include "measure/credibility.hpp"
 #include "measure/verdict.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace clsp {
 namespace {
@@ -350,7 +352,7 @@ std::string report_json(const DiagnosisResult &result) {
         report["compare"] = comparison_json(*result.comparison);
     report["notes"] = result.notes;
     report["seed"] = result.seed;
-    return report.dump(1);
+    return image_io::json_text(std::move(report), 1);
 }
 
 } // namespace clsp

@@ -93,6 +93,8 @@ CLSP_API ClspStatus clspContextDescInit(ClspContextDesc *desc, uint32_t struct_s
  * Makes a context: one device, its compiled programs and its FFT plans. May be used from any number of threads at once.
  * Contexts that clSpeckle makes on the same device share one cl_context, which lives as long as the process (clFFT keeps hold of
  * every cl_context that it has compiled for); their queues and buffers may therefore be mixed.
+ * OpenCL does not survive fork(): in a child whose parent had used it every call on a device object is refused with
+ * CLSP_ERROR_INVALID_STATE, and releasing what it inherited does nothing.
  * @param desc NULL for all defaults.
  */
 CLSP_API ClspStatus clspContextCreate(const ClspContextDesc *desc, ClspContext *context);

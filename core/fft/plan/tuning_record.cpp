@@ -239,7 +239,7 @@ std::string tuning_json(const TuningFile &file) {
         json["records"].push_back(std::move(entry));
     }
     // A driver's text need not be UTF-8.
-    return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+    return image_io::json_text(std::move(json), 2) + "\n";
 }
 
 TuningFile load_tuning(const std::string &path) {

@@ -4,6 +4,9 @@
 #include <clspeckle/clspeckle.hpp>
 #include <gtest/gtest.h>
 
+#include <string>
+#include <sys/wait.h>
+#include <unistd.h>
 #include <vector>
 
 namespace {
@@ -98,6 +101,35 @@ TEST(Safety, ReadOnlyBuffersAreNotWritten) {
     const clspeckle::Buffer codes = clspeckle::Buffer::adopt(raw, 64 * sizeof(std::uint16_t));
     const ClspImage in = intensity.image(8, 8, CLSP_FORMAT_FLOAT32), out = codes.image(8, 8, CLSP_FORMAT_UINT16);
     EXPECT_EQ(CLSP_ERROR_INVALID_ARGUMENT, clspSensorEnqueueExpose(sensor, queue, &in, 0, &out, 0, nullptr, nullptr));
+}
+
+// An OpenCL runtime does not survive a fork. The child is told so, and may drop what it inherited; the parent goes on.
+TEST(Safety, AForkedChildIsRefused) {
+    const clspeckle::Context context;
+    const clspeckle::Queue queue(context);
+    const clspeckle::Sensor sensor(context, small_sensor());
+    clspeckle::Buffer buffer(context, 64);
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+        ClspContext another = nullptr;
+        cl_mem memory = nullptr;
+        std::uint32_t count = 0;
+        const bool refused = clspContextCreate(nullptr, &another) == CLSP_ERROR_INVALID_STATE &&
+                             clspDeviceList(0, nullptr, &count) == CLSP_ERROR_INVALID_STATE &&
+                             clspSensorSetExposureGain(sensor, 1.0) == CLSP_ERROR_INVALID_STATE &&
+                             clspQueueFinish(queue) == CLSP_ERROR_INVALID_STATE &&
+                             clspBufferCreate(context, 16, &memory) == CLSP_ERROR_INVALID_STATE &&
+                             std::string(test::last_error().message).find("forked") != std::string::npos;
+        buffer = {};
+        _exit(refused && clspSensorRelease(sensor) == CLSP_SUCCESS ? 0 : 1);
+    }
+    int status = 0;
+    ASSERT_EQ(child, ::waitpid(child, &status, 0));
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    buffer.write(queue, std::vector<std::uint32_t>(16, 7));
+    EXPECT_EQ(std::vector<std::uint32_t>(16, 7), buffer.read<std::uint32_t>(queue, 16));
+    EXPECT_EQ(CLSP_SUCCESS, clspSensorSetExposureGain(sensor, 1.0));
 }
 
 } // namespace
