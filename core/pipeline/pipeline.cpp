@@ -657,7 +657,7 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::
         if (frames[0].refresh != Refresh::kAll)
             throw Error(Status::kInvalidState,
                         "an earlier frame failed after it had begun to move surface, air or lag, so that a frame now would "
-                        "be neither the same nor the next; begin anew with refresh CLSP_REFRESH_ALL");
+                        "be neither the same nor the next; begin anew with a frame that refreshes all");
         forget_frames();
     }
     context_->check_queue(queue);

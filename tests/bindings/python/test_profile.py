@@ -200,8 +200,8 @@ def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Contex
         np.testing.assert_array_equal(mapped, again)
         with clspeckle.Pipeline.from_profile(read, maps=False, **given) as drawn:
             anew.set_profile(read, maps=False)  # the maps go that the last call brought
-            frames = (pipeline.render(ideal, frame_index=6, refresh="all") for pipeline in (drawn, anew))
-            np.testing.assert_array_equal(*frames)
+            fresh, changed = (pipeline.render(ideal, frame_index=6, refresh="all") for pipeline in (drawn, anew))
+            np.testing.assert_array_equal(fresh, changed)
             by_hand.set_profile(read, maps=False)  # the sensor's own maps stay
             assert not np.array_equal(drawn.render(ideal, frame_index=7), by_hand.render(ideal, frame_index=7))
         with pytest.raises(TypeError, match="maps"):
