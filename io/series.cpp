@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fnmatch.h>
 #include <glob.h>
+#include <limits.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -120,6 +121,10 @@ bool is_pattern(const std::string &name) {
 }
 
 std::vector<std::string> matches_of(const std::string &pattern) {
+    // glob() goes a level deeper on the stack for each folder.
+    if (pattern.size() >= PATH_MAX)
+        throw ReadError(pattern.substr(0, 40) + "...",
+                        fmt::format("is a pattern of {} bytes; at most {} are taken", pattern.size(), PATH_MAX - 1));
     glob_t matches{};
     const int result = ::glob(pattern.c_str(), 0, nullptr, &matches);
     std::vector<std::string> files;

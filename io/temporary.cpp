@@ -46,7 +46,8 @@ bool is_temporary(std::string_view name) {
     for (std::size_t i = prefix.size(); i < prefix.size() + digits; ++i)
         if (!std::isxdigit(static_cast<unsigned char>(name[i])))
             return false;
-    return true;
+    const std::size_t end = prefix.size() + digits + ending.size(); // then the file's own ending
+    return name.size() == end || name[end] == '.';
 }
 
 std::string folder_of(const std::string &path) {

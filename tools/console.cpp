@@ -20,6 +20,13 @@ Console *current_console = nullptr;
 
 } // namespace
 
+std::string harmless(std::string text) {
+    for (char &c : text)
+        if ((static_cast<unsigned char>(c) < 32 && c != '\n' && c != '\t') || c == 127)
+            c = '?';
+    return text;
+}
+
 Console *Console::current() {
     return current_console;
 }
@@ -53,7 +60,7 @@ void Console::print(const std::string &text) {
     if (json_ || quiet_)
         return;
     clear_progress();
-    put(text);
+    put(harmless(text));
 }
 
 void Console::put(const std::string &text) {
@@ -66,7 +73,7 @@ void Console::warn(const std::string &text) {
         return;
     warnings_.push_back(text);
     clear_progress();
-    std::fputs(("clspeckle: warning: " + text + "\n").c_str(), stderr);
+    std::fputs(("clspeckle: warning: " + harmless(text) + "\n").c_str(), stderr);
 }
 
 void Console::result(const std::string &text) {

@@ -12,6 +12,9 @@
 
 namespace tools {
 
+/** A text that may quote a file, without what a terminal obeys: control characters but line ends and tabs become "?". */
+std::string harmless(std::string text);
+
 /**
  * With --json standard output belongs to one JSON document: whatever a driver prints there meanwhile goes to standard
  * error.

@@ -438,7 +438,7 @@ int exit_code_of(ClspStatus status) {
 
 int complain(int code, const std::string &message) {
     std::fflush(stdout);
-    std::fputs(("clspeckle: " + message + "\n").c_str(), stderr);
+    std::fputs(("clspeckle: " + tools::harmless(message) + "\n").c_str(), stderr);
     return code;
 }
 

@@ -509,19 +509,21 @@ void Config::set(const Option &o, const Json &value, Layer layer, const std::str
 void Config::contradict(const Option &o, const Entry &entry, const Json &value, Layer layer, const std::string &where) {
     // What the effects of a profile were measured with: with another value they mean another camera's.
     static const std::vector<std::string> fixed = {"sensor.bits", "aperture.pixel_pitch_m", "aperture.wavelength_m"};
+    // Paths in full: they tell two files apart by their ends.
+    const auto whole = [](const Json &one) { return one.dump(-1, ' ', false, Json::error_handler_t::replace); };
     const bool kept = layer == Layer::profile && entry.layer > Layer::fallback;
     if (entry.layer == Layer::profile && layer == Layer::command_line) {
         if (std::find(fixed.begin(), fixed.end(), o.id()) != fixed.end())
             throw InputError(
                 fmt::format("{} {} contradicts {}, whose camera has {}: its effects were measured with that; "
                             "leave the option out, or diagnose a capture of the other camera",
-                            where, shown(value), profile_, shown(entry.value)));
-        replaced_.push_back(fmt::format("{} {} replaces {}", where, shown(value), shown(entry.value)));
+                            where, whole(value), profile_, whole(entry.value)));
+        replaced_.push_back(fmt::format("{} {} replaces {}", where, whole(value), whole(entry.value)));
     } else if (entry.layer == Layer::profile || kept) {
         const Json &profiles = kept ? value : entry.value, &others = kept ? entry.value : value;
         throw InputError(fmt::format("{} is {} {}, but {} in {}; give one of them, as --{} on the command line", o.id(),
-                                     shown(others), kept ? "in the configuration or scene" : "of " + where,
-                                     shown(profiles), profile_, o.name));
+                                     whole(others), kept ? "in the configuration or scene" : "of " + where,
+                                     whole(profiles), profile_, o.name));
     }
 }
 

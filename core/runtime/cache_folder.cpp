@@ -36,8 +36,10 @@ int CacheFolder::trusted_folder() const {
         why = "its owner cannot be found out";
     else if (status.st_uid != ::geteuid())
         why = fmt::format("it belongs to the user {}, not to {}; choose another one", status.st_uid, ::geteuid());
+    else if ((status.st_mode & S_ISVTX) && others_may_write(status))
+        why = "it is a folder for everybody; choose another one";
     else if (others_may_write(status))
-        why = fmt::format("others may write into it (mode {:03o}); `chmod go-w {}` forbids it", status.st_mode & 0777,
+        why = fmt::format("others may write into it (mode {:03o}); `chmod go-w '{}'` forbids it", status.st_mode & 0777,
                           path_);
     if (why.empty())
         return folder;

@@ -63,7 +63,12 @@ std::string JsonChecks::text(const Json &parent, const char *key, const std::str
     const Json &value = member(parent, key, where, expected);
     if (!value.is_string())
         refuse(where + "/" + key, fmt::format("is {}; expected {}", shown(value), expected));
-    return value.get<std::string>();
+    const auto &given = value.get_ref<const std::string &>();
+    // Names and words are shorter; what the system does with a longer one, as a pattern of folders, is its own affair.
+    constexpr std::size_t kMostBytes = 4095;
+    if (given.size() > kMostBytes)
+        refuse(where + "/" + key, fmt::format("has {} bytes; at most {} are taken", given.size(), kMostBytes));
+    return given;
 }
 
 std::uint32_t JsonChecks::word(const Json &parent, const char *key, const std::string &where,

@@ -117,6 +117,14 @@ bool has_profile(const jpeg_decompress_struct &info) {
     return false;
 }
 
+/** Whether a list of several pictures begins the file (CIPA DC-007), as cameras with two lenses write it. */
+bool has_several(const jpeg_decompress_struct &info) {
+    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next)
+        if (marker->data_length >= 4 && std::memcmp(marker->data, "MPF", 4) == 0)
+            return true;
+    return false;
+}
+
 class JpegReader final : public Reader {
   public:
     explicit JpegReader(const std::string &path) : Reader(path), file_(path) {
@@ -144,6 +152,9 @@ class JpegReader final : public Reader {
         info_.warnings.push_back(
             "the compression of JPEG is lossy. Where intensities matter use linear PNG, TIFF or EXR "
             "files");
+        if (has_several(info))
+            info_.warnings.push_back("it holds several pictures (MPO), of which the first is read. Save each as a file "
+                                     "of its own, for example by PIL.Image.open(path).seek(1)");
         warn_of_orientation(orientation_of(info));
     }
 

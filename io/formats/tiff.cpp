@@ -8,6 +8,7 @@
 #include <tiffio.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstdarg>
 #include <cstdlib>
@@ -277,9 +278,13 @@ class TiffReader final : public Reader {
         if (description.find("<OME") != std::string::npos) {
             std::uint64_t images = 1;
             const auto size = [&](const std::string &key) {
-                const std::size_t at = description.find(" " + key + "=\"");
-                const std::uint64_t value =
-                    at == std::string::npos ? 1 : std::strtoull(description.c_str() + at + key.size() + 3, nullptr, 10);
+                std::size_t at = description.find(key + "=");
+                while (at != std::string::npos && !std::isspace(static_cast<unsigned char>(description[at - 1])))
+                    at = description.find(key + "=", at + 1);
+                // Behind the key come "=" and a quotation mark of either kind.
+                const std::uint64_t value = at == std::string::npos || at + key.size() + 2 > description.size()
+                                                ? 1
+                                                : std::strtoull(description.c_str() + at + key.size() + 2, nullptr, 10);
                 images *= std::clamp<std::uint64_t>(value, 1, max_frames);
                 return value;
             };
@@ -294,15 +299,28 @@ class TiffReader final : public Reader {
             return taken(images, channels, "ImageJ");
         }
         const std::size_t shape = description.find("\"shape\": [");
-        if (shape == std::string::npos || description.find("\"truncated\": true") == std::string::npos)
+        if (shape == std::string::npos)
             return {};
         std::uint64_t values = 1;
+        std::vector<std::uint64_t> sides;
         for (const char *at = description.c_str() + shape + 9; *at == '[' || *at == ',';) {
             char *end = nullptr;
-            values *= std::strtoull(at + 1, &end, 10);
+            sides.push_back(std::strtoull(at + 1, &end, 10));
+            values *= sides.back();
             at = end;
         }
-        return {values / (std::uint64_t{layout.width} * layout.height * layout.channels), 1, "tifffile"};
+        const std::uint64_t images = values / (std::uint64_t{layout.width} * layout.height * layout.channels);
+        // Pages that are listed are frames, unless a letter for each side says that channels take turns.
+        const std::string axes_key = "\"axes\": \"";
+        if (const std::size_t axes = description.find(axes_key); axes != std::string::npos && images == pages_.size()) {
+            const std::size_t first = axes + axes_key.size(), channel = description.find_first_of("C\"", first);
+            if (description.find('"', first) - first == sides.size() && description[channel] == 'C' &&
+                channel - first + 2 < sides.size())
+                return taken(images, std::max<std::uint64_t>(1, sides[channel - first]), "tifffile");
+        }
+        if (description.find("\"truncated\": true") == std::string::npos)
+            return {};
+        return {images, 1, "tifffile"};
     }
 
     void find_stack(const ReadRequest &request, const Layout &layout) {
@@ -448,8 +466,9 @@ class TiffReader final : public Reader {
             fail("has a palette and an opacity, which is not supported; convert it to RGB");
         if (layout.photometric == PHOTOMETRIC_MINISWHITE && layout.sample_format != SAMPLEFORMAT_UINT)
             fail(
-                "says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black, for "
-                "example tifffile.imwrite(path, image, photometric=\"minisblack\")");
+                "says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black: "
+                "tifffile.imwrite(path, white - image, photometric=\"minisblack\"), where white is the number of white; "
+                "image alone where the numbers are light already");
         return layout;
     }
 

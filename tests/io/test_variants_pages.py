@@ -124,6 +124,42 @@ def test_channels_of_imagej_take_turns(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=3").values[0], STACK[3])
 
 
+def test_channels_of_tifffile_take_turns(tmp_path: Path) -> None:
+    stack = STACK.reshape(2, 2, *STACK.shape[1:])
+    for axes, channels in (("TCYX", 2), ("TZYX", 1)):
+        tifffile.imwrite(tmp_path / "a.tif", stack, photometric="minisblack", metadata={"axes": axes})
+        given = Dump(tmp_path / "a.tif")
+        if channels > 1:
+            assert "its 4 images are those of 2 channels in turn, says tifffile" in given.error
+            np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=3").values[0], STACK[3])
+        else:
+            np.testing.assert_array_equal(given.values, STACK.astype(np.float32))
+
+
+@pytest.mark.parametrize(("old", "new"), [(' SizeC="', "\n  SizeC='"), (' SizeC="', '\tSizeC="')])
+def test_ome_as_other_writers_lay_it_out(tmp_path: Path, old: str, new: str) -> None:
+    stack = STACK[:2].reshape(1, 2, *STACK.shape[1:])
+    tifffile.imwrite(tmp_path / "a.tif", stack, ome=True, photometric="minisblack", metadata={"axes": "TCYX"})
+    text = tifffile.TiffFile(tmp_path / "a.tif").pages[0].description
+    changed = text.replace(old, new)
+    if "'" in new:
+        changed = changed.replace("SizeC='2\"", "SizeC='2'")
+    assert changed != text
+    tifffile.imwrite(tmp_path / "b.tif", STACK[:2], photometric="minisblack", description=changed, metadata=None)
+    assert "those of 2 channels in turn, says OME" in Dump(tmp_path / "b.tif").error
+
+
+def test_a_second_picture_of_a_jpeg_file_is_told(tmp_path: Path) -> None:
+    pictures = [Image.fromarray(noise(SIZE)) for _ in range(2)]
+    pictures[0].save(tmp_path / "a.mpo", save_all=True, append_images=pictures[1:])
+    (tmp_path / "a.mpo").rename(tmp_path / "a.jpg")
+    assert any("holds several pictures (MPO)" in text for text in Dump(tmp_path / "a.jpg").warnings)
+    with Image.open(tmp_path / "a.jpg") as image:
+        image.seek(1)
+        image.save(tmp_path / "b.jpg")
+    assert not any("MPO" in text for text in Dump(tmp_path / "b.jpg").warnings)
+
+
 # --- TIFF: pages that are no frames ---
 
 

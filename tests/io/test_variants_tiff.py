@@ -147,7 +147,9 @@ def test_palettes(tmp_path: Path, bits: int) -> None:
 
 
 def minisblack(path: Path) -> None:
-    tifffile.imwrite(path, tifffile.imread(path), photometric="minisblack")
+    image = tifffile.imread(path)
+    white = image.max()
+    tifffile.imwrite(path, white - image, photometric="minisblack")
 
 
 def as_rgb(path: Path) -> None:

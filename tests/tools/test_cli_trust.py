@@ -75,7 +75,7 @@ def test_patterns_come_from_folders_of_ones_own(ok: Callable[..., Run], tmp_path
     told = ok(*command)
     assert "computed" in told.out
     assert "the cache folder cache is not used: others may write into it (mode 777)" in told.err
-    assert "`chmod go-w cache`" in told.err
+    assert "`chmod go-w 'cache'`" in told.err
     subprocess.run(["chmod", "go-w", "cache"], check=True, cwd=tmp_path)
     assert "from the cache" in ok(*command).out
     file.chmod(0o666)
@@ -86,3 +86,49 @@ def test_patterns_come_from_folders_of_ones_own(ok: Callable[..., Run], tmp_path
         told = ok(*command)
         assert "computed" in told.out
         assert "it belongs to the user 65534, not to 0" in told.err
+
+
+def test_names_that_are_no_names(refused: Callable[..., str], ok: Callable[..., Run], tmp_path: Path) -> None:
+    """A pattern of folders goes as deep on the stack as it has levels; a name goes to the terminal when it is told."""
+    ok("capture", "make", "set", "--width", 32, "--height", 32, "--frames", 4, "--sequences", "dark")
+    about = json.loads((tmp_path / "set" / "capture.json").read_text())
+
+    def written(**changes: object) -> None:
+        changed = {**about, "sequences": [{**about["sequences"][0], **changes}]}
+        (tmp_path / "set" / "capture.json").write_text(json.dumps(changed))
+
+    for levels in (3000, 100000):
+        written(file="*/" * levels + "x")
+        message = refused("capture", "check", "set")
+        assert f"/sequences/0/file has {2 * levels + 1} bytes; at most 4095 are taken" in message
+        assert len(message) < 1000
+    assert "is a pattern of 6001 bytes" in refused("render", "*/" * 3000 + "x", "-o", "out")
+    written(**{"\x1b[31mred": 1})
+    told = ok("capture", "check", "set").err
+    assert "red" in told
+    assert "\x1b" not in told
+    written(file="\x1b[31mred.npy")
+    message = refused("capture", "check", "set")
+    assert "red.npy" in message
+    assert "\x1b" not in message
+
+
+def test_a_shared_folder_is_no_cache(ok: Callable[..., Run], tmp_path: Path) -> None:
+    np.save(tmp_path / "cell.npy", np.zeros((16, 16), np.float32))
+    (tmp_path / "cell.json").write_text(json.dumps({"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9}))
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o1777)
+    told = ok("doe", "inspect", "cell.npy", "--cache", "cache", "--texels", "96,64", "--beam-sigma-um", "60").err
+    assert "it is a folder for everybody; choose another one" in told
+    assert "chmod" not in told
+
+
+def test_only_unfinished_files_are_swept(ok: Callable[..., Run], tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    left, other = (tmp_path / "out" / f".clspeckle-0123456789abcdef.part{end}" for end in (".png", "ners.txt"))
+    left.touch()
+    other.touch()
+    np.save(tmp_path / "ideal.npy", np.ones((16, 16), np.float32))
+    ok("render", "ideal.npy", "-o", "out", "--no-preview")
+    assert not left.exists()
+    assert other.exists()

@@ -499,7 +499,7 @@ TEST_F(Programs, WhatOthersMayWriteIsNotLoaded) {
         fs::permissions(folder.path(), fs::perms(mode));
         EXPECT_FALSE(loaded()) << mode;
         ASSERT_EQ(1u, lines.size());
-        const std::string advice = "`chmod go-w " + folder.path().string() + "`";
+        const std::string advice = "`chmod go-w '" + folder.path().string() + "'`";
         EXPECT_NE(std::string::npos, lines[0].find("others may write into it")) << lines[0];
         ASSERT_NE(std::string::npos, lines[0].find(advice)) << lines[0];
         ASSERT_EQ(0, std::system(advice.substr(1, advice.size() - 2).c_str()));
