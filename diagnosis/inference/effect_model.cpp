@@ -154,21 +154,6 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double st
     return largest;
 }
 
-StrengthBounds bounds_of(const EffectModel &model, double strongest) {
-    const auto count = static_cast<Eigen::Index>(model.strengths.size());
-    StrengthBounds bounds{Eigen::VectorXd(count), Eigen::VectorXd(count)};
-    for (Eigen::Index p = 0; p < count; ++p) {
-        const Strength &s = model.strengths[static_cast<std::size_t>(p)];
-        const ModelEffect &effect = model.effects[s.effect];
-        const auto to = [&](double end) {
-            return effect.candidate->snapped(s.parameter, end, effect.sign) - s.strength;
-        };
-        bounds.lower[p] = s.held ? 0.0 : std::min(0.0, to(kStrengths.weakest));
-        bounds.upper[p] = s.held ? 0.0 : std::max(0.0, to(std::max(strongest, s.reach)));
-    }
-    return bounds;
-}
-
 std::vector<FittedParameter> fitted_parameters(const EffectModel &model, const Eigen::VectorXd &strengths,
                                                const Eigen::VectorXd &deviations, double replicates) {
     const double factor = student_two_sided_quantile(0.05, replicates - 1.0) * std::sqrt(1.0 + 1.0 / replicates);

@@ -65,12 +65,6 @@ double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
 // A step of strengths, each bounded; the largest one.
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrengths.strongest);
 
-// How far each strength may go, down and up; nowhere where it is held.
-struct StrengthBounds {
-    Eigen::VectorXd lower, upper;
-};
-StrengthBounds bounds_of(const EffectModel &model, double strongest = kStrengths.strongest);
-
 // A fitted parameter of a model.
 struct FittedParameter {
     std::string effect, name;

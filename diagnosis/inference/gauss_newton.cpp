@@ -50,8 +50,13 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
     const auto solve = [&](GaussNewtonFit &fit, const Eigen::VectorXd &mean) {
         const Eigen::VectorXd target = origin.covariance.whiten(target_of_origin - mean);
         const Eigen::MatrixXd columns = whiten_columns(origin.covariance, fit.jacobian);
-        const StrengthBounds bounds = bounds_of(fit.model, options.strongest);
-        step = solve_bounded(columns, target, bounds.lower, bounds.upper);
+        std::vector<Eigen::Index> free; // what is held stays
+        for (Eigen::Index p = 0; p < parameters; ++p)
+            if (!fit.model.strengths[static_cast<std::size_t>(p)].held)
+                free.push_back(p);
+        step = Eigen::VectorXd::Zero(parameters);
+        if (!free.empty())
+            step(free) = solve_least_squares(columns(Eigen::all, free), target);
         fit.square = (target - columns * step).squaredNorm();
     };
     for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {

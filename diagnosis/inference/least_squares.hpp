@@ -13,10 +13,6 @@ Eigen::MatrixXd whiten_columns(const Covariance &covariance, const Eigen::Matrix
 // b that minimizes |target - matrix b|^2, both whitened; empty without columns.
 Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 
-// The same with each of b within bounds: what would go beyond stays there, and the others follow.
-Eigen::VectorXd solve_bounded(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target,
-                              const Eigen::VectorXd &lower, const Eigen::VectorXd &upper);
-
 // |target - matrix b|^2 at its least.
 double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 

@@ -2,7 +2,6 @@
 // simulator's own.
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/candidate.hpp"
-#include "inference/least_squares.hpp"
 #include "inference/swap.hpp"
 #include "inference/thresholds.hpp"
 #include "measure/verdict.hpp"
@@ -316,17 +315,6 @@ TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
     const double polished = fitted.score;
     fits.polish(model, pool, fitted, 0.0);
     EXPECT_LE(fitted.score, polished);
-}
-
-// |t - A b|^2 with b_0 + b_1 = 3, b_1 = 1: without bounds b = (2, 1). With b_0 at most 1 the best b_1 is 1.5, between what both rows ask for.
-TEST_F(Swap, WhatIsBoundedStaysAndTheOthersFollow) {
-    Eigen::MatrixXd a(2, 2);
-    a << 1, 1, 0, 1;
-    const Eigen::Vector2d t(3, 1), wide(9, 9), narrow(1, 9);
-    EXPECT_TRUE(solve_bounded(a, t, -wide, wide).isApprox(Eigen::Vector2d(2, 1), 1e-12));
-    EXPECT_TRUE(solve_bounded(a, t, -wide, narrow).isApprox(Eigen::Vector2d(1, 1.5), 1e-12));
-    EXPECT_TRUE(solve_bounded(a, t, Eigen::Vector2d(2.5, 0), wide).isApprox(Eigen::Vector2d(2.5, 0.75), 1e-12));
-    EXPECT_TRUE(solve_bounded(a, t, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()).isZero());
 }
 
 // A held strength stays in a fit. What is measured of it in the end is right all the same.
