@@ -21,7 +21,7 @@ struct Strength {
     std::size_t parameter; // of the effect
     double strength;
     double reach = kStrengths.weakest; // how far it may go where the search ends before (ModelFit::go_on)
-    bool held = false;                 // a lower rung told it: only fine fits move it (ModelFit::polish)
+    bool held = false;                 // an explained rung told it: only fine fits move it (ModelFit::polish)
 };
 
 struct ModelEffect {

@@ -1,7 +1,7 @@
 // Any bytes as one of the files that are no images: what they mean, or an error with the file's name; nothing else, and
 // no stray access.
 //
-// With libFuzzer: fuzz_files CORPUS... --kind=capture. Without it (CLSP_FUZZ_REPLAY): the files named are read once
+// With libFuzzer: fuzz_files CORPUS... --kind=capture. Without it (replay.cpp): the files named are read once
 // each.
 #include "capture.hpp"
 #include "capture/capture_json.hpp"
@@ -201,25 +201,3 @@ extern "C" int LLVMFuzzerTestOneInput(const unsigned char *data, std::size_t siz
     }
     return 0;
 }
-
-#ifdef CLSP_FUZZ_REPLAY
-int main(int argc, char **argv) {
-    LLVMFuzzerInitialize(&argc, &argv);
-    int files = 0;
-    for (int i = 1; i < argc; ++i) {
-        if (argv[i][0] == '-')
-            continue;
-        std::FILE *stream = std::fopen(argv[i], "rb");
-        if (!stream)
-            return 1;
-        std::string bytes;
-        for (int c = std::getc(stream); c != EOF; c = std::getc(stream))
-            bytes += static_cast<char>(c);
-        std::fclose(stream);
-        LLVMFuzzerTestOneInput(reinterpret_cast<const unsigned char *>(bytes.data()), bytes.size());
-        ++files;
-    }
-    std::printf("%d files\n", files);
-    return 0;
-}
-#endif

@@ -1,6 +1,6 @@
 // Any bytes through one of the image readers: an image, or image_io::ReadError; nothing else, and no stray access.
 //
-// With libFuzzer: fuzz_images CORPUS... --format=PNG. Without it (CLSP_FUZZ_REPLAY): the files named are read once
+// With libFuzzer: fuzz_images CORPUS... --format=PNG. Without it (replay.cpp): the files named are read once
 // each. For raw frames the bytes begin with a line, their description.
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
@@ -96,25 +96,3 @@ extern "C" int LLVMFuzzerTestOneInput(const unsigned char *data, std::size_t siz
     }
     return 0;
 }
-
-#ifdef CLSP_FUZZ_REPLAY
-int main(int argc, char **argv) {
-    LLVMFuzzerInitialize(&argc, &argv);
-    int files = 0;
-    for (int i = 1; i < argc; ++i) {
-        if (argv[i][0] == '-')
-            continue;
-        std::FILE *stream = std::fopen(argv[i], "rb");
-        if (!stream)
-            return 1;
-        std::string bytes;
-        for (int c = std::getc(stream); c != EOF; c = std::getc(stream))
-            bytes += static_cast<char>(c);
-        std::fclose(stream);
-        LLVMFuzzerTestOneInput(reinterpret_cast<const unsigned char *>(bytes.data()), bytes.size());
-        ++files;
-    }
-    std::printf("%d files\n", files);
-    return 0;
-}
-#endif
