@@ -22,7 +22,7 @@ class WriteError : public std::runtime_error {
 };
 
 /** A file that appears under its name only when it is complete. A pipe, a device or a folder of that name is refused:
- * the file would take its place. */
+ * the file would take its place. A file that it replaces leaves it its rights. */
 class AtomicFile {
   public:
     explicit AtomicFile(std::string path);

@@ -133,6 +133,23 @@ std::vector<std::string> map_files(const std::string &profile) {
     return {stem.string() + ".dark.npy", stem.string() + ".gain.npy"};
 }
 
+/** The maps of a profile that is there already. */
+std::vector<std::string> maps_to_replace(const std::string &profile) {
+    std::error_code code;
+    std::vector<std::string> files;
+    if (!fs::is_regular_file(profile, code))
+        return files;
+    try {
+        const auto before = clspeckle::Profile::open(profile);
+        for (const std::uint32_t map : {CLSP_PROFILE_MAP_DARK, CLSP_PROFILE_MAP_GAIN})
+            if (before.info().maps & map)
+                files.push_back(before.map(map).path);
+    } catch (const clspeckle::Error &) {
+        // Another file, which has none.
+    }
+    return files;
+}
+
 /** What was written, and why less than there could be. */
 std::vector<std::string> profile_lines(const std::string &path) {
     const auto profile = clspeckle::Profile::open(path);
@@ -177,10 +194,11 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
                                              arguments.profile, path));
         files.push_back(path);
     }
+    const std::vector<std::string> own = maps_to_replace(arguments.profile);
     for (const std::string &path : files)
         for (const std::string &set : {arguments.folder, arguments.sim})
             if (!set.empty())
-                check_report_file(path, set);
+                check_report_file(path, set, own);
     std::vector<std::string> inputs = arguments.hypotheses;
     inputs.insert(inputs.end(), {arguments.tolerances, arguments.camera});
     for (const std::string &path : files)

@@ -165,19 +165,53 @@ void check_output_file(const std::string &path, bool overwrite, const std::vecto
     const image_io::AtomicFile probe(path);
 }
 
-void check_report_file(const std::string &path, const std::string &set) {
+namespace {
+
+/** The files that texts of a description name: themselves, folders and patterns. */
+void add_named(const Json &value, const fs::path &folder, std::vector<std::string> &files) {
+    std::error_code code;
+    for (const Json &member : value.is_structured() ? value : Json::array())
+        add_named(member, folder, files);
+    if (!value.is_string())
+        return;
+    const std::string text = value.get<std::string>(), name = (folder / text).string();
+    const auto is_folder = [&](const std::string &path) { return fs::is_directory(path, code); };
+    const std::string path = image_io::split_name(name, is_folder).path;
+    if (is_folder(path))
+        for (const fs::directory_entry &entry : fs::directory_iterator(path, code))
+            files.push_back(entry.path().string());
+    else if (const std::string file = image_io::split_name(name).path; fs::exists(file, code))
+        files.push_back(file);
+    else if (image_io::is_pattern(text))
+        for (const std::string &match :
+             image_io::matches_of(image_io::literal_pattern(folder.string()) + "/" + image_io::split_several(text).path))
+            files.push_back(match);
+}
+
+} // namespace
+
+void check_report_file(const std::string &path, const std::string &set, const std::vector<std::string> &own) {
     if (path.empty() || path == "-")
         return;
     std::error_code code;
     const bool is_folder = fs::is_directory(set, code);
-    for (const fs::directory_entry &entry :
-         fs::directory_iterator(is_folder ? fs::path(set) : fs::absolute(set, code).parent_path(), code)) {
-        const std::string extension = entry.path().extension().string();
-        const bool is_report = extension == ".json" || extension == ".html" || extension == ".xml";
-        const bool is_set = entry.path().filename() == "capture.json" || same_file(entry.path().string(), set);
-        if ((is_set || !is_report) && same_file(path, entry.path().string()))
-            throw InputError(fmt::format("{}: belongs to the capture set; choose another file for the output", path));
+    const fs::path folder = is_folder ? fs::path(set) : fs::absolute(set, code).parent_path();
+    const std::string description = is_folder ? (folder / "capture.json").string() : set;
+    std::vector<std::string> files = {description, (folder / "capture.json").string()};
+    try {
+        add_named(read_json(description).root(), folder, files);
+    } catch (const std::exception &) {
+        // It is refused when it is opened, before anything is written.
     }
+    const auto is_own = [&](const std::string &file) {
+        return std::any_of(own.begin(), own.end(), [&](const std::string &one) { return same_file(one, file); });
+    };
+    for (const fs::directory_entry &entry : fs::directory_iterator(folder, code))
+        if (image_io::format_of_extension(entry.path().string()) && !is_own(entry.path().string()))
+            files.push_back(entry.path().string());
+    for (const std::string &file : files)
+        if (same_file(path, file))
+            throw InputError(fmt::format("{}: belongs to the capture set; choose another file for the output", path));
 }
 
 std::vector<std::string> make_output_folder(const std::string &path, const char *option) {

@@ -142,8 +142,11 @@ void check_opencl_hypothesis(const Hypothesis &hypothesis) {
     if (hypothesis.parameters.size() > kMostValues)
         complain(
             fmt::format("has {} parameters, OpenCL source can have {}", hypothesis.parameters.size(), kMostValues));
-    if (includes_files(hypothesis.opencl_source))
-        complain("has OpenCL source that includes files; it must stand alone, put their text into it");
+    if (const std::string word = word_that_reads_files(hypothesis.opencl_source); !word.empty())
+        complain(fmt::format(
+            "has OpenCL source with {}; it must stand alone. Put the text of files into it, write names out that ## "
+            "would make, and leave out assembler and pragmas other than OPENCL, STDC and unroll",
+            word));
     std::set<std::string> names;
     for (const HypothesisParameter &parameter : hypothesis.parameters) {
         if (!is_identifier(parameter.name))

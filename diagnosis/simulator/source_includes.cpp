@@ -9,7 +9,9 @@ namespace clsp {
 namespace {
 
 constexpr const char *kDirectives[] = {"include", "include_next", "import", "embed", "__include_macros"};
-constexpr const char *kQuestions[] = {"__has_include", "__has_include_next", "__has_embed"};
+constexpr const char *kWords[] = {"__has_include", "__has_include_next", "__has_embed", "asm",
+                                  "__asm",         "__asm__",            "_Pragma",     "__pragma"};
+constexpr const char *kPragmas[] = {"OPENCL", "STDC", "unroll"};
 
 // Phase 1 of translation, where compilers know it.
 std::string with_trigraphs(const std::string &text) {
@@ -51,14 +53,45 @@ std::string joined(const std::string &text, bool blanks) {
     return result;
 }
 
+bool is_line_end(char c) {
+    return c == '\n' || c == '\r';
+}
+
+// Phase 3: a blank for each comment, nothing within quotation marks. What is not closed ends with its line.
+std::string bare(const std::string &text) {
+    std::string result;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const char c = text[i];
+        if (text.compare(i, 2, "/*") == 0) {
+            const std::size_t end = text.find("*/", i + 2);
+            i = end == std::string::npos ? text.size() : end + 1;
+            result += ' ';
+        } else if (text.compare(i, 2, "//") == 0) {
+            while (i + 1 < text.size() && !is_line_end(text[i + 1]))
+                ++i;
+        } else if (c == '"' || c == '\'') {
+            result += c;
+            while (i + 1 < text.size() && text[i + 1] != c && !is_line_end(text[i + 1]))
+                i += text[i + 1] == '\\' && i + 2 < text.size() && !is_line_end(text[i + 2]) ? 2 : 1;
+            if (i + 1 < text.size() && text[i + 1] == c)
+                result += text[++i];
+        } else {
+            result += c;
+        }
+    }
+    return result;
+}
+
 bool is_word(char c) {
     return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '$';
 }
 
-// The begin of a long one.
+// Behind blanks.
 std::string word_at(const std::string &text, std::size_t at) {
+    while (at < text.size() && is_space(text[at]))
+        ++at;
     std::size_t end = at;
-    while (end < text.size() && end < at + 32 && is_word(text[end]))
+    while (end < text.size() && is_word(text[end]))
         ++end;
     return text.substr(at, end - at);
 }
@@ -67,62 +100,41 @@ template <std::size_t N> bool is_one_of(const std::string &word, const char *con
     return std::find(std::begin(words), std::end(words), word) != std::end(words);
 }
 
-class Tokens {
-  public:
-    explicit Tokens(const std::string &text) : text_(text) {}
-
-    // The place of the first one, behind blanks and comments; those end at the first "*/" whatever they hold.
-    std::size_t next(std::size_t at) {
-        at = behind_blanks(at);
-        if (text_.compare(at, 2, "/*") != 0)
-            return at;
-        // Many hashes can stand before one end.
-        const bool same = at >= known_begin_ && at + 4 <= known_end_;
-        const std::size_t end = same ? known_end_ : comment_end(at);
-        known_begin_ = same ? known_begin_ : at;
-        if (end != known_end_) {
-            known_end_ = end;
-            known_next_ = behind_blanks(end);
-            while (text_.compare(known_next_, 2, "/*") == 0)
-                known_next_ = behind_blanks(comment_end(known_next_));
-        }
-        return known_next_;
-    }
-
-  private:
-    std::size_t behind_blanks(std::size_t at) const {
-        while (at < text_.size() && is_space(text_[at]))
-            ++at;
-        return at;
-    }
-    std::size_t comment_end(std::size_t at) const {
-        const std::size_t end = text_.find("*/", at + 2);
-        return end == std::string::npos ? text_.size() : end + 2;
-    }
-    const std::string &text_;
-    std::size_t known_begin_ = 0, known_end_ = 0, known_next_ = 0;
-};
-
-bool reads_files(const std::string &text) {
-    Tokens tokens(text);
+std::string found_in(const std::string &text) {
     for (std::size_t i = 0; i < text.size(); ++i) {
+        if (is_word(text[i])) {
+            const std::string word = word_at(text, i);
+            if (is_one_of(word, kWords))
+                return word;
+            i += word.size() - 1;
+            continue;
+        }
         const std::size_t hash = text[i] == '#' ? 1 : text.compare(i, 2, "%:") == 0 ? 2 : 0;
-        if (hash > 0 && is_one_of(word_at(text, tokens.next(i + hash)), kDirectives))
-            return true;
-        if (is_word(text[i]) && (i == 0 || !is_word(text[i - 1])) && is_one_of(word_at(text, i), kQuestions))
-            return true;
+        if (hash == 0)
+            continue;
+        i += hash - 1;
+        if (text.compare(i + 1, hash, text, i + 1 - hash, hash) == 0)
+            return "##";
+        const std::string word = word_at(text, i + 1);
+        if (is_one_of(word, kDirectives))
+            return "#" + word;
+        if (word != "pragma")
+            continue;
+        if (const std::string kind = word_at(text, text.find(word, i) + word.size()); !is_one_of(kind, kPragmas))
+            return "#pragma " + kind;
     }
-    return false;
+    return "";
 }
 
 } // namespace
 
-bool includes_files(const std::string &source) {
+std::string word_that_reads_files(const std::string &source) {
     for (const bool trigraphs : {false, true})
         for (const bool blanks : {false, true})
-            if (reads_files(joined(trigraphs ? with_trigraphs(source) : source, blanks)))
-                return true;
-    return false;
+            if (std::string word = found_in(bare(joined(trigraphs ? with_trigraphs(source) : source, blanks)));
+                !word.empty())
+                return word;
+    return "";
 }
 
 } // namespace clsp

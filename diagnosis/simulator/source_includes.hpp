@@ -5,8 +5,9 @@
 
 namespace clsp {
 
-// True if the tokens that a compiler sees hold a directive that reads a file, or a question whether one is there. It
-// errs on the safe side: in a comment or a string such tokens count, too.
-bool includes_files(const std::string &source);
+// The first word of the source that reads a file, or may: a directive such as #include, a question whether a file is
+// there, an assembler, a pragma but OPENCL, STDC and unroll, ## (it makes such words of parts). Empty where there is
+// none. Words in comments, strings and characters are none.
+std::string word_that_reads_files(const std::string &source);
 
 } // namespace clsp

@@ -86,6 +86,54 @@ TEST_F(Temporary, FilesHaveTheRightsThatTheUserWants) {
     EXPECT_EQ(status.st_mode & 0777, 0640u);
 }
 
+TEST_F(Temporary, AFileKeepsTheRightsOfTheOneThatItReplaces) {
+    const auto rights = [&](const std::string &name) {
+        struct stat status {};
+        EXPECT_EQ(::stat(name.c_str(), &status), 0) << name;
+        return status.st_mode & 07777;
+    };
+    for (const mode_t mode : {0600u, 0640u, 0664u, 0444u, 0755u}) {
+        image_io::write_text(path("a"), "before");
+        ASSERT_EQ(::chmod(path("a").c_str(), mode), 0);
+        image_io::AtomicFile file(path("a"));
+        EXPECT_EQ(rights(file.temporary_path()), mode) << "nobody else reads it meanwhile";
+        file.write("after", 5);
+        file.commit();
+        EXPECT_EQ(rights(path("a")), mode);
+        ASSERT_EQ(::unlink(path("a").c_str()), 0);
+    }
+    // Not what a link leads to, and no rights beyond reading, writing and running.
+    image_io::write_text(path("open"), "text");
+    ASSERT_EQ(::chmod(path("open").c_str(), 0666), 0);
+    fs::create_symlink("open", path("link"));
+    const mode_t before = ::umask(027);
+    image_io::write_text(path("link"), "text");
+    ::umask(before);
+    EXPECT_EQ(rights(path("link")), 0640u);
+    ASSERT_EQ(::chmod(path("open").c_str(), 04755), 0);
+    image_io::write_text(path("open"), "text");
+    EXPECT_EQ(rights(path("open")), 0755u);
+    if (::geteuid() != 0)
+        return;
+    ASSERT_EQ(::chown(path("open").c_str(), 65534, 65533), 0);
+    image_io::write_text(path("open"), "text");
+    struct stat status {};
+    ASSERT_EQ(::stat(path("open").c_str(), &status), 0);
+    EXPECT_EQ(status.st_uid, 65534u);
+    EXPECT_EQ(status.st_gid, 65533u);
+    // Who may not give files away: the new group is none that the file was open to.
+    ASSERT_EQ(::chmod(path("open").c_str(), 0664), 0);
+    ASSERT_EQ(::chmod(folder_.c_str(), 0777), 0);
+    EXPECT_EQ(in_a_child([&] {
+                  ::_exit(::setgid(1234) == 0 && ::setuid(1234) == 0 ? (image_io::write_text(path("open"), "text"), 7)
+                                                                    : 1);
+              }),
+              7 << 8);
+    ASSERT_EQ(::stat(path("open").c_str(), &status), 0);
+    EXPECT_EQ(status.st_uid, 1234u);
+    EXPECT_EQ(status.st_mode & 0777, 0644u);
+}
+
 TEST_F(Temporary, WhatAKilledProgramLeftIsSweptAway) {
     write_and_be_killed();
     EXPECT_EQ(names().size(), 2u);

@@ -74,6 +74,29 @@ def here(diagnosed: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_a_profile_in_the_folder_of_the_set_is_replaced(ok, refused, here: Path, diagnosed: Path) -> None:
+    """What an earlier run wrote may be replaced; what capture.json names, and other frames, may not."""
+    shutil.copytree(diagnosed / "real", here / "set")
+    for path in here.glob("camera.*"):
+        path.rename(here / "set" / path.name)
+    written = {path.name: path.stat().st_mtime_ns for path in (here / "set").glob("camera.*")}
+    assert sorted(written) == ["camera.dark.npy", "camera.gain.npy", "camera.json"]
+    ok("diagnose", "set", "--profile", "set/camera.json", "--replicates", 19, "--max-effects", 1, "--seed", 2)
+    assert all((here / "set" / name).stat().st_mtime_ns > before for name, before in written.items())
+    # A map that a description takes for frames is one of them.
+    about = json.loads((here / "set" / "capture.json").read_text())
+    about["sequences"][0]["file"] = "*dark.npy"
+    (here / "set" / "capture.json").write_text(json.dumps(about))
+    assert "set/camera.dark.npy: belongs to the capture set" in refused("diagnose", "set", "--profile", "set/camera.json")
+    (here / "set" / "camera.json").write_text("{}")
+    assert "camera.dark.npy: belongs to the capture set" in refused("diagnose", "set", "--profile", "set/camera.json")
+    # Frames whose names have no ending of an image.
+    (here / "set" / "flat.npy").rename(here / "set" / "flat.codes")
+    about["sequences"][1]["file"] = "flat.codes"
+    (here / "set" / "capture.json").write_text(json.dumps(about))
+    assert "set/flat.codes: belongs to the capture set" in refused("diagnose", "set", "--json", "set/flat.codes")
+
+
 def render(ok, folder: Path, sequence: str, *options: object) -> np.ndarray:
     """The same sequence as was recorded, by the profile's camera; another stretch of the noise for each."""
     first = {"dark": 0, "flat": 1 << 20}[sequence]
