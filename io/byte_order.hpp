@@ -7,26 +7,48 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
 
 namespace image_io::detail {
 
 /** Of a camera: 10, 12, 14 or 16 that hold a code. */
 unsigned enough_bits(std::uint64_t code);
 
-/** Whole numbers: in the wrong order their high bytes vary, while the low ones stay small. */
+/** What is said of whole numbers in the wrong order: "its words " this. Nothing else says so. */
+extern const char *const look_swapped;
+/** With what there is to see. @param bits of WholeNumbers::bits_if_swapped(). */
+std::string told_swapped(unsigned bits);
+
+/** Whole numbers: those that an image holds lie close together, and in the wrong order far apart. */
 class WholeNumbers {
   public:
     /** @param bytes of one number: 2, 4 or 8. */
-    explicit WholeNumbers(std::size_t bytes) : bytes_(bytes) {}
+    explicit WholeNumbers(std::size_t bytes) : bytes_(bytes), seen_(bytes == 2 ? 65536 : 0) {}
     void add(std::uint64_t number);
+    /** True if in the other order they lie much closer together. @param least so many different ones tell anything. */
+    bool closer_if_swapped(std::size_t least = 16) const;
     /** How many bits they need in the other order, where that is more likely what they are. 0: they are as they should
-     * be. */
+     * be, or they may be codes of 8 bits in the upper half of their words. */
     unsigned bits_if_swapped() const;
+    /** The largest one. */
+    std::uint64_t largest(bool if_swapped) const;
 
   private:
+    std::uint64_t swapped(std::uint64_t number) const;
+
     std::size_t bytes_;
-    std::uint64_t count_ = 0, as_read_ = 0, as_swapped_ = 0;
+    std::vector<bool> seen_; // of 2 bytes, of which there may be many
+    std::set<std::uint64_t> numbers_;
 };
+
+/** Several lots of words of a camera, such as its sequences. */
+struct SwappedWords {
+    std::vector<std::size_t> which; ///< Whose bytes look swapped; empty: of none.
+    unsigned bits = 0;              ///< That all need once those are swapped back.
+};
+SwappedWords swapped_among(const std::vector<WholeNumbers> &lots);
 
 /** Floating-point numbers: in the wrong order many are such as no image has, and in the right one hardly any. */
 class RealNumbers {

@@ -35,8 +35,13 @@ std::list<Format> &registry() {
     return list;
 }
 
-/** The format that the content tells; null: of none. */
-const Format *recognized(const std::string &path) {
+} // namespace
+
+const std::list<Format> &formats() {
+    return registry();
+}
+
+const Format *format_of_content(const std::string &path) {
     detail::InputFile file(path);
     char bytes[64];
     const std::string start(bytes, std::fread(bytes, 1, sizeof bytes, file.stream()));
@@ -50,12 +55,6 @@ const Format *recognized(const std::string &path) {
         if (format.recognizes && format.recognizes(file))
             return &format;
     return nullptr;
-}
-
-} // namespace
-
-const std::list<Format> &formats() {
-    return registry();
 }
 
 void add_format(Format format) {
@@ -199,28 +198,28 @@ constexpr Foreign foreign_formats[] = {
     {0, "\x1f\x8b"sv, "gzip", "unpack it"},
 };
 
-/** Why a file is no image; of an NPZ archive with the name of its first array. */
-std::string why_unknown(const std::string &path) {
+} // namespace
+
+std::string why_foreign(const std::string &path) {
     detail::InputFile file(path);
     char bytes[256];
     const std::string start(bytes, std::fread(bytes, 1, sizeof bytes, file.stream()));
     for (const Foreign &one : foreign_formats)
         if (start.size() > one.at && start.compare(one.at, one.magic.size(), one.magic) == 0)
             return fmt::format("is a file of the format {}, which is not read; {}", one.name, one.advice);
-    if (start.rfind("PK\x03\x04", 0) == 0 && start.size() > 30) {
-        // A local header: the name's length, then behind the header the name.
-        const std::size_t length = static_cast<unsigned char>(start[26]);
-        const std::string name = start.substr(30, length);
-        if (const std::size_t dot = name.rfind(".npy"); dot != std::string::npos && dot + 4 == name.size())
-            return fmt::format("is an NPZ archive of arrays; save one of them as NPY, for example "
-                               "numpy.save(\"{0}.npy\", numpy.load(\"{1}\")[\"{0}\"])",
-                               name.substr(0, dot), path);
-        return "is a ZIP archive; unpack it";
-    }
-    return fmt::format("is not a {} file (the content decides, not the name); raw frames must be described: {} "
-                       "(--raw, or \"raw\" in capture.json)",
-                       listed("or"), raw_form);
+    if (start.rfind("PK\x03\x04", 0) != 0 || start.size() <= 30)
+        return "";
+    // A local header: the name's length, then behind the header the name.
+    const std::size_t length = static_cast<unsigned char>(start[26]);
+    const std::string name = start.substr(30, length);
+    if (const std::size_t dot = name.rfind(".npy"); dot != std::string::npos && dot + 4 == name.size())
+        return fmt::format("is an NPZ archive of arrays; save one of them as NPY, for example "
+                           "numpy.save(\"{0}.npy\", numpy.load(\"{1}\")[\"{0}\"])",
+                           name.substr(0, dot), path);
+    return "is a ZIP archive; unpack it";
 }
+
+namespace {
 
 /** One frame of another reader. */
 class OnePage final : public Reader {
@@ -251,9 +250,16 @@ std::unique_ptr<Reader> open(const std::string &name, const ReadRequest &wanted)
     if (!channel.empty())
         request.channel = channel;
     take_settings(path, request);
-    const Format *format = request.raw ? &format_named("raw") : recognized(path);
-    if (!format)
-        throw ReadError(path, why_unknown(path));
+    const Format *format = request.raw ? &format_named("raw") : format_of_content(path);
+    if (!format) {
+        const std::string foreign = why_foreign(path);
+        throw ReadError(path,
+                        !foreign.empty()
+                            ? foreign
+                            : fmt::format("is not a {} file (the content decides, not the name); raw frames must be "
+                                          "described: {} (--raw, or \"raw\" in capture.json)",
+                                          listed("or"), raw_form));
+    }
     if (!format->open)
         throw ReadError(path, fmt::format("is an image of the format {}, which is not read here; {} are", format->name,
                                           listed("and", &Format::is_read)));
@@ -282,7 +288,7 @@ std::unique_ptr<Reader> open_one(const std::string &name, const ReadRequest &req
 }
 
 std::unique_ptr<ChannelFile> open_channels(const std::string &path) {
-    const Format *format = recognized(path);
+    const Format *format = format_of_content(path);
     if (!format || !format->open_channels)
         return nullptr;
     auto file = format->open_channels(path);

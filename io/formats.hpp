@@ -94,6 +94,11 @@ const Format &format_named(const std::string &name);
 /** The format that a file's name ends for, whatever its case; null: of none. */
 const Format *format_of_extension(const std::string &path);
 
+/** The format that a file's content tells; null: of none. Throws ReadError if it cannot be read. */
+const Format *format_of_content(const std::string &path);
+/** Of a file of another format that is known by name: that it is not read, and a way out; empty: it is of none. */
+std::string why_foreign(const std::string &path);
+
 /** Names of the formats that fit, or of all, for sentences: "PNG, TIFF or NPY". */
 std::string listed(const char *word, const std::function<bool(const Format &)> &fits = {});
 

@@ -5,6 +5,8 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
+#include "io/byte_order.hpp"
+#include "io/codes.hpp"
 #include "io/formats.hpp"
 #include "io/series.hpp"
 #include "json.hpp"
@@ -53,6 +55,7 @@ struct Found {
     std::vector<double> sum, square; // of the codes, by pixel
     double change = 0.0;             // of speckle between two frames
     double at_zero = 0.0;            // part of the codes
+    image_io::detail::WholeNumbers words{2};
 
     bool laser() const { return scene == "board" || scene == "dots"; }
     double pixels() const { return static_cast<double>(sum.size()); }
@@ -77,6 +80,7 @@ struct Codes {
     std::uint32_t set = 0; // bits that any code has
     std::uint32_t largest = 0;
     double full_scale = 0; // of files that say it
+    std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
 };
 
 std::string lower(std::string text) {
@@ -143,7 +147,7 @@ class Folder {
             if (file[0] == '.' || file == "capture.json" || file == "key.json")
                 continue;
             if (scene_of(file).empty() || !(fs::is_directory(path, code) || holds_frames(path)))
-                ignored.push_back(file);
+                leave_out(path);
             else if (fs::is_directory(path, code))
                 add_folder(path);
             else if (stem.size() > 5 && stem.compare(stem.size() - 5, 5, "_mask") == 0)
@@ -181,14 +185,28 @@ class Folder {
         });
         if (sequences.empty())
             throw InputError(
-                fmt::format("{}: holds no frames whose scene is named; expected: {}{}", folder_, kRule,
-                            ignored.empty() ? "" : fmt::format(". There are: {}", fmt::join(ignored, ", "))));
+                fmt::format("{}: holds no frames whose scene is named; expected: {}{}{}", folder_, kRule,
+                            others.empty() ? "" : fmt::format(". There are: {}", fmt::join(others, ", ")),
+                            no_frames.empty() ? "" : ". " + no_frames.begin()->second.front() + " " + no_frames.begin()->first));
     }
 
     std::vector<Found> sequences;
-    std::vector<std::string> ignored;
+    std::vector<std::string> others;                             // whose names tell no scene
+    std::map<std::string, std::vector<std::string>> no_frames;   // whose names do, by why they are none
 
   private:
+    void leave_out(const fs::path &path) {
+        const std::string file = path.filename().string();
+        others.push_back(file);
+        std::error_code code;
+        if (scene_of(file).empty() || !fs::is_regular_file(path, code))
+            return;
+        if (const std::string why = image_io::why_no_frame(path.string()); !why.empty()) {
+            no_frames[why].push_back(path.string());
+            others.pop_back();
+        }
+    }
+
     static std::vector<std::string> names_of(const std::vector<std::string> &paths) {
         std::vector<std::string> names;
         for (const std::string &path : paths)
@@ -199,17 +217,28 @@ class Folder {
     void add_folder(const fs::path &folder) {
         std::set<std::string> kinds;
         std::vector<std::string> files;
-        for (const fs::directory_entry &entry : fs::directory_iterator(folder))
-            if (holds_frames(entry.path()) && entry.path().filename().string()[0] != '.') {
+        std::map<std::string, std::vector<std::string>> none; // by why they are no frames
+        std::error_code code;
+        for (const fs::directory_entry &entry : fs::directory_iterator(folder)) {
+            if (entry.path().filename().string()[0] == '.' || !entry.is_regular_file(code))
+                continue;
+            const std::string file = entry.path().string();
+            if (holds_frames(entry.path())) {
                 kinds.insert(lower(entry.path().extension().string()));
-                files.push_back(entry.path().string());
+                files.push_back(file);
+            } else if (const std::string why = image_io::why_no_frame(file); !why.empty()) {
+                none[why].push_back(file);
             }
+        }
         image_io::leave_previews_out(files);
         std::sort(files.begin(), files.end(), image_io::natural_less);
         if (files.empty())
             throw InputError(fmt::format(
-                "{}: holds no {} frames; put them there, or give the folder another name", folder.string(),
-                image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; })));
+                "{}: holds no {} frames; put them there, or give the folder another name{}", folder.string(),
+                image_io::frame_formats("or"),
+                none.empty() ? "" : ". " + none.begin()->second.front() + " " + none.begin()->first));
+        for (auto &[why, paths] : none)
+            no_frames[why].insert(no_frames[why].end(), paths.begin(), paths.end());
         if (kinds.size() > 1)
             throw InputError(fmt::format("{}: holds files of several kinds ({}); leave one there, the frames",
                                          folder.string(), fmt::join(kinds, ", ")));
@@ -259,14 +288,13 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
     for (const std::string &path : found.paths) {
         const auto reader = open_frames(path, raw);
         const image_io::Info &info = reader->info();
-        if (info.lossy)
-            throw InputError(fmt::format("{}: is compressed with losses, which change codes and their noise; let the "
-                                         "camera store frames without, or move the file",
-                                         path));
-        if (info.channels != 1 || (info.sample != "uint8" && info.sample != "uint16"))
-            throw InputError(fmt::format("{}: has {} channel{} of {}; expected raw codes, one uint8 or uint16 for each "
-                                         "pixel: save the frames as the converter gives them, or move the file",
-                                         path, info.channels, info.channels == 1 ? "" : "s", info.sample));
+        if (const std::string why = image_io::why_no_codes(info, found.file); !why.empty())
+            throw InputError(fmt::format("{}: {}", path, why));
+        for (const std::string &warning : info.warnings)
+            codes.warnings[warning].push_back(path);
+        if (info.white_is_zero)
+            codes.warnings[image_io::told_white(info) + ". If it is only marked so, save the frames as min-is-black"]
+                .push_back(path);
         if (codes.first.empty()) {
             codes.width = info.width;
             codes.height = info.height;
@@ -295,6 +323,7 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
                 found.sum[i] += value;
                 found.square[i] += value * value;
                 found.at_zero += code == 0;
+                found.words.add(code);
                 codes.largest = std::max(codes.largest, code);
                 codes.set |= code == 65535 ? 0 : code; // what clips is no multiple of anything
                 if (found.frames == 1) {
@@ -368,7 +397,9 @@ CodeFormat format_of(const Codes &codes, std::uint32_t given, Notes &notes) {
     const std::uint32_t bits = given ? given : holding(words ? codes.largest : codes.full_scale);
     if (codes.largest >> bits != 0)
         throw InputError(
-            fmt::format("--bits {}: codes reach {}; leave the option out, or give more", bits, codes.largest));
+            fmt::format("--bits {}: codes reach {}; leave the option out, or give more{}", bits, codes.largest,
+                        codes.warnings.empty() ? "" : ". But " + codes.warnings.begin()->second.front() + ": " +
+                                                          codes.warnings.begin()->first));
     if (words && !given && codes.largest != (1u << bits) - 1)
         notes.add("/camera/bits", std::to_string(bits),
                   fmt::format("no code is above {}: a converter that nothing brought to its end may have more (--bits)",
@@ -511,6 +542,32 @@ void check_description(image_io::AtomicFile &file, const std::string &path, Cons
 
 } // namespace
 
+namespace {
+
+std::string named(const std::vector<std::string> &paths) {
+    return paths.front() + (paths.size() > 1 ? fmt::format(" and {} more", paths.size() - 1) : "");
+}
+
+/** What is odd about files and their codes, as the check will say it. */
+void warn_of_files(const std::vector<Found> &sequences, const Codes &codes, Console &console) {
+    std::vector<image_io::detail::WholeNumbers> words;
+    for (const Found &found : sequences)
+        words.push_back(found.words);
+    const image_io::detail::SwappedWords swapped = image_io::detail::swapped_among(words);
+    std::string names;
+    for (const std::size_t i : swapped.which)
+        names += (names.empty() ? "" : ", ") + sequences[i].name;
+    if (!names.empty())
+        console.warn(fmt::format("{}: the codes {}. If so, save codes.byteswap(), and write capture.json again with "
+                                 "--force: its numbers are those of swapped codes",
+                                 names, image_io::detail::told_swapped(swapped.bits)));
+    for (const auto &[warning, paths] : codes.warnings)
+        if (names.empty() || warning.find(image_io::detail::look_swapped) == std::string::npos)
+            console.warn(fmt::format("{}: {}", named(paths), warning));
+}
+
+} // namespace
+
 void run_capture_init(const CaptureInitArguments &a, Console &console) {
     Folder folder(a.folder, a.raw);
     std::vector<Found> &sequences = folder.sequences;
@@ -591,9 +648,12 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     check_description(file, path, console);
     file.commit();
     console.print(table(rows) + "\n" + notes.found);
-    for (const std::string &other : folder.ignored)
+    for (const std::string &other : folder.others)
         if (const fs::path left = fs::path(a.folder) / other; holds_frames(left) || fs::is_directory(left, code))
             console.warn(fmt::format("{}: is left out, as its name tells no scene; {}", left.string(), kRule));
+    for (const auto &[why, paths] : folder.no_frames)
+        console.warn(fmt::format("{}: is left out: it {}", named(paths), why));
+    warn_of_files(sequences, codes, console);
     if (!notes.text.empty())
         console.print("To be edited:\n" + notes.text);
     console.print(fmt::format("{}: written. Next: clspeckle capture check {}", path, a.folder));

@@ -2,6 +2,7 @@
 
 #include "capture/json_file.hpp"
 #include "capture/sequence_files.hpp"
+#include "io/codes.hpp"
 #include "io/inside.hpp"
 
 #include <algorithm>
@@ -117,7 +118,7 @@ void read_sequence(const Parser &parser, const Json &entry, std::size_t index, C
     if (entry.contains("exposure_ms"))
         sequence.exposure_ms = parser.number(entry, "exposure_ms", where, "the exposure time in ms");
     const std::string frames =
-        fmt::format("the path of an .npy stack, or of a folder or glob of {} frames", frame_formats("or"));
+        fmt::format("the path of an .npy stack, or of a folder or glob of {} frames", image_io::frame_formats("or"));
     result.files.push_back(parser.relative_path(entry, "file", where, frames.c_str()));
     result.masks.push_back(
         entry.contains("mask") ? parser.relative_path(entry, "mask", where, "the path of an 8-bit image") : "");

@@ -1,7 +1,9 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
+#include "capture/code_warnings.hpp"
 #include "capture/metadata_warnings.hpp"
 #include "capture/pixel_warnings.hpp"
+#include "io/byte_order.hpp"
 
 #include <algorithm>
 #include <array>
@@ -137,6 +139,18 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
                                              const std::vector<SequenceChange> &frame_changes) {
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
+    if (auto swapped = swapped_bytes(capture.layout, scans)) {
+        // Their files may say so, each for itself.
+        warnings.erase(std::remove_if(warnings.begin(), warnings.end(),
+                                      [](const CaptureWarning &warning) {
+                                          return warning.text.find(image_io::detail::look_swapped) != std::string::npos;
+                                      }),
+                       warnings.end());
+        for (const SequenceLayout &sequence : capture.layout.sequences)
+            warn_of_pupil(capture.layout, sequence, warnings);
+        warnings.push_back(std::move(*swapped));
+        return warnings;
+    }
     // A data sheet may say 0, or the noise of another gain.
     const double measured = measured_noise(summaries), noise = measured > 0.0 ? measured : capture.layout.read_noise_dn;
     for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -205,6 +206,26 @@ std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t 
 
 } // namespace
 
+std::optional<CaptureWarning> swapped_bytes(const CaptureLayout &layout, const std::vector<SequenceScan> &scans) {
+    std::vector<image_io::detail::WholeNumbers> words(scans.size(), image_io::detail::WholeNumbers(2));
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        for (const std::uint16_t code : scans[i].codes)
+            words[i].add(code);
+    const image_io::detail::SwappedWords swapped = image_io::detail::swapped_among(words);
+    if (swapped.which.empty())
+        return std::nullopt;
+    std::string names;
+    for (const std::size_t i : swapped.which)
+        names += (names.empty() ? "" : ", ") + layout.sequences[i].name;
+    const bool one = swapped.which.size() == 1, of_some = !one && swapped.which.size() < scans.size();
+    return CaptureWarning{one ? names : "",
+                          fmt::format("the codes{} {}. If so, save codes.byteswap() and set bits to {}; what "
+                                      "`clspeckle capture init` found in them it finds again with --force",
+                                      of_some ? " of " + names : "", image_io::detail::told_swapped(swapped.bits),
+                                      swapped.bits),
+                          "swapped_bytes"};
+}
+
 std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
                                           const std::vector<SequenceSummary> &summaries, const DarkLevel &dark,
                                           double noise_dn) {
@@ -222,17 +243,6 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
         varied = varied || summaries[i].minimum != summaries[i].maximum;
     }
     const std::vector<std::uint16_t> all(together.begin(), together.end());
-    image_io::detail::WholeNumbers words(2);
-    for (const std::uint16_t code : all)
-        words.add(code);
-    if (const unsigned bits = words.bits_if_swapped(); bits > 0) {
-        warnings.push_back({"",
-                            fmt::format("the codes look as if their bytes were swapped: in the other order none needs "
-                                        "more than {} bits. If so, save codes.byteswap() and set bits to {}",
-                                        bits, bits),
-                            "swapped_bytes"});
-        return warnings;
-    }
     if (const unsigned shift = common_shift(all); shift > 0) {
         warnings.push_back({"", upper_bits(camera, shift), "upper_bits"});
         return warnings;

@@ -2,6 +2,7 @@
 
 #include "capture/capture_validation.hpp"
 #include "io/byte_order.hpp"
+#include "io/codes.hpp"
 #include "io/series.hpp"
 #include "runtime/error.hpp"
 
@@ -36,19 +37,27 @@ std::vector<std::string> frames_of_folder(const std::string &folder, std::string
     std::vector<std::string> files;
     std::set<const image_io::Format *> kinds;
     std::error_code code;
+    std::string others; // why another file is no frame
     for (const fs::directory_entry &entry : fs::directory_iterator(folder, code)) {
         const image_io::Format *kind = image_io::format_of_extension(entry.path().string());
         const std::string name = entry.path().filename().string();
         std::error_code ignored;
-        if (name[0] == '.' || !kind || kind->codes != image_io::Codes::frames || !entry.is_regular_file(ignored))
+        if (name[0] == '.' || !entry.is_regular_file(ignored))
             continue;
+        if (!kind || kind->codes != image_io::Codes::frames) {
+            if (others.empty())
+                if (const std::string why = image_io::why_no_frame(entry.path().string()); !why.empty())
+                    others = fmt::format(". {} {}", name, why);
+            continue;
+        }
         kinds.insert(kind);
         files.push_back(entry.path().string());
     }
     if (code)
         throw Error(Status::kIo, fmt::format("{}: cannot be read: {}", folder, code.message()));
     if (files.empty())
-        throw Error(Status::kIo, fmt::format("{}: the folder holds no {} frames", folder, frame_formats("or")));
+        throw Error(Status::kIo, fmt::format("{}: the folder holds no {} frames{}", folder,
+                                             image_io::frame_formats("or"), others));
     if (kinds.size() > 1) {
         const auto found = [&](const image_io::Format &format) { return kinds.count(&format) > 0; };
         const auto &all = image_io::formats();
@@ -76,10 +85,6 @@ std::string escaped(const std::string &folder) {
 }
 
 } // namespace
-
-std::string frame_formats(const char *word) {
-    return image_io::listed(word, [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
-}
 
 SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file, const std::string &description,
                              const std::string &field, bool msb_aligned, const std::optional<image_io::RawLayout> &raw)
@@ -117,7 +122,7 @@ SequenceFiles::SequenceFiles(const std::string &folder, const std::string &file,
         fmt::format(". {}: {} names it; expected there is an .npy stack of (frames, height, width), uint16, or gray "
                     "16-bit {} frames: replace the file (numpy.save(file, codes.astype(numpy.uint16)) writes "
                     "a stack), or take the sequence out",
-                    description, field, frame_formats("or"));
+                    description, field, image_io::frame_formats("or"));
     for (const std::string &one : files)
         parts_.push_back(reading([&] { return part_of(one); }, advice));
 }
@@ -149,10 +154,7 @@ void SequenceFiles::settle_white(Part &part) const {
         });
     });
     if (msb_aligned_ || most <= maximum || top - least > maximum) {
-        part.info.warnings.push_back(
-            fmt::format("its photometric interpretation says that 0 is white: a code is {} minus "
-                        "the number that is stored",
-                        top));
+        part.info.warnings.push_back(image_io::told_white(part.info));
         return;
     }
     part.turned_at = top;
@@ -175,33 +177,15 @@ std::uint64_t SequenceFiles::check(const CaptureLayout &layout) {
         if (stack && !single_)
             refuse(fmt::format("is an {0} array among the frames of a folder or pattern; expected {1} frames there, or "
                                "name the {0} stack itself",
-                               info.format->extension(), frame_formats("or")));
-        if (info.format->codes == image_io::Codes::none)
-            refuse(fmt::format("is a {} file; expected an .npy stack, or {} frames{}", info.format->name,
-                               frame_formats("or"),
-                               info.format->no_codes_because.empty() ? "" : ": " + info.format->no_codes_because));
-        if (info.lossy)
-            refuse(
-                "is compressed with losses, which change codes and their noise; let the camera store frames without: "
-                "raw, PNG, or TIFF with deflate or LZW");
-        if (info.channels != 1)
-            refuse(fmt::format("has {} channels; expected raw codes, one number for each pixel. Where the channels are "
-                               "alike, name one: \"file\": \"{}:{}\"",
-                               info.channels, file_, info.channels > 2 ? "R" : "Y"));
+                               info.format->extension(), image_io::frame_formats("or")));
+        if (const std::string why = image_io::why_no_codes(info, file_); !why.empty())
+            refuse(why);
         if (info.full_scale_given)
             refuse("codes of a capture are whole numbers without a scale; take full_scale out of \"file\"");
-        if (info.sample != "uint16" && !(info.sample == "uint8" && layout.bits == 8))
-            refuse(fmt::format(
-                "has samples of type {}; expected uint16{}", info.sample,
-                info.sample == "uint8"
-                    ? fmt::format(" for codes of {} bits (8-bit files hold 8-bit codes only): if these are "
-                                  "the converter's, set /camera/bits to 8",
-                                  layout.bits)
-                : info.sample.rfind("float", 0) == 0
-                    ? ": codes are whole numbers, as the converter gives them; fractions and NaN are none. If "
-                      "they are whole, save codes.astype(numpy.uint16)"
-                    : ": the codes as the converter gives them, neither scaled nor shifted: save "
-                      "codes.astype(numpy.uint16)"));
+        if (info.sample == "uint8" && layout.bits != 8)
+            refuse(fmt::format("has samples of type uint8; expected uint16 for codes of {} bits (8-bit files hold "
+                               "8-bit codes only): if these are the converter's, set /camera/bits to 8",
+                               layout.bits));
         if (info.width != layout.width || info.height != layout.height)
             refuse(fmt::format("has frames of {} x {} pixels (width x height); /camera says {} x {}{}", info.width,
                                info.height, layout.width, layout.height,
@@ -280,9 +264,8 @@ struct TooLarge {
         // In the other order they may fit.
         if (const unsigned other = words.bits_if_swapped(); other > 0)
             return info.looks_swapped ? but.substr(2)
-                                      : fmt::format("But its words look as if their bytes were swapped: in the other "
-                                                    "order none needs more than {} bits. If so, save array.byteswap()",
-                                                    other);
+                                      : fmt::format("But its words {}. If so, save array.byteswap()",
+                                                    image_io::detail::told_swapped(other));
         while (bits < kMaxCaptureBits && largest >= static_cast<float>(1u << bits))
             ++bits;
         if (const unsigned significant = info.significant_bits; significant > 0 && significant < 16)

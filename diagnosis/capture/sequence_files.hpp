@@ -13,8 +13,6 @@
 
 namespace clsp {
 
-// The formats of frames that are a file each: "PNG or TIFF".
-std::string frame_formats(const char *word);
 
 // What is odd about some files.
 struct FileOddity {

@@ -312,9 +312,7 @@ class NpyReader final : public Reader {
         info_.looks_swapped = bits > 0;
         if (info_.looks_swapped)
             info_.warnings.push_back(
-                fmt::format("its words look as if their bytes were swapped: in the other order none "
-                            "needs more than {} bits. If so, save array.byteswap()",
-                            bits));
+                fmt::format("its words {}. If so, save array.byteswap()", detail::told_swapped(bits)));
     }
 
     float convert(const unsigned char *bytes) const {

@@ -465,9 +465,7 @@ def test_descriptions(ok, refused, tmp_path: Path) -> None:
     # Floating point, in a folder that is described anew.
     codes = np.load(folder / "dark.npy")
     np.save(folder / "flat.npy", codes.astype(np.float32))
-    assert "save the frames as the converter gives them, or move the file" in refused(
-        "capture", "init", "drawn", "--force"
-    )
+    assert "save codes.astype(numpy.uint16)" in refused("capture", "init", "drawn", "--force")
     np.save(folder / "flat.npy", codes)
     ok("capture", "init", "drawn", "--force")
     np.save(folder / "flat.npy", (codes // 4).astype(np.uint8))

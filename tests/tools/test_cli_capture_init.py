@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 import tifffile
 from cli_images import pgm
 from cli_support import ROOT
+from PIL import Image
 
 LENS = ("--pixel-pitch-um", 2.9, "--f-number", 5.6, "--wavelength-nm", 940)
 EMVA_CCD = ROOT.parent / "shared" / "data" / "emva_ccd"
@@ -258,7 +260,7 @@ def test_bad_input(refused, ok, tmp_path: Path) -> None:
     shown = refused("capture", "init", "set")
     assert "flat.npy: has 40 x 48 pixels, but set/dark.npy has 48 x 40" in shown and "cut the frames alike" in shown
     np.save(folder / "flat.npy", dark(1).astype(np.float32))
-    assert "flat.npy: has 1 channel of float32; expected raw codes" in refused("capture", "init", "set")
+    assert "flat.npy: has samples of type float32; expected uint16" in refused("capture", "init", "set")
     np.save(folder / "flat.npy", dark(1).astype(np.uint8))
     np.save(folder / "dark.npy", dark(1) + 300)
     assert "flat.npy: has 8-bit samples, but codes reach" in refused("capture", "init", "set")
@@ -289,6 +291,107 @@ def test_bad_input(refused, ok, tmp_path: Path) -> None:
     assert (folder / "capture.json").read_bytes() == before
     ok("capture", "init", "set", "--force", "--f-number", 8)
     assert described(folder)["camera"]["f_number"] == 8
+
+
+def flat(seed: int, frames: int = 4) -> np.ndarray:
+    return np.rint(np.random.default_rng(seed).normal(600, 20, (frames, 40, 48))).astype(np.uint16)
+
+
+def test_swapped_bytes_are_told_and_the_advice_leads_to_a_clean_set(ok, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    arrays = {"dark": dark(1), "flat": flat(2)}
+    for name, codes in arrays.items():
+        np.save(folder / f"{name}.npy", codes.byteswap())
+    told = ok("capture", "init", "set", *LENS).err
+    assert told.count("look as if their bytes were swapped") == 1
+    assert "dark, flat: the codes look as if" in told
+    assert "save codes.byteswap(), and write capture.json again with --force" in told
+    assert described(folder)["camera"]["black_level_dn"] > 1023
+    told = ok("capture", "check", "set").err
+    assert told.count("look as if their bytes were swapped") == 1
+    assert "what `clspeckle capture init` found in them it finds again with --force" in told
+    for name in arrays:
+        np.save(folder / f"{name}.npy", np.load(folder / f"{name}.npy").byteswap())
+    assert ok("capture", "init", "set", "--force", *LENS).err == ""
+    assert described(folder)["camera"]["bits"] == 10
+    assert described(folder)["camera"]["black_level_dn"] == pytest.approx(64, abs=0.5)
+    assert ok("capture", "check", "set", "--json", "-").json()["warnings"] == []
+
+
+def test_white_that_is_zero_is_told_as_the_check_tells_it(ok, refused, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1))
+    tifffile.imwrite(folder / "flat.tif", 65535 - flat(2), photometric="miniswhite")
+    words = "its photometric interpretation says that 0 is white: a code is 65535 minus the number that is stored"
+    assert words in ok("capture", "init", "set", *LENS).err
+    assert words in ok("capture", "check", "set").err
+    tifffile.imwrite(folder / "flat.tif", flat(2), photometric="miniswhite")
+    assert words in refused("capture", "init", "set", "--force", "--bits", 10)
+    told = ok("capture", "init", "set", "--force", *LENS).err
+    assert "If it is only marked so, save the frames as min-is-black" in told
+    tifffile.imwrite(folder / "flat.tif", tifffile.imread(folder / "flat.tif"), photometric="minisblack")
+    assert ok("capture", "init", "set", "--force", *LENS).err == ""
+    assert described(folder)["camera"]["bits"] == 10
+
+
+@pytest.mark.parametrize(
+    ("name", "cause", "way_out"),
+    [
+        ("flat.jpg", "is a JPEG file", "raw frames, PNG, TIFF or PGM, which keep them"),
+        ("flat.gif", "is a file of the format GIF, which is not read", "convert it to PNG, TIFF or NPY"),
+        ("flat.webp", "is a file of the format WebP, which is not read", "convert it to PNG, TIFF or NPY"),
+        ("flat.npz", "is an NPZ archive of arrays", 'numpy.save("codes.npy", numpy.load("set/flat.npz")["codes"])'),
+        ("flat.dat", "is a PNG file", "give it the ending .png"),
+    ],
+)
+@pytest.mark.parametrize("place", ["beside", "alone", "folder"])
+def test_files_that_are_no_frames_say_why(ok, refused, tmp_path: Path, name: str, cause: str, way_out: str, place: str) -> None:
+    folder = tmp_path / "set"
+    inner = folder / "flat" if place == "folder" else folder
+    inner.mkdir(parents=True)
+    image = Image.fromarray((flat(2)[0] >> 2).astype(np.uint8))
+    if name.endswith(".npz"):
+        np.savez(inner / name, codes=flat(2))
+    else:
+        image.save(inner / name, "PNG" if name.endswith(".dat") else None)
+    (inner / "flat notes.txt").write_text("no image, and no word of it")
+    if place != "alone":
+        np.save(folder / "dark.npy", dark(1))
+    told = ok("capture", "init", "set").err if place == "beside" else refused("capture", "init", "set")
+    assert cause in told and way_out.replace("set/", f"{inner.relative_to(tmp_path)}/") in told and f"{inner.name}/{name}" in told
+    assert "notes.txt: " not in told
+    if place == "folder":
+        (folder / "dark.npy").rename(folder / "dark_other.npy")
+        Image.fromarray((dark(1)[0]).astype(np.uint8)).save(folder / "dark.png")
+        capture = {"format": "clspeckle-capture", "version": 1, "laser": {"wavelength_nm": 940}}
+        capture["camera"] = {"width": 48, "height": 40, "bits": 8, "pixel_pitch_um": 3, "f_number": 4, "black_level_dn": 9, "read_noise_dn": 1}
+        capture["sequences"] = [{"name": "flat", "scene": "flat", "file": "flat"}]
+        (folder / "capture.json").write_text(json.dumps(capture))
+        assert cause in refused("capture", "check", "set"), "the check says the same"
+
+
+def test_channels_and_types_have_the_way_out_that_the_check_has(ok, refused, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    np.save(folder / "dark.npy", dark(1))
+    for array, advice in (
+        (np.stack([flat(2)] * 4, -1), r"save (array\[\.\.\., 0\])"),
+        (np.moveaxis(flat(2), 0, -1), r"If the 4 are frames, save (numpy\.moveaxis\(array, -1, 0\))"),
+        (flat(2).astype(np.float64), r"save (codes\.astype\(numpy\.uint16\))"),
+        (flat(2).astype(np.int32), r"save (codes\.astype\(numpy\.uint16\))"),
+    ):
+        np.save(folder / "flat.npy", array)
+        found = re.search(advice, refused("capture", "init", "set"))
+        assert found
+        np.save(folder / "flat.npy", eval(found[1], {"array": array, "codes": array, "numpy": np}))
+        ok("capture", "init", "set", "--force")
+        assert described(folder)["sequences"][1]["scene"] == "flat"
+        (folder / "capture.json").unlink()
+    Image.fromarray((flat(2)[0] >> 2).astype(np.uint8)).save(folder / "flat.tif", compression="jpeg")
+    (folder / "flat.npy").unlink()
+    assert "raw, PNG, or TIFF with deflate or LZW" in refused("capture", "init", "set")
 
 
 def test_a_folder_that_cannot_be_written(refused, tmp_path: Path) -> None:

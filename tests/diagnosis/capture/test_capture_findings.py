@@ -190,16 +190,36 @@ def test_upper_bits_are_told_with_numbers_that_give_a_clean_set(found, bits: int
         assert found(upper, {**numbers, "msb_aligned": True}) == []
 
 
-def test_swapped_bytes_are_told(found) -> None:
-    arrays, camera = recorded(9, bits=12, frames=4)
-    swapped = {name: codes.byteswap() for name, codes in arrays.items()}
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+@pytest.mark.parametrize("which", ["all", "dark", "flat", "board_moving", "dark flat"])
+def test_swapped_bytes_are_told_alone(found, bits: int, which: str) -> None:
+    """Whatever else such codes show follows from that: stretched codes, light that is missing, other noise."""
+    arrays, camera = recorded(9, bits=bits, frames=4)
+    names = list(arrays) if which == "all" else which.split()
+    swapped = {name: codes.byteswap() if name in names else codes for name, codes in arrays.items()}
     told = found(swapped, camera | {"bits": 16})
-    assert not {"stretched_codes", "missing_codes", "upper_bits", "unused_bits"} & set(kinds(told))
-    text = next(w["text"] for w in told if w["kind"] == "swapped_bytes")
-    advice = re.search(r"save (codes\.byteswap\(\)) and set bits to (\d+)$", text)
-    assert advice
-    back = {name: eval(advice[1], {"codes": codes}) for name, codes in swapped.items()}
+    assert kinds(told) == ["swapped_bytes"]
+    assert told[0]["sequence"] == (names[0] if len(names) == 1 else "")
+    if which == "dark flat":
+        assert "the codes of dark, flat look as if" in told[0]["text"]
+    advice = re.search(r"save (codes\.byteswap\(\)) and set bits to (\d+);", told[0]["text"])
+    assert advice and int(advice[2]) == bits
+    back = {name: eval(advice[1], {"codes": codes}) if name in names else codes for name, codes in swapped.items()}
     assert found(back, camera | {"bits": int(advice[2])}) == []
+
+
+@pytest.mark.parametrize("level", [300, 700])
+def test_few_swapped_codes_are_not_stretched_ones(found, level: int) -> None:
+    codes = np.rint(np.random.default_rng(3).normal(level, 4, (4, *SHAPE))).astype(np.uint16)
+    camera = {"bits": 16, "black_level_dn": level, "read_noise_dn": 4}
+    assert kinds(found({"dark": codes.byteswap()}, camera)) == ["swapped_bytes"]
+    assert found({"dark": codes}, camera | {"bits": 10}) == []
+
+
+@pytest.mark.parametrize("level", [255, 256, 8192, 32788, 64 * 256 + 3])
+def test_codes_of_16_bits_are_not_taken_for_swapped_ones(found, level: int) -> None:
+    codes = np.rint(np.random.default_rng(3).normal(level, 4, (4, *SHAPE))).astype(np.uint16)
+    assert found({"dark": codes}, {"bits": 16, "black_level_dn": level, "read_noise_dn": 4}) == []
 
 
 @pytest.mark.parametrize("gain", [1.05, 1.1, 1.25, 4 / 3])
