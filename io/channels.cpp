@@ -211,6 +211,16 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
                                       path, example, channels.empty() ? "none" : joined(channels)));
 }
 
+/** Whether a channel's names say that it is something else: no good example. */
+bool is_of_another(const Layers &layers, const std::string &channel, Role role) {
+    for (const Role other : {Role::depth, Role::position, Role::normal, Role::albedo, Role::visibility, Role::mask,
+                             Role::material, Role::image})
+        if (other != role && (fits(other, layer_of(channel)) || fits(other, tail_of(channel))))
+            return true;
+    const Names picture = layers.picture(layer_of(channel)), vector = layers.triple(layer_of(channel), "XYZ");
+    return (role != Role::image && contains(picture, channel)) || (!is_vector(role) && contains(vector, channel));
+}
+
 std::string example_of(const Names &names) {
     return names.size() == 1 || layer_of(names.front()).empty() ? fmt::format("{}", fmt::join(names, ","))
                                                                 : layer_of(names.front());
@@ -300,6 +310,10 @@ std::vector<std::string> select_channels(const std::string &path, const std::vec
                fitting.front());
     }
     std::string example = channels.empty() ? "CHANNEL" : channels.front();
+    const Layers layers(channels);
+    for (auto channel = channels.rbegin(); channel != channels.rend(); ++channel)
+        if (!is_of_another(layers, *channel, request.role))
+            example = *channel;
     if (is_vector(request.role))
         example = channels.size() < 3 ? "X,Y,Z" : fmt::format("{},{},{}", channels[0], channels[1], channels[2]);
     refuse(path, channels, fmt::format("none of its channels is named as {}", said(request.role)), request.role,

@@ -31,14 +31,17 @@ std::string why_no_codes(const Info &info, const std::string &file) {
                            "alike, save array[..., 0], or name one: \"file\": \"{}:{}\"{}",
                            info.channels, file, info.channels > 2 ? "R" : "Y", frames);
     }
+    std::string but;
+    for (const std::string &warning : info.warnings)
+        but += ". But " + warning;
     if (info.sample.rfind("float", 0) == 0)
         return fmt::format("has samples of type {}; expected uint16: codes are whole numbers, as the converter gives "
-                           "them; fractions and NaN are none. If they are whole, save codes.astype(numpy.uint16)",
-                           info.sample);
+                           "them; fractions and NaN are none. If they are whole, save codes.astype(numpy.uint16){}",
+                           info.sample, but);
     if (info.sample != "uint16" && info.sample != "uint8")
         return fmt::format("has samples of type {}; expected uint16: the codes as the converter gives them, neither "
-                           "scaled nor shifted: save codes.astype(numpy.uint16)",
-                           info.sample);
+                           "scaled nor shifted: save codes.astype(numpy.uint16){}",
+                           info.sample, but);
     return "";
 }
 

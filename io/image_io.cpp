@@ -81,9 +81,11 @@ void Reader::opened_as(const Format &format) {
                            info_.frame_count == 1 ? "" : "s", info_.width, info_.height, info_.channels,
                            info_.channels == 1 ? "" : "s"));
     if (info_.surplus_bytes > 0)
-        info_.warnings.push_back(fmt::format("{} bytes follow the array of {} frames and are not read; was a second "
-                                             "array, or something else, appended?",
-                                             info_.surplus_bytes, info_.frame_count));
+        info_.warnings.push_back(fmt::format("{} byte{} follow{} the last image and {} not read; was another one, or "
+                                             "something else, appended?",
+                                             info_.surplus_bytes, info_.surplus_bytes == 1 ? "" : "s",
+                                             info_.surplus_bytes == 1 ? "s" : "",
+                                             info_.surplus_bytes == 1 ? "is" : "are"));
 }
 
 void Reader::warn_of_orientation(unsigned orientation) {
@@ -100,6 +102,15 @@ void Reader::warn_of_orientation(unsigned orientation) {
         fmt::format("it says that it shall be {} to be seen (orientation {}); the pixels are taken as "
                     "stored. Turn them and save them without that word if that is wrong",
                     ways[orientation - 2], orientation));
+}
+
+void Reader::warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where) {
+    if (const auto orientation = detail::orientation_of_exif(data, size_bytes))
+        warn_of_orientation(*orientation);
+    else
+        info_.warnings.push_back(fmt::format("{} cannot be read (damaged or cut) and is ignored: whether the image is "
+                                             "to be turned is not known",
+                                             where));
 }
 
 void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
@@ -200,14 +211,16 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
 
 namespace detail {
 
-unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes) {
-    if (size_bytes < 8)
-        return 0;
-    const bool big = data[0] == 'M';
+std::optional<unsigned> orientation_of_exif(const unsigned char *data, std::size_t size_bytes) {
+    const bool big = size_bytes >= 4 && std::memcmp(data, "MM\0*", 4) == 0;
+    if (size_bytes < 8 || (!big && std::memcmp(data, "II*\0", 4) != 0))
+        return std::nullopt;
     const auto word = [&](std::size_t at) -> std::size_t {
         return at + 2 > size_bytes ? 0 : big ? data[at] << 8 | data[at + 1] : data[at + 1] << 8 | data[at];
     };
     const std::size_t directory = big ? word(4) << 16 | word(6) : word(6) << 16 | word(4);
+    if (directory + 2 > size_bytes)
+        return std::nullopt;
     for (std::size_t i = 0; i < word(directory) && directory + 2 + 12 * (i + 1) <= size_bytes; ++i)
         if (const std::size_t entry = directory + 2 + 12 * i; word(entry) == 0x0112)
             return static_cast<unsigned>(word(entry + 8));

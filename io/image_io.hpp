@@ -88,6 +88,8 @@ class Reader {
     [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, what); }
     /** @param orientation 1 (as stored) to 8, as TIFF and EXIF count; 0: the file says nothing. */
     void warn_of_orientation(unsigned orientation);
+    /** @param where that the data are from. */
+    void warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where);
     /** Refuses empty and oversized images. */
     void check_size(std::uint64_t width, std::uint64_t height) const;
 
@@ -184,8 +186,9 @@ class Writer {
 
 namespace detail {
 
-/** The orientation that EXIF data tell, which begin as a TIFF file does; 0: none. */
-unsigned orientation_of_exif(const unsigned char *data, std::size_t size_bytes);
+/** The orientation that EXIF data tell, which begin as a TIFF file does; 0: they tell none. Nothing where they are no
+ * EXIF data. */
+std::optional<unsigned> orientation_of_exif(const unsigned char *data, std::size_t size_bytes);
 
 /** An open regular file, with its size known. */
 class InputFile {

@@ -45,24 +45,13 @@ class Profile {
     std::size_t size_;
 };
 
-/** ICC profiles keep sRGB's curve as a table, too. */
-bool is_srgb(const std::vector<float> &entries) {
-    const Transfer known = srgb("");
+/** Whether a table is a known curve's, as files keep those, too. */
+bool is_of(const Transfer &known, const std::vector<float> &entries) {
     for (std::size_t i = 0; i < entries.size(); ++i)
         if (std::abs(entries[i] - known.to_light(static_cast<double>(i) / static_cast<double>(entries.size() - 1))) >
             0.002)
             return false;
-    return entries.size() > 16;
-}
-
-Transfer of_table(std::vector<float> entries, const std::string &said_by) {
-    if (is_srgb(entries))
-        return srgb(said_by);
-    Transfer transfer;
-    transfer.curve = Transfer::Curve::table;
-    transfer.said_by = said_by;
-    transfer.entries = std::move(entries);
-    return transfer;
+    return true;
 }
 
 /** A tone curve, "curv" or "para". */
@@ -78,7 +67,7 @@ Transfer tone_curve(const Profile &profile, std::size_t at, const std::string &s
         std::vector<float> entries(count);
         for (std::uint32_t i = 0; i < count; ++i)
             entries[i] = static_cast<float>(profile.u16(at + 12 + 2 * i)) / 65535.0f;
-        return of_table(std::move(entries), said_by);
+        return transfer_of_table(std::move(entries), said_by);
     }
     constexpr std::size_t counts[] = {1, 3, 4, 5, 7};
     const std::uint32_t type = profile.u16(at + 8);
@@ -145,6 +134,18 @@ Transfer unknown_transfer(const std::string &said_by, const std::string &because
     transfer.curve = Transfer::Curve::unknown;
     transfer.said_by = said_by;
     transfer.unknown_because = because;
+    return transfer;
+}
+
+Transfer transfer_of_table(std::vector<float> entries, const std::string &said_by) {
+    if (entries.size() > 16 && is_of(srgb(said_by), entries))
+        return srgb(said_by);
+    Transfer transfer;
+    transfer.said_by = said_by;
+    if (is_of(transfer, entries))
+        return transfer;
+    transfer.curve = Transfer::Curve::table;
+    transfer.entries = std::move(entries);
     return transfer;
 }
 

@@ -54,10 +54,10 @@ double json_number(const Json &value, const std::string &where) {
     return value.get<double>();
 }
 
-image_io::Plane read_plane(const std::string &path, Console &console) {
+image_io::Plane read_plane(const std::string &path, Console &console, image_io::Encoding encoding) {
     const auto reader = image_io::open_one(path);
     std::vector<std::string> warnings;
-    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings);
+    image_io::Plane plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::mean, encoding);
     for (const std::string &warning : warnings)
         console.warn(warning);
     return plane;

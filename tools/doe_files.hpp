@@ -18,7 +18,8 @@
 namespace tools {
 
 /** The first frame of an image file as one gray plane. */
-image_io::Plane read_plane(const std::string &path, Console &console);
+image_io::Plane read_plane(const std::string &path, Console &console,
+                           image_io::Encoding encoding = image_io::Encoding::as_stored);
 
 /** Wanted dots: orders of a cell or direction cosines, two numbers each, and weights. */
 struct DotList {

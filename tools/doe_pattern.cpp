@@ -62,7 +62,9 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     image_io::Plane image;
     if (!a.beam_image.empty()) {
         beam.kind = CLSP_BEAM_IMAGE;
-        image = read_plane(a.beam_image, console);
+        constexpr image_io::Encoding words[] = {image_io::Encoding::automatic, image_io::Encoding::linear,
+                                                image_io::Encoding::srgb};
+        image = read_plane(a.beam_image, console, words[word_index(a.transfer, {"auto", "linear", "srgb"}, "--transfer")]);
         beam.image = image.values.data();
         beam.image_width = image.width;
         beam.image_height = image.height;
@@ -228,6 +230,9 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     number("--m-squared", a.m_squared, "Beam quality: the spots are that much wider");
     app.add_option("--beam-image", a.beam_image, "Image of the beam's intensity over --beam-width-um")
         ->type_name("IMAGE");
+    app.add_option("--transfer", a.transfer,
+                   "How numbers of that image stand for light: auto (as the file says), linear or srgb (default auto)")
+        ->type_name("WORD");
     number("--levels", a.levels, "Levels that manufacture has; 0: no limit");
     number("--depth-error", a.depth_error, "All depths are (1 + this) times as deep");
     number("--rounding-um", a.rounding_um, "Standard deviation by which the relief is blurred");
@@ -343,6 +348,8 @@ bool run_doe_pattern(const DoePatternCommands &commands, Console &console) {
     const CLI::App &command = to_file ? *commands.pattern_command : *commands.inspect_command;
     if (command.count("--beam-image") > 0 && command.count("--beam") > 0 && arguments.beam != "image")
         throw InputError(fmt::format("--beam {} has no effect beside --beam-image; leave it out", arguments.beam));
+    if (command.count("--transfer") > 0 && command.count("--beam-image") == 0)
+        throw InputError("--transfer is of the numbers of --beam-image; name that, or leave it out");
     with_option_names(option_names, [&] { run(arguments, to_file, console); });
     return true;
 }

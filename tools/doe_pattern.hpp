@@ -28,6 +28,7 @@ struct DoePatternArguments {
     std::vector<double> beam_skew;
     double m_squared = 1;
     std::string beam_image;
+    std::string transfer = "auto"; ///< Of its numbers.
     std::uint32_t levels = 0;
     double depth_error = 0;
     double rounding_um = 0;

@@ -717,7 +717,7 @@ class Renderer {
                 "{}: {:.0f} % of the frame is at the top code: the mean light is {:.3g}, where 1 is "
                 "full scale, and the gain {} dn; {}{}",
                 data.name, 100 * share, mean, gain,
-                input_.scene || mean <= 1 ? "" : "--full-scale N divides integers by N, and ", gain_advice));
+                input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ", gain_advice));
     }
 
     void record_times() {

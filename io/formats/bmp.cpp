@@ -5,7 +5,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <vector>
 
 namespace image_io::format_files {
 
@@ -14,6 +16,8 @@ namespace {
 class BmpReader final : public Reader {
   public:
     explicit BmpReader(const std::string &path) : Reader(path), file_(path) {
+        file_.seek(2);
+        const std::uint64_t told_bytes = number(4); // of the whole file
         file_.seek(10);
         const std::uint32_t pixels_at = number(4);
         const std::uint32_t header_bytes = number(4);
@@ -49,8 +53,13 @@ class BmpReader final : public Reader {
         decoded_.channels = bits == 32 && !(header_bytes == 40 && compression == 3) ? 4 : 3;
         info_.alpha = decoded_.channels == 4;
         info_.channels = bits <= 8 && is_gray(bits, 14 + header_bytes, pixels_at) ? 1 : decoded_.channels;
+        std::uint64_t end = pixels_at + needed;
         if (header_bytes > 40)
-            look_at_color_space();
+            end = std::max(end, look_at_color_space(header_bytes));
+        // What the header counts belongs to the file, whatever it is.
+        if (told_bytes <= file_.size())
+            end = std::max(end, told_bytes);
+        info_.surplus_bytes = file_.size() - end;
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {
@@ -102,11 +111,35 @@ class BmpReader final : public Reader {
         return gray;
     }
 
-    void look_at_color_space() {
+    /** Of versions 4 and 5. @return where an ICC profile ends; 0 without one. */
+    std::uint64_t look_at_color_space(std::uint32_t header_bytes) {
         file_.seek(14 + 56);
         const std::uint32_t space = number(4);
         if (space == 0x73524742 || space == 0x57696e20)
             info_.transfer = srgb("its header");
+        file_.seek(14 + 96);
+        const std::uint32_t red = number(4), green = number(4), blue = number(4);
+        if (space == 0 && (red | green | blue) != 0)
+            info_.transfer = red == green && red == blue
+                                 ? power(red / 65536.0, "its header")
+                                 : unknown_transfer("its header", "other gammas for red, green and blue");
+        if (header_bytes < 124 || (space != 0x4d424544 && space != 0x4c494e4b))
+            return 0;
+        (void)number(4); // intent
+        const std::uint64_t at = 14 + std::uint64_t{number(4)}, size = number(4);
+        constexpr std::uint64_t most = std::uint64_t{16} << 20;
+        const char *said_by = "its ICC profile";
+        if (space == 0x4c494e4b || size > most || at > file_.size() || size > file_.size() - at) {
+            info_.transfer = unknown_transfer(said_by, space == 0x4c494e4b
+                                                           ? "its content in another file"
+                                                           : "content that cannot be read (it is damaged or cut)");
+            return 0;
+        }
+        std::vector<unsigned char> profile(static_cast<std::size_t>(size));
+        file_.seek(at);
+        file_.read(profile.data(), profile.size());
+        info_.transfer = transfer_of_icc(profile.data(), profile.size());
+        return at + size;
     }
 
     detail::InputFile file_;

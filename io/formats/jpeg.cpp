@@ -98,16 +98,12 @@ class Decoder {
     char message_[JMSG_LENGTH_MAX] = {};
 };
 
-/** The orientation that EXIF data tell: 1 as stored; 0: none. */
-unsigned orientation_of(const jpeg_decompress_struct &info) {
-    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next) {
-        const unsigned char *data = marker->data;
-        const std::size_t size = marker->data_length;
-        if (size < 14 || std::memcmp(data, "Exif\0", 6) != 0)
-            continue;
-        return detail::orientation_of_exif(data + 6, size - 6);
-    }
-    return 0;
+/** EXIF data, behind their name; null: none. */
+const jpeg_marker_struct *exif_of(const jpeg_decompress_struct &info) {
+    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next)
+        if (marker->data_length >= 6 && std::memcmp(marker->data, "Exif\0", 6) == 0)
+            return marker;
+    return nullptr;
 }
 
 bool has_profile(const jpeg_decompress_struct &info) {
@@ -155,7 +151,10 @@ class JpegReader final : public Reader {
         if (has_several(info))
             info_.warnings.push_back("it holds several pictures (MPO), of which the first is read. Save each as a file "
                                      "of its own, for example by PIL.Image.open(path).seek(1)");
-        warn_of_orientation(orientation_of(info));
+        else
+            info_.surplus_bytes = file_.size() - end_of_picture();
+        if (const jpeg_marker_struct *exif = exif_of(info))
+            warn_of_exif(exif->data + 6, exif->data_length - 6, "its EXIF data");
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {
@@ -179,6 +178,30 @@ class JpegReader final : public Reader {
     }
 
   private:
+    /** From segment to segment; codes of pixels have no marker but restarts. The end of the file where it is cut. */
+    std::uint64_t end_of_picture() {
+        file_.seek(2);
+        int c = file_.get();
+        while (c != -1) {
+            const int marker = c == 0xff ? file_.get() : -2;
+            if (marker == 0xd9)
+                return static_cast<std::uint64_t>(::ftello(file_.stream()));
+            const bool has_length = marker > 1 && marker != 0xff && (marker < 0xd0 || marker > 0xd7);
+            if (marker == 0xff)
+                continue; // padding: c is the next marker's begin
+            if (has_length) {
+                int rest = file_.get() << 8;
+                rest |= file_.get();
+                for (rest -= 2; rest > 0 && file_.get() != -1;)
+                    --rest;
+            }
+            c = file_.get();
+            while (c != -1 && c != 0xff)
+                c = file_.get();
+        }
+        return file_.size();
+    }
+
     void check(const Decoder &decoder, const std::string &where) const {
         if (decoder.message()[0] != '\0')
             fail(fmt::format("is truncated, damaged or of a kind that is not read{}: {}; write or copy it again", where,

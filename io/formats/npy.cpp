@@ -79,7 +79,7 @@ class HeaderParser {
     std::string description() {
         skip();
         if (at_ < text_.size() && text_[at_] == '[')
-            throw ReadError(path_, "holds records with named fields; a plain array of numbers is needed");
+            throw ReadError(path_, "holds records with named fields; a plain array of numbers is needed: save one field, array[array.dtype.names[0]]");
         return quoted();
     }
     bool boolean() {
@@ -217,8 +217,10 @@ class NpyReader final : public Reader {
                 descr.substr(0, 40)));
         if (!type_)
             fail(fmt::format(
-                "its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken",
-                descr.substr(0, 40)));
+                "its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken: save {}",
+                descr.substr(0, 40),
+                code[0] == 'c' ? "numpy.abs(array).astype(numpy.float32), or array.real.astype(numpy.float32)"
+                               : "array.astype(numpy.float32)"));
         // The program runs on little-endian hosts only; '=' and '|' mean host order and no order.
         swap_ = marked && descr[0] == '>' && type_->size_bytes > 1;
         info_.sample = type_->name;

@@ -100,12 +100,15 @@ class PngReader final : public Reader {
                 std::vector<unsigned char> data(static_cast<std::size_t>(std::min<std::uint64_t>(length + 4, 65536)));
                 file_.read(data.data(), data.size());
                 // Primaries, transfer characteristics, matrix, full range.
-                if (name == "cICP" && length == 4 && number(&data[4]) == checksum(head + 4, data.data()))
+                const bool whole = data.size() == length + 4;
+                const bool intact = whole && number(&data[length]) == checksum(head + 4, data.data(), length);
+                if (name == "cICP" && length == 4 && intact)
                     cicp_ = transfer_of_cicp(data[1], data[3] != 0, "its chunk cICP");
                 if (name == "acTL" && length >= 4)
                     images_ = std::max<std::uint64_t>(1, number(data.data()));
                 if (name == "eXIf")
-                    warn_of_orientation(detail::orientation_of_exif(data.data(), data.size()));
+                    warn_of_exif(data.data(), whole && !intact ? 0 : std::min<std::size_t>(length, data.size()),
+                                 "its chunk eXIf");
             }
             ended = name == "IEND";
             at += 12 + length;
@@ -113,15 +116,14 @@ class PngReader final : public Reader {
         end_ = ended ? std::min(at, file_.size()) : file_.size();
     }
 
-    /** Of a chunk of four bytes: its name and its data. */
-    static std::uint32_t checksum(const unsigned char *name, const unsigned char *data) {
+    /** Of a chunk's name and data. */
+    static std::uint32_t checksum(const unsigned char *name, const unsigned char *data, std::size_t size) {
         std::uint32_t sum = 0xffffffff;
-        for (const unsigned char *part : {name, data})
-            for (std::size_t i = 0; i < 4; ++i) {
-                sum ^= part[i];
-                for (int bit = 0; bit < 8; ++bit)
-                    sum = sum >> 1 ^ ((sum & 1) != 0 ? 0xedb88320 : 0);
-            }
+        for (std::size_t i = 0; i < 4 + size; ++i) {
+            sum ^= i < 4 ? name[i] : data[i - 4];
+            for (int bit = 0; bit < 8; ++bit)
+                sum = sum >> 1 ^ ((sum & 1) != 0 ? 0xedb88320 : 0);
+        }
         return ~sum;
     }
 

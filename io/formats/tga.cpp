@@ -95,6 +95,11 @@ class TgaReader final : public Reader {
         info_.alpha = info_.channels == 2 || info_.channels == 4;
         info_.full_scale = 255;
         mirrored_ = header.right_to_left();
+        // A footer tells that more may stand behind the pixels: a developer's and an extension area.
+        if (has_footer(file_))
+            look_at_extension();
+        else
+            info_.surplus_bytes = file_.size() - end_of_pixels(header, pixels, pixel_bytes);
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {
@@ -112,6 +117,40 @@ class TgaReader final : public Reader {
   private:
     [[noreturn]] void refuse(const std::string &what) const {
         fail(fmt::format("is a TGA file that is not read: {}. Convert it to PNG", what));
+    }
+
+    std::uint64_t end_of_pixels(const Header &header, std::uint64_t pixels, std::uint64_t pixel_bytes) {
+        const std::uint64_t begin = header_bytes + header.id_bytes() +
+                                    (header.has_palette() ? header.palette_colors() * header.palette_bits() / 8 : 0);
+        if (!header.runs())
+            return begin + pixels * pixel_bytes;
+        file_.seek(begin);
+        for (std::uint64_t done = 0; done < pixels;) {
+            const int packet = file_.get();
+            const std::uint64_t count = static_cast<std::uint64_t>(packet & 127) + 1;
+            for (std::uint64_t i = 0; i < pixel_bytes * ((packet & 128) != 0 ? 1 : count); ++i)
+                if (file_.get() == -1)
+                    return file_.size(); // what is cut is told when the pixels are read
+            done += count;
+        }
+        return static_cast<std::uint64_t>(::ftello(file_.stream()));
+    }
+
+    /** Its gamma is a number over another one; 0 over 0: none is told. */
+    void look_at_extension() {
+        unsigned char bytes[4];
+        file_.seek(file_.size() - 26);
+        file_.read(bytes, sizeof bytes);
+        constexpr std::uint64_t gamma_at = 478;
+        const std::uint64_t at = bytes[0] | std::uint64_t{bytes[1]} << 8 | std::uint64_t{bytes[2]} << 16 |
+                                 std::uint64_t{bytes[3]} << 24;
+        if (at == 0 || at + gamma_at + sizeof bytes > file_.size())
+            return;
+        file_.seek(at + gamma_at);
+        file_.read(bytes, sizeof bytes);
+        const double over = bytes[0] | bytes[1] << 8, under = bytes[2] | bytes[3] << 8;
+        if (under > 0)
+            info_.transfer = power(over / under, "its extension area");
     }
 
     detail::InputFile file_;

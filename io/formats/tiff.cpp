@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <cmath>
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
@@ -111,6 +112,13 @@ struct Page {
     }
 };
 
+/** What ImageJ makes of the numbers that a file stores. */
+struct Calibration {
+    double offset = 0, factor = 1;
+
+    float operator()(float stored) const { return static_cast<float>(offset + factor * stored); }
+};
+
 /** Images that lie behind each other after one directory, which describes the first of them. */
 struct Stack {
     std::uint64_t images = 0;
@@ -151,6 +159,9 @@ class TiffReader final : public Reader {
             info_.transfer = transfer_of_icc(static_cast<const unsigned char *>(profile), profile_bytes);
         else if (stored_tag(TIFFTAG_ICCPROFILE))
             info_.transfer = unknown_transfer("its ICC profile", "content that cannot be read (it is damaged or cut)");
+        else if (stored_tag(TIFFTAG_TRANSFERFUNCTION))
+            info_.transfer = told_transfer(layout);
+        find_calibration(layout);
         if (!messages_.first_error.empty())
             broken("is damaged");
         find_stack(request, layout);
@@ -260,6 +271,68 @@ class TiffReader final : public Reader {
         return pages_.size() > most ? fmt::format("{}; and {} more", text, pages_.size() - most) : text;
     }
 
+    /** By a table of light for each number, or one for each color. */
+    Transfer told_transfer(const Layout &layout) const {
+        const char *said_by = "its tag TransferFunction";
+        const std::uint16_t *tables[3] = {};
+        if (layout.sample_format != SAMPLEFORMAT_UINT || layout.bits > 16 ||
+            !TIFFGetField(tiff_.get(), TIFFTAG_TRANSFERFUNCTION, &tables[0], &tables[1], &tables[2]) || !tables[0])
+            return unknown_transfer(said_by, "content that cannot be read (it is damaged or cut)");
+        if (layout.colors > 0 || layout.photometric == PHOTOMETRIC_MINISWHITE)
+            return unknown_transfer(said_by, "a table of numbers that are no light by themselves");
+        const std::size_t count = std::size_t{1} << layout.bits;
+        for (const std::uint16_t *other : {tables[1], tables[2]})
+            if (other && !std::equal(tables[0], tables[0] + count, other))
+                return unknown_transfer(said_by, "other tables for red, green and blue");
+        std::vector<float> entries(count);
+        std::transform(tables[0], tables[0] + count, entries.begin(),
+                       [](std::uint16_t light) { return static_cast<float>(light) / 65535.0f; });
+        return transfer_of_table(std::move(entries), said_by);
+    }
+
+    /** A line of ImageJ's description; empty: it has none. */
+    std::string said_by_imagej(const std::string &key) const {
+        const char *text = nullptr;
+        if (!TIFFGetField(tiff_.get(), TIFFTAG_IMAGEDESCRIPTION, &text) || !text ||
+            std::strncmp(text, "ImageJ=", 7) != 0)
+            return "";
+        const std::string description = text, line = "\n" + key + "=";
+        const std::size_t at = description.find(line);
+        return at == std::string::npos ? "" : description.substr(at + line.size(), description.find('\n', at + 1) - at - line.size());
+    }
+
+    /** Numbers that stand for others: by a line (function 0), by nothing (20), or by a curve. */
+    void find_calibration(const Layout &layout) {
+        const std::string function = said_by_imagej("cf");
+        // ImageJ takes none of whole numbers of 32 bits, floating-point ones and colors.
+        if (function.empty() || function == "20" || layout.bits > 16 || layout.channels != 1 ||
+            layout.sample_format == SAMPLEFORMAT_IEEEFP)
+            return;
+        const std::string offset = said_by_imagej("c0"), factor = said_by_imagej("c1"), unit = said_by_imagej("vunit");
+        const Calibration told{std::strtod(offset.c_str(), nullptr), std::strtod(factor.c_str(), nullptr)};
+        // So ImageJ keeps signed numbers, which it stores with their sign or without.
+        const bool is_signed = function == "0" && layout.bits == 16 && told.offset == -32768 && told.factor == 1;
+        if (is_signed && layout.sample_format == SAMPLEFORMAT_INT)
+            return;
+        const bool is_line = function == "0" && !offset.empty() && std::isfinite(told.offset) &&
+                             std::isfinite(told.factor) && told.factor != 0;
+        if (!is_line || layout.colors > 0 || layout.bits < 8 || layout.sample_format != SAMPLEFORMAT_UINT ||
+            layout.photometric == PHOTOMETRIC_MINISWHITE)
+            fail(fmt::format("its numbers are calibrated by ImageJ (function {}) in a way that is not applied here. Save "
+                             "the values as NPY, or the numbers as they are stored: tifffile.imwrite(path, "
+                             "tifffile.imread(path))",
+                             function.substr(0, 20)));
+        if (told.offset == 0 && told.factor == 1)
+            return;
+        calibration_ = told;
+        info_.full_scale = 0;
+        info_.sample = is_signed ? "int16" : "float32";
+        info_.warnings.push_back(fmt::format("its numbers are calibrated by ImageJ and were taken so: {:g} + {:g} times "
+                                             "the number that is stored{}",
+                                             told.offset, told.factor,
+                                             unit.empty() ? "" : fmt::format(", in {}", unit.substr(0, 40))));
+    }
+
     /** What ImageJ and tifffile write of a stack whose pages they do not list, and OME of one whose pages are listed:
      * a set of several files has the same words in each. */
     Stack told_stack(const Layout &layout) const {
@@ -267,10 +340,6 @@ class TiffReader final : public Reader {
         if (!TIFFGetField(tiff_.get(), TIFFTAG_IMAGEDESCRIPTION, &text) || !text)
             return {};
         const std::string description = text;
-        const auto number = [&](const std::string &key) -> std::uint64_t {
-            const std::size_t at = ("\n" + description).find("\n" + key + "=");
-            return at == std::string::npos ? 0 : std::strtoull(description.c_str() + at + key.size() + 1, nullptr, 10);
-        };
         // Writers that know no axes call every image a channel: of more than colors have, they are frames.
         const auto taken = [](std::uint64_t images, std::uint64_t channels, const char *by) {
             return Stack{images, channels == images && channels > 4 ? 1 : channels, by};
@@ -295,6 +364,7 @@ class TiffReader final : public Reader {
                 return taken(images / layout.channels, std::max<std::uint64_t>(1, channels), "OME");
         }
         if (description.rfind("ImageJ=", 0) == 0) {
+            const auto number = [&](const char *key) { return std::strtoull(said_by_imagej(key).c_str(), nullptr, 10); };
             const std::uint64_t images = number("images"), channels = std::max<std::uint64_t>(1, number("channels"));
             return taken(images, channels, "ImageJ");
         }
@@ -581,6 +651,8 @@ class TiffReader final : public Reader {
             *to = layout.photometric != PHOTOMETRIC_MINISWHITE ? value
                   : layout.bits == 32                          ? static_cast<float>(4294967295.0 - value)
                                                                : static_cast<float>((1 << layout.bits) - 1) - value;
+            if (calibration_)
+                *to = (*calibration_)(*to);
             if (layout.bits < 8)
                 *to *= 255.0f / static_cast<float>((1 << layout.bits) - 1);
         }
@@ -615,6 +687,7 @@ class TiffReader final : public Reader {
     std::vector<Page> pages_;
     std::vector<Page> frames_;
     unsigned bits_ = 0;
+    std::optional<Calibration> calibration_;
     Stack stack_; ///< None: images is 0.
     Layout stack_layout_;
     std::uint64_t stack_offset_ = 0;

@@ -128,7 +128,7 @@ def test_pnm_surplus_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.pgm").write_bytes(pnm(5, noise((40, 28)), 255) + bytes(100))
     given = Dump(tmp_path / "a.pgm")
     given.check(noise((40, 28)), 255)
-    assert "100 bytes follow the array of 1 frames" in given.warnings[0]
+    assert "100 bytes follow the last image and are not read" in given.warnings[0]
 
 
 @pytest.mark.parametrize(("kind", "data"), [(1, b"1 0\n0 1\n"), (4, b"\x80\x40")])

@@ -178,3 +178,18 @@ def test_types_that_are_no_numbers_here(tmp_path: Path, dtype: str) -> None:
     np.save(tmp_path / "a.npy", np.zeros((9, 14), dtype))
     error = Dump(tmp_path / "a.npy").error
     assert "bool, integers of 8 to 64 bits and float16, 32 and 64 are taken" in error
+    advice = re.search(r": save (.*)$", error)
+    assert advice
+    for way in advice[1].strip().split(", or "):
+        np.save(tmp_path / "b.npy", eval(way, {"numpy": np, "array": np.ones((9, 14), dtype if dtype != "S4" else "f8")}))
+        Dump(tmp_path / "b.npy").check(np.ones((9, 14)), 0)
+
+
+def test_records_have_a_way_out(tmp_path: Path) -> None:
+    array = np.zeros((9, 14), [("z", "<f4"), ("w", "<u2")])
+    array["z"] = 3
+    np.save(tmp_path / "a.npy", array)
+    advice = re.search(r"save one field, (array\[.*\])$", Dump(tmp_path / "a.npy").error.strip())
+    assert advice
+    np.save(tmp_path / "b.npy", eval(advice[1], {"array": array}))
+    Dump(tmp_path / "b.npy").check(np.full((9, 14), 3), 0)

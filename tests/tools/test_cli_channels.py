@@ -173,6 +173,23 @@ def test_what_no_name_tells_is_refused_with_a_name_that_works(ok, refused, scene
     ok("render", f"--{plane}", advice(message), *others, *ARGUMENTS)
 
 
+@pytest.mark.parametrize(
+    ("plane", "channels", "example"),
+    [
+        ("", ["Depth.V", "mist.V"], "mist.V"),
+        ("", ["A.X", "A.Y", "A.Z", "Depth.Z", "Normal.X", "haze"], "haze"),
+        ("", ["IndexMA.V", "IR", "mask.V"], "IR"),
+        ("depth", ["B", "G", "R", "haze.V", "mist.V"], "haze.V"),
+        ("albedo", ["Depth.V", "direct", "indirect"], "direct"),
+    ],
+)
+def test_the_example_is_no_channel_of_another_kind(refused, scene: Path, plane: str, channels: list[str], example: str) -> None:
+    images.exr(scene / "given.exr", {name: visibility() for name in channels})
+    planes = {"": ["given.exr", "-o", "out"], "depth": ["--depth", "given.exr", *ARGUMENTS]}
+    message = refused("render", *planes.get(plane, ["--depth", "z.npy", f"--{plane}", "given.exr", *ARGUMENTS]))
+    assert advice(message) == f"given.exr:{example}"
+
+
 def test_several_that_fit_are_listed(ok, refused, scene: Path, expected: np.ndarray) -> None:
     images.exr(
         scene / "two.exr",

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_support import Run
+from PIL import Image, ImageCms
 
 SMALL = ["--texels", "96,64", "--beam-sigma-um", "60"]
 
@@ -59,6 +60,31 @@ def test_defects_reach_the_library(ok: Callable[..., Run], design: Path) -> None
     assert wide["divergence_x_rad"] == pytest.approx(1.5 * deep["divergence_x_rad"], rel=1e-4)
 
 
+def test_light_of_a_beam_image_is_decoded_as_that_of_other_images(ok: Callable[..., Run], refused: Callable[..., str], design: Path, tmp_path: Path) -> None:
+    codes = np.rint(255 * np.linspace(0, 1, 32)[None, :].repeat(32, axis=0)).astype(np.uint8)
+    v = codes / 255
+    light = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    np.save(tmp_path / "light.npy", light.astype(np.float32))
+    np.save(tmp_path / "codes.npy", codes)
+    srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    Image.fromarray(codes).save(tmp_path / "beam.png", icc_profile=srgb)
+
+    def divergence(*options: object) -> tuple[float, str]:
+        run = ok("doe", "inspect", design, "--texels", "96,64", "--beam-width-um", 200, *options, "--json")
+        return run.json()["divergence_x_rad"], run.err
+
+    expected, told = divergence("--beam-image", "light.npy")
+    assert told == ""
+    linear, _ = divergence("--beam-image", "codes.npy")
+    assert abs(linear / expected - 1) > 0.01
+    given, told = divergence("--beam-image", "beam.png")
+    assert given == pytest.approx(expected, rel=1e-4)
+    assert "encoded for a screen (sRGB, says its ICC profile) and were decoded to linear light; --transfer linear" in told
+    given, told = divergence("--beam-image", "beam.png", "--transfer", "linear")
+    assert given == linear and told == ""
+    assert divergence("--beam-image", "codes.npy", "--transfer", "srgb")[0] == pytest.approx(expected, rel=1e-4)
+
+
 def test_figure_and_cache(ok: Callable[..., Run], design: Path, tmp_path: Path) -> None:
     options = [*SMALL, "--cache", tmp_path / "cache"]
     assert "computed" in ok("doe", "inspect", design, "-o", tmp_path / "figure.png", *options).out
@@ -81,6 +107,8 @@ def test_figure_and_cache(ok: Callable[..., Run], design: Path, tmp_path: Path) 
         (["--beam-sigma-um", "-250"], "--beam-sigma-um is -250"),
         (["--refractive-index", "0"], "--refractive-index"),
         (["--beam", "flat_circle", "--beam-image", "cell.npy"], "no effect"),
+        (["--transfer", "srgb"], "--transfer is of the numbers of --beam-image"),
+        (["--beam-image", "cell.npy", "--transfer", "gamma"], "--transfer"),
         (["--doe-size-mm", "0.1"], "larger than the DOE"),
         (["--wavelength-nm", "940", "--line-power", "1,2"], "--line-power"),
         (["--half-extent", "1,2,3"], "--half-extent"),

@@ -357,7 +357,7 @@ def test_a_frame_that_is_all_at_the_top_code(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "bright.npy", np.full((32, 48), 800, np.int16))
     told = ok("render", "bright.npy", "-o", "out").err
     assert re.search(r"bright.npy: \d+ % of the frame is at the top code: the mean light is 800", told)
-    assert "--full-scale N divides" in told and "--exposure-gain auto finds one" in told
+    assert "--full-scale N makes N the number that means 1" in told and "--exposure-gain auto finds one" in told
     assert "top code:" not in ok("render", "bright.npy", "-o", "auto", "--exposure-gain", "auto").err
     assert "top code:" not in ok("render", "bright.npy", "-o", "scale", "--full-scale", 1023).err
 

@@ -216,7 +216,7 @@ def test_bytes_behind_an_array(
         np.save(file, recorded["flat"])  # a second array: only the first one is read
     shown = cli("capture", "check", "set").stderr
     size = recorded["flat"].nbytes + 128
-    assert f"flat: set/flat.npy: {size} bytes follow the array of 6 frames and are not read" in shown
+    assert f"flat: set/flat.npy: {size} bytes follow the last image and are not read" in shown
     summary = json.loads(cli("capture", "check", "set", "--json", "-").stdout)
     assert summary["sequences"][1]["frames"] == FRAMES
 

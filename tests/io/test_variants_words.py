@@ -1,0 +1,221 @@
+"""Bytes behind the last image, and what the formats' own words say of numbers."""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_variants_hdr
+import tifffile
+from PIL import Image, ImageCms
+from test_variants import GRAY, Dump, blocks, bmp, bmp_rows, noise, tga
+from test_variants_pages import broken_sum, chunk, png
+
+
+def tga_footer(extension: int = 0) -> bytes:
+    return struct.pack("<II", extension, 0) + b"TRUEVISION-XFILE.\0"
+
+
+def saved(image: Image.Image, kind: str, **options: object) -> bytes:
+    stream = io.BytesIO()
+    image.save(stream, kind, **options)
+    return stream.getvalue()
+
+
+def whole_files() -> dict[str, bytes]:
+    gray = Image.fromarray(blocks((13, 6)))
+    rgbe = np.full((6, 13, 4), 130, np.uint8)
+    return {
+        "a.bmp": saved(gray, "BMP"),
+        "a.tga": tga(blocks((13, 6)).tobytes(), (13, 6), 3, 8),
+        "runs.tga": saved(gray, "TGA", compression="tga_rle")[:-26],
+        "flat.hdr": test_variants_hdr.HEADERS["rgbe"].format(w=13, h=6).encode() + test_variants_hdr.flat(rgbe),
+        "old.hdr": test_variants_hdr.HEADERS["rgbe"].format(w=13, h=6).encode() + test_variants_hdr.old_runs(rgbe),
+        "new.hdr": test_variants_hdr.HEADERS["rgbe"].format(w=13, h=6).encode() + test_variants_hdr.new_runs(rgbe),
+        "a.jpg": saved(gray, "JPEG"),
+        "progressive.jpg": saved(Image.fromarray(noise((64, 64), 3)), "JPEG", progressive=True, quality=95),
+        "restarts.jpg": saved(Image.fromarray(noise((64, 64), 3)), "JPEG", restart_marker_blocks=2),
+        "a.png": saved(gray, "PNG"),
+        "a.pgm": saved(gray, "PPM"),
+    }
+
+
+@pytest.mark.parametrize("extra", [1, 7, 4096])
+def test_bytes_behind_the_last_image_are_told(tmp_path: Path, extra: int) -> None:
+    for name, data in whole_files().items():
+        (tmp_path / name).write_bytes(data)
+        before = Dump(tmp_path / name)
+        assert not before.error and not [w for w in before.warnings if "follow" in w], name
+        (tmp_path / name).write_bytes(data + bytes(range(1, 256)) * 17 if extra > 4000 else data + b"x" * extra)
+        after = Dump(tmp_path / name)
+        count = 255 * 17 if extra > 4000 else extra
+        told = f"{count} bytes follow the last image and are" if count > 1 else "1 byte follows the last image and is"
+        assert [w for w in after.warnings if w.startswith(f"{told} not read")], name
+        np.testing.assert_array_equal(after.values, before.values)
+
+
+def test_what_a_format_keeps_behind_its_pixels_is_no_surplus(tmp_path: Path) -> None:
+    values = blocks((13, 6))
+    # The size in the header of a BMP file counts what some programs add.
+    data = bytearray(bmp(bmp_rows(values), (13, 6), 8, GRAY) + bytes(2))
+    data[2:6] = struct.pack("<I", len(data))
+    (tmp_path / "a.bmp").write_bytes(data)
+    assert Dump(tmp_path / "a.bmp").warnings == []
+    # A TGA file with a footer may have a developer's area and an extension area.
+    (tmp_path / "a.tga").write_bytes(tga(values.tobytes(), (13, 6), 3, 8) + b"developer's" + tga_footer())
+    given = Dump(tmp_path / "a.tga")
+    given.check(values, 255)
+    assert given.warnings == []
+
+
+def test_bmp_tells_how_numbers_stand_for_light(tmp_path: Path) -> None:
+    values = noise((8, 4), 3)
+    plain = bmp(bmp_rows(values), (8, 4), 24, header=124)
+
+    def transfer(space: int, gammas: tuple[int, ...] = (0, 0, 0), behind: bytes = b"", size: int | None = None) -> str:
+        data = bytearray(plain)
+        data[70:74] = struct.pack("<I", space)
+        data[110:122] = struct.pack("<3I", *gammas)
+        data[126:134] = struct.pack("<II", len(plain) - 14, len(behind) if size is None else size)
+        (tmp_path / "a.bmp").write_bytes(bytes(data) + behind)
+        given = Dump(tmp_path / "a.bmp")
+        assert given.warnings == []
+        given.check(values, 255)
+        return given.transfer
+
+    assert transfer(0) == "linear"
+    assert transfer(0, (65536,) * 3) == "linear"
+    assert transfer(0, (144179,) * 3) == "the power 2.2"
+    assert transfer(0, (144179, 65536, 65536)).startswith("other gammas")
+    assert transfer(0x57696E20) == "sRGB"
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    assert transfer(0x4D424544, behind=profile) == "sRGB"
+    assert transfer(0x4D424544, size=1 << 20).startswith("content that cannot be read")
+    assert transfer(0x4C494E4B).startswith("its content in another file")
+
+
+@pytest.mark.parametrize(("gamma", "says"), [((22, 10), "the power 2.2"), ((1, 1), "linear"), ((0, 0), "linear"), ((0, 5), "the power 0")])
+def test_tga_tells_its_gamma(tmp_path: Path, gamma: tuple[int, int], says: str) -> None:
+    values = noise((8, 4))
+    pixels = tga(values.tobytes(), (8, 4), 3, 8)
+    extension = bytearray(struct.pack("<H", 495) + bytes(493))
+    extension[478:482] = struct.pack("<HH", *gamma)
+    (tmp_path / "a.tga").write_bytes(pixels + bytes(extension) + tga_footer(len(pixels)))
+    assert Dump(tmp_path / "a.tga").transfer == says
+
+
+def test_hdr_gamma_is_told(tmp_path: Path) -> None:
+    rgbe = np.full((6, 13, 4), 130, np.uint8)
+    head = test_variants_hdr.HEADERS["comments"].format(w=13, h=6).replace("GAMMA=1", "GAMMA=2.2").encode()
+    (tmp_path / "a.hdr").write_bytes(head + test_variants_hdr.flat(rgbe))
+    assert Dump(tmp_path / "a.hdr").warnings == ["the gamma in its header (2.2) is ignored"]
+
+
+# --- TIFF: calibrations of ImageJ, and tables of light ---
+
+
+def imagej(path: Path, values: np.ndarray, *lines: str, **options: object) -> None:
+    text = "\n".join(["ImageJ=1.54f", *lines, ""])
+    tifffile.imwrite(path, values, description=text, metadata=None, photometric="minisblack", **options)
+
+
+LINE = ("cf=0", "c0=-0.5", "c1=0.25", "vunit=mm")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("options", [{}, {"compression": "zlib"}, {"tile": (16, 16)}])
+def test_numbers_that_imagej_calibrates_by_a_line_are_taken_so(tmp_path: Path, dtype: type, options: dict) -> None:
+    values = noise((41, 23), 1, np.iinfo(dtype).max).astype(dtype)
+    imagej(tmp_path / "a.tif", values, *LINE, **options)
+    given = Dump(tmp_path / "a.tif")
+    given.check(values * 0.25 - 0.5, 0)
+    assert given.warnings == ["its numbers are calibrated by ImageJ and were taken so: -0.5 + 0.25 times the number that is stored, in mm"]
+
+
+def test_a_stack_of_imagej_is_calibrated(tmp_path: Path) -> None:
+    values = np.stack([noise((41, 23), 1, 1023), noise((41, 23), 1, 511)])
+    imagej(tmp_path / "a.tif", values[0], "images=2", "frames=2", *LINE)
+    with open(tmp_path / "a.tif", "rb") as file, tifffile.TiffFile(file) as tiff:
+        at = tiff.pages[0].dataoffsets[0]
+    data = (tmp_path / "a.tif").read_bytes()
+    assert at + values[0].nbytes == len(data), "the second image goes behind the first"
+    (tmp_path / "a.tif").write_bytes(data + values[1].tobytes())
+    given = Dump(tmp_path / "a.tif")
+    assert given.frames == 2
+    given.check(values * 0.25 - 0.5, 0)
+
+
+def test_signed_numbers_of_imagej(tmp_path: Path) -> None:
+    values = noise((41, 23), 1, 65535)
+    lines = ("cf=0", "c0=-32768.0", "c1=1.0", "vunit=Gray Value")
+    imagej(tmp_path / "a.tif", values, *lines)
+    Dump(tmp_path / "a.tif").check(values.astype(int) - 32768, 0)
+    imagej(tmp_path / "a.tif", (values.astype(int) - 32768).astype(np.int16), *lines)
+    given = Dump(tmp_path / "a.tif")
+    given.check(values.astype(int) - 32768, 0)
+    assert given.warnings == []
+
+
+@pytest.mark.parametrize("lines", [("cf=20",), ("cf=0", "c0=0.0", "c1=1.0"), ()])
+def test_imagej_without_a_calibration(tmp_path: Path, lines: tuple[str, ...]) -> None:
+    imagej(tmp_path / "a.tif", noise((41, 23)), *lines)
+    given = Dump(tmp_path / "a.tif")
+    given.check(noise((41, 23)), 255)
+    assert given.warnings == []
+
+
+@pytest.mark.parametrize("lines", [("cf=1", "c0=0", "c1=1", "c2=1"), ("cf=21",), ("cf=0",), ("cf=0", "c0=1", "c1=0"), ("cf=0", "c0=nan", "c1=1")])
+def test_curves_of_imagej_are_refused_with_a_way_out(tmp_path: Path, lines: tuple[str, ...]) -> None:
+    path = tmp_path / "a.tif"
+    imagej(path, noise((41, 23)), *lines)
+    advice = re.search(r"(tifffile\.imwrite\(path, tifffile\.imread\(path\)\))", Dump(path).error)
+    assert advice and "calibrated by ImageJ" in Dump(path).error
+    eval(advice[1], {"tifffile": tifffile, "path": path})
+    Dump(path).check(noise((41, 23)), 255)
+
+
+def table(exponent: float, count: int) -> list[int]:
+    return [round(65535 * (i / (count - 1)) ** exponent) for i in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        ([table(1, 256)], "linear"),
+        ([table(2.2, 256)], "a table of 256 numbers"),
+        ([table(1, 200)], "content that cannot be read"),
+        ([table(2.2, 65536)], "a table of 65536 numbers"),
+        ([table(2.2, 256)] * 3, "a table of 256 numbers"),
+        ([table(2.2, 256), table(2.2, 256), table(1, 256)], "other tables for red, green and blue"),
+    ],
+)
+def test_tiff_tables_of_light(tmp_path: Path, tables: list[list[int]], says: str) -> None:
+    values = noise((41, 23), len(tables), 65535 if len(tables[0]) > 256 else 255)
+    numbers = [number for one in tables for number in one]
+    tifffile.imwrite(tmp_path / "a.tif", values, extratags=[(301, "H", len(numbers), numbers, True)])
+    given = Dump(tmp_path / "a.tif")
+    np.testing.assert_array_equal(np.squeeze(given.values), values)
+    assert given.transfer.startswith(says)
+
+
+# --- EXIF data that are none ---
+
+
+def test_exif_data_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+    good = Image.Exif()
+    good[0x0112] = 1
+    values = noise((41, 23))
+    whole = chunk(b"eXIf", good.tobytes()[6:])
+    for one, told in ((whole, 0), (broken_sum(whole), 1), (chunk(b"eXIf", b"garbage" * 9), 1),
+                      (chunk(b"eXIf", b"II*\0\xff\xff\0\0"), 1)):
+        (tmp_path / "a.png").write_bytes(png(values, one))
+        given = Dump(tmp_path / "a.png")
+        given.check(values, 255)
+        assert len([w for w in given.warnings if w.startswith("its chunk eXIf cannot be read")]) == told
+    for data, told in ((good.tobytes(), 0), (b"Exif\0\0" + b"garbage" * 9, 1)):
+        Image.fromarray(values).save(tmp_path / "a.jpg", exif=data)
+        assert len([w for w in Dump(tmp_path / "a.jpg").warnings if w.startswith("its EXIF data cannot be read")]) == told
