@@ -139,6 +139,15 @@ bool fits(Role role, const std::string &name) {
     }
 }
 
+/** Whether a channel's names say that it is something else. */
+bool is_named_as_another(const std::string &channel, Role role) {
+    for (const Role other : {Role::depth, Role::position, Role::normal, Role::albedo, Role::visibility, Role::mask,
+                             Role::material, Role::image})
+        if (other != role && (fits(other, layer_of(channel)) || fits(other, tail_of(channel))))
+            return true;
+    return false;
+}
+
 /** Those of a layer that the role takes. */
 Names of_layer(const Layers &layers, const std::string &layer, Role role) {
     if (is_vector(role)) {
@@ -173,7 +182,7 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
             const Names picture = layers.picture(layer);
             put(fits(role, layer) ? named : others, picture);
         }
-        if (opaque.size() == 1)
+        if (opaque.size() == 1 && !(role == Role::image && is_named_as_another(opaque.front(), role)))
             lone.push_back(opaque);
         return {lone, top.empty() ? std::vector<Names>{} : std::vector<Names>{top}, named, others};
     }
@@ -197,7 +206,7 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
     for (const std::string &layer : layers.names())
         for (const std::string &channel : layers.opaque(layer))
             opaque.push_back(channel);
-    if (opaque.size() == 1)
+    if (opaque.size() == 1 && !(role == Role::depth && is_named_as_another(opaque.front(), role)))
         rest.push_back(opaque);
     else if (role != Role::depth)
         put(rest, layers.picture(""));
@@ -211,12 +220,10 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
                                       path, example, channels.empty() ? "none" : joined(channels)));
 }
 
-/** Whether a channel's names say that it is something else: no good example. */
+/** Whether a channel is something else: no good example. */
 bool is_of_another(const Layers &layers, const std::string &channel, Role role) {
-    for (const Role other : {Role::depth, Role::position, Role::normal, Role::albedo, Role::visibility, Role::mask,
-                             Role::material, Role::image})
-        if (other != role && (fits(other, layer_of(channel)) || fits(other, tail_of(channel))))
-            return true;
+    if (is_named_as_another(channel, role))
+        return true;
     const Names picture = layers.picture(layer_of(channel)), vector = layers.triple(layer_of(channel), "XYZ");
     return (role != Role::image && contains(picture, channel)) || (!is_vector(role) && contains(vector, channel));
 }

@@ -104,6 +104,12 @@ void Reader::warn_of_orientation(unsigned orientation) {
                     ways[orientation - 2], orientation));
 }
 
+void Reader::warn_of_aspect(double aspect) {
+    if (aspect > 0 && std::isfinite(aspect) && std::abs(aspect - 1) > 0.01)
+        info_.warnings.push_back(
+            fmt::format("it says that its pixels are {:.3g} times as wide as high; they are taken as square", aspect));
+}
+
 void Reader::warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where) {
     if (const auto orientation = detail::orientation_of_exif(data, size_bytes))
         warn_of_orientation(*orientation);

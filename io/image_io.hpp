@@ -88,6 +88,8 @@ class Reader {
     [[noreturn]] void fail(const std::string &what) const { throw ReadError(path_, what); }
     /** @param orientation 1 (as stored) to 8, as TIFF and EXIF count; 0: the file says nothing. */
     void warn_of_orientation(unsigned orientation);
+    /** @param aspect of a pixel: its width over its height. */
+    void warn_of_aspect(double aspect);
     /** @param where that the data are from. */
     void warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where);
     /** Refuses empty and oversized images. */

@@ -135,6 +135,9 @@ class ExrFile final : public ChannelFile {
         return Imf::hasWhiteLuminance(file_->header(0)) ? Imf::whiteLuminance(file_->header(0)) : 0.0f;
     }
 
+    /** Width over height of a pixel, as the first part says. */
+    double pixel_aspect() const { return file_->header(0).pixelAspectRatio(); }
+
   private:
     /** Where a channel is. */
     struct Place {
@@ -292,6 +295,7 @@ class ExrReader final : public Reader {
             info_.warnings.push_back(fmt::format("its whiteLuminance ({:g} cd/m^2) is ignored: 1 is full scale "
                                                  "(--irradiance-scale)",
                                                  luminance));
+        warn_of_aspect(file_.pixel_aspect());
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override { file_.read_rows(names_, sink); }

@@ -161,6 +161,9 @@ class PngReader final : public Reader {
                     : std::max({bits.red_bits, bits.green_bits, bits.blue_bits});
         else if (has("sBIT"))
             info_.warnings.push_back(fmt::format("its chunk sBIT has {} and is ignored", unreadable));
+        spng_phys density{};
+        if (spng_get_phys(context, &density) == SPNG_OK && density.ppu_x > 0)
+            warn_of_aspect(static_cast<double>(density.ppu_y) / density.ppu_x);
         if (has("tRNS"))
             info_.warnings.push_back("the opacity that its chunk tRNS tells is ignored");
         if (has("cICP")) {
@@ -202,10 +205,10 @@ class PngReader final : public Reader {
         if (status == SPNG_OK)
             return;
         if (status == SPNG_IO_EOF || status == SPNG_EOF || status == SPNG_EIDAT_TOO_SHORT || status == SPNG_EOI)
-            fail("is truncated: the PNG data end too early");
+            fail("is truncated: the PNG data end too early; write or copy it again");
         if (status == SPNG_EMEM)
             throw std::bad_alloc();
-        fail(fmt::format("is damaged: {}", spng_strerror(status)));
+        fail(fmt::format("is damaged: {}; write or copy it again", spng_strerror(status)));
     }
 
     void convert(const unsigned char *bytes, std::uint32_t y, std::vector<float> &row) const {

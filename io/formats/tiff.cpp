@@ -57,6 +57,8 @@ template <typename T> float to_float(const unsigned char *bytes) {
     return static_cast<float>(value);
 }
 
+constexpr std::uint16_t photometric_linear_raw = 34892; // of DNG
+
 constexpr std::uint64_t most_padding_bytes = std::uint64_t{64} << 20;
 
 /** What one page holds. */
@@ -153,6 +155,8 @@ class TiffReader final : public Reader {
         bits_ = layout.bits;
         info_.frame_count = frames_.size();
         warn_of_orientation(field<std::uint16_t>(TIFFTAG_ORIENTATION, 1));
+        if (const float across = field<float>(TIFFTAG_XRESOLUTION, 0); across > 0)
+            warn_of_aspect(field<float>(TIFFTAG_YRESOLUTION, 0) / across);
         std::uint32_t profile_bytes = 0;
         const void *profile = nullptr;
         if (TIFFGetField(tiff_.get(), TIFFTAG_ICCPROFILE, &profile_bytes, &profile))
@@ -301,36 +305,73 @@ class TiffReader final : public Reader {
         return at == std::string::npos ? "" : description.substr(at + line.size(), description.find('\n', at + 1) - at - line.size());
     }
 
-    /** Numbers that stand for others: by a line (function 0), by nothing (20), or by a curve. */
+    /** Numbers that stand for others. */
     void find_calibration(const Layout &layout) {
         const std::string function = said_by_imagej("cf");
         // ImageJ takes none of whole numbers of 32 bits, floating-point ones and colors.
-        if (function.empty() || function == "20" || layout.bits > 16 || layout.channels != 1 ||
-            layout.sample_format == SAMPLEFORMAT_IEEEFP)
-            return;
-        const std::string offset = said_by_imagej("c0"), factor = said_by_imagej("c1"), unit = said_by_imagej("vunit");
-        const Calibration told{std::strtod(offset.c_str(), nullptr), std::strtod(factor.c_str(), nullptr)};
-        // So ImageJ keeps signed numbers, which it stores with their sign or without.
-        const bool is_signed = function == "0" && layout.bits == 16 && told.offset == -32768 && told.factor == 1;
-        if (is_signed && layout.sample_format == SAMPLEFORMAT_INT)
-            return;
-        const bool is_line = function == "0" && !offset.empty() && std::isfinite(told.offset) &&
-                             std::isfinite(told.factor) && told.factor != 0;
-        if (!is_line || layout.colors > 0 || layout.bits < 8 || layout.sample_format != SAMPLEFORMAT_UINT ||
+        if (!function.empty() && function != "20" && layout.bits <= 16 && layout.channels == 1 &&
+            layout.sample_format != SAMPLEFORMAT_IEEEFP) {
+            const std::string offset = said_by_imagej("c0"), factor = said_by_imagej("c1");
+            const Calibration told{std::strtod(offset.c_str(), nullptr), std::strtod(factor.c_str(), nullptr)};
+            // So ImageJ keeps signed numbers, which it stores with their sign or without.
+            if (function == "0" && layout.bits == 16 && layout.sample_format == SAMPLEFORMAT_INT &&
+                told.offset == -32768 && told.factor == 1)
+                return;
+            calibrate(layout, told, function == "0" && !offset.empty() && !factor.empty(),
+                      "ImageJ", said_by_imagej("vunit"));
+        }
+        if (const std::string gdal = gdal_metadata(); !gdal.empty()) {
+            Calibration told;
+            const bool any = gdal_item(gdal, "scale", told.factor) | gdal_item(gdal, "offset", told.offset);
+            if (any)
+                calibrate(layout, told, layout.channels == 1 && !calibration_, "GDAL", "");
+        }
+    }
+
+    /** Applies it. @param is_line nothing but a factor and an offset. */
+    void calibrate(const Layout &layout, const Calibration &told, bool is_line, const std::string &by,
+                   const std::string &unit) {
+        if (!is_line || !std::isfinite(told.offset) || !std::isfinite(told.factor) || told.factor == 0 ||
+            layout.colors > 0 || (layout.bits < 8 && layout.sample_format == SAMPLEFORMAT_UINT) ||
             layout.photometric == PHOTOMETRIC_MINISWHITE)
-            fail(fmt::format("its numbers are calibrated by ImageJ (function {}) in a way that is not applied here. Save "
-                             "the values as NPY, or the numbers as they are stored: tifffile.imwrite(path, "
-                             "tifffile.imread(path))",
-                             function.substr(0, 20)));
+            fail(fmt::format("its numbers are calibrated by {} in a way that is not applied here. Save the values as "
+                             "NPY, or the numbers as they are stored: tifffile.imwrite(path, tifffile.imread(path))",
+                             by));
         if (told.offset == 0 && told.factor == 1)
             return;
         calibration_ = told;
+        const bool is_signed = told.offset == -32768 && told.factor == 1 && info_.full_scale == 65535;
         info_.full_scale = 0;
         info_.sample = is_signed ? "int16" : "float32";
-        info_.warnings.push_back(fmt::format("its numbers are calibrated by ImageJ and were taken so: {:g} + {:g} times "
-                                             "the number that is stored{}",
-                                             told.offset, told.factor,
+        info_.warnings.push_back(fmt::format("its numbers are calibrated by {} and were taken so: {:g} + {:g} times the "
+                                             "number that is stored{}",
+                                             by, told.offset, told.factor,
                                              unit.empty() ? "" : fmt::format(", in {}", unit.substr(0, 40))));
+    }
+
+    /** GDAL's text, a list of items; empty: it has none. libtiff knows the tag by its number only. */
+    std::string gdal_metadata() const {
+        constexpr std::uint32_t tag = 42112;
+        const TIFFField *known = TIFFFindField(tiff_.get(), tag, TIFF_ANY);
+        if (!known || TIFFFieldDataType(known) != TIFF_ASCII || !TIFFFieldPassCount(known))
+            return "";
+        const char *text = nullptr;
+        std::uint16_t count = 0;
+        std::uint32_t large_count = 0;
+        const bool found = TIFFFieldReadCount(known) == TIFF_VARIABLE2
+                               ? TIFFGetField(tiff_.get(), tag, &large_count, &text) != 0
+                               : TIFFGetField(tiff_.get(), tag, &count, &text) != 0;
+        return found && text ? std::string(text, strnlen(text, large_count > 0 ? large_count : count)) : "";
+    }
+
+    /** The number of an item of that role. */
+    static bool gdal_item(const std::string &text, const std::string &role, double &number) {
+        const std::size_t at = text.find("role=\"" + role + "\"");
+        const std::size_t begin = at == std::string::npos ? at : text.find('>', at);
+        if (begin == std::string::npos)
+            return false;
+        number = std::strtod(text.c_str() + begin + 1, nullptr);
+        return true;
     }
 
     /** What ImageJ and tifffile write of a stack whose pages they do not list, and OME of one whose pages are listed:
@@ -506,9 +547,12 @@ class TiffReader final : public Reader {
                                : layout.sample_format == SAMPLEFORMAT_INT ? "signed"
                                : real                                     ? "floating-point"
                                                                           : "complex or unknown";
+            const bool is_complex = layout.sample_format == SAMPLEFORMAT_COMPLEXIEEEFP ||
+                                    layout.sample_format == SAMPLEFORMAT_COMPLEXINT;
             fail(fmt::format("its samples are {} of {} bits; unsigned of 1 to 16 and 32, signed of 8, 16 and 32, and "
-                             "floating-point of 16, 32 and 64 are taken. Save it as one of those, or as NPY",
-                             kind, layout.bits));
+                             "floating-point of 16, 32 and 64 are taken. Save {}",
+                             kind, layout.bits,
+                             is_complex ? "numpy.abs(image).astype(numpy.float32)" : "it as one of those, or as NPY"));
         }
         std::uint16_t extra_count = 0;
         std::uint16_t *extra = nullptr;
@@ -522,6 +566,11 @@ class TiffReader final : public Reader {
                  "tifffile.imwrite(path, image, photometric=\"minisblack\")");
         if (layout.photometric == PHOTOMETRIC_PALETTE)
             look_up_palette(layout);
+        else if (layout.photometric == PHOTOMETRIC_CFA || layout.photometric == photometric_linear_raw)
+            fail(fmt::format("holds raw data of a camera (photometric interpretation {}). Save its codes as gray: "
+                             "tifffile.imwrite(path, image, photometric=\"minisblack\"); behind a color filter array, "
+                             "those of one color, image[0::2, 0::2]",
+                             layout.photometric));
         else if (!gray && layout.photometric != PHOTOMETRIC_RGB)
             fail(fmt::format("its color space (photometric interpretation {}) is not supported; gray, RGB and palettes "
                              "are: convert it to RGB",

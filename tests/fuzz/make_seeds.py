@@ -12,6 +12,8 @@ import numpy as np  # noqa: E402
 import png  # noqa: E402
 import test_variants_pages as pages  # noqa: E402
 import test_variants_tiff as tiff  # noqa: E402
+import test_variants_words as words  # noqa: E402
+import tifffile  # noqa: E402
 from PIL import Image  # noqa: E402
 
 # The registry's names, by the endings of the samples.
@@ -62,6 +64,12 @@ def main(folder: Path) -> None:
         (folder / "TIFF" / f"packed_{bits}.tif").write_bytes(tiff.packed_tiff(codes >> 8 - min(bits, 8), bits))
     palette = tuple(range(0, 65536, 4096)) * 3
     (folder / "TIFF" / "palette.tif").write_bytes(tiff.packed_tiff(codes >> 4, 4, photometric=3, colors=palette))
+    words.imagej(folder / "TIFF" / "calibrated.tif", codes, *words.LINE)
+    table = words.table(2.2, 256)
+    tifffile.imwrite(folder / "TIFF" / "light.tif", codes, extratags=[(301, "H", len(table), table, True)])
+    (folder / "BMP" / "profile.bmp").write_bytes(words.bmp_with(codes, 0x4D424544, behind=profile))
+    (folder / "BMP" / "gamma.bmp").write_bytes(words.bmp_with(codes, 0, (144179,) * 3))
+    (folder / "TGA" / "gamma.tga").write_bytes(words.tga_with_gamma(codes, (22, 10)))
     (folder / "raw").mkdir(exist_ok=True)
     for i, layout in enumerate(RAW):
         (folder / "raw" / str(i)).write_bytes(f"8x4,{layout}\n".encode() + bytes(range(160)))

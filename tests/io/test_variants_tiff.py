@@ -170,8 +170,8 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str, Callable[[Path], object]
     ),
     "complex": (
         lambda p: tifffile.imwrite(p, values(np.float32).astype(np.complex64)),
-        "Save it as one of those, or as NPY",
-        lambda p: tifffile.imwrite(p, np.abs(tifffile.imread(p))),
+        "Save numpy.abs(image).astype(numpy.float32)",
+        lambda p: tifffile.imwrite(p, np.abs(tifffile.imread(p)).astype(np.float32)),
     ),
     "cmyk": (lambda p: Image.fromarray(noise(SIZE, 4), "CMYK").save(p), "convert it to RGB", as_rgb),
     "lab": (

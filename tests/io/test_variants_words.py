@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import test_variants_hdr
+import test_variants_tiff
 import tifffile
 from PIL import Image, ImageCms
 from test_variants import GRAY, Dump, blocks, bmp, bmp_rows, noise, tga
+from test_variants_hdr import images
 from test_variants_pages import broken_sum, chunk, png
 
 
@@ -72,16 +74,21 @@ def test_what_a_format_keeps_behind_its_pixels_is_no_surplus(tmp_path: Path) -> 
     assert given.warnings == []
 
 
+def bmp_with(values: np.ndarray, space: int, gammas: tuple[int, ...] = (0, 0, 0), behind: bytes = b"", size: int | None = None) -> bytes:
+    """Of version 5, with what its header says of light."""
+    gray = values.ndim == 2
+    data = bytearray(bmp(bmp_rows(values), values.shape[1::-1], 8 if gray else 24, GRAY if gray else b"", header=124))
+    data[70:74] = struct.pack("<I", space)
+    data[110:122] = struct.pack("<3I", *gammas)
+    data[126:134] = struct.pack("<II", len(data) - 14, len(behind) if size is None else size)
+    return bytes(data) + behind
+
+
 def test_bmp_tells_how_numbers_stand_for_light(tmp_path: Path) -> None:
     values = noise((8, 4), 3)
-    plain = bmp(bmp_rows(values), (8, 4), 24, header=124)
 
-    def transfer(space: int, gammas: tuple[int, ...] = (0, 0, 0), behind: bytes = b"", size: int | None = None) -> str:
-        data = bytearray(plain)
-        data[70:74] = struct.pack("<I", space)
-        data[110:122] = struct.pack("<3I", *gammas)
-        data[126:134] = struct.pack("<II", len(plain) - 14, len(behind) if size is None else size)
-        (tmp_path / "a.bmp").write_bytes(bytes(data) + behind)
+    def transfer(*words: int | tuple[int, ...], **options: bytes | int) -> str:
+        (tmp_path / "a.bmp").write_bytes(bmp_with(values, *words, **options))
         given = Dump(tmp_path / "a.bmp")
         assert given.warnings == []
         given.check(values, 255)
@@ -98,13 +105,16 @@ def test_bmp_tells_how_numbers_stand_for_light(tmp_path: Path) -> None:
     assert transfer(0x4C494E4B).startswith("its content in another file")
 
 
-@pytest.mark.parametrize(("gamma", "says"), [((22, 10), "the power 2.2"), ((1, 1), "linear"), ((0, 0), "linear"), ((0, 5), "the power 0")])
-def test_tga_tells_its_gamma(tmp_path: Path, gamma: tuple[int, int], says: str) -> None:
-    values = noise((8, 4))
-    pixels = tga(values.tobytes(), (8, 4), 3, 8)
+def tga_with_gamma(values: np.ndarray, gamma: tuple[int, int]) -> bytes:
+    pixels = tga(values.tobytes(), values.shape[::-1], 3, 8)
     extension = bytearray(struct.pack("<H", 495) + bytes(493))
     extension[478:482] = struct.pack("<HH", *gamma)
-    (tmp_path / "a.tga").write_bytes(pixels + bytes(extension) + tga_footer(len(pixels)))
+    return pixels + bytes(extension) + tga_footer(len(pixels))
+
+
+@pytest.mark.parametrize(("gamma", "says"), [((22, 10), "the power 2.2"), ((1, 1), "linear"), ((0, 0), "linear"), ((0, 5), "the power 0")])
+def test_tga_tells_its_gamma(tmp_path: Path, gamma: tuple[int, int], says: str) -> None:
+    (tmp_path / "a.tga").write_bytes(tga_with_gamma(noise((8, 4)), gamma))
     assert Dump(tmp_path / "a.tga").transfer == says
 
 
@@ -176,6 +186,62 @@ def test_curves_of_imagej_are_refused_with_a_way_out(tmp_path: Path, lines: tupl
     assert advice and "calibrated by ImageJ" in Dump(path).error
     eval(advice[1], {"tifffile": tifffile, "path": path})
     Dump(path).check(noise((41, 23)), 255)
+
+
+def gdal(path: Path, values: np.ndarray, **items: float) -> None:
+    text = "".join(f'<Item name="{role.upper()}" sample="0" role="{role}">{number}</Item>' for role, number in items.items())
+    tifffile.imwrite(path, values, metadata=None, photometric="rgb" if values.ndim == 3 else "minisblack", extratags=[(42112, "s", 0, f"<GDALMetadata>{text}</GDALMetadata>", True)])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
+def test_scale_and_offset_of_gdal_are_applied(tmp_path: Path, dtype: type) -> None:
+    values = noise((41, 23)).astype(dtype)
+    gdal(tmp_path / "a.tif", values, scale=0.25, offset=-3)
+    given = Dump(tmp_path / "a.tif")
+    given.check(values * 0.25 - 3.0, 0)
+    assert given.warnings == ["its numbers are calibrated by GDAL and were taken so: -3 + 0.25 times the number that is stored"]
+    for items in ({}, {"scale": 1, "offset": 0}, {"description": 3}):
+        gdal(tmp_path / "a.tif", values, **items)
+        given = Dump(tmp_path / "a.tif")
+        given.check(values, {np.uint8: 255, np.uint16: 65535}.get(dtype, 0))
+        assert given.warnings == []
+    gdal(tmp_path / "a.tif", np.stack([values] * 3, -1), scale=0.25)
+    assert "calibrated by GDAL in a way that is not applied here" in Dump(tmp_path / "a.tif").error
+
+
+def test_pixels_that_are_no_squares_are_told(tmp_path: Path) -> None:
+    values = noise((41, 23))
+    told = ["it says that its pixels are 0.5 times as wide as high; they are taken as square"]
+    tifffile.imwrite(tmp_path / "a.tif", values, resolution=(144, 72))
+    Image.fromarray(values).save(tmp_path / "a.png", dpi=(144, 72))
+    images.exr(tmp_path / "a.exr", {"Y": values / np.float32(255)}, pixelAspectRatio=0.5)
+    for name in ("a.tif", "a.png", "a.exr"):
+        assert Dump(tmp_path / name).warnings == told
+    tifffile.imwrite(tmp_path / "a.tif", values, resolution=(72, 72))
+    Image.fromarray(values).save(tmp_path / "a.png", dpi=(72, 72))
+    for name in ("a.tif", "a.png"):
+        assert Dump(tmp_path / name).warnings == []
+
+
+@pytest.mark.parametrize("photometric", [32803, 34892])
+def test_raw_data_of_cameras_have_a_way_out(tmp_path: Path, photometric: int) -> None:
+    values = noise((41, 23), 1, 1023)
+    path = tmp_path / "a.tif"
+    path.write_bytes(test_variants_tiff.tiff_of(values.tobytes(), (41, 23), 16, photometric=photometric))
+    advice = re.search(r"(tifffile\.imwrite\(path, image, photometric=\"minisblack\"\)); .* (image\[0::2, 0::2\])", Dump(path).error)
+    assert advice
+    for image in (values, eval(advice[2], {"image": values})):
+        eval(advice[1], {"tifffile": tifffile, "path": path, "image": image})
+        Dump(path).check(image, 65535)
+
+
+def test_complex_numbers_have_a_way_out(tmp_path: Path) -> None:
+    values = noise((41, 23))
+    tifffile.imwrite(tmp_path / "a.tif", values.astype(np.complex64))
+    advice = re.search(r"Save (numpy\.abs\(image\)\.astype\(numpy\.float32\))", Dump(tmp_path / "a.tif").error)
+    assert advice
+    tifffile.imwrite(tmp_path / "a.tif", eval(advice[1], {"numpy": np, "image": tifffile.imread(tmp_path / "a.tif")}))
+    Dump(tmp_path / "a.tif").check(values, 0)
 
 
 def table(exponent: float, count: int) -> list[int]:

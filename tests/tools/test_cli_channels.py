@@ -190,6 +190,17 @@ def test_the_example_is_no_channel_of_another_kind(refused, scene: Path, plane: 
     assert advice(message) == f"given.exr:{example}"
 
 
+@pytest.mark.parametrize("name", ["Depth.V", "mask", "IndexMA.V"])
+def test_a_lone_channel_that_says_what_it_is_is_no_picture_unasked(ok, refused, scene: Path, name: str) -> None:
+    images.exr(scene / "given.exr", {name: visibility()})
+    message = refused("render", "given.exr", "-o", "out")
+    assert "none of its channels is named as a picture" in message
+    ok("render", advice(message), "-o", "out", "--frames", 1)
+    images.exr(scene / "given.exr", {"mask": depth()})
+    message = refused("render", "--depth", "given.exr", *ARGUMENTS)
+    ok("render", "--depth", advice(message), *ARGUMENTS)
+
+
 def test_several_that_fit_are_listed(ok, refused, scene: Path, expected: np.ndarray) -> None:
     images.exr(
         scene / "two.exr",
