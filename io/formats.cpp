@@ -196,6 +196,9 @@ constexpr Foreign foreign_formats[] = {
     {0, "MATLAB"sv, "MATLAB", "save its array as NPY: numpy.save(\"image.npy\", array)"},
     {0, "\x80\x04\x95"sv, "pickle", "save its array as NPY: numpy.save(\"image.npy\", array)"},
     {0, "\x1f\x8b"sv, "gzip", "unpack it"},
+    {0, "<!DOCTYPE"sv, "HTML", "a page came in place of the file: download it again"},
+    {0, "<html"sv, "HTML", "a page came in place of the file: download it again"},
+    {0, "version https://git-lfs"sv, "Git LFS (a pointer)", "get the file that it stands for: git lfs pull"},
 };
 
 } // namespace
@@ -207,6 +210,13 @@ std::string why_foreign(const std::string &path) {
     for (const Foreign &one : foreign_formats)
         if (start.size() > one.at && start.compare(one.at, one.magic.size(), one.magic) == 0)
             return fmt::format("is a file of the format {}, which is not read; {}", one.name, one.advice);
+    const std::size_t delimiter = start.find_first_of(",;");
+    if (start.find_first_of("0123456789") != std::string::npos &&
+        start.find_first_not_of("0123456789+-.eE,; \t\r\n") == std::string::npos)
+        return fmt::format("is a text of numbers; save its array as NPY: numpy.save(\"image.npy\", "
+                           "numpy.loadtxt(\"{}\"{}))",
+                           path,
+                           delimiter == std::string::npos ? "" : fmt::format(", delimiter=\"{}\"", start[delimiter]));
     if (start.rfind("PK\x03\x04", 0) != 0 || start.size() <= 30)
         return "";
     // A local header: the name's length, then behind the header the name.

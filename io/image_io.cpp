@@ -234,6 +234,8 @@ std::optional<unsigned> orientation_of_exif(const unsigned char *data, std::size
 }
 
 InputFile::InputFile(const std::string &path) : path_(path) {
+    if (path.empty())
+        throw ReadError("\"\"", "is no name of a file");
     struct stat status {};
     if (::stat(path.c_str(), &status) != 0)
         throw ReadError(path, "cannot be read: " + error_text(errno));

@@ -48,6 +48,25 @@ std::optional<FrameFormat> format_of_run(const std::string &folder) {
     return {};
 }
 
+/** Folders within, for a refusal. */
+std::string folders_of_images(const std::string &folder) {
+    std::vector<std::string> names;
+    std::error_code code;
+    for (const fs::directory_entry &entry : fs::directory_iterator(folder, code))
+        if (entry.is_directory(code))
+            for (const fs::directory_entry &file : fs::directory_iterator(entry.path(), code))
+                if (image_io::format_of_extension(file.path().string())) {
+                    names.push_back(entry.path().string());
+                    break;
+                }
+    std::sort(names.begin(), names.end());
+    constexpr std::size_t most = 8;
+    const std::size_t count = names.size();
+    names.resize(std::min(count, most));
+    return count == 0 ? "" : fmt::format(". Folders in it do; name one: {}{}", fmt::join(names, ", "),
+                                         count > most ? " ..." : "");
+}
+
 std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
     std::map<std::string, std::vector<std::string>> by_extension;
     std::error_code code;
@@ -78,8 +97,8 @@ std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
                                      "files, for example '{0}/frame_*.png'",
                                      folder));
     if (by_extension.empty())
-        throw InputError(
-            fmt::format("{}: the folder holds neither sequence.json nor {} images", folder, image_io::listed("or")));
+        throw InputError(fmt::format("{}: the folder holds neither sequence.json nor {} images{}", folder,
+                                     image_io::listed("or"), folders_of_images(folder)));
     if (by_extension.size() > 1) {
         std::string kinds;
         for (const auto &[extension, files] : by_extension)

@@ -193,3 +193,27 @@ def test_records_have_a_way_out(tmp_path: Path) -> None:
     assert advice
     np.save(tmp_path / "b.npy", eval(advice[1], {"array": array}))
     Dump(tmp_path / "b.npy").check(np.full((9, 14), 3), 0)
+
+
+@pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "1.5,2,3\n4,5e-1,6\n", "-1;2\n3;4\n"])
+def test_numbers_in_a_text_have_a_way_out(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    advice = re.search(r"save its array as NPY: numpy\.save\(\"image\.npy\", (numpy\.loadtxt\(.*\))\)$", Dump(path).error.strip())
+    assert advice
+    array = eval(advice[1], {"numpy": np})
+    np.save(tmp_path / "image.npy", array)
+    Dump(tmp_path / "image.npy").check(array, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("<!DOCTYPE html><p>404", "a page came in place of the file: download it again"),
+        ("<html><p>404", "a page came in place of the file: download it again"),
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n", "git lfs pull"),
+    ],
+)
+def test_what_came_in_place_of_an_image_is_named(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "a.png").write_text(text)
+    assert says in Dump(tmp_path / "a.png").error

@@ -152,3 +152,16 @@ def test_files_that_differ_are_named(refused, tmp_path: Path) -> None:
     assert "f2.png" in refused("render", "set/flat", "-o", "out")
     capture_set(folder, "flat", bits=10)
     assert "f0.png: has samples of type uint8" in refused("capture", "check", "set")
+
+
+def test_images_in_folders_of_a_folder_are_pointed_out(ok: Callable[..., Run], refused: Callable[..., str], tmp_path: Path) -> None:
+    for i, name in enumerate(("left", "right")):
+        (tmp_path / "set" / name).mkdir(parents=True)
+        iio.imwrite(tmp_path / "set" / name / "1.png", np.full(SIZE, 60 + 60 * i, np.uint8))
+    (tmp_path / "set" / "notes").mkdir()
+    (tmp_path / "set" / "notes" / "a.txt").write_text("no image")
+    message = refused("render", "set", "-o", "out", *QUICK)
+    found = re.search(r"Folders in it do; name one: (\S+), (\S+)$", message.strip())
+    assert found and "notes" not in message
+    for folder in found.groups():
+        ok("render", folder, "-o", "out", *QUICK)

@@ -504,3 +504,12 @@ def test_what_is_masked_misleads_no_diagnosis(cli: Cli, tmp_path: Path) -> None:
         sequence["mask"] = "odd.png"
     (folder / "capture.json").write_text(json.dumps(description))
     assert verdict() == "none"
+
+
+def test_inverted_codes_are_named(found) -> None:
+    arrays, camera = recorded(4, frames=4)
+    told = found({name: 1023 - codes for name, codes in arrays.items()}, camera | {"black_level_dn": 1023 - 64})
+    assert {"no_light"} <= set(kinds(told))
+    assert all("are the codes inverted, so that 0 is white" in w["text"] for w in told if w["kind"] == "no_light")
+    told = found(arrays | {"flat": arrays["dark"][::-1]}, camera)
+    assert [w["text"].endswith("there is hardly any light in it") for w in told if w["kind"] == "no_light"] == [True]
