@@ -198,11 +198,16 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
     if (!fits)
         throw ReadError(reader.path(),
                         fmt::format("three values per pixel (x, y, z) are needed, the file has {}; an NPY "
-                                    "array is height x width x 3, or frames x height x width x 3",
-                                    info.channels));
+                                    "array is height x width x 3, or frames x height x width x 3{}",
+                                    info.channels,
+                                    info.channels == 1 && info.frame_count == 3
+                                        ? ". Of one of 3 x height x width save numpy.moveaxis(array, 0, -1)"
+                                        : ""));
     if (info.full_scale > 0)
         throw ReadError(reader.path(),
-                        fmt::format("positions and normals must be floating-point, not {}", info.sample));
+                        fmt::format("positions and normals must be floating-point, not {}. Of normals as colors, 0 to {} "
+                                    "for -1 to 1, save (normals * (2 / {}) - 1).astype(numpy.float32)",
+                                    info.sample, info.full_scale, info.full_scale));
     VectorPlane plane;
     plane.width = info.width;
     plane.height = info.height;

@@ -165,7 +165,7 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
     const std::size_t count = data.normal.values.size() / 3, width = data.normal.width;
     const double fx = config.number("camera.fx_px"), fy = config.number("camera.fy_px");
     const double cx = config.number("camera.cx_px"), cy = config.number("camera.cy_px");
-    std::size_t surfaces = 0, away = 0;
+    std::size_t surfaces = 0, away = 0, encoded = 0;
     std::size_t bad = 0;
     std::size_t first = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -177,6 +177,9 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
         if (surface && !(std::abs(length - 1) < 0.02)) {
             if (bad++ == 0)
                 first = i;
+            // Numbers of -1 to 1 as colors of 0 to 1.
+            const double x = 2.0 * n[0] - 1, y = 2.0 * n[1] - 1, z = 2.0 * n[2] - 1;
+            encoded += std::abs(std::sqrt(x * x + y * y + z * z) - 1) < 0.02 && n[0] >= 0 && n[1] >= 0 && n[2] >= 0;
         }
         if (surface) {
             const double x = data.position.empty() ? (fx > 0 ? (static_cast<double>(i % width) - cx) / fx : 0)
@@ -189,6 +192,12 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
         }
     }
     // At silhouettes some do, where a renderer's pixels mix what is near and far.
+    if (encoded > surfaces / 2) {
+        warnings.push_back(fmt::format("{}: {} of {} normals look encoded as colors, 0 to 1 for -1 to 1: then save "
+                                       "2 * normals - 1",
+                                       name, encoded, surfaces));
+        return;
+    }
     if (away > surfaces / 2)
         warnings.push_back(fmt::format(
             "{}: {} of {} normals face away from the camera, so that there is no light there; normals point out of the "

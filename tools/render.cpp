@@ -521,6 +521,10 @@ class Renderer {
         plane.values = read_plane(path, role, warnings_, width, height, &advice, encoding);
         plane.width = *width;
         plane.height = *height;
+        if (std::all_of(plane.values.begin(), plane.values.end(), [](float value) { return value == 0; }))
+            black_plane_ = fmt::format("the {} {} is 0 everywhere: it may be another channel or page than meant, which "
+                                       "FILE:CHANNEL and FILE:page=N name",
+                                       what, path);
         if (std::isinf(high))
             check_light(plane, path, what, light_choice(config_), warnings_);
         else
@@ -676,7 +680,9 @@ class Renderer {
     }
 
     /** The likely cause of an ideal image without any light. */
-    const char *why_black() const {
+    std::string why_black() const {
+        if (!black_plane_.empty())
+            return black_plane_;
         return input_.scene
                    ? "the first ideal image is 0 everywhere: the pattern does not meet the scene. Check its pose "
                      "and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), and the unit of "
@@ -807,6 +813,7 @@ class Renderer {
     bool has_sensor_ = true;
     bool float_output_ = false;
     bool gain_chosen_ = false;
+    std::string black_plane_; ///< What is 0 everywhere; empty: nothing is.
     FrameData first_;
     std::set<std::string> warned_;
     std::vector<std::string> warnings_;

@@ -353,6 +353,38 @@ def test_normals_that_face_away_are_named(ok, scene: Path) -> None:
         assert "warning" not in told
 
 
+def test_normals_that_are_stored_as_colors_are_named(ok, refused, scene: Path) -> None:
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
+    colors = (normal() + 1) / 2
+    np.save(scene / "colors.npy", colors.astype(np.float32))
+    told = ok(*command, "--normal", "colors.npy").err
+    advice = re.search(r"look encoded as colors, 0 to 1 for -1 to 1: then save (2 \* normals - 1)", told)
+    assert advice
+    np.save(scene / "again.npy", eval(advice[1], {"normals": colors}).astype(np.float32))
+    assert ok(*command, "--normal", "again.npy").err == ""
+    codes = np.rint(65535 * colors).astype(np.uint16)
+    np.save(scene / "codes.npy", codes)
+    advice = re.search(r"save (\(normals \* \(2 / 65535\) - 1\)\.astype\(numpy\.float32\))", refused(*command, "--normal", "codes.npy"))
+    assert advice
+    np.save(scene / "again.npy", eval(advice[1], {"normals": codes, "numpy": np}))
+    assert ok(*command, "--normal", "again.npy").err == ""
+    first = np.moveaxis(normal(), -1, 0)
+    np.save(scene / "first.npy", first)
+    advice = re.search(r"save (numpy\.moveaxis\(array, 0, -1\))", refused(*command, "--normal", "first.npy"))
+    assert advice
+    np.save(scene / "again.npy", eval(advice[1], {"array": first, "numpy": np}))
+    assert ok(*command, "--normal", "again.npy").err == ""
+
+
+def test_a_pattern_without_light_is_the_cause(ok, scene: Path) -> None:
+    images.exr(scene / "two.exr", {"unused": np.zeros((32, 32), np.float32), "IR": np.ones((32, 32), np.float32)})
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN[2:], *LASER, "--exposure-gain", 30000]
+    told = ok(*command, "--pattern", "two.exr:unused").err
+    assert "two.exr:unused is 0 everywhere: it may be another channel or page than meant, which FILE:CHANNEL" in told
+    assert "does not meet the scene" not in told
+    assert ok(*command, "--pattern", "two.exr:IR").err == ""
+
+
 def test_a_frame_that_is_all_at_the_top_code(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "bright.npy", np.full((32, 48), 800, np.int16))
     told = ok("render", "bright.npy", "-o", "out").err
