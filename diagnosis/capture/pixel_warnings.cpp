@@ -74,7 +74,7 @@ std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const st
     if (!blocks.empty())
         warnings.push_back({"",
                             fmt::format("{} {} not like the other pixels (in {}): embedded data, pixels without light, "
-                                        "or a defect; mask them: {}",
+                                        "or a defect, which other findings may follow from. Mask them first: {}",
                                         text_of(places),
                                         blocks.size() == 1 && places.blocks.empty() &&
                                                 (blocks[0].first_row == blocks[0].last_row ||

@@ -352,6 +352,7 @@ def test_odd_places_are_named_and_a_mask_leaves_them_out(cli: Cli, found, tmp_pa
     assert mask.dtype == np.uint8 and mask.shape == SHAPE
     (r, s), (c, d) = rows[0], columns[0]
     assert (mask[r : s + 1, c : d + 1] == 0).all() and (mask == 0).sum() == (s + 1 - r) * (d + 1 - c)
+    assert "which other findings may follow from. Mask them first" in warnings[0]["text"]
     assert found(arrays, camera, mask=name) == [], "what was masked misleads nothing"
     again = cli("capture", "check", "set", "--write-mask", f"set/{name}", code=1).stderr
     assert "exists; choose another name with --write-mask" in again
