@@ -16,7 +16,8 @@ namespace {
 /** What is replaced keeps its owner, its group and its rights. Where the group cannot be kept, the new one gets no more
  * than everybody has. */
 void take_rights(int descriptor, const std::string &replaced) {
-    struct stat was {}, is {};
+    struct stat was {
+    }, is{};
     // A link is replaced itself, and has no rights of its own.
     if (::lstat(replaced.c_str(), &was) != 0 || !S_ISREG(was.st_mode) || ::fstat(descriptor, &is) != 0)
         return;

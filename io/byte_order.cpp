@@ -9,7 +9,7 @@ namespace image_io::detail {
 
 namespace {
 
-constexpr std::uint64_t least_numbers = 16;   // that tell anything
+constexpr std::uint64_t least_numbers = 16; // that tell anything
 // By how much codes of any range are closer to each other in their own order: those of 14 bits by up to four.
 constexpr double least_closer = 3;
 

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 namespace image_io {
 
 std::string frame_formats(const char *word) {
@@ -46,6 +48,10 @@ std::string why_no_codes(const Info &info, const std::string &file) {
 }
 
 std::string why_no_frame(const std::string &path) {
+    // Notes, tables and reports lie beside frames.
+    for (const char *text : {".txt", ".csv", ".html", ".htm", ".json", ".xml", ".md", ".log"})
+        if (std::filesystem::path(path).extension() == text)
+            return "";
     try {
         const Format *format = format_of_content(path);
         if (!format)

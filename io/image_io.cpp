@@ -204,10 +204,11 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
                                         ? ". Of one of 3 x height x width save numpy.moveaxis(array, 0, -1)"
                                         : ""));
     if (info.full_scale > 0)
-        throw ReadError(reader.path(),
-                        fmt::format("positions and normals must be floating-point, not {}. Of normals as colors, 0 to {} "
-                                    "for -1 to 1, save (normals * (2 / {}) - 1).astype(numpy.float32)",
-                                    info.sample, info.full_scale, info.full_scale));
+        throw ReadError(
+            reader.path(),
+            fmt::format("positions and normals must be floating-point, not {}. Of normals as colors, 0 to {} "
+                        "for -1 to 1, save (normals * (2 / {}) - 1).astype(numpy.float32)",
+                        info.sample, info.full_scale, info.full_scale));
     VectorPlane plane;
     plane.width = info.width;
     plane.height = info.height;

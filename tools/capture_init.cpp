@@ -79,7 +79,7 @@ struct Codes {
     std::string bytes;     // a file with 8-bit samples
     std::uint32_t set = 0; // bits that any code has
     std::uint32_t largest = 0;
-    double full_scale = 0; // of files that say it
+    double full_scale = 0;                                    // of files that say it
     std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
 };
 
@@ -184,15 +184,15 @@ class Folder {
             return std::pair(order.find(a.scene), a.name) < std::pair(order.find(b.scene), b.name);
         });
         if (sequences.empty())
-            throw InputError(
-                fmt::format("{}: holds no frames whose scene is named; expected: {}{}{}", folder_, kRule,
-                            others.empty() ? "" : fmt::format(". There are: {}", fmt::join(others, ", ")),
-                            no_frames.empty() ? "" : ". " + no_frames.begin()->second.front() + " " + no_frames.begin()->first));
+            throw InputError(fmt::format(
+                "{}: holds no frames whose scene is named; expected: {}{}{}", folder_, kRule,
+                others.empty() ? "" : fmt::format(". There are: {}", fmt::join(others, ", ")),
+                no_frames.empty() ? "" : ". " + no_frames.begin()->second.front() + " " + no_frames.begin()->first));
     }
 
     std::vector<Found> sequences;
-    std::vector<std::string> others;                             // whose names tell no scene
-    std::map<std::string, std::vector<std::string>> no_frames;   // whose names do, by why they are none
+    std::vector<std::string> others;                           // whose names tell no scene
+    std::map<std::string, std::vector<std::string>> no_frames; // whose names do, by why they are none
 
   private:
     void leave_out(const fs::path &path) {
@@ -233,10 +233,10 @@ class Folder {
         image_io::leave_previews_out(files);
         std::sort(files.begin(), files.end(), image_io::natural_less);
         if (files.empty())
-            throw InputError(fmt::format(
-                "{}: holds no {} frames; put them there, or give the folder another name{}", folder.string(),
-                image_io::frame_formats("or"),
-                none.empty() ? "" : ". " + none.begin()->second.front() + " " + none.begin()->first));
+            throw InputError(
+                fmt::format("{}: holds no {} frames; put them there, or give the folder another name{}",
+                            folder.string(), image_io::frame_formats("or"),
+                            none.empty() ? "" : ". " + none.begin()->second.front() + " " + none.begin()->first));
         for (auto &[why, paths] : none)
             no_frames[why].insert(no_frames[why].end(), paths.begin(), paths.end());
         if (kinds.size() > 1)
@@ -396,10 +396,11 @@ CodeFormat format_of(const Codes &codes, std::uint32_t given, Notes &notes) {
     }
     const std::uint32_t bits = given ? given : holding(words ? codes.largest : codes.full_scale);
     if (codes.largest >> bits != 0)
-        throw InputError(
-            fmt::format("--bits {}: codes reach {}; leave the option out, or give more{}", bits, codes.largest,
-                        codes.warnings.empty() ? "" : ". But " + codes.warnings.begin()->second.front() + ": " +
-                                                          codes.warnings.begin()->first));
+        throw InputError(fmt::format("--bits {}: codes reach {}; leave the option out, or give more{}", bits,
+                                     codes.largest,
+                                     codes.warnings.empty() ? ""
+                                                            : ". But " + codes.warnings.begin()->second.front() + ": " +
+                                                                  codes.warnings.begin()->first));
     if (words && !given && codes.largest != (1u << bits) - 1)
         notes.add("/camera/bits", std::to_string(bits),
                   fmt::format("no code is above {}: a converter that nothing brought to its end may have more (--bits)",

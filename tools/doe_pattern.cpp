@@ -64,7 +64,8 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
         beam.kind = CLSP_BEAM_IMAGE;
         constexpr image_io::Encoding words[] = {image_io::Encoding::automatic, image_io::Encoding::linear,
                                                 image_io::Encoding::srgb};
-        image = read_plane(a.beam_image, console, words[word_index(a.transfer, {"auto", "linear", "srgb"}, "--transfer")]);
+        image =
+            read_plane(a.beam_image, console, words[word_index(a.transfer, {"auto", "linear", "srgb"}, "--transfer")]);
         beam.image = image.values.data();
         beam.image_width = image.width;
         beam.image_height = image.height;

@@ -63,8 +63,9 @@ std::string folders_of_images(const std::string &folder) {
     constexpr std::size_t most = 8;
     const std::size_t count = names.size();
     names.resize(std::min(count, most));
-    return count == 0 ? "" : fmt::format(". Folders in it do; name one: {}{}", fmt::join(names, ", "),
-                                         count > most ? " ..." : "");
+    return count == 0
+               ? ""
+               : fmt::format(". Folders in it do; name one: {}{}", fmt::join(names, ", "), count > most ? " ..." : "");
 }
 
 std::vector<std::string> images_of(const std::string &folder, Purpose purpose) {
@@ -202,8 +203,8 @@ void add_named(const Json &value, const fs::path &folder, std::vector<std::strin
     else if (const std::string file = image_io::split_name(name).path; fs::exists(file, code))
         files.push_back(file);
     else if (image_io::is_pattern(text))
-        for (const std::string &match :
-             image_io::matches_of(image_io::literal_pattern(folder.string()) + "/" + image_io::split_several(text).path))
+        for (const std::string &match : image_io::matches_of(image_io::literal_pattern(folder.string()) + "/" +
+                                                             image_io::split_several(text).path))
             files.push_back(match);
 }
 

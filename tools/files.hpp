@@ -36,7 +36,8 @@ bool same_file(const std::string &first, const std::string &second);
 void check_output_file(const std::string &path, bool overwrite, const std::vector<std::string> &inputs);
 
 /**
- * Refuses a report in place of a file of the capture set that it is of: capture.json, what that names, and other frames.
+ * Refuses a report in place of a file of the capture set that it is of: capture.json, what that names, and other
+ * frames.
  * @param set its folder or its capture.json.
  * @param path of the report; empty or "-": none.
  * @param own files that an earlier run wrote: they may look like frames.

@@ -127,12 +127,11 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
     // A quarter of the noise of one pixel, but no less than half a code.
     if (lit && summary.level_above_dark_dn < std::max(0.5, 0.25 * noise_dn))
         warn("no_light",
-             fmt::format(
-                 "its mean, {:.2f} DN, is {} the dark level, {:.2f} DN ({}): {}", summary.mean_dn,
-                 inverted ? "far below" : "not above", dark.level_dn,
-                 dark.measured ? "of the dark sequences" : "the data sheet's black level",
-                 inverted ? "are the codes inverted, so that 0 is white, or is the dark of another setting?"
-                          : "there is hardly any light in it"));
+             fmt::format("its mean, {:.2f} DN, is {} the dark level, {:.2f} DN ({}): {}", summary.mean_dn,
+                         inverted ? "far below" : "not above", dark.level_dn,
+                         dark.measured ? "of the dark sequences" : "the data sheet's black level",
+                         inverted ? "are the codes inverted, so that 0 is white, or is the dark of another setting?"
+                                  : "there is hardly any light in it"));
 }
 
 } // namespace

@@ -56,8 +56,8 @@ std::vector<std::string> frames_of_folder(const std::string &folder, std::string
     if (code)
         throw Error(Status::kIo, fmt::format("{}: cannot be read: {}", folder, code.message()));
     if (files.empty())
-        throw Error(Status::kIo, fmt::format("{}: the folder holds no {} frames{}", folder,
-                                             image_io::frame_formats("or"), others));
+        throw Error(Status::kIo,
+                    fmt::format("{}: the folder holds no {} frames{}", folder, image_io::frame_formats("or"), others));
     if (kinds.size() > 1) {
         const auto found = [&](const image_io::Format &format) { return kinds.count(&format) > 0; };
         const auto &all = image_io::formats();

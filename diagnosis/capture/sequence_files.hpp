@@ -13,7 +13,6 @@
 
 namespace clsp {
 
-
 // What is odd about some files.
 struct FileOddity {
     std::string text;

@@ -9,8 +9,8 @@ namespace clsp {
 namespace {
 
 constexpr const char *kDirectives[] = {"include", "include_next", "import", "embed", "__include_macros"};
-constexpr const char *kWords[] = {"__has_include", "__has_include_next", "__has_embed", "asm",
-                                  "__asm",         "__asm__",            "_Pragma",     "__pragma"};
+constexpr const char *kWords[] = {
+    "__has_include", "__has_include_next", "__has_embed", "asm", "__asm", "__asm__", "_Pragma", "__pragma"};
 constexpr const char *kPragmas[] = {"OPENCL", "STDC", "unroll"};
 
 // Phase 1 of translation, where compilers know it.

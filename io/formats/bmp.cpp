@@ -130,9 +130,9 @@ class BmpReader final : public Reader {
         constexpr std::uint64_t most = std::uint64_t{16} << 20;
         const char *said_by = "its ICC profile";
         if (space == 0x4c494e4b || size > most || at > file_.size() || size > file_.size() - at) {
-            info_.transfer = unknown_transfer(said_by, space == 0x4c494e4b
-                                                           ? "its content in another file"
-                                                           : "content that cannot be read (it is damaged or cut)");
+            info_.transfer =
+                unknown_transfer(said_by, space == 0x4c494e4b ? "its content in another file"
+                                                              : "content that cannot be read (it is damaged or cut)");
             return 0;
         }
         std::vector<unsigned char> profile(static_cast<std::size_t>(size));

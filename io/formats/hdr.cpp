@@ -26,7 +26,8 @@ class HdrReader final : public Reader {
             else if (text.rfind("GAMMA=", 0) == 0 && std::strtod(text.c_str() + 6, nullptr) != 1.0)
                 info_.warnings.push_back(fmt::format("the gamma in its header ({}) is ignored", text.substr(6)));
             else if (text.rfind("COLORCORR=", 0) == 0)
-                info_.warnings.push_back(fmt::format("the color correction in its header ({}) is ignored", text.substr(10)));
+                info_.warnings.push_back(
+                    fmt::format("the color correction in its header ({}) is ignored", text.substr(10)));
         }
         if (!rgbe)
             fail("has no line FORMAT=32-bit_rle_rgbe in its header");

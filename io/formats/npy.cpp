@@ -79,7 +79,8 @@ class HeaderParser {
     std::string description() {
         skip();
         if (at_ < text_.size() && text_[at_] == '[')
-            throw ReadError(path_, "holds records with named fields; a plain array of numbers is needed: save one field, array[array.dtype.names[0]]");
+            throw ReadError(path_, "holds records with named fields; a plain array of numbers is needed: save one "
+                                   "field, array[array.dtype.names[0]]");
         return quoted();
     }
     bool boolean() {
@@ -216,11 +217,12 @@ class NpyReader final : public Reader {
                 "one size; an array of numbers is needed: save numpy.stack(frames) of frames of one size",
                 descr.substr(0, 40)));
         if (!type_)
-            fail(fmt::format(
-                "its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are taken: save {}",
-                descr.substr(0, 40),
-                code[0] == 'c' ? "numpy.abs(array).astype(numpy.float32), or array.real.astype(numpy.float32)"
-                               : "array.astype(numpy.float32)"));
+            fail(fmt::format("its numbers are of type '{}'; bool, integers of 8 to 64 bits and float16, 32 and 64 are "
+                             "taken: save {}",
+                             descr.substr(0, 40),
+                             code[0] == 'c'
+                                 ? "numpy.abs(array).astype(numpy.float32), or array.real.astype(numpy.float32)"
+                                 : "array.astype(numpy.float32)"));
         // The program runs on little-endian hosts only; '=' and '|' mean host order and no order.
         swap_ = marked && descr[0] == '>' && type_->size_bytes > 1;
         info_.sample = type_->name;

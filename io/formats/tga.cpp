@@ -142,8 +142,8 @@ class TgaReader final : public Reader {
         file_.seek(file_.size() - 26);
         file_.read(bytes, sizeof bytes);
         constexpr std::uint64_t gamma_at = 478;
-        const std::uint64_t at = bytes[0] | std::uint64_t{bytes[1]} << 8 | std::uint64_t{bytes[2]} << 16 |
-                                 std::uint64_t{bytes[3]} << 24;
+        const std::uint64_t at =
+            bytes[0] | std::uint64_t{bytes[1]} << 8 | std::uint64_t{bytes[2]} << 16 | std::uint64_t{bytes[3]} << 24;
         if (at == 0 || at + gamma_at + sizeof bytes > file_.size())
             return;
         file_.seek(at + gamma_at);

@@ -302,7 +302,9 @@ class TiffReader final : public Reader {
             return "";
         const std::string description = text, line = "\n" + key + "=";
         const std::size_t at = description.find(line);
-        return at == std::string::npos ? "" : description.substr(at + line.size(), description.find('\n', at + 1) - at - line.size());
+        return at == std::string::npos
+                   ? ""
+                   : description.substr(at + line.size(), description.find('\n', at + 1) - at - line.size());
     }
 
     /** Numbers that stand for others. */
@@ -317,8 +319,8 @@ class TiffReader final : public Reader {
             if (function == "0" && layout.bits == 16 && layout.sample_format == SAMPLEFORMAT_INT &&
                 told.offset == -32768 && told.factor == 1)
                 return;
-            calibrate(layout, told, function == "0" && !offset.empty() && !factor.empty(),
-                      "ImageJ", said_by_imagej("vunit"));
+            calibrate(layout, told, function == "0" && !offset.empty() && !factor.empty(), "ImageJ",
+                      said_by_imagej("vunit"));
         }
         if (const std::string gdal = gdal_metadata(); !gdal.empty()) {
             Calibration told;
@@ -343,10 +345,10 @@ class TiffReader final : public Reader {
         const bool is_signed = told.offset == -32768 && told.factor == 1 && info_.full_scale == 65535;
         info_.full_scale = 0;
         info_.sample = is_signed ? "int16" : "float32";
-        info_.warnings.push_back(fmt::format("its numbers are calibrated by {} and were taken so: {:g} + {:g} times the "
-                                             "number that is stored{}",
-                                             by, told.offset, told.factor,
-                                             unit.empty() ? "" : fmt::format(", in {}", unit.substr(0, 40))));
+        info_.warnings.push_back(
+            fmt::format("its numbers are calibrated by {} and were taken so: {:g} + {:g} times the "
+                        "number that is stored{}",
+                        by, told.offset, told.factor, unit.empty() ? "" : fmt::format(", in {}", unit.substr(0, 40))));
     }
 
     /** GDAL's text, a list of items; empty: it has none. libtiff knows the tag by its number only. */
@@ -405,7 +407,9 @@ class TiffReader final : public Reader {
                 return taken(images / layout.channels, std::max<std::uint64_t>(1, channels), "OME");
         }
         if (description.rfind("ImageJ=", 0) == 0) {
-            const auto number = [&](const char *key) { return std::strtoull(said_by_imagej(key).c_str(), nullptr, 10); };
+            const auto number = [&](const char *key) {
+                return std::strtoull(said_by_imagej(key).c_str(), nullptr, 10);
+            };
             const std::uint64_t images = number("images"), channels = std::max<std::uint64_t>(1, number("channels"));
             return taken(images, channels, "ImageJ");
         }
@@ -547,8 +551,8 @@ class TiffReader final : public Reader {
                                : layout.sample_format == SAMPLEFORMAT_INT ? "signed"
                                : real                                     ? "floating-point"
                                                                           : "complex or unknown";
-            const bool is_complex = layout.sample_format == SAMPLEFORMAT_COMPLEXIEEEFP ||
-                                    layout.sample_format == SAMPLEFORMAT_COMPLEXINT;
+            const bool is_complex =
+                layout.sample_format == SAMPLEFORMAT_COMPLEXIEEEFP || layout.sample_format == SAMPLEFORMAT_COMPLEXINT;
             fail(fmt::format("its samples are {} of {} bits; unsigned of 1 to 16 and 32, signed of 8, 16 and 32, and "
                              "floating-point of 16, 32 and 64 are taken. Save {}",
                              kind, layout.bits,
@@ -584,10 +588,10 @@ class TiffReader final : public Reader {
         if (layout.colors > 0 && layout.alpha)
             fail("has a palette and an opacity, which is not supported; convert it to RGB");
         if (layout.photometric == PHOTOMETRIC_MINISWHITE && layout.sample_format != SAMPLEFORMAT_UINT)
-            fail(
-                "says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black: "
-                "tifffile.imwrite(path, white - image, photometric=\"minisblack\"), where white is the number of white; "
-                "image alone where the numbers are light already");
+            fail("says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black: "
+                 "tifffile.imwrite(path, white - image, photometric=\"minisblack\"), where white is the number of "
+                 "white; "
+                 "image alone where the numbers are light already");
         return layout;
     }
 

@@ -126,7 +126,7 @@ TEST_F(Temporary, AFileKeepsTheRightsOfTheOneThatItReplaces) {
     ASSERT_EQ(::chmod(folder_.c_str(), 0777), 0);
     EXPECT_EQ(in_a_child([&] {
                   ::_exit(::setgid(1234) == 0 && ::setuid(1234) == 0 ? (image_io::write_text(path("open"), "text"), 7)
-                                                                    : 1);
+                                                                     : 1);
               }),
               7 << 8);
     ASSERT_EQ(::stat(path("open").c_str(), &status), 0);

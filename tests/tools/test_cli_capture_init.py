@@ -356,12 +356,13 @@ def test_files_that_are_no_frames_say_why(ok, refused, tmp_path: Path, name: str
         np.savez(inner / name, codes=flat(2))
     else:
         image.save(inner / name, "PNG" if name.endswith(".dat") else None)
-    (inner / "flat notes.txt").write_text("no image, and no word of it")
+    for ending, text in ((".txt", "no image, and no word of it"), (".csv", "1,2,3\n"), (".html", "<!DOCTYPE html>")):
+        (inner / f"flat notes{ending}").write_text(text)
     if place != "alone":
         np.save(folder / "dark.npy", dark(1))
     told = ok("capture", "init", "set").err if place == "beside" else refused("capture", "init", "set")
     assert cause in told and way_out.replace("set/", f"{inner.relative_to(tmp_path)}/") in told and f"{inner.name}/{name}" in told
-    assert "notes.txt: " not in told
+    assert not re.search(r"notes\.(txt|csv|html)(: | is )", told)
     if place == "folder":
         (folder / "dark.npy").rename(folder / "dark_other.npy")
         Image.fromarray((dark(1)[0]).astype(np.uint8)).save(folder / "dark.png")

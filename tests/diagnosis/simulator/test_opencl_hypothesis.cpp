@@ -241,8 +241,8 @@ TEST_F(OpenclHypothesis, SourceThatCannotBeUsedIsRefused) {
          {"#define included 1\n", "// it includes noise: #1 of many\n", "#define imports\n", "#define A(x) #x\n",
           "int has_include;\n", "/* ? include */\n", "# // include\n", "// do not #include\n", "/* #include \"a\" */\n",
           "// \\\n#include \"a\"\n", "constant char a[] = \"#include\", b = '#';\n", "// asm, ##, __has_include\n",
-          "#pragma OPENCL FP_CONTRACT OFF\n", "#pragma unroll 4\n", "#pragma STDC FP_CONTRACT OFF\n", "int asmx, my_asm;\n",
-          "constant char q[] = \"a\\\"#include\";\n"})
+          "#pragma OPENCL FP_CONTRACT OFF\n", "#pragma unroll 4\n", "#pragma STDC FP_CONTRACT OFF\n",
+          "int asmx, my_asm;\n", "constant char q[] = \"a\\\"#include\";\n"})
         EXPECT_EQ(word_that_reads_files(line + good.opencl_source), "") << line;
     // Of a size that a quadratic reader would take minutes for.
     std::string hashes, comments;
