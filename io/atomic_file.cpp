@@ -14,19 +14,20 @@ namespace image_io {
 namespace {
 
 /** What is replaced keeps its owner, its group and its rights. Where the group cannot be kept, the new one gets no more
- * than everybody has. */
-void take_rights(int descriptor, const std::string &replaced) {
-    struct stat was {
-    }, is{};
+ * than everybody has. @return whether nobody may write into it, once it is complete. */
+bool take_rights(int descriptor, const std::string &replaced) {
+    struct stat was {};
+    struct stat is {};
     // A link is replaced itself, and has no rights of its own.
     if (::lstat(replaced.c_str(), &was) != 0 || !S_ISREG(was.st_mode) || ::fstat(descriptor, &is) != 0)
-        return;
+        return false;
     mode_t mode = was.st_mode & 0777;
     const bool same = is.st_uid == was.st_uid && is.st_gid == was.st_gid;
     if (!same && ::fchown(descriptor, was.st_uid, was.st_gid) != 0 && is.st_gid != was.st_gid &&
         ::fchown(descriptor, static_cast<uid_t>(-1), was.st_gid) != 0)
         mode &= 0707 | (mode & 07) << 3;
-    (void)::fchmod(descriptor, mode); // file systems without rights have none to keep
+    // Writers open it again by its name. File systems without rights have none to keep.
+    return ::fchmod(descriptor, mode | S_IWUSR) == 0 && (mode & S_IWUSR) == 0;
 }
 
 } // namespace
@@ -39,7 +40,7 @@ AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
     } catch (const std::system_error &error) {
         throw WriteError(path_, std::string("cannot be written: ") + std::strerror(error.code().value()));
     }
-    take_rights(descriptor, path_);
+    read_only_ = take_rights(descriptor, path_);
     stream_ = ::fdopen(descriptor, "wb");
     if (!stream_) {
         const int code = errno;
@@ -89,6 +90,9 @@ void AtomicFile::close() {
 void AtomicFile::commit() {
     close();
     check_target();
+    struct stat status {};
+    if (read_only_ && ::stat(temporary_path_.c_str(), &status) == 0)
+        (void)::chmod(temporary_path_.c_str(), status.st_mode & 0577);
     if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
         fail("cannot be put in place", errno);
     done_ = true;

@@ -45,6 +45,7 @@ class AtomicFile {
     std::string temporary_path_;
     TemporaryLock lock_;
     std::FILE *stream_ = nullptr;
+    bool read_only_ = false; ///< Once it is complete, as what it replaces.
     bool done_ = false;
 };
 

@@ -96,7 +96,7 @@ TEST_F(Temporary, AFileKeepsTheRightsOfTheOneThatItReplaces) {
         image_io::write_text(path("a"), "before");
         ASSERT_EQ(::chmod(path("a").c_str(), mode), 0);
         image_io::AtomicFile file(path("a"));
-        EXPECT_EQ(rights(file.temporary_path()), mode) << "nobody else reads it meanwhile";
+        EXPECT_EQ(rights(file.temporary_path()), mode | 0200) << "nobody else reads it meanwhile";
         file.write("after", 5);
         file.commit();
         EXPECT_EQ(rights(path("a")), mode);
