@@ -190,9 +190,8 @@ class JpegReader final : public Reader {
             if (marker == 0xff)
                 continue; // padding: c is the next marker's begin
             if (has_length) {
-                int rest = file_.get() << 8;
-                rest |= file_.get();
-                for (rest -= 2; rest > 0 && file_.get() != -1;)
+                const int high = file_.get(), low = file_.get();
+                for (int rest = 256 * high + low - 2; rest > 0 && file_.get() != -1;)
                     --rest;
             }
             c = file_.get();
