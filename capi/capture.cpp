@@ -9,7 +9,7 @@
 #include "capture_handle.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
-#include "io/json_file.hpp"
+#include "io/json_text.hpp"
 #include "progress.hpp"
 #include "report/emva_report.hpp"
 #include "status.hpp"
@@ -146,7 +146,7 @@ CLSP_REFERENCES(Capture)
 
 CLSP_API ClspStatus clspCaptureAddSequence(ClspCapture capture, const ClspCaptureSequence *sequence) {
     return guarded("clspCaptureAddSequence", [&] {
-        const auto c = object(capture);
+        const auto c = object_to_change(capture);
         const ClspCaptureSequence s = read_struct(sequence, sequence_defaults(), "sequence");
         if (c->layout.sequences.size() >= kMaxCaptureSequences)
             throw Error(Status::kInvalidArgument,
@@ -184,7 +184,7 @@ CLSP_API ClspStatus clspCaptureAddSequence(ClspCapture capture, const ClspCaptur
 CLSP_API ClspStatus clspCaptureSetDots(ClspCapture capture, double sigma_px, uint64_t count,
                                        const double *positions_px) {
     return guarded("clspCaptureSetDots", [&] {
-        const auto c = object(capture);
+        const auto c = object_to_change(capture);
         if (count > 0 && !positions_px)
             throw Error(Status::kInvalidArgument, fmt::format("positions_px is NULL, but count is {}", count));
         if (count > kMaxCaptureDots)
@@ -304,7 +304,7 @@ CLSP_API ClspStatus clspCaptureGetEmva1288Json(ClspCapture capture, uint64_t cap
     return guarded("clspCaptureGetEmva1288Json", [&] {
         const auto c = object(capture);
         validate_capture(*c);
-        give_text(image_io::json_text(emva_json(emva_of(*c)), 1), capacity, text, length, "text");
+        give_text(emva_json(emva_of(*c)).text(1), capacity, text, length, "text");
     });
 }
 

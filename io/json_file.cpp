@@ -220,11 +220,6 @@ JsonDocument read_json(const std::string &path) {
     return parse_json(read_json_text(path), path);
 }
 
-std::string json_text(Json root, int indent) {
-    const JsonDocument document(std::move(root));
-    return document.root().dump(indent, ' ', false, Json::error_handler_t::replace);
-}
-
 std::string shown(const Json &value) {
     constexpr std::size_t most = 60;
     if (value.is_structured() && value.size() > most)

@@ -59,9 +59,6 @@ JsonDocument parse_json(const std::string &text, const std::string &path);
 /** Both. */
 JsonDocument read_json(const std::string &path);
 
-/** As text; what is not UTF-8 becomes U+FFFD. Taken apart without an allocation, as JsonDocument. @param indent spaces of a level. */
-std::string json_text(Json root, int indent);
-
 /** A value as a message shows it: short, and nothing that a terminal would obey. */
 std::string shown(const Json &value);
 

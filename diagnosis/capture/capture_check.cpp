@@ -1,11 +1,10 @@
 #include "capture/capture_check.hpp"
 
 #include "capture/capture_validation.hpp"
-#include "io/json_file.hpp"
+#include "io/json_text.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <utility>
 
@@ -83,9 +82,9 @@ CaptureSummary summarize_capture(const Capture &capture) {
 }
 
 std::string capture_summary_json(const Capture &capture) {
-    using Json = nlohmann::ordered_json;
+    using image_io::JsonText;
     const auto blocks = [](const CaptureWarning &warning) {
-        Json list = Json::array();
+        JsonText list = JsonText::array();
         for (const PixelBlock &block : warning.pixels)
             list.push_back(
                 {{"rows", {block.first_row, block.last_row}}, {"columns", {block.first_column, block.last_column}}});
@@ -93,8 +92,8 @@ std::string capture_summary_json(const Capture &capture) {
     };
     const CaptureSummary summary = summarize_capture(capture);
     const CaptureLayout &layout = capture.layout;
-    const auto optional = [](const std::optional<double> &value) { return value ? Json(*value) : Json(); };
-    Json root = {{"format", "clspeckle-capture-summary"}, {"version", 1}};
+    const auto optional = [](const std::optional<double> &value) { return value ? JsonText(*value) : JsonText(); };
+    JsonText root = {{"format", "clspeckle-capture-summary"}, {"version", 1}};
     root["camera"] = {{"width", layout.width},
                       {"height", layout.height},
                       {"bits", layout.bits},
@@ -106,7 +105,7 @@ std::string capture_summary_json(const Capture &capture) {
                       {"read_noise_dn", layout.read_noise_dn},
                       {"dots", layout.dots ? layout.dots->positions_px.size() : 0}};
     root["dark_level"] = {{"level_dn", summary.dark.level_dn}, {"measured", summary.dark.measured}};
-    root["sequences"] = Json::array();
+    root["sequences"] = JsonText::array();
     for (const SequenceSummary &s : summary.sequences)
         root["sequences"].push_back({{"name", s.name},
                                      {"scene", scene_name(s.scene)},
@@ -123,10 +122,10 @@ std::string capture_summary_json(const Capture &capture) {
                                      {"temporal_noise_dn", optional(s.temporal_noise_dn)},
                                      {"level_above_dark_dn", s.level_above_dark_dn},
                                      {"contrast", optional(s.contrast)}});
-    root["abilities"] = Json::array();
+    root["abilities"] = JsonText::array();
     for (const CaptureAbility &a : summary.abilities)
         root["abilities"].push_back({{"topic", a.topic}, {"can", a.can}, {"reason", a.reason}, {"advice", a.advice}});
-    root["effects"] = Json::array();
+    root["effects"] = JsonText::array();
     for (const EffectVisibility &e : summary.effects)
         root["effects"].push_back({{"id", e.id},
                                    {"stage", e.stage},
@@ -134,14 +133,14 @@ std::string capture_summary_json(const Capture &capture) {
                                    {"sequences", e.sequences},
                                    {"symptom", e.symptom},
                                    {"reason", e.reason}});
-    root["warnings"] = Json::array();
+    root["warnings"] = JsonText::array();
     for (const CaptureWarning &w : summary.warnings)
         root["warnings"].push_back({{"kind", w.kind},
                                     {"sequence", w.sequence},
                                     {"text", w.text},
                                     {"frames", w.frames},
                                     {"pixels", blocks(w)}});
-    return image_io::json_text(std::move(root), 1);
+    return root.text(1);
 }
 
 } // namespace clsp

@@ -4,13 +4,13 @@
 #include "capture/sequence_files.hpp"
 #include "io/codes.hpp"
 #include "io/inside.hpp"
+#include "io/json_text.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 #include <initializer_list>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
 
@@ -187,10 +187,11 @@ CaptureDescription read_capture_json(const std::string &path) {
 }
 
 std::string capture_json(const CaptureLayout &layout) {
-    Json root;
+    using image_io::JsonText;
+    JsonText root;
     root["format"] = "clspeckle-capture";
     root["version"] = 1;
-    Json &camera = root["camera"];
+    JsonText &camera = root["camera"];
     camera["width"] = layout.width;
     camera["height"] = layout.height;
     camera["bits"] = layout.bits;
@@ -207,7 +208,7 @@ std::string capture_json(const CaptureLayout &layout) {
     if (layout.dots)
         root["dots"] = {{"sigma_px", layout.dots->sigma_px}, {"positions_px", layout.dots->positions_px}};
     for (const SequenceLayout &s : layout.sequences) {
-        Json entry = {{"name", s.name},
+        JsonText entry = {{"name", s.name},
                       {"file", s.name + ".npy"},
                       {"scene", scene_name(s.scene)},
                       {"motion", motion_name(s.moving)}};
@@ -219,7 +220,7 @@ std::string capture_json(const CaptureLayout &layout) {
             entry["mask"] = s.name + "_mask.png";
         root["sequences"].push_back(std::move(entry));
     }
-    return image_io::json_text(std::move(root), 1) + "\n";
+    return root.text(1) + "\n";
 }
 
 } // namespace clsp

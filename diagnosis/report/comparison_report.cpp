@@ -4,19 +4,19 @@
 
 #include <cmath>
 #include <fmt/core.h>
-#include <nlohmann/json.hpp>
 
 namespace clsp {
+
+using image_io::JsonText;
+
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // JSON has no infinities.
-Json number(double value) {
-    return std::isfinite(value) ? Json(value) : Json(nullptr);
+JsonText number(double value) {
+    return std::isfinite(value) ? JsonText(value) : JsonText(nullptr);
 }
 
-Json levels_json(const CameraLevels &levels) {
+JsonText levels_json(const CameraLevels &levels) {
     return {{"black_level_dn", number(levels.black_level_dn)},
             {"read_noise_dn", number(levels.read_noise_dn)},
             {"measured", levels.noise_measured}};
@@ -24,8 +24,8 @@ Json levels_json(const CameraLevels &levels) {
 
 } // namespace
 
-Json comparison_json(const Comparison &comparison) {
-    Json pairs = Json::array(), refused = Json::array(), surplus = Json::array();
+JsonText comparison_json(const Comparison &comparison) {
+    JsonText pairs = JsonText::array(), refused = JsonText::array(), surplus = JsonText::array();
     for (const SequencePair &p : comparison.pairs)
         pairs.push_back({{"real", p.real},
                          {"sim", p.sim},

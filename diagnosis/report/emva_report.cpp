@@ -2,16 +2,18 @@
 
 #include <cmath>
 #include <fmt/core.h>
-#include <nlohmann/json.hpp>
 
 namespace clsp {
+
+using image_io::JsonText;
+
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr const char *kShape[] = {"slope_x", "slope_y", "curvature_x", "twist", "curvature_y"};
 
-Json number(double value) {
-    return std::isfinite(value) ? Json(value) : Json(nullptr);
+JsonText number(double value) {
+    return std::isfinite(value) ? JsonText(value) : JsonText(nullptr);
 }
 
 // Standard deviations of section 8; NaN where the temporal noise explains more than all.
@@ -36,12 +38,12 @@ Deviations prnu(const EmvaSpatial &flat, const EmvaSpatial &dark) {
     return deviations(flat, &dark, 100.0 / (flat.mean - dark.mean));
 }
 
-Json deviations_json(const Deviations &d) {
+JsonText deviations_json(const Deviations &d) {
     return {
         {"total", number(d.total)}, {"pixel", number(d.pixel)}, {"row", number(d.row)}, {"column", number(d.column)}};
 }
 
-Json value_json(const NamedEmvaValue &named) {
+JsonText value_json(const NamedEmvaValue &named) {
     const EmvaValue &value = *named.value;
     if (!value.known())
         return {{"value", nullptr}, {"interval", nullptr}, {"unit", named.unit}, {"unknown", value.unknown}};
@@ -60,8 +62,8 @@ void add_element(std::string &xml, const char *section, const char *name, const 
 
 } // namespace
 
-Json emva_json(const Emva1288 &emva) {
-    Json values = Json::object(), points = Json::array(), illumination = Json::array(), notes = Json::array();
+JsonText emva_json(const Emva1288 &emva) {
+    JsonText values = JsonText::object(), points = JsonText::array(), illumination = JsonText::array(), notes = JsonText::array();
     for (const NamedEmvaValue &named : named_values(emva))
         values[named.name] = value_json(named);
     for (const EmvaPoint &point : emva.points) {
@@ -74,7 +76,7 @@ Json emva_json(const Emva1288 &emva) {
             points.back()["unused"] = point.unused;
     }
     for (const EmvaIllumination &one : emva.illumination) {
-        Json entry = {{"sequence", one.sequence}};
+        JsonText entry = {{"sequence", one.sequence}};
         for (std::size_t k = 0; k < one.percent.size(); ++k) {
             entry[kShape[k]] = number(one.percent[k]);
             entry[std::string(kShape[k]) + "_error"] = number(one.error_percent[k]);
@@ -83,9 +85,9 @@ Json emva_json(const Emva1288 &emva) {
     }
     for (const CaptureWarning &note : emva.notes)
         notes.push_back(
-            {{"sequence", note.sequence.empty() ? Json(nullptr) : Json(note.sequence)}, {"text", note.text}});
+            {{"sequence", note.sequence.empty() ? JsonText(nullptr) : JsonText(note.sequence)}, {"text", note.text}});
     const auto section_8 = [](const EmvaSpatial &flat, const EmvaSpatial &dark) {
-        return Json{{"dsnu_dn", deviations_json(dsnu(dark))}, {"prnu_percent", deviations_json(prnu(flat, dark))}};
+        return JsonText{{"dsnu_dn", deviations_json(dsnu(dark))}, {"prnu_percent", deviations_json(prnu(flat, dark))}};
     };
     return {{"standard", "EMVA 1288 release 4.0"},
             {"gain_method", method_name(emva.method)},

@@ -5,13 +5,13 @@
 #include "measure/emva1288.hpp"
 #include "report/html_page.hpp"
 
-#include <nlohmann/json_fwd.hpp>
+#include "io/json_text.hpp"
 #include <string>
 
 namespace clsp {
 
 // The key "emva1288" of a report (docs/emva1288.md).
-nlohmann::ordered_json emva_json(const Emva1288 &emva);
+image_io::JsonText emva_json(const Emva1288 &emva);
 // With the sections and element names of the package's results (release 1.0.2), which its xml_to_dict() and
 // compare_xml() read. What is not known is None.
 std::string emva_xml(const Emva1288 &emva);

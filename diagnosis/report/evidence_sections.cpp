@@ -62,7 +62,7 @@ void write_histogram(const SequenceEvidence &sequence, HtmlPage &page) {
     plot.y_floor = 0.5 * least;
     plot.steps = true;
     page.plot(
-        plot.x.empty() ? Json::object() : curve_figure(plot),
+        plot.x.empty() ? JsonText::object() : curve_figure(plot),
         fmt::format("Histogram of the codes{}; the axis is logarithmic, bins without a pixel lie on its lower end.{}",
                     sequence.histogram_step_dn > 1.0 ? fmt::format(", {:g} codes to a bin", sequence.histogram_step_dn)
                                                      : std::string(),

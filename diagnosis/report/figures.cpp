@@ -14,7 +14,7 @@ namespace {
 // Okabe and Ito's colours, told apart by the colour-blind; the lines differ in their dashes, too.
 constexpr const char *kColours[] = {"#222222", "#D55E00", "#0072B2"};
 
-Json axis_configuration() {
+JsonText axis_configuration() {
     return {{"axis",
              {{"labelFontSize", 11},
               {"titleFontSize", 12},
@@ -26,7 +26,7 @@ Json axis_configuration() {
             {"title", {{"fontSize", 13}, {"fontWeight", "normal"}}}};
 }
 
-Json specification(int width, int height) {
+JsonText specification(int width, int height) {
     return {{"width", width},
             {"height", height},
             {"padding", 5},
@@ -36,13 +36,13 @@ Json specification(int width, int height) {
 
 // Steps of |z|: below 3 is what chance gives now and then among many statistics.
 const std::vector<double> kSteps{2.0, 3.0, 5.0, 10.0, 20.0, 50.0};
-Json deviation_scale() {
+JsonText deviation_scale() {
     return {{"name", "deviation"},
             {"type", "threshold"},
             {"domain", kSteps},
             {"range", {"#f7f7f7", "#fff1d6", "#fdd49e", "#fdae6b", "#ef6548", "#c0281c", "#7f0000"}}};
 }
-Json deviation_legend() {
+JsonText deviation_legend() {
     return {{"fill", "deviation"}, {"type", "symbol"}, {"symbolType", "square"},
             {"symbolSize", 160},   {"title", "|z|"},   {"format", "d"}};
 }
@@ -52,8 +52,8 @@ struct Cell {
     double z = 0.0;
 };
 
-Json cell_table(const std::string &name, const std::vector<Cell> &cells) {
-    Json values = Json::array();
+JsonText cell_table(const std::string &name, const std::vector<Cell> &cells) {
+    JsonText values = JsonText::array();
     for (const Cell &cell : cells)
         values.push_back({{"row", cell.row},
                           {"column", cell.column},
@@ -65,12 +65,12 @@ Json cell_table(const std::string &name, const std::vector<Cell> &cells) {
 }
 
 // Squares and the numbers in them.
-Json cell_marks(const std::string &data) {
-    const Json x = {{"scale", "column"}, {"field", "column"}}, y = {{"scale", "row"}, {"field", "row"}};
-    Json middle_x = x, middle_y = y;
+JsonText cell_marks(const std::string &data) {
+    const JsonText x = {{"scale", "column"}, {"field", "column"}}, y = {{"scale", "row"}, {"field", "row"}};
+    JsonText middle_x = x, middle_y = y;
     middle_x["band"] = middle_y["band"] = 0.5;
-    const Json whole_x = {{"scale", "column"}, {"band", 1}}, whole_y = {{"scale", "row"}, {"band", 1}};
-    Json marks = Json::array();
+    const JsonText whole_x = {{"scale", "column"}, {"band", 1}}, whole_y = {{"scale", "row"}, {"band", 1}};
+    JsonText marks = JsonText::array();
     marks.push_back({{"type", "rect"},
                      {"from", {{"data", data}}},
                      {"encode",
@@ -97,11 +97,11 @@ Json cell_marks(const std::string &data) {
     return marks;
 }
 
-Json row_axis(bool labels) {
+JsonText row_axis(bool labels) {
     return {{"orient", "left"}, {"scale", "row"},    {"labels", labels}, {"ticks", false},
             {"domain", false},  {"labelPadding", 6}, {"labelLimit", 360}};
 }
-Json column_axis() {
+JsonText column_axis() {
     return {{"orient", "top"},   {"scale", "column"}, {"ticks", false},       {"domain", false},
             {"labelPadding", 6}, {"labelAngle", -50}, {"labelAlign", "left"}, {"labelLimit", 160}};
 }
@@ -191,13 +191,13 @@ const char *version_name(Version version) {
     return kNames[static_cast<std::uint32_t>(version)];
 }
 
-Json curve_figure(const CurvePlot &plot) {
-    Json values = Json::array();
-    Json names = Json::array(), colours = Json::array(), dashes = Json::array();
+JsonText curve_figure(const CurvePlot &plot) {
+    JsonText values = JsonText::array();
+    JsonText names = JsonText::array(), colours = JsonText::array(), dashes = JsonText::array();
     for (std::size_t v = 0; v < plot.y.size(); ++v) {
         names.push_back(version_name(static_cast<Version>(v)));
         colours.push_back(kColours[v]);
-        dashes.push_back(v == 0 ? Json::array({1, 0}) : v == 1 ? Json::array({6, 3}) : Json::array({2, 2}));
+        dashes.push_back(v == 0 ? JsonText::array({1, 0}) : v == 1 ? JsonText::array({6, 3}) : JsonText::array({2, 2}));
         const std::vector<double> &x = plot.own_x.empty() ? plot.x : plot.own_x[v];
         for (std::size_t i = 0; i < std::min(x.size(), plot.y[v].size()); ++i) {
             const double y = plot.y[v][i];
@@ -205,20 +205,19 @@ Json curve_figure(const CurvePlot &plot) {
                 {{"x", x[i]}, {"y", plot.logarithmic ? std::max(y, plot.y_floor) : y}, {"version", names.back()}});
         }
     }
-    Json figure_json = specification(430, 220);
-    figure_json["data"] = Json::array({{{"name", "curves"}, {"values", values}}});
-    Json y_scale = {{"name", "y"},
+    JsonText figure_json = specification(430, 220);
+    figure_json["data"] = JsonText::array({{{"name", "curves"}, {"values", values}}});
+    JsonText y_scale = {{"name", "y"},
                     {"type", plot.logarithmic ? "log" : "linear"},
                     {"domain", {{"data", "curves"}, {"field", "y"}}},
                     {"range", "height"},
-                    {"nice", !plot.logarithmic},
-                    {"zero", plot.from_zero}};
-    if (plot.logarithmic)
-        y_scale.erase("zero");
+                    {"nice", !plot.logarithmic}};
+    if (!plot.logarithmic)
+        y_scale["zero"] = plot.from_zero;
     if (!plot.y_domain.empty())
         y_scale["domain"] = plot.y_domain;
     figure_json["scales"] =
-        Json::array({{{"name", "x"},
+        JsonText::array({{{"name", "x"},
                       {"type", "linear"},
                       {"domain", {{"data", "curves"}, {"field", "x"}}},
                       {"range", "width"},
@@ -226,21 +225,21 @@ Json curve_figure(const CurvePlot &plot) {
                      y_scale,
                      {{"name", "colour"}, {"type", "ordinal"}, {"domain", names}, {"range", colours}},
                      {{"name", "dash"}, {"type", "ordinal"}, {"domain", names}, {"range", dashes}}});
-    Json y_axis = {{"orient", "left"}, {"scale", "y"}, {"title", plot.y_title}, {"grid", true}, {"tickCount", 5}};
+    JsonText y_axis = {{"orient", "left"}, {"scale", "y"}, {"title", plot.y_title}, {"grid", true}, {"tickCount", 5}};
     if (plot.logarithmic)
         y_axis["format"] = "~g";
     figure_json["axes"] =
-        Json::array({{{"orient", "bottom"}, {"scale", "x"}, {"title", plot.x_title}, {"tickCount", 8}}, y_axis});
-    figure_json["legends"] = Json::array({{{"stroke", "colour"},
+        JsonText::array({{{"orient", "bottom"}, {"scale", "x"}, {"title", plot.x_title}, {"tickCount", 8}}, y_axis});
+    figure_json["legends"] = JsonText::array({{{"stroke", "colour"},
                                            {"strokeDash", "dash"},
                                            {"symbolType", "stroke"},
                                            {"symbolStrokeWidth", 2},
                                            {"orient", "top"},
                                            {"direction", "horizontal"},
                                            {"symbolSize", 300}}});
-    const Json x = {{"scale", "x"}, {"field", "x"}}, y = {{"scale", "y"}, {"field", "y"}},
+    const JsonText x = {{"scale", "x"}, {"field", "x"}}, y = {{"scale", "y"}, {"field", "y"}},
                colour = {{"scale", "colour"}, {"field", "version"}};
-    Json marks = Json::array();
+    JsonText marks = JsonText::array();
     marks.push_back({{"type", "line"},
                      {"from", {{"data", "line"}}},
                      {"encode",
@@ -256,24 +255,24 @@ Json curve_figure(const CurvePlot &plot) {
                          {"from", {{"data", "line"}}},
                          {"encode", {{"enter", {{"x", x}, {"y", y}, {"fill", colour}, {"size", {{"value", 28}}}}}}}});
     figure_json["marks"] =
-        Json::array({{{"type", "group"},
+        JsonText::array({{{"type", "group"},
                       {"from", {{"facet", {{"name", "line"}, {"data", "curves"}, {"groupby", "version"}}}}},
                       {"marks", marks}}});
     return figure_json;
 }
 
-Json stage_map(const DiagnosisResult &result) {
+JsonText stage_map(const DiagnosisResult &result) {
     std::vector<std::string> stages(std::begin(kStageOrder), std::end(kStageOrder));
     const std::vector<std::string> sequences = sequence_names(result);
     const Worst worst = worst_of(result, &GapPlace::z, [](const GapPlace &place) { return place.statistic.stage; });
-    Json figure_json = specification(int(70 * sequences.size()), int(26 * stages.size()));
-    figure_json["data"] = Json::array({cell_table("cells", cells_of(worst, stages))});
+    JsonText figure_json = specification(int(70 * sequences.size()), int(26 * stages.size()));
+    figure_json["data"] = JsonText::array({cell_table("cells", cells_of(worst, stages))});
     figure_json["scales"] =
-        Json::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", "width"}},
+        JsonText::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", "width"}},
                      {{"name", "row"}, {"type", "band"}, {"domain", stages}, {"range", "height"}},
                      deviation_scale()});
-    figure_json["axes"] = Json::array({row_axis(true), column_axis()});
-    figure_json["legends"] = Json::array({deviation_legend()});
+    figure_json["axes"] = JsonText::array({row_axis(true), column_axis()});
+    figure_json["legends"] = JsonText::array({deviation_legend()});
     figure_json["marks"] = cell_marks("cells");
     return figure_json;
 }
@@ -282,21 +281,21 @@ std::size_t statistic_name_count(const DiagnosisResult &result) {
     return statistic_rows(result, 0).size();
 }
 
-Json statistic_map(const DiagnosisResult &result, std::size_t rows) {
+JsonText statistic_map(const DiagnosisResult &result, std::size_t rows) {
     const std::vector<std::string> labels = statistic_rows(result, rows), sequences = sequence_names(result);
     const bool has_after = !result.steps.empty();
     const int width = int(46 * sequences.size()), height = int(17 * labels.size());
-    Json figure_json = specification(has_after ? 2 * width : width, height);
-    figure_json["data"] = Json::array({cell_table("before", cells_of(worst_of(result, &GapPlace::z, row_of), labels))});
+    JsonText figure_json = specification(has_after ? 2 * width : width, height);
+    figure_json["data"] = JsonText::array({cell_table("before", cells_of(worst_of(result, &GapPlace::z, row_of), labels))});
     if (has_after)
         figure_json["data"].push_back(
             cell_table("after", cells_of(worst_of(result, &GapPlace::z_after, row_of), labels)));
     figure_json["scales"] =
-        Json::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", {0, width}}},
+        JsonText::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", {0, width}}},
                      {{"name", "row"}, {"type", "band"}, {"domain", labels}, {"range", {0, height}}},
                      deviation_scale()});
-    figure_json["legends"] = Json::array({deviation_legend()});
-    Json panels = Json::array();
+    figure_json["legends"] = JsonText::array({deviation_legend()});
+    JsonText panels = JsonText::array();
     for (const bool is_after : {false, true}) {
         if (is_after && !has_after)
             continue;
@@ -305,7 +304,7 @@ Json statistic_map(const DiagnosisResult &result, std::size_t rows) {
              {"encode", {{"enter", {{"width", {{"value", width}}}, {"height", {{"value", height}}}}}}},
              {"title",
               {{"text", version_name(is_after ? Version::kWithEffects : Version::kBaseline)}, {"anchor", "start"}}},
-             {"axes", Json::array({row_axis(!is_after), column_axis()})},
+             {"axes", JsonText::array({row_axis(!is_after), column_axis()})},
              {"marks", cell_marks(is_after ? "after" : "before")}});
     }
     figure_json["layout"] = {{"columns", 2}, {"padding", 16}, {"bounds", "full"}, {"align", "each"}};
@@ -313,9 +312,9 @@ Json statistic_map(const DiagnosisResult &result, std::size_t rows) {
     return figure_json;
 }
 
-Json ranking_figure(const DiagnosisResult &result) {
+JsonText ranking_figure(const DiagnosisResult &result) {
     constexpr std::size_t kBars = 10;
-    Json values = Json::array();
+    JsonText values = JsonText::array();
     std::vector<std::string> names;
     for (const RankedEffect &ranked : result.ranking) {
         if (names.size() >= kBars || std::find(names.begin(), names.end(), ranked.effect) != names.end())
@@ -327,18 +326,18 @@ Json ranking_figure(const DiagnosisResult &result) {
                           {"label", probability(ranked.probability)},
                           {"tip", effect_with_values(result, ranked)}});
     }
-    Json figure_json = specification(420, int(24 * std::max<std::size_t>(1, names.size())));
-    figure_json["data"] = Json::array({{{"name", "effects"}, {"values", values}}});
+    JsonText figure_json = specification(420, int(24 * std::max<std::size_t>(1, names.size())));
+    figure_json["data"] = JsonText::array({{{"name", "effects"}, {"values", values}}});
     figure_json["scales"] =
-        Json::array({{{"name", "x"}, {"type", "linear"}, {"domain", {0, 1}}, {"range", "width"}},
+        JsonText::array({{{"name", "x"}, {"type", "linear"}, {"domain", {0, 1}}, {"range", "width"}},
                      {{"name", "row"}, {"type", "band"}, {"domain", names}, {"range", "height"}, {"padding", 0.25}}});
-    figure_json["axes"] = Json::array(
+    figure_json["axes"] = JsonText::array(
         {{{"orient", "bottom"}, {"scale", "x"}, {"title", "probability among the effects compared"}, {"grid", true}},
          row_axis(true)});
-    const Json y = {{"scale", "row"}, {"field", "effect"}}, x = {{"scale", "x"}, {"field", "probability"}};
-    Json middle = y;
+    const JsonText y = {{"scale", "row"}, {"field", "effect"}}, x = {{"scale", "x"}, {"field", "probability"}};
+    JsonText middle = y;
     middle["band"] = 0.5;
-    figure_json["marks"] = Json::array();
+    figure_json["marks"] = JsonText::array();
     figure_json["marks"].push_back({{"type", "rect"},
                                     {"from", {{"data", "effects"}}},
                                     {"encode",
@@ -361,8 +360,8 @@ Json ranking_figure(const DiagnosisResult &result) {
     return figure_json;
 }
 
-Json waterfall_figure(const DiagnosisResult &result) {
-    Json values = Json::array();
+JsonText waterfall_figure(const DiagnosisResult &result) {
+    JsonText values = JsonText::array();
     std::vector<std::string> names;
     const auto add = [&](const std::string &name, double from, double to, const char *kind, const std::string &label) {
         names.push_back(name);
@@ -384,10 +383,10 @@ Json waterfall_figure(const DiagnosisResult &result) {
         left = step.distance_after;
     }
     add("left", 0.0, left, "total", figure(left));
-    Json figure_json = specification(int(std::max<std::size_t>(4, names.size()) * 90), 240);
-    figure_json["data"] = Json::array({{{"name", "steps"}, {"values", values}}});
+    JsonText figure_json = specification(int(std::max<std::size_t>(4, names.size()) * 90), 240);
+    figure_json["data"] = JsonText::array({{{"name", "steps"}, {"values", values}}});
     figure_json["scales"] =
-        Json::array({{{"name", "x"}, {"type", "band"}, {"domain", names}, {"range", "width"}, {"padding", 0.3}},
+        JsonText::array({{{"name", "x"}, {"type", "band"}, {"domain", names}, {"range", "width"}, {"padding", 0.3}},
                      {{"name", "y"},
                       {"type", "linear"},
                       {"domain", {{"data", "steps"}, {"field", "high"}}},
@@ -398,14 +397,14 @@ Json waterfall_figure(const DiagnosisResult &result) {
                       {"type", "ordinal"},
                       {"domain", {"total", "less", "more"}},
                       {"range", {"#777777", "#0072B2", "#D55E00"}}}});
-    figure_json["axes"] = Json::array(
+    figure_json["axes"] = JsonText::array(
         {{{"orient", "bottom"}, {"scale", "x"}, {"labelAngle", -25}, {"labelAlign", "right"}, {"labelLimit", 160}},
          {{"orient", "left"},
           {"scale", "y"},
           {"title", "distance (standard deviations, beyond chance)"},
           {"grid", true},
           {"tickCount", 5}}});
-    figure_json["marks"] = Json::array();
+    figure_json["marks"] = JsonText::array();
     figure_json["marks"].push_back({{"type", "rect"},
                                     {"from", {{"data", "steps"}}},
                                     {"encode",

@@ -22,16 +22,16 @@ struct CurvePlot {
     double y_floor = 0.0;               // what is less is drawn there; with a logarithmic axis more than 0
     bool logarithmic = false, steps = false, with_points = false, from_zero = false;
 };
-Json curve_figure(const CurvePlot &plot);
+JsonText curve_figure(const CurvePlot &plot);
 
 // Largest |z| of each stage in each sequence.
-Json stage_map(const DiagnosisResult &result);
+JsonText stage_map(const DiagnosisResult &result);
 // Largest |z| over the regions of each statistic in each sequence, before and (if effects were found) after; the `rows`
 // statistics with the largest. rows = 0: all.
-Json statistic_map(const DiagnosisResult &result, std::size_t rows);
+JsonText statistic_map(const DiagnosisResult &result, std::size_t rows);
 std::size_t statistic_name_count(const DiagnosisResult &result);
 
-Json ranking_figure(const DiagnosisResult &result);
-Json waterfall_figure(const DiagnosisResult &result);
+JsonText ranking_figure(const DiagnosisResult &result);
+JsonText waterfall_figure(const DiagnosisResult &result);
 
 } // namespace clsp

@@ -5,19 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <nlohmann/json.hpp>
 
 namespace clsp {
-namespace {
-
-// As JSON text: whatever is not UTF-8 becomes U+FFFD there.
-std::string json_text(const Json &value) {
-    return value.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-} // namespace
-
 std::string escaped(const std::string &text) {
-    const std::string valid = Json::parse(json_text(text)).get<std::string>();
+    const std::string valid = nlohmann::json::parse(image_io::json_string(text)).get<std::string>();
     std::string result;
     for (const char c : valid) {
         switch (c) {
@@ -96,11 +88,11 @@ void HtmlPage::picture(const Picture &image, const std::string &description, std
                          base64(encode_png(image)), escaped(description), shown_width, height);
 }
 
-void HtmlPage::plot(const Json &specification, const std::string &caption) {
+void HtmlPage::plot(const JsonText &specification, const std::string &caption) {
     ++plots_;
     // Within a script element only "<" could end it.
     std::string json;
-    for (const char c : json_text(specification))
+    for (const char c : specification.text())
         if (c == '<')
             json += "\\u003c";
         else

@@ -1,16 +1,15 @@
 // Pieces of an HTML page: text that is always escaped, tables, pictures and figures.
 #pragma once
 
+#include "io/json_text.hpp"
 #include "measure/picture.hpp"
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 namespace clsp {
 
-// Keys in the order in which they are written.
-using Json = nlohmann::ordered_json;
+using image_io::JsonText;
 
 // Characters that mean something in HTML as entities; what is not valid UTF-8 as U+FFFD, control characters as spaces.
 std::string escaped(const std::string &text);
@@ -31,7 +30,7 @@ class HtmlPage {
                const std::vector<std::size_t> &numbers = {});
     void picture(const Picture &image, const std::string &description, std::uint32_t shown_width);
     // Drawn by Vega.
-    void plot(const Json &specification, const std::string &caption);
+    void plot(const JsonText &specification, const std::string &caption);
 
     const std::string &text() const { return text_; }
 

@@ -2,6 +2,7 @@
 
 #include "capture/json_file.hpp"
 #include "effects/effects.hpp"
+#include "io/json_text.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -11,6 +12,9 @@
 #include <set>
 
 namespace clsp {
+
+using image_io::JsonText;
+
 namespace {
 
 constexpr const char *kFormat = "clspeckle-camera-profile";
@@ -21,7 +25,7 @@ constexpr std::size_t kMostEntries = 4096; // of a list
 // Puts the members of one object into JSON.
 class ProfileWriter {
   public:
-    explicit ProfileWriter(Json &to) : to_(to) {}
+    explicit ProfileWriter(JsonText &to) : to_(to) {}
 
     void format(const char *key, const char *text) { to_[key] = text; }
     std::uint32_t version(const char *key, std::uint32_t number) {
@@ -43,7 +47,7 @@ class ProfileWriter {
         to_[key] = words.begin()[static_cast<std::size_t>(value)];
     }
     template <typename Visit> void object(const char *key, const char *, Visit visit) {
-        Json object = Json::object();
+        JsonText object = JsonText::object();
         ProfileWriter inner(object);
         visit(inner);
         to_[key] = std::move(object);
@@ -58,16 +62,16 @@ class ProfileWriter {
     void shape(const char *key, const CameraProfile &profile) { to_[key] = {profile.height, profile.width}; }
     template <typename Entry, typename Visit>
     void list(const char *key, std::vector<Entry> &entries, const char *, Visit visit) {
-        Json list = Json::array();
+        JsonText list = JsonText::array();
         for (Entry &entry : entries) {
-            list.push_back(Json::object());
+            list.push_back(JsonText::object());
             ProfileWriter inner(list.back());
             visit(inner, entry);
         }
         to_[key] = std::move(list);
     }
     void parameters(const char *key, const char *intervals_key, ProfileEffect &effect, bool) {
-        Json values = Json::object(), intervals = Json::object();
+        JsonText values = JsonText::object(), intervals = JsonText::object();
         for (const ProfileParameter &parameter : effect.parameters) {
             values[parameter.name] = parameter.value;
             if (parameter.interval && std::isfinite((*parameter.interval)[0]) &&
@@ -79,7 +83,7 @@ class ProfileWriter {
     }
 
   private:
-    Json &to_;
+    JsonText &to_;
 };
 
 // Takes the members of one object out of JSON. A key that is none of them is refused: a value that nobody reads would
@@ -398,11 +402,11 @@ void check_twice(const JsonChecks &checks, const char *list, const std::vector<s
 } // namespace
 
 std::string profile_json(const CameraProfile &profile) {
-    Json root = Json::object();
+    JsonText root = JsonText::object();
     ProfileWriter writer(root);
     CameraProfile copy = profile; // what visits also reads into
     visit(writer, copy);
-    return image_io::json_text(std::move(root), 1) + "\n";
+    return root.text(1) + "\n";
 }
 
 CameraProfile read_profile(const std::string &path) {

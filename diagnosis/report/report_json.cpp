@@ -5,25 +5,25 @@
 #include "report/emva_report.hpp"
 #include "report/explanations.hpp"
 #include "report/paste.hpp"
-#include "io/json_file.hpp"
+#include "io/json_text.hpp"
 #include "measure/credibility.hpp"
 #include "measure/verdict.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 namespace clsp {
+
+using image_io::JsonText;
+
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // JSON has no infinities.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+JsonText number(double value) { return std::isfinite(value) ? JsonText(value) : JsonText(nullptr); }
 
-Json calibration_json(const CalibrationResult &calibration) {
-    Json sequences = Json::array();
+JsonText calibration_json(const CalibrationResult &calibration) {
+    JsonText sequences = JsonText::array();
     for (const SequenceLight &light : calibration.light)
         sequences.push_back({{"name", light.sequence},
                              {"mean_dn", number(light.mean_dn)},
@@ -34,8 +34,8 @@ Json calibration_json(const CalibrationResult &calibration) {
             {"sequences", sequences}};
 }
 
-Json illumination_json(const LabLights &found) {
-    Json lights = Json::array();
+JsonText illumination_json(const LabLights &found) {
+    JsonText lights = JsonText::array();
     for (const LabLight &light : found.lights)
         lights.push_back({{"light", light.name},
                           {"sequences", light.sequences},
@@ -47,7 +47,7 @@ Json illumination_json(const LabLights &found) {
                           {"slope_y_error", number(light.slope_error[1])},
                           {"corner_loss", number(light.corner_loss)},
                           {"corner_loss_error", number(light.corner_loss_error)}});
-    Json drifts = Json::array();
+    JsonText drifts = JsonText::array();
     for (const LampDrift &drift : found.drifts)
         drifts.push_back({{"sequence", drift.sequence}, {"deviation", number(drift.deviation)}});
     return {{"lights", lights},
@@ -58,19 +58,19 @@ Json illumination_json(const LabLights &found) {
 }
 
 // What is not known is null, and no_interval says why.
-void add_shrinkage(const GapPlace &place, const DiagnosisResult &result, Json &entry) {
+void add_shrinkage(const GapPlace &place, const DiagnosisResult &result, JsonText &entry) {
     const StatisticShrinkage &shrink = place.shrink;
     const bool has_part = shrink.held_out && shrink.beyond_chance;
-    entry["distance_before"] = shrink.held_out ? number(shrink.before) : Json(nullptr);
-    entry["distance_after"] = shrink.held_out ? number(shrink.after) : Json(nullptr);
-    entry["fraction"] = has_part ? number(shrink.fraction) : Json(nullptr);
-    entry["ci95"] = has_part ? Json{number(shrink.fraction_95[0]), number(shrink.fraction_95[1])} : Json(nullptr);
+    entry["distance_before"] = shrink.held_out ? number(shrink.before) : JsonText(nullptr);
+    entry["distance_after"] = shrink.held_out ? number(shrink.after) : JsonText(nullptr);
+    entry["fraction"] = has_part ? number(shrink.fraction) : JsonText(nullptr);
+    entry["ci95"] = has_part ? JsonText{number(shrink.fraction_95[0]), number(shrink.fraction_95[1])} : JsonText(nullptr);
     if (const std::string reason = why_no_interval(place, result); !reason.empty())
         entry["no_interval"] = reason;
 }
 
-Json place_json(const GapPlace &place, const DiagnosisResult &result) {
-    Json entry = {{"stage", place.statistic.stage},
+JsonText place_json(const GapPlace &place, const DiagnosisResult &result) {
+    JsonText entry = {{"stage", place.statistic.stage},
                   {"sequence", place.statistic.sequence},
                   {"statistic", place.statistic.name},
                   {"region", place.statistic.region},
@@ -84,20 +84,20 @@ Json place_json(const GapPlace &place, const DiagnosisResult &result) {
     return entry;
 }
 
-void add_version(const char *name, const QuantityMean &value, Json &entry) {
+void add_version(const char *name, const QuantityMean &value, JsonText &entry) {
     entry[name] = number(value.mean);
     if (std::isfinite(value.deviation))
         entry[std::string(name) + "_deviation"] = value.deviation;
 }
 
-Json transfer_json(const char *version, const PhotonTransfer &transfer) {
-    Json points = Json::array();
+JsonText transfer_json(const char *version, const PhotonTransfer &transfer) {
+    JsonText points = JsonText::array();
     for (const TransferPoint &point : transfer.points)
         points.push_back({{"sequence", point.sequence},
                           {"signal_dn", number(point.signal_dn)},
                           {"variance_dn2", number(point.variance_dn2)},
                           {"variance_error_dn2", number(point.variance_error_dn2)}});
-    const auto fitted = [&](double value) { return transfer.fitted ? number(value) : Json(nullptr); };
+    const auto fitted = [&](double value) { return transfer.fitted ? number(value) : JsonText(nullptr); };
     return {{"version", version},
             {"points", points},
             {"system_gain_dn_per_electron", fitted(transfer.gain_dn_per_electron)},
@@ -106,11 +106,11 @@ Json transfer_json(const char *version, const PhotonTransfer &transfer) {
             {"intercept_error", fitted(transfer.intercept_error)}};
 }
 
-Json datasheet_json(const DatasheetQuantities &datasheet) {
+JsonText datasheet_json(const DatasheetQuantities &datasheet) {
     constexpr const char *kVersions[] = {"real", "sim", "sim_with_effects"};
-    Json quantities = Json::array(), transfer = Json::array();
+    JsonText quantities = JsonText::array(), transfer = JsonText::array();
     for (const DatasheetQuantity &quantity : datasheet.quantities) {
-        Json entry = {{"sequence", quantity.sequence.empty() ? Json(nullptr) : Json(quantity.sequence)},
+        JsonText entry = {{"sequence", quantity.sequence.empty() ? JsonText(nullptr) : JsonText(quantity.sequence)},
                       {"quantity", quantity.name},
                       {"unit", quantity.unit}};
         for (std::size_t v = 0; v < quantity.versions.size(); ++v)
@@ -124,10 +124,10 @@ Json datasheet_json(const DatasheetQuantities &datasheet) {
             {"photon_transfer", transfer}};
 }
 
-Json part_json(const JudgedPart &part) {
-    Json used = Json::array();
+JsonText part_json(const JudgedPart &part) {
+    JsonText used = JsonText::array();
     for (const JudgedPart::Sequence &sequence : part.sequences) {
-        Json runs = Json::array();
+        JsonText runs = JsonText::array();
         for (const FrameRun &run : sequence.runs)
             runs.push_back({{"first", run.first}, {"count", run.count}});
         used.push_back({{"sequence", sequence.name},
@@ -142,11 +142,11 @@ Json part_json(const JudgedPart &part) {
     return used;
 }
 
-Json credibility_json(const DatasheetQuantities &datasheet) {
+JsonText credibility_json(const DatasheetQuantities &datasheet) {
     constexpr const char *kVersions[] = {"sim", "sim_with_effects"};
-    Json rows = Json::array();
+    JsonText rows = JsonText::array();
     for (const CredibilityRow &row : credibility(datasheet)) {
-        Json entry = {{"sequence", row.sequence.empty() ? Json(nullptr) : Json(row.sequence)},
+        JsonText entry = {{"sequence", row.sequence.empty() ? JsonText(nullptr) : JsonText(row.sequence)},
                       {"quantity", row.quantity},
                       {"unit", row.unit}};
         for (std::size_t v = 0; v < row.versions.size(); ++v)
@@ -158,12 +158,12 @@ Json credibility_json(const DatasheetQuantities &datasheet) {
     return rows;
 }
 
-Json acceptance_json(const std::vector<AcceptanceRow> &rows) {
+JsonText acceptance_json(const std::vector<AcceptanceRow> &rows) {
     constexpr const char *kVersions[] = {"sim", "sim_with_effects"};
-    Json result = Json::array();
+    JsonText result = JsonText::array();
     for (const AcceptanceRow &row : rows) {
         const Measurable &of = row.of;
-        Json entry = {{"sequence", of.sequence.empty() ? Json(nullptr) : Json(of.sequence)},
+        JsonText entry = {{"sequence", of.sequence.empty() ? JsonText(nullptr) : JsonText(of.sequence)},
                       {of.is_statistic ? "statistic" : "quantity", of.name}};
         if (of.is_statistic)
             entry["region"] = of.region;
@@ -181,8 +181,8 @@ Json acceptance_json(const std::vector<AcceptanceRow> &rows) {
     return result;
 }
 
-Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
-    Json parameters = Json::object(), intervals = Json::object();
+JsonText ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
+    JsonText parameters = JsonText::object(), intervals = JsonText::object();
     const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
     for (std::size_t p = 0; candidate != all.end() && p < ranked.values.size(); ++p)
         parameters[candidate->parameters[p].name] = number(ranked.values[p]);
@@ -200,7 +200,7 @@ Json ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, 
 }
 
 // Which distance is measured in what: they differ, so that one must not be subtracted from another.
-Json scales() {
+JsonText scales() {
     return {{"gap.distance", "root of the mean square of all statistics' deviations beyond what chance gives; whole capture against the "
                              "baseline, in standard deviations of the baseline"},
             {"cause.ranking.distance_after", "the same of the whole capture against the baseline with the effect, in standard deviations of "
@@ -231,17 +231,17 @@ const char *verdict_name(Verdict verdict) {
 }
 
 std::string report_json(const DiagnosisResult &result) {
-    Json report = {{"format", "clspeckle-gap-report"}, {"version", 1}};
+    JsonText report = {{"format", "clspeckle-gap-report"}, {"version", 1}};
     report["gap"] = {{"detected", result.detected},
                      {"p_value", number(result.p_value)},
                      {"distance", number(result.distance)},
                      {"null_95", number(result.null_95)},
                      {"level", number(result.level)}};
-    Json changes = Json::array();
+    JsonText changes = JsonText::array();
     for (const CaptureWarning &change : result.frame_changes)
         changes.push_back({{"sequence", change.sequence}, {"text", change.text}});
     report["gap"]["frame_changes"] = changes;
-    Json where = Json::array(), all = Json::array();
+    JsonText where = JsonText::array(), all = JsonText::array();
     for (const GapPlace &place : result.places) {
         all.push_back(place_json(place, result));
         if (place.p_adjusted <= result.level)
@@ -252,23 +252,25 @@ std::string report_json(const DiagnosisResult &result) {
         for (std::size_t i = 0; i < std::min<std::size_t>(5, all.size()); ++i)
             where.push_back(all[i]);
     report["where"] = where;
-    Json ranking = Json::array();
-    for (const RankedEffect &ranked : result.ranking)
+    JsonText ranking = JsonText::array();
+    const auto add_ranked = [&](const RankedEffect &ranked) {
         ranking.push_back(ranked_json(ranked, result.candidates, result.parameters));
+        ranking.back()["conditional"] = is_conditional(ranked.effect, result.rungs);
+    };
+    for (const RankedEffect &ranked : result.ranking)
+        add_ranked(ranked);
     // Later effects of a set have been ranked in steps of their own; all that were found are listed with their parameters.
     for (const RankedEffect &ranked : result.found)
         if (std::none_of(result.ranking.begin(), result.ranking.end(),
                          [&](const RankedEffect &other) { return other.effect == ranked.effect; }))
-            ranking.push_back(ranked_json(ranked, result.candidates, result.parameters));
-    for (Json &entry : ranking)
-        entry["conditional"] = is_conditional(entry["effect"], result.rungs);
+            add_ranked(ranked);
     report["cause"] = {{"verdict", verdict_name(result.verdict)},
                        {"effects", result.effects},
                        {"probability", number(result.probability)},
                        {"equivalent", result.equivalent},
                        {"ranking", ranking}};
     if (!result.rungs.empty()) {
-        Json rungs = Json::array();
+        JsonText rungs = JsonText::array();
         for (const RungResult &rung : result.rungs)
             rungs.push_back({{"rung", scene_name(rung.scene)},
                              {"verdict", verdict_name(rung.verdict)},
@@ -280,12 +282,12 @@ std::string report_json(const DiagnosisResult &result) {
         report["cause"]["rungs"] = rungs;
     }
     if (!result.comparison) {
-        Json looks = Json::array();
+        JsonText looks = JsonText::array();
         for (const ScreenedEffect &look : result.screened)
             looks.push_back({{"effect", look.effect}, {"share", number(look.share)}, {"fitted", look.fitted}});
         report["cause"]["first_look"] = looks;
     }
-    Json steps = Json::array(), per_statistic = Json::array();
+    JsonText steps = JsonText::array(), per_statistic = JsonText::array();
     for (const ShrinkStep &step : result.steps)
         steps.push_back({{"effect", step.effect}, {"distance_after", number(step.distance_after)}, {"fraction", number(step.fraction)}});
     for (const GapPlace &place : result.places) {
@@ -315,7 +317,7 @@ std::string report_json(const DiagnosisResult &result) {
                                             {"before", number(result.downstream.depth_error_mm_before)},
                                             {"after", number(result.downstream.depth_error_mm_after)}}},
                                           {"depth_assumption", result.downstream.depth_assumption}};
-    Json advice = Json::array();
+    JsonText advice = JsonText::array();
     for (const Advice &item : advice_for(result.equivalent))
         advice.push_back({{"separates", item.separates}, {"capture", item.capture}});
     report["advice"] = advice;
@@ -352,7 +354,7 @@ std::string report_json(const DiagnosisResult &result) {
         report["compare"] = comparison_json(*result.comparison);
     report["notes"] = result.notes;
     report["seed"] = result.seed;
-    return image_io::json_text(std::move(report), 1);
+    return report.text(1);
 }
 
 } // namespace clsp

@@ -36,7 +36,6 @@ std::atomic<std::int64_t> g_live{0};
 // Threads that a driver starts, and whatever runs inside a call of it, are not our own.
 thread_local bool t_own = false;
 thread_local int t_inside = 0;
-thread_local int t_enough_memory = 0;
 
 bool is_own() {
     return t_own && t_inside == 0;
@@ -202,7 +201,7 @@ bool is_of_test(const void *caller) {
 }
 
 void *allocate(std::size_t size, std::size_t alignment, const void *caller) {
-    if (t_enough_memory == 0 && !is_of_test(caller) && fails(Kind::kAllocation, "operator new"))
+    if (!is_of_test(caller) && fails(Kind::kAllocation, "operator new"))
         return nullptr;
     size = size ? size : 1;
     return alignment > alignof(std::max_align_t)
@@ -250,12 +249,6 @@ void arm(Kind kind, std::uint64_t n, bool lasting) {
     g_calls = 0;
     g_failed = nullptr;
     g_armed = true;
-}
-EnoughMemory::EnoughMemory() {
-    ++t_enough_memory;
-}
-EnoughMemory::~EnoughMemory() {
-    --t_enough_memory;
 }
 void disarm() {
     g_armed = false;

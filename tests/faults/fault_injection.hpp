@@ -18,15 +18,6 @@ std::uint64_t calls();  // of the armed kind, since arm()
 bool has_failed();      // since arm()
 const char *failed();   // which call did
 
-// While one lives, allocations of this thread do not fail, and are not counted.
-class EnoughMemory {
-  public:
-    EnoughMemory();
-    ~EnoughMemory();
-    EnoughMemory(const EnoughMemory &) = delete;
-    EnoughMemory &operator=(const EnoughMemory &) = delete;
-};
-
 // OpenCL objects that were made or retained and not released, of the process's own.
 std::int64_t live_objects();
 

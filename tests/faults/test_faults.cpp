@@ -2,6 +2,7 @@
 // allocation, a file; once or from then on. The call must answer with a status and words, or have the result of a run without
 // faults; nothing is left behind, and the next run is right.
 #include "fault_injection.hpp"
+#include "test_support.hpp"
 
 #include <clspeckle/clspeckle.hpp>
 
@@ -104,7 +105,7 @@ Outcome render_moving(const clspeckle::Context &context) {
 
 // A pattern thrown on a wall, an effect switched on, several frames in one call, and their statistics.
 Outcome render_pattern(const clspeckle::Context &context) {
-    const clspeckle::Queue queue(context, CLSP_QUEUE_OUT_OF_ORDER);
+    const clspeckle::Queue queue(context, test::out_of_order(context));
     const std::vector<float> texels(5 * 7, 1.0f);
     auto pattern_desc = clspeckle::make<ClspPatternDesc>();
     pattern_desc.width = 5;
@@ -207,17 +208,42 @@ clspeckle::Capture dark_set() {
     return capture;
 }
 
-Outcome diagnose(const clspeckle::Context &context) {
+clspeckle::Diagnosis diagnosed(const clspeckle::Context &context, bool evidence) {
     clspeckle::DiagnoseOptions options;
     options.null_replicates = 12;
     options.max_effects = 1;
-    options.evidence = false;
+    options.evidence = evidence;
     options.threads = 1;
-    const clspeckle::Diagnosis found = clspeckle::diagnose(context, dark_set(), options);
+    return clspeckle::diagnose(context, dark_set(), options);
+}
+
+Outcome diagnose(const clspeckle::Context &context) {
+    const clspeckle::Diagnosis found = diagnosed(context, false);
     Outcome outcome;
-    const faults::EnoughMemory of_json; // the library that writes it does not survive less
     put(outcome.bytes, found.report_json());
     put(outcome.bytes, found.profile().json());
+    return outcome;
+}
+
+// What a diagnosis and a capture tell, as JSON and as a page.
+Outcome reports(const clspeckle::Context &context) {
+    static const clspeckle::Diagnosis found = diagnosed(context, true);
+    static const clspeckle::Capture capture = dark_set();
+    const fs::path page = fs::temp_directory_path() / ("clspeckle-report-" + std::to_string(::getpid()) + ".html");
+    fs::remove(page);
+    Outcome outcome;
+    put(outcome.bytes, found.report_json());
+    put(outcome.bytes, found.profile().json());
+    put(outcome.bytes, capture.summary_json());
+    put(outcome.bytes, capture.emva1288_json());
+    try {
+        found.write_html(page.string());
+    } catch (...) {
+        faults::disarm();
+        EXPECT_FALSE(fs::exists(page)) << "half a page";
+        throw;
+    }
+    fs::remove(page);
     return outcome;
 }
 
@@ -229,17 +255,10 @@ Outcome files(const clspeckle::Context &) {
     Outcome outcome;
     const auto run = [&] {
         const clspeckle::Capture made = dark_set();
-        {
-            const faults::EnoughMemory of_json;
-            made.write((folder / "set").string());
-        }
+        made.write((folder / "set").string());
         const clspeckle::Capture capture = clspeckle::Capture::open((folder / "set").string());
         put(outcome.bytes, capture.codes(0));
-        {
-            const faults::EnoughMemory of_json;
-            put(outcome.bytes, capture.summary_json());
-            put(outcome.bytes, capture.emva1288_json());
-        }
+        put(outcome.bytes, capture.summary_json());
         const std::string profile = (folder / "camera.json").string();
         std::ofstream(profile) << R"({"format": "clspeckle-camera-profile", "version": 1})";
         try {
@@ -361,7 +380,7 @@ INSTANTIATE_TEST_SUITE_P(All, Faults,
                          ::testing::Values(Scenario{"moving", render_moving, 400, 200, 20},
                                            Scenario{"pattern", render_pattern, 300, 150, 20},
                                            Scenario{"doe", doe, 200, 100, 20}, Scenario{"depth", depth, 200, 100, 20},
-                                           Scenario{"diagnose", diagnose, 20, 20, 5},
+                                           Scenario{"diagnose", diagnose, 20, 20, 5}, Scenario{"reports", reports, 0, 300, 40},
                                            Scenario{"files", files, 0, 300, 200}, Scenario{"cold", cold, 40, 40, 40}),
                          [](const auto &scenario) { return std::string(scenario.param.name); });
 

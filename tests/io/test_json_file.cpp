@@ -1,13 +1,16 @@
 // The one reader of JSON files: what it takes as it stands, its bounds, and what becomes of it where memory runs out.
 #include "io/json_file.hpp"
+#include "io/json_text.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <new>
 #include <string>
 
@@ -55,6 +58,7 @@ namespace {
 
 using image_io::Json;
 using image_io::JsonDocument;
+using image_io::JsonText;
 using image_io::parse_json;
 
 std::string times(std::size_t count, const std::string &text) {
@@ -207,6 +211,64 @@ TEST(JsonFile, SurvivesEveryAllocationThatFails) {
             }
             EXPECT_GT(failed, 20) << json;
         }
+}
+
+JsonText written() {
+    JsonText entries = JsonText::array();
+    for (const double value : {0.0, -0.0, 1.0, -2.5, 0.1, 1e-5, 1e-4, 123456789012.0, 1e16, 1e300, 5e-324, 1.0 / 3.0})
+        entries.push_back({{"a key that is longer than sixteen bytes", value}, {"pair", {value, 1.0f}}});
+    JsonText root = {{"text", "\"quoted\" \\ \b\f\n\r\t \x01 \x7f \u00e9"},
+                     {"whole", {0, -7, 18446744073709551615u, std::numeric_limits<std::int64_t>::min()}},
+                     {"names", std::vector<std::string>{"one that is longer than sixteen", "two"}},
+                     {"none", nullptr},
+                     {"flags", {true, false}},
+                     {"empty", {{"list", JsonText::array()}, {"object", JsonText::object()}}}};
+    root["entries"] = entries;
+    root["copy"]["of"] = entries.back();
+    root["text"] = "another, longer than sixteen bytes";
+    return root;
+}
+
+// Another writer's bytes, and what its reader makes of them.
+TEST(JsonText, IsWhatTheLibraryWrites) {
+    for (const int indent : {-1, 0, 1, 4}) {
+        const std::string text = written().text(indent);
+        const Json read = Json::parse(text);
+        EXPECT_EQ(read.dump(indent), text);
+    }
+    const Json root = Json::parse(written().text());
+    EXPECT_EQ(root["entries"].size(), 12u);
+    EXPECT_EQ(root["entries"][11]["pair"], Json::parse("[0.3333333333333333, 1.0]"));
+    EXPECT_EQ(root["whole"][2].get<std::uint64_t>(), 18446744073709551615u);
+    EXPECT_TRUE(root["entries"][2]["pair"][0].is_number_float()); // 1.0 is no 1
+    EXPECT_TRUE(std::signbit(root["entries"][1]["pair"][0].get<double>()));
+    EXPECT_EQ(root["copy"]["of"], root["entries"][11]);
+}
+
+TEST(JsonText, HasWhatJsonCannotHold) {
+    const double infinity = std::numeric_limits<double>::infinity();
+    EXPECT_EQ(JsonText({infinity, -infinity, std::nan("")}).text(), "[null,null,null]");
+    EXPECT_EQ(JsonText("\xff\x80z").text(), "\"\xEF\xBF\xBD\xEF\xBF\xBDz\"");
+}
+
+TEST(JsonText, SurvivesEveryAllocationThatFails) {
+    const std::string expected = written().text(1);
+    for (const bool for_good : {false, true}) {
+        long failed = 0;
+        for (long n = 0; failed == n; ++n) {
+            try {
+                fails_for_good = for_good;
+                allocations_left = n;
+                const std::string text = written().text(1);
+                allocations_left = -1;
+                EXPECT_EQ(text, expected);
+            } catch (const std::bad_alloc &) {
+                allocations_left = -1;
+                ++failed;
+            }
+        }
+        EXPECT_GT(failed, 300);
+    }
 }
 
 TEST(JsonFile, ShowsAValueShortly) {

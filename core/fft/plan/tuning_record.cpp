@@ -1,6 +1,7 @@
 #include "fft/plan/tuning_record.hpp"
 
 #include "io/json_file.hpp"
+#include "io/json_text.hpp"
 #include "runtime/error.hpp"
 #include "runtime/whole_file.hpp"
 
@@ -14,6 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using image_io::Json;
+using image_io::JsonText;
 using image_io::shown;
 
 constexpr const char *kFormat = "clspeckle-tuning";
@@ -143,7 +145,7 @@ TuningRecord record_of(const Node &node) {
     return record;
 }
 
-void put(Json &json, const EngineSpec &spec) {
+void put(JsonText &json, const EngineSpec &spec) {
     json["engine"] = engine_name(spec.kind);
     for (const auto &[name, pick] : {std::pair{"columns", spec.columns}, std::pair{"rows", spec.rows}})
         if (pick)
@@ -161,15 +163,15 @@ double rounded_ms(double value) {
     return std::round(value * 1e6) / 1e6;
 }
 
-Json json_of(const TunedSize &size) {
-    Json json = {{"width", size.width},   {"height", size.height}, {"relative_diameter", size.relative_diameter},
+JsonText json_of(const TunedSize &size) {
+    JsonText json = {{"width", size.width},   {"height", size.height}, {"relative_diameter", size.relative_diameter},
                  {"frames", size.frames}, {"date", size.date},     {"clspeckle_version", size.version}};
-    json["chosen"] = Json::object();
+    json["chosen"] = JsonText::object();
     put(json["chosen"], size.chosen);
     json["reason"] = size.reason;
-    json["candidates"] = Json::array();
+    json["candidates"] = JsonText::array();
     for (const TunedCandidate &candidate : size.candidates) {
-        Json &entry = json["candidates"].emplace_back(Json::object());
+        JsonText entry = JsonText::object();
         put(entry, candidate.spec);
         if (candidate.counts()) {
             entry["median_ms"] = rounded_ms(candidate.median_ms);
@@ -177,6 +179,7 @@ Json json_of(const TunedSize &size) {
         } else {
             entry["refusal"] = candidate.refusal;
         }
+        json["candidates"].push_back(std::move(entry));
     }
     return json;
 }
@@ -223,23 +226,23 @@ TuningFile parse_tuning(const std::string &text) {
 }
 
 std::string tuning_json(const TuningFile &file) {
-    Json json = {{"format", kFormat}, {"format_version", kTuningFormatVersion}};
-    json["records"] = Json::array();
+    JsonText json = {{"format", kFormat}, {"format_version", kTuningFormatVersion}};
+    json["records"] = JsonText::array();
     for (const TuningRecord &record : file.records) {
         const TunedDevice &device = record.device;
-        Json entry;
+        JsonText entry;
         entry["device"] = {{"name", device.name},
                            {"vendor", device.vendor},
                            {"platform", device.platform},
                            {"driver_version", device.driver_version},
                            {"compute_units", device.compute_units}};
-        entry["sizes"] = Json::array();
+        entry["sizes"] = JsonText::array();
         for (const TunedSize &size : record.sizes)
             entry["sizes"].push_back(json_of(size));
         json["records"].push_back(std::move(entry));
     }
     // A driver's text need not be UTF-8.
-    return image_io::json_text(std::move(json), 2) + "\n";
+    return json.text(2) + "\n";
 }
 
 TuningFile load_tuning(const std::string &path) {

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
 #include <spng.h>
@@ -278,7 +279,7 @@ TEST(Evidence, SameSeedSameReport) {
 TEST(Report, JsonHoldsTheDepthError) {
     DiagnosisResult result;
     result.downstream = {true, 0.4, 0.2, 0.38, 80.0, 40.0, 76.0, "assumed"};
-    const Json shrink = Json::parse(report_json(result))["shrink"];
+    const auto shrink = nlohmann::json::parse(report_json(result))["shrink"];
     EXPECT_EQ(shrink["downstream"]["depth_error_mm"]["real"], 80.0);
     EXPECT_EQ(shrink["downstream"]["depth_error_mm"]["after"], 76.0);
     EXPECT_EQ(shrink["downstream"]["depth_assumption"], "assumed");
