@@ -6,6 +6,6 @@
 
 namespace clsp::capi {
 
-CLSP_HANDLE(ClspCapture, Capture, "capture")
+CLSP_HANDLE(ClspCapture, Capture, "capture", kOneWriter)
 
 } // namespace clsp::capi

@@ -27,7 +27,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-CLSP_HANDLE(ClspDiagnosis, const DiagnosisResult, "diagnosis")
+CLSP_HANDLE(ClspDiagnosis, const DiagnosisResult, "diagnosis", kAnyThread)
 CLSP_ENUM(HypothesisPoint, kCodes, CLSP_HYPOTHESIS_IRRADIANCE, CLSP_HYPOTHESIS_INTENSITY, CLSP_HYPOTHESIS_CODES)
 
 } // namespace clsp::capi

@@ -15,7 +15,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-CLSP_HANDLE(ClspDoeDesign, const DoeDesign, "design")
+CLSP_HANDLE(ClspDoeDesign, const DoeDesign, "design", kAnyThread)
 CLSP_ENUM(DoeRule, kPhaseFixed, CLSP_DOE_RULE_GS, CLSP_DOE_RULE_GSW, CLSP_DOE_RULE_NOGRETTE, CLSP_DOE_RULE_KIM)
 
 } // namespace clsp::capi

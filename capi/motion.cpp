@@ -86,9 +86,9 @@ CLSP_API ClspStatus clspMotionCreate(ClspContext context, const ClspMotionDesc *
         required(motion, "motion");
         const ClspMotionDesc d = read_struct(desc, motion_defaults(), "desc");
         auto p = from_c<MotionParameters>(kFields, d);
-        if (d.materials)
-            p.materials = object(d.materials);
-        give(motion, std::make_shared<Motion>(c, p));
+        Parts parts;
+        p.materials = optional_part(d.materials, parts);
+        give(motion, std::make_shared<Motion>(c, p), parts);
     });
 }
 

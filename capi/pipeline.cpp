@@ -55,10 +55,6 @@ ClspFrame frame_defaults() {
     return frame;
 }
 
-template <typename Handle> auto optional_object(Handle handle) {
-    return handle ? object(handle) : std::shared_ptr<typename HandleTraits<Handle>::Object>();
-}
-
 // The engine's view of a caller's frame, and what it points to.
 struct FrameView {
     Geometry geometry;
@@ -103,15 +99,16 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         check_reserved(d.reserved, "desc->reserved");
         check_reserved(d.reserved_exposure, "desc->reserved_exposure");
         PipelineStages stages;
-        stages.pattern = optional_object(d.pattern);
-        stages.dots = optional_object(d.dots);
-        stages.materials = optional_object(d.materials);
-        stages.motion = optional_object(d.motion);
-        stages.phase = optional_object(d.phase);
-        stages.aperture = optional_object(d.aperture);
-        stages.lens = optional_object(d.lens);
-        stages.sensor = optional_object(d.sensor);
-        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), from_c<PipelineParameters>(kFields, d)));
+        Parts parts;
+        stages.pattern = optional_part(d.pattern, parts);
+        stages.dots = optional_part(d.dots, parts);
+        stages.materials = optional_part(d.materials, parts);
+        stages.motion = optional_part(d.motion, parts);
+        stages.phase = optional_part(d.phase, parts);
+        stages.aperture = optional_part(d.aperture, parts);
+        stages.lens = optional_part(d.lens, parts);
+        stages.sensor = optional_part(d.sensor, parts);
+        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), from_c<PipelineParameters>(kFields, d)), parts);
     });
 }
 

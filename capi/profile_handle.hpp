@@ -6,6 +6,6 @@
 
 namespace clsp::capi {
 
-CLSP_HANDLE(ClspProfile, const CameraProfile, "profile")
+CLSP_HANDLE(ClspProfile, const CameraProfile, "profile", kAnyThread)
 
 } // namespace clsp::capi

@@ -96,6 +96,16 @@ void read(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes, std::u
                  "clEnqueueReadBuffer");
 }
 
+// Intel's CPU runtime hangs where an out-of-order queue dies in its own worker, with the last command that refers to it.
+void finish_last_use(cl_command_queue queue) {
+    cl_uint references = 0;
+    cl_command_queue_properties properties = 0;
+    clGetCommandQueueInfo(queue, CL_QUEUE_REFERENCE_COUNT, sizeof references, &references, nullptr);
+    clGetCommandQueueInfo(queue, CL_QUEUE_PROPERTIES, sizeof properties, &properties, nullptr);
+    if (references == 1 && (properties & CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE) != 0)
+        clFinish(queue);
+}
+
 } // namespace
 
 extern "C" {
@@ -198,8 +208,10 @@ CLSP_API ClspStatus clspQueueFinish(cl_command_queue queue) {
 
 CLSP_API ClspStatus clspQueueRelease(cl_command_queue queue) {
     return guarded("clspQueueRelease", [&] {
-        if (queue && !was_forked())
-            check_opencl(clReleaseCommandQueue(queue), "clReleaseCommandQueue");
+        if (!queue || was_forked())
+            return;
+        finish_last_use(queue);
+        check_opencl(clReleaseCommandQueue(queue), "clReleaseCommandQueue");
     });
 }
 

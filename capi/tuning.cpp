@@ -15,7 +15,7 @@ using namespace clsp::capi;
 
 namespace clsp::capi {
 
-CLSP_HANDLE(ClspTuning, const Tuning, "tuning")
+CLSP_HANDLE(ClspTuning, const Tuning, "tuning", kAnyThread)
 
 } // namespace clsp::capi
 

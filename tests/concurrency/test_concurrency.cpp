@@ -18,7 +18,7 @@ std::uint32_t side_of(std::size_t thread) {
 // All frames of one thread's pipeline, one after the other.
 std::vector<std::uint16_t> render(const clspeckle::Context &context, std::size_t thread) {
     const std::uint32_t side = side_of(thread);
-    const clspeckle::Queue queue(context, thread % 2 ? CLSP_QUEUE_OUT_OF_ORDER : 0);
+    const clspeckle::Queue queue(context, thread % 2 ? test::out_of_order(context) : 0);
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     auto aperture_desc = clspeckle::make<ClspApertureDesc>();
     auto sensor_desc = clspeckle::make<ClspSensorDesc>();
@@ -127,6 +127,140 @@ TEST(Concurrency, HandlesComeAndGo) {
     });
     EXPECT_EQ(CLSP_SUCCESS, clspSensorRelease(clspeckle::Sensor(shared).release()));
     shared.set_exposure_gain(1);
+}
+
+// A pipeline whose parts a test keeps.
+struct Stages {
+    clspeckle::Context context;
+    clspeckle::Queue queue{context};
+    clspeckle::Phase phase;
+    clspeckle::Aperture aperture;
+    clspeckle::Sensor sensor;
+    clspeckle::Buffer light, codes;
+
+    Stages() : light(context, queue, test::dots(kSide, kSide)), codes(context, kSide * kSide * sizeof(std::uint16_t)) {
+        auto phase_desc = clspeckle::make<ClspPhaseDesc>();
+        auto aperture_desc = clspeckle::make<ClspApertureDesc>();
+        auto sensor_desc = clspeckle::make<ClspSensorDesc>();
+        phase_desc.width = aperture_desc.width = sensor_desc.width = kSide;
+        phase_desc.height = aperture_desc.height = sensor_desc.height = kSide;
+        phase = clspeckle::Phase(context, phase_desc);
+        aperture = clspeckle::Aperture(context, aperture_desc);
+        sensor = clspeckle::Sensor(context, sensor_desc);
+    }
+    clspeckle::Pipeline pipeline() const { return {context, phase, aperture, sensor}; }
+    ClspFrame frame() const {
+        auto frame = clspeckle::make<ClspFrame>();
+        frame.irradiance = light.image(kSide, kSide, CLSP_FORMAT_FLOAT32);
+        frame.output = codes.image(kSide, kSide, CLSP_FORMAT_UINT16);
+        frame.refresh = CLSP_REFRESH_ALL;
+        return frame;
+    }
+
+    static constexpr std::uint32_t kSide = 32;
+};
+
+// While one thread waits in a call, another is told so: for the handle, for its parts, and for what shares a part.
+TEST(Concurrency, ASecondThreadIsRefused) {
+    const Stages stages;
+    const clspeckle::Pipeline pipeline = stages.pipeline(), sharing = stages.pipeline();
+    const Stages others;
+    const clspeckle::Pipeline other = others.pipeline();
+    ClspFrame frame = stages.frame(), other_frame = others.frame();
+    pipeline.enqueue_frame(stages.queue, frame);
+    cl_int code = CL_SUCCESS;
+    const clspeckle::Event gate =
+        clspeckle::Event::adopt(clCreateUserEvent(stages.context.info().cl_context_handle, &code));
+    ASSERT_EQ(CL_SUCCESS, code);
+    pipeline.enqueue_frame(stages.queue, frame, {gate});
+    ClspStatus waited = CLSP_ERROR_INTERNAL;
+    std::thread waiting([&] {
+        do // ends with the gate; before, it is now and then the second itself
+            waited = clspPipelineCheck(pipeline, stages.queue);
+        while (waited == CLSP_ERROR_INVALID_STATE);
+    });
+    while (clspPipelineClearEffect(pipeline, nullptr) == CLSP_SUCCESS)
+        std::this_thread::yield();
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "pipeline is in use by another call", clspPipelineClearEffect(pipeline, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "sensor is in use", clspSensorSetExposureGain(stages.sensor, 2.0));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "phase is in use",
+                      clspPipelineEnqueueFrame(sharing, stages.queue, &frame, 0, nullptr, nullptr));
+    ClspAperture kept = stages.aperture;
+    EXPECT_CLSP_OK(clspApertureRetain(kept)); // references are anyone's
+    EXPECT_CLSP_OK(clspApertureRelease(kept));
+    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(other, others.queue, &other_frame, 0, nullptr, nullptr));
+    EXPECT_EQ(CL_SUCCESS, clSetUserEventStatus(gate, CL_COMPLETE));
+    waiting.join();
+    EXPECT_EQ(CLSP_SUCCESS, waited);
+    EXPECT_CLSP_OK(clspPipelineClearEffect(pipeline, nullptr));
+    EXPECT_CLSP_OK(clspPipelineEnqueueFrame(sharing, stages.queue, &frame, 0, nullptr, nullptr));
+    stages.queue.finish();
+    others.queue.finish();
+}
+
+// Eight threads and one pipeline: each call is done or refused, and no frame is half another's.
+TEST(Concurrency, OnePipelineForEightThreads) {
+    const Stages stages;
+    const clspeckle::Pipeline pipeline = stages.pipeline();
+    ClspFrame frame = stages.frame();
+    pipeline.enqueue_frame(stages.queue, frame);
+    const auto want = stages.codes.read<std::uint16_t>(stages.queue, Stages::kSide * Stages::kSide);
+    std::atomic<int> done{0}, refused{0};
+    at_once([&](std::size_t) {
+        for (int i = 0; i < 50; ++i) {
+            const ClspStatus status = clspPipelineEnqueueFrame(pipeline, stages.queue, &frame, 0, nullptr, nullptr);
+            if (status != CLSP_ERROR_INVALID_STATE)
+                clspeckle::check(status);
+            ++(status == CLSP_SUCCESS ? done : refused);
+        }
+    });
+    EXPECT_EQ(50 * static_cast<int>(thread_count), done + refused);
+    EXPECT_GT(done, 0);
+    EXPECT_EQ(want, stages.codes.read<std::uint16_t>(stages.queue, Stages::kSide * Stages::kSide));
+}
+
+// Captures have many readers, or one that changes them; so it is in a callback of the same thread.
+TEST(Concurrency, ACaptureIsNotChangedWhileItIsRead) {
+    auto desc = clspeckle::make<ClspCaptureDesc>();
+    desc.width = desc.height = 32;
+    desc.bits = 10;
+    desc.pixel_pitch_m = 3e-6;
+    desc.f_number = 4;
+    desc.wavelength_m = 940e-9;
+    desc.black_level_dn = 64;
+    desc.read_noise_dn = 2;
+    const clspeckle::Capture capture(desc);
+    std::vector<std::uint16_t> codes(4 * 32 * 32);
+    for (std::size_t i = 0; i < codes.size(); ++i)
+        codes[i] = static_cast<std::uint16_t>(60 + i * 7919 % 9);
+    auto sequence = clspeckle::make<ClspCaptureSequence>();
+    sequence.name = "dark";
+    sequence.scene = CLSP_SCENE_DARK;
+    sequence.frame_count = 4;
+    sequence.codes = codes.data();
+    ASSERT_CLSP_OK(clspCaptureAddSequence(capture, &sequence));
+    struct Seen {
+        ClspCapture capture;
+        ClspStatus changed = CLSP_SUCCESS, changed_elsewhere = CLSP_SUCCESS, read_elsewhere = CLSP_ERROR_INTERNAL;
+    } seen{capture};
+    auto diagnose = clspeckle::make<ClspDiagnoseDesc>();
+    diagnose.progress_data = &seen;
+    diagnose.progress = [](void *data, const char *, double) -> std::int32_t {
+        Seen &s = *static_cast<Seen *>(data);
+        s.changed = clspCaptureSetDots(s.capture, 1.0, 0, nullptr);
+        std::thread([&] {
+            s.changed_elsewhere = clspCaptureSetDots(s.capture, 1.0, 0, nullptr);
+            s.read_elsewhere = clspCaptureValidate(s.capture);
+        }).join();
+        return 0;
+    };
+    const clspeckle::Context context;
+    ClspDiagnosis made = nullptr;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_CANCELLED, "cancelled", clspDiagnose(context, capture, &diagnose, &made));
+    EXPECT_EQ(CLSP_ERROR_INVALID_STATE, seen.changed);
+    EXPECT_EQ(CLSP_ERROR_INVALID_STATE, seen.changed_elsewhere);
+    EXPECT_EQ(CLSP_SUCCESS, seen.read_elsewhere);
+    EXPECT_CLSP_OK(clspCaptureSetDots(capture, 1.0, 0, nullptr));
 }
 
 } // namespace

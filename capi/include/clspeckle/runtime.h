@@ -130,7 +130,7 @@ CLSP_API ClspStatus clspContextGetInfo(ClspContext context, ClspContextInfo *inf
 CLSP_API ClspStatus clspQueueCreate(ClspContext context, uint32_t flags, cl_command_queue *queue);
 /** Waits until everything in the queue is done. */
 CLSP_API ClspStatus clspQueueFinish(cl_command_queue queue);
-/** Drops a reference. Releasing NULL is allowed. */
+/** Drops a reference. Releasing NULL is allowed. The last one of an out-of-order queue waits until everything in it is done. */
 CLSP_API ClspStatus clspQueueRelease(cl_command_queue queue);
 
 /** Allocates `size_bytes` > 0 of uninitialised device memory. */

@@ -14,7 +14,8 @@
  *    Releasing NULL is allowed and does nothing. A child retains what it needs: releasing a context before its stages is
  *    fine.
  *  - Thread rule, unless a handle says otherwise: different handles may be used from different threads at the same time;
- *    one handle may be used from one thread at a time. ClspContext may be used from any number of threads at once.
+ *    one handle may be used from one thread at a time: a second thread gets CLSP_ERROR_INVALID_STATE while the first is in
+ *    a call. ClspContext may be used from any number of threads at once.
  *  - Coordinates: pixel centres are integers, x to the right, y down, origin at the top left pixel. Lengths are in metres,
  *    angles in radians; `_dn` is digital numbers (codes), `_px` is image pixels.
  */

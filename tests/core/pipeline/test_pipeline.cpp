@@ -146,7 +146,7 @@ TEST_F(Pipeline, SeveralFramesInOneCallAreTheirFramesOneByOne) {
         one_by_one.enqueue_frame(queue, numbered(i));
         expected.push_back(download<std::uint16_t>(codes));
     }
-    for (std::uint32_t flags : {0u, CLSP_QUEUE_OUT_OF_ORDER, CLSP_QUEUE_PROFILING | CLSP_QUEUE_OUT_OF_ORDER}) {
+    for (std::uint32_t flags : {0u, test::out_of_order(context), CLSP_QUEUE_PROFILING | test::out_of_order(context)}) {
         const clspeckle::Queue own(context, flags);
         const auto pipeline = make_pipeline(context);
         std::vector<Image> outputs;
@@ -296,9 +296,10 @@ TEST_F(Pipeline, HostContextOffsetAndPitchGiveTheSameBytes) {
     EXPECT_EQ(host.device, host_clsp.info().cl_device);
     const auto pipeline = make_pipeline(host_clsp);
     constexpr std::size_t pitch = 256, offset = 1024, bytes = offset + pitch * height + 64;
+    const cl_command_queue_properties out_of_order =
+        test::out_of_order(context) ? CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE : 0;
     for (cl_command_queue_properties properties :
-         {cl_command_queue_properties{0}, cl_command_queue_properties{CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE},
-          cl_command_queue_properties{CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE | CL_QUEUE_PROFILING_ENABLE}}) {
+         {cl_command_queue_properties{0}, out_of_order, out_of_order | CL_QUEUE_PROFILING_ENABLE}) {
         const auto host_queue = clspeckle::Queue::adopt(host.queue(properties));
         const auto in = clspeckle::Buffer::adopt(host.buffer(bytes), bytes);
         const auto out = clspeckle::Buffer::adopt(host.buffer(bytes), bytes);
@@ -400,7 +401,7 @@ TEST_F(Pipeline, ReadOnlyMemoryIsNotWritten) {
 // On an out-of-order queue nothing may run before the wait list is complete, and steps must wait for each other.
 TEST_F(Pipeline, NothingRunsBeforeTheUserEvent) {
     const auto expected = render(make_pipeline(context), 1);
-    for (std::uint32_t flags : {0u, CLSP_QUEUE_OUT_OF_ORDER}) {
+    for (std::uint32_t flags : {0u, test::out_of_order(context)}) {
         const auto pipeline = make_pipeline(context);
         const clspeckle::Queue waiting(context, flags);
         codes.buffer.write(queue, std::vector<std::uint16_t>(width * height, 0xDEAD));
@@ -422,7 +423,7 @@ TEST_F(Pipeline, NothingRunsBeforeTheUserEvent) {
 }
 
 TEST_F(Pipeline, ManyFramesOnAnOutOfOrderQueue) {
-    const clspeckle::Queue chaos(context, CLSP_QUEUE_OUT_OF_ORDER);
+    const clspeckle::Queue chaos(context, test::out_of_order(context));
     const auto in_order = make_pipeline(context), out_of_order = make_pipeline(context);
     std::vector<Image> outputs;
     clspeckle::Event last;
@@ -491,7 +492,7 @@ TEST_F(Pipeline, TimingsCoverAllStages) {
     f.refresh = CLSP_REFRESH_ALL;
     pipeline.enqueue_frame(queue, f);
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "profiling", clspPipelineGetTimings(pipeline, 0, nullptr, &count));
-    for (std::uint32_t flags : {CLSP_QUEUE_PROFILING, CLSP_QUEUE_PROFILING | CLSP_QUEUE_OUT_OF_ORDER}) {
+    for (std::uint32_t flags : {CLSP_QUEUE_PROFILING, CLSP_QUEUE_PROFILING | test::out_of_order(context)}) {
         const clspeckle::Queue timed(own, flags);
         clspeckle::Event done;
         const auto start = std::chrono::steady_clock::now();

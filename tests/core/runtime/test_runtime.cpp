@@ -648,6 +648,11 @@ class Buffers : public DeviceTest {};
 
 TEST_F(Buffers, QueueFlags) {
     for (std::uint32_t flags = 0; flags < 4; ++flags) {
+        if ((flags & CLSP_QUEUE_OUT_OF_ORDER) != 0 && test::out_of_order(context) == 0) {
+            cl_command_queue none = nullptr;
+            EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "in-order", clspQueueCreate(context, flags, &none));
+            continue;
+        }
         const clspeckle::Queue made(context, flags);
         cl_command_queue_properties properties = 0;
         clGetCommandQueueInfo(made, CL_QUEUE_PROPERTIES, sizeof(properties), &properties, nullptr);

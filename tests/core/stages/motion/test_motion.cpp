@@ -173,7 +173,7 @@ TEST_F(Motion, TransformsOfMaterialsAreCopiedDuringTheCall) {
     auto path = make_image(width, height, CLSP_FORMAT_FLOAT32);
     auto output = clspeckle::make<ClspMotionOutput>();
     output.path = path.view;
-    for (const std::uint32_t flags : {0u, CLSP_QUEUE_OUT_OF_ORDER, CLSP_QUEUE_PROFILING}) {
+    for (const std::uint32_t flags : {0u, test::out_of_order(context), CLSP_QUEUE_PROFILING}) {
         const clspeckle::Queue working(context, flags);
         auto poses = std::make_unique<std::vector<double>>();
         for (double z : {0.0, 3e-3, 6e-3}) {
