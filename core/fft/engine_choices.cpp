@@ -103,9 +103,9 @@ class Choices {
 const char *default_source(EngineKind kind) {
     switch (kind) {
     case EngineKind::kCpu:
-        return "the default for CPUs";
+        return "the default for CPUs with vectors";
     case EngineKind::kGpu:
-        return "the default for GPUs";
+        return "the default for GPUs, and for CPUs whose driver has no vectors";
     case EngineKind::kClfft:
         break;
     }

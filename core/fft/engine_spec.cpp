@@ -46,13 +46,14 @@ std::string describe(const EngineSpec &spec) {
 }
 
 EngineKind default_engine(const cl::Device &device) {
-    return is_of_type(device, CL_DEVICE_TYPE_CPU)   ? EngineKind::kCpu
-           : is_of_type(device, CL_DEVICE_TYPE_GPU) ? EngineKind::kGpu
-                                                    : EngineKind::kClfft;
+    const bool is_known = is_of_type(device, CL_DEVICE_TYPE_CPU) || is_of_type(device, CL_DEVICE_TYPE_GPU);
+    return is_known ? own_engine(device) : EngineKind::kClfft;
 }
 
 EngineKind own_engine(const cl::Device &device) {
-    return is_of_type(device, CL_DEVICE_TYPE_CPU) ? EngineKind::kCpu : EngineKind::kGpu;
+    // A driver without vectors (Mesa's rusticl) takes lanes apart, and minutes to compile what is left.
+    const bool has_vectors = device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>() > 1;
+    return is_of_type(device, CL_DEVICE_TYPE_CPU) && has_vectors ? EngineKind::kCpu : EngineKind::kGpu;
 }
 
 } // namespace clsp
